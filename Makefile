@@ -1,0 +1,31 @@
+PYTHON ?= python3
+BIN    := .venv/bin
+READY  := .venv/.ready
+
+.PHONY: demo test check lock schema help
+
+help:  ## Show this list.
+	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
+
+$(READY): requirements.txt pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --requirement requirements.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay both logs.
+	$(BIN)/python -m harness demo
+
+test: $(READY)  ## Run every test.
+	$(BIN)/python -m pytest
+
+check: $(READY)  ## Lint, format, types.
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+schema: $(READY)  ## Regenerate the protobuf code from harness/schema/*.proto.
+	$(BIN)/python -m grpc_tools.protoc --proto_path=. --python_out=. --pyi_out=. harness/schema/wayproof.proto
+
+lock:  ## Resolve the pinned requirements again (needs uv).
+	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet --output-file requirements.txt

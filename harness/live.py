@@ -1,0 +1,124 @@
+"""What a person sees of a running episode: one live line, then a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import TracebackType
+
+import numpy as np
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from harness.episode import Result
+from harness.replay import Replay
+from harness.schema import wayproof_pb2 as pb
+
+ACTION_STYLES = {
+    "follow": "green",
+    "explore": "cyan",
+    "slow": "yellow",
+    "stop_and_wait": "red",
+    "recover": "magenta",
+    "goal": "bold green",
+    "abort": "bold red",
+}
+
+
+class LiveLine:
+    """One line, rewritten at each decision; a context manager."""
+
+    def __init__(self, console: Console, title: str) -> None:
+        """Name the episode that the line tells of."""
+        self._title = title
+        self._live = Live(Text(f"{title}  starting"), console=console, refresh_per_second=10)
+
+    def __call__(self, decision: pb.Decision, truth: pb.Truth) -> None:
+        """Show a decision."""
+        stages = decision.stages
+        latency = stages.sense_ms + stages.map_ms + stages.costmap_ms + stages.plan_ms
+        speed = float(np.linalg.norm(truth.velocity))
+        self._live.update(
+            Text.assemble(
+                (f"{self._title}  ", "bold"),
+                f"t {decision.timestamp.ToNanoseconds() * 1e-9:5.1f} s  {speed:4.2f} m/s  ",
+                (f"{decision.action:<13}", ACTION_STYLES[decision.action]),
+                f"  to go {decision.path_length_m:5.1f} m  clearance {truth.clearance_m:4.2f} m",
+                f"  map {decision.map_version[:8]}  {latency:5.1f} ms",
+            )
+        )
+
+    def __enter__(self) -> LiveLine:
+        """Start drawing."""
+        self._live.__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the last state of the line standing."""
+        self._live.__exit__(kind, error, trace)
+
+
+def print_verdict(console: Console, result: Result) -> None:
+    """One episode's verdict in two lines."""
+    style = "bold green" if result.outcome == "success" else "bold red"
+    console.print(
+        Text.assemble(
+            (result.outcome, style),
+            f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s,"
+            f" {result.decisions} decisions, {result.collisions} collisions,"
+            f" least clearance {result.min_clearance_m:.2f} m",
+        ),
+        soft_wrap=True,
+    )
+    console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
+
+
+def print_replay(console: Console, replayed: Replay) -> None:
+    """One replay's verdict in a line."""
+    if replayed.identical:
+        text = Text.assemble(
+            ("identical", "bold green"), f": {replayed.decisions} of {replayed.decisions} decisions"
+        )
+    else:
+        first = "none" if replayed.first_difference is None else str(replayed.first_difference)
+        text = Text.assemble(
+            ("differs", "bold red"),
+            f": {replayed.differing} of {replayed.decisions} decisions,"
+            f" first {first} in {', '.join(replayed.fields) or 'the chain'}",
+        )
+    text.append(f"; {replayed.wall_time_s:.1f} s; chain {replayed.chain}; {replayed.log}")
+    console.print(text, soft_wrap=True)
+
+
+def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> None:
+    """Verdicts of several episodes and of their replays."""
+    table = Table(title="Verdicts", title_justify="left")
+    for heading in (
+        "episode",
+        "outcome",
+        "time",
+        "x real time",
+        "decisions",
+        "clearance",
+        "replay",
+    ):
+        table.add_column(heading, justify="left" if heading in ("episode", "outcome") else "right")
+    for title, result, replayed in rows:
+        table.add_row(
+            title,
+            result.outcome,
+            f"{result.sim_time_s:.1f} s",
+            f"{result.sim_time_s / result.wall_time_s:.1f}",
+            str(result.decisions),
+            f"{result.min_clearance_m:.2f} m",
+            "identical" if replayed.identical else "differs",
+        )
+    console.print(table)
+    for _, result, _ in rows:
+        console.print(f"log: {result.log}", soft_wrap=True, highlight=False)

@@ -1,0 +1,177 @@
+"""Writing a log: everything that a replay needs at the head, inputs and decisions in order.
+
+A log grows under the name `<name>.mcap.partial` and takes its own name by an atomic rename when it
+is whole. `log_time` is simulated time; `sequence` counts through the file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import platform
+import shutil
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import IO
+
+from google.protobuf.descriptor import Descriptor, FileDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message
+from mcap.writer import CompressionType, Writer
+
+from harness.errors import InputError
+from harness.schema import wayproof_pb2 as pb
+
+FORMAT_VERSION = "1"
+LEAST_FREE_BYTES = 64 * 2**20
+"""Free disk space below which no episode is started; a minute of a 20,000-ray lidar takes less."""
+
+RECORDED_PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
+
+TOPICS: dict[str, type[Message]] = {
+    "/pose": pb.Pose,
+    "/latency": pb.Latency,
+    "/decision": pb.Decision,
+    "/truth": pb.Truth,
+}
+"""Besides these, each sensor has `/sensor/<name>` and `/sensor/<name>/info`."""
+
+
+class LogWriter:
+    """Writes one episode; use as a context manager. Without `finish` the log stays partial."""
+
+    def __init__(self, path: Path, config: bytes, mission: bytes, scene: str) -> None:
+        """Open the partial file and write the head.
+
+        Args:
+            path: Final name of the log.
+            config: Resolved config, JSON.
+            mission: What the stack was told, JSON.
+            scene: Flattened MJCF.
+
+        Raises:
+            InputError: The folder cannot be written to or is full.
+        """
+        self.path = path
+        self.partial_path = path.with_name(path.name + ".partial")
+        self._file = _open_for_writing(self.partial_path)
+        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        self._writer.start(profile="wayproof", library=f"wayproof {metadata.version('wayproof')}")
+        self._channels: dict[str, int] = {}
+        self._count = 0
+        self._decisions = 0
+        self._writer.add_metadata("run", _run_metadata(config))
+        for name, media_type, data in (
+            ("config.json", "application/json", config),
+            ("mission.json", "application/json", mission),
+            ("scene.xml", "application/xml", scene.encode()),
+        ):
+            self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def write(self, topic: str, message: Message, time_ns: int) -> None:
+        """Append one message; each tenth decision is flushed, so that a kill costs a second."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._register(topic, message.DESCRIPTOR)
+        data = message.SerializeToString(deterministic=True)
+        self._writer.add_message(channel, time_ns, data, time_ns, self._count)
+        self._count += 1
+        if topic == "/decision":
+            self._decisions += 1
+            if self._decisions % 10 == 0:
+                self._writer.flush()
+
+    def finish(self, result: Mapping[str, str]) -> None:
+        """Write the result and give the log its name."""
+        self._writer.add_metadata("result", dict(result))
+        self._writer.finish()
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self._file.close()
+        self.partial_path.replace(self.path)
+
+    def close(self) -> None:
+        """Leave the partial log readable up to here; nothing to do once finished."""
+        if self._file.closed:
+            return
+        with contextlib.suppress(OSError):  # a full disk is what brought us here
+            self._writer.flush()
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def discard(self) -> None:
+        """Close and remove what was written."""
+        self.close()
+        self.partial_path.unlink(missing_ok=True)
+
+    def __enter__(self) -> LogWriter:
+        """Return the writer itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close, whatever happened."""
+        self.close()
+
+    def _register(self, topic: str, descriptor: Descriptor) -> int:
+        schema = self._writer.register_schema(
+            descriptor.full_name, "protobuf", _file_descriptor_set(descriptor)
+        )
+        return self._writer.register_channel(topic, "protobuf", schema)
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder that no log could be written to, before anything is written.
+
+    Raises:
+        InputError: It is no folder, cannot be written to, or has too little space left.
+    """
+    existing = folder
+    while not existing.exists():
+        existing = existing.parent
+    if not existing.is_dir():
+        raise InputError(f"log folder '{folder}': '{existing}' is a file, expected a folder")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(f"log folder '{folder}': no permission to write to '{existing}'")
+    free = shutil.disk_usage(existing).free
+    if free < LEAST_FREE_BYTES:
+        raise InputError(
+            f"log folder '{folder}': {free / 2**20:.1f} MiB free, "
+            f"expected at least {LEAST_FREE_BYTES / 2**20:.0f} MiB"
+        )
+
+
+def _open_for_writing(path: Path) -> IO[bytes]:
+    check_folder(path.parent)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path.open("wb")
+    except OSError as error:
+        raise InputError(f"log '{path}': {error.strerror}") from None
+
+
+def _run_metadata(config: bytes) -> dict[str, str]:
+    versions = {name: metadata.version(name) for name in RECORDED_PACKAGES}
+    return {
+        "format_version": FORMAT_VERSION,
+        "config_sha256": hashlib.sha256(config).hexdigest(),
+        "wayproof": metadata.version("wayproof"),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        **versions,
+    }
+
+
+def _file_descriptor_set(descriptor: Descriptor) -> bytes:
+    """The message's file and all that it imports, dependencies first."""
+    files = FileDescriptorSet()
+
+    def add(file: FileDescriptor) -> None:
+        for dependency in file.dependencies:
+            add(dependency)
+        if all(known.name != file.name for known in files.file):
+            file.CopyToProto(files.file.add())
+
+    add(descriptor.file)
+    return files.SerializeToString(deterministic=True)

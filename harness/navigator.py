@@ -1,0 +1,231 @@
+"""The stack under test: sweeps and poses in, decisions out. Recording and replay run the same one.
+
+Nothing here knows the simulator, the wall clock apart from the stage latencies, or any state but
+its own; the same inputs give the same decisions, bit by bit.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.behaviour import Choice, Memory, View, decide
+from harness.config import Config
+from harness.decision import points, seal, trajectory_message
+from harness.inputs import Beams, Inputs
+from harness.mission import Mission
+from harness.schema import wayproof_pb2 as pb
+from maps import MAPS, Costmap
+from planners import FreeSpace, MotionLimits, Trajectory, hold
+
+Array = NDArray[np.float64]
+
+MARGIN_SIGMAS = 2.0
+"""Standard deviations of the believed position that the localization margin covers (95 %)."""
+
+
+class Navigator:
+    """Maps, plans and decides for one mission."""
+
+    def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
+        """Start with an unknown map, but for the start area that the operator declares free."""
+        self._config = config
+        self._mission = mission
+        self._beams = dict(beams)
+        self.map = MAPS[config.map.kind](config.map, np.array(mission.low), np.array(mission.high))
+        self.costmap = Costmap(
+            config.map,
+            self.map,
+            mission.motion,
+            mission.radius,
+            mission.height,
+            mission.step_height,
+            *_altitude_window(config, mission),
+        )
+        self._declare_start_free()
+        start = self._planning_point(np.array(mission.start))
+        self._goal = self._planning_point(np.array(mission.goal))
+        self._memory = Memory(hold(start, 0, mission.start_heading))
+        self._chain = ""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The last one committed."""
+        return self._memory.trajectory
+
+    @property
+    def chain(self) -> str:
+        """Hash over all decisions so far."""
+        return self._chain
+
+    def step(self, inputs: Inputs, sense_ms: float = 0.0) -> pb.Decision:
+        """Integrate one set of inputs and decide; `commit` then settles whether it was in time.
+
+        Args:
+            inputs: The sweeps and the pose of one instant.
+            sense_ms: Wall time that the sweeps took to cast, for the record.
+        """
+        clock = [time.perf_counter()]
+        self._integrate(inputs)
+        clock.append(time.perf_counter())
+        margin = self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
+        self.costmap.update(margin)
+        version = self.map.version()
+        clock.append(time.perf_counter())
+        view = self._view(inputs)
+        choice, self._draft = decide(view, self._memory)
+        clock.append(time.perf_counter())
+        decision = self._record(inputs, view, choice, version, margin)
+        _write_stages(decision.stages, sense_ms, clock)
+        return decision
+
+    def commit(self, decision: pb.Decision, delay_s: float) -> pb.Decision:
+        """Settle the decision with the delay that it had, and bind it into the chain.
+
+        Past the deadline it is discarded: the last trajectory stands, and that one ends at rest in
+        space that was admitted.
+        """
+        deadline = self._config.latency.deadline
+        decision.delay_s = delay_s
+        decision.deadline_s = deadline
+        decision.deadline_missed = delay_s > deadline
+        if decision.deadline_missed:
+            decision.action = "stop_and_wait"
+            decision.label = "deadline_missed"
+            decision.reason = (
+                f"{delay_s * 1e3:.0f} ms, {deadline * 1e3:.0f} allowed: the last trajectory stands"
+            )
+            decision.trajectory.CopyFrom(trajectory_message(self._memory.trajectory))
+        else:
+            self._memory = self._draft
+        seal(decision, self._chain)
+        self._chain = decision.chain
+        return decision
+
+    def _integrate(self, inputs: Inputs) -> None:
+        self.map.advance(inputs.time_ns)
+        for sweep in inputs.sweeps:
+            beams = self._beams[sweep.sensor]
+            origin, directions = beams.at(inputs.pose)
+            self.map.integrate(origin, directions, sweep.ranges_mm, beams.range, inputs.time_ns)
+
+    def _view(self, inputs: Inputs) -> View:
+        config, mission = self._config, self._mission
+        delay_ns = round(config.latency.expected * 1e9)
+        return View(
+            time_ns=inputs.time_ns,
+            effect_ns=inputs.time_ns + delay_ns,
+            sequence=inputs.sequence,
+            seed=config.seed,
+            position=self._planning_point(inputs.pose.position),
+            heading=inputs.pose.heading,
+            goal=self._goal,
+            goal_tolerance=0.8 * config.episode.goal_tolerance,
+            admitted=self._space(self.costmap.field()),
+            known=self._space(self.costmap.clearance),
+            passable=self._space(self.costmap.obstacle_clearance),
+            turns_in_place=mission.motion == "ground",
+            penalize_unknown=config.map.unknown_policy == "penalize",
+            limits=_limits(config, mission),
+            planner=config.planner,
+            behaviour=config.behaviour,
+        )
+
+    def _record(
+        self, inputs: Inputs, view: View, choice: Choice, version: str, margin: float
+    ) -> pb.Decision:
+        path = choice.trajectory.path
+        search = choice.search
+        decision = pb.Decision(
+            sequence=inputs.sequence,
+            trigger="lidar sweep",
+            representation=self._config.map.kind,
+            map_version=version,
+            resolution_m=self.map.resolution,
+            unknown_policy=self._config.map.unknown_policy,
+            inflation_radius_m=self.costmap.inflation_radius,
+            localization_margin_m=margin,
+            blocked_at_or_below=self.costmap.blocked_at_or_below,
+            position=inputs.pose.position.tolist(),
+            quaternion=inputs.pose.quaternion.tolist(),
+            position_sigma=inputs.pose.position_sigma,
+            input_digest=inputs.digest,
+            evidence_age_s=self._evidence_age(path, inputs.time_ns),
+            planner=self._config.planner.name if search else "",
+            planner_seed=choice.search_seed,
+            planner_iterations=search.iterations if search else 0,
+            path_cost=0.0 if choice.guide is None else view.passable.path_cost(choice.guide),
+            path_length_m=_length(choice.guide),
+            least_clearance_m=view.passable.least_clearance(path),
+            action=choice.action,
+            reason=choice.reason,
+            label=choice.label,
+            guide=points(choice.guide),
+            trajectory=trajectory_message(choice.trajectory),
+            committed_length_m=_length(path),
+        )
+        decision.timestamp.FromNanoseconds(inputs.time_ns)
+        return decision
+
+    def _evidence_age(self, path: Array, time_ns: int) -> float:
+        """Age of the oldest evidence along the path, s; the declared start counts as time 0."""
+        observed = self.map.observed_ns_at(path)
+        return float(time_ns - max(int(observed.min()), 0)) * 1e-9
+
+    def _space(self, field: NDArray[np.uint16]) -> FreeSpace:
+        costmap = self.costmap
+        return FreeSpace(
+            field=field,
+            origin=costmap.origin,
+            resolution=costmap.resolution,
+            blocked_at_or_below=costmap.blocked_at_or_below,
+            cost_by_distance=costmap.cost_table,
+        )
+
+    def _planning_point(self, position: Array) -> Array:
+        """The point in the costmap's frame: ground robots plan in the plane of its one layer."""
+        if self._mission.motion == "air":
+            return position.copy()
+        layer = self.costmap.origin[2] + 0.5 * self.costmap.resolution
+        return np.array([position[0], position[1], layer])
+
+    def _declare_start_free(self) -> None:
+        """No sensor sees what stands right beside the body: the operator vouches for that space."""
+        mission, config = self._mission, self._config
+        radius = mission.radius + config.map.inflation_margin + config.episode.start_clear_radius
+        start = np.array(mission.start)
+        if mission.motion == "ground":
+            start[2] = mission.height / 2
+            self.map.mark_supported_disc(start, radius, mission.step_height, mission.height, 0)
+        else:
+            self.map.mark_free_sphere(start, radius, 0)
+
+
+def _altitude_window(config: Config, mission: Mission) -> tuple[float, float] | tuple[()]:
+    if mission.motion == "ground":
+        return ()
+    return config.motion.altitude_low, config.motion.altitude_high
+
+
+def _limits(config: Config, mission: Mission) -> MotionLimits:
+    return MotionLimits(
+        speed=mission.max_speed * config.motion.speed_fraction,
+        acceleration=mission.max_acceleration,
+        jerk=mission.max_jerk,
+        lateral_acceleration=mission.max_acceleration,
+        yaw_rate=mission.max_yaw_rate,
+    )
+
+
+def _length(path: Array | None) -> float:
+    if path is None or len(path) < 2:
+        return 0.0
+    return float(np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1)).sum())
+
+
+def _write_stages(stages: pb.StageLatency, sense_ms: float, clock: list[float]) -> None:
+    stages.sense_ms = sense_ms
+    stages.map_ms, stages.costmap_ms, stages.plan_ms = np.diff(clock) * 1e3

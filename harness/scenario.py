@@ -1,0 +1,142 @@
+"""From a config to a scene and a mission, refusing what cannot be run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.config import Config
+from harness.errors import InputError, unknown_name
+from harness.mission import Mission
+from harness.schema import wayproof_pb2 as pb
+from models.beams import DepthCamera, Lidar
+from models.robots import ROBOTS, RobotSpec
+from models.scene import Scene, compose
+from models.sensors import Caster
+from models.worlds import WORLDS, World
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One episode, ready to run.
+
+    Attributes:
+        config: With start and goal resolved.
+        world: The generated world.
+        scene: World and robot, compiled.
+        mission: What the navigation stack is told.
+        spec: The robot's body.
+    """
+
+    config: Config
+    world: World
+    scene: Scene
+    mission: Mission
+    spec: RobotSpec
+
+
+def build(config: Config) -> Scenario:
+    """Generate the world, place start and goal, and compile the scene.
+
+    Raises:
+        InputError: Unknown world, robot, map or planner; a start or goal outside the geofence or
+            inside an obstacle.
+    """
+    check_names(config)
+    spec = ROBOTS[config.robot].spec
+    world = WORLDS[config.world](config.seed)
+    start = _place(config.start, world.start, spec)
+    goal = _place(config.goal, world.goal, spec)
+    for name, point in (("start", start), ("goal", goal)):
+        _check_point(name, point, world, spec, config)
+    config = replace(config, start=start, goal=goal)
+    return Scenario(
+        config=config,
+        world=world,
+        scene=compose(world, ROBOTS[config.robot]),
+        mission=_mission(world, spec, start, goal),
+        spec=spec,
+    )
+
+
+def check_names(config: Config) -> None:
+    """Refuse names that are in no registry."""
+    from maps import MAPS
+    from planners import PLANNERS
+
+    for kind, name, registry in (
+        ("world", config.world, WORLDS),
+        ("robot", config.robot, ROBOTS),
+        ("map.kind", config.map.kind, MAPS),
+        ("planner.name", config.planner.name, PLANNERS),
+    ):
+        if name not in registry:
+            raise unknown_name(kind, name, registry)
+
+
+def sensor_info(scene: Scene, caster: Caster) -> pb.SensorInfo:
+    """The sensor's beam tables and where it sits on the base, as the log states them."""
+    sensor = caster.sensor
+    rows, columns = sensor.beam_tables()
+    position, R = caster.mounting(scene.base)
+    kinds = {Lidar: "lidar", DepthCamera: "depth_camera"}
+    return pb.SensorInfo(
+        name=sensor.name,
+        kind=kinds.get(type(sensor), "rangefinder"),
+        range_m=sensor.range,
+        row_width=rows.shape[1],
+        rows=rows.ravel().tolist(),
+        columns=columns.ravel().tolist(),
+        position_base_sensor=position.tolist(),
+        rotation_base_sensor=R.ravel().tolist(),
+    )
+
+
+def _place(given: tuple[float, ...] | None, own: Point, spec: RobotSpec) -> Point:
+    """Base origin for a point given as x,y or x,y,z; without z the body's rest height."""
+    point = own[:2] if given is None else given
+    z = float(point[2]) if len(point) == 3 else spec.rest_height
+    return float(point[0]), float(point[1]), z
+
+
+def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config: Config) -> None:
+    text = ", ".join(f"{value:g}" for value in point)
+    low, high = np.array(world.low), np.array(world.high)
+    if not np.isfinite(point).all() or (point < low).any() or (point > high).any():
+        fence = " to ".join(
+            "(" + ", ".join(f"{v:g}" for v in corner) + ")" for corner in (low, high)
+        )
+        raise InputError(f"{name}: got ({text}), expected inside the geofence {fence} m")
+    if spec.motion == "air":
+        window = (config.motion.altitude_low, config.motion.altitude_high)
+        if not window[0] <= point[2] <= window[1]:
+            raise InputError(
+                f"{name}: altitude {point[2]:g} m, expected {window[0]:g} to {window[1]:g} m"
+            )
+    obstacle = world.contains_obstacle(np.array(point), spec.radius)
+    if obstacle is not None:
+        raise InputError(
+            f"{name}: ({text}) is within the body's radius of {spec.radius:g} m of '{obstacle}', "
+            "expected free space"
+        )
+
+
+def _mission(world: World, spec: RobotSpec, start: Point, goal: Point) -> Mission:
+    return Mission(
+        motion=spec.motion,
+        radius=spec.radius,
+        height=spec.height,
+        step_height=spec.step_height,
+        max_speed=spec.max_speed,
+        max_acceleration=spec.max_acceleration,
+        max_jerk=spec.max_jerk,
+        max_yaw_rate=spec.max_yaw_rate,
+        low=world.low,
+        high=world.high,
+        start=start,
+        start_heading=world.start_heading,
+        goal=goal,
+    )

@@ -1,0 +1,198 @@
+import datetime
+
+from google.protobuf import timestamp_pb2 as _timestamp_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class SensorInfo(_message.Message):
+    __slots__ = ("name", "kind", "range_m", "row_width", "rows", "columns", "position_base_sensor", "rotation_base_sensor")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    RANGE_M_FIELD_NUMBER: _ClassVar[int]
+    ROW_WIDTH_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    POSITION_BASE_SENSOR_FIELD_NUMBER: _ClassVar[int]
+    ROTATION_BASE_SENSOR_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    kind: str
+    range_m: float
+    row_width: int
+    rows: _containers.RepeatedScalarFieldContainer[float]
+    columns: _containers.RepeatedScalarFieldContainer[float]
+    position_base_sensor: _containers.RepeatedScalarFieldContainer[float]
+    rotation_base_sensor: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., row_width: _Optional[int] = ..., rows: _Optional[_Iterable[float]] = ..., columns: _Optional[_Iterable[float]] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Sweep(_message.Message):
+    __slots__ = ("timestamp", "sequence", "sensor", "rows", "columns", "codec", "ranges")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    SENSOR_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    CODEC_FIELD_NUMBER: _ClassVar[int]
+    RANGES_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    sensor: str
+    rows: int
+    columns: int
+    codec: str
+    ranges: bytes
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ...) -> None: ...
+
+class Pose(_message.Message):
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    POSITION_SIGMA_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    position: _containers.RepeatedScalarFieldContainer[float]
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    position_sigma: float
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ...) -> None: ...
+
+class Latency(_message.Message):
+    __slots__ = ("timestamp", "sequence", "mode", "delay_s")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    MODE_FIELD_NUMBER: _ClassVar[int]
+    DELAY_S_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    mode: str
+    delay_s: float
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., mode: _Optional[str] = ..., delay_s: _Optional[float] = ...) -> None: ...
+
+class StageLatency(_message.Message):
+    __slots__ = ("sense_ms", "map_ms", "costmap_ms", "plan_ms")
+    SENSE_MS_FIELD_NUMBER: _ClassVar[int]
+    MAP_MS_FIELD_NUMBER: _ClassVar[int]
+    COSTMAP_MS_FIELD_NUMBER: _ClassVar[int]
+    PLAN_MS_FIELD_NUMBER: _ClassVar[int]
+    sense_ms: float
+    map_ms: float
+    costmap_ms: float
+    plan_ms: float
+    def __init__(self, sense_ms: _Optional[float] = ..., map_ms: _Optional[float] = ..., costmap_ms: _Optional[float] = ..., plan_ms: _Optional[float] = ...) -> None: ...
+
+class Point(_message.Message):
+    __slots__ = ("x", "y", "z")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    Z_FIELD_NUMBER: _ClassVar[int]
+    x: float
+    y: float
+    z: float
+    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., z: _Optional[float] = ...) -> None: ...
+
+class Trajectory(_message.Message):
+    __slots__ = ("start", "duration_s", "path", "arc_length", "heading", "sample_period_s")
+    START_FIELD_NUMBER: _ClassVar[int]
+    DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    PATH_FIELD_NUMBER: _ClassVar[int]
+    ARC_LENGTH_FIELD_NUMBER: _ClassVar[int]
+    HEADING_FIELD_NUMBER: _ClassVar[int]
+    SAMPLE_PERIOD_S_FIELD_NUMBER: _ClassVar[int]
+    start: _timestamp_pb2.Timestamp
+    duration_s: float
+    path: _containers.RepeatedCompositeFieldContainer[Point]
+    arc_length: _containers.RepeatedScalarFieldContainer[float]
+    heading: _containers.RepeatedScalarFieldContainer[float]
+    sample_period_s: float
+    def __init__(self, start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., duration_s: _Optional[float] = ..., path: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., arc_length: _Optional[_Iterable[float]] = ..., heading: _Optional[_Iterable[float]] = ..., sample_period_s: _Optional[float] = ...) -> None: ...
+
+class Decision(_message.Message):
+    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "blocked_at_or_below", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "guide", "trajectory", "committed_length_m", "chain")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    TRIGGER_FIELD_NUMBER: _ClassVar[int]
+    REPRESENTATION_FIELD_NUMBER: _ClassVar[int]
+    MAP_VERSION_FIELD_NUMBER: _ClassVar[int]
+    RESOLUTION_M_FIELD_NUMBER: _ClassVar[int]
+    UNKNOWN_POLICY_FIELD_NUMBER: _ClassVar[int]
+    INFLATION_RADIUS_M_FIELD_NUMBER: _ClassVar[int]
+    LOCALIZATION_MARGIN_M_FIELD_NUMBER: _ClassVar[int]
+    BLOCKED_AT_OR_BELOW_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    POSITION_SIGMA_FIELD_NUMBER: _ClassVar[int]
+    INPUT_DIGEST_FIELD_NUMBER: _ClassVar[int]
+    EVIDENCE_AGE_S_FIELD_NUMBER: _ClassVar[int]
+    PLANNER_FIELD_NUMBER: _ClassVar[int]
+    PLANNER_SEED_FIELD_NUMBER: _ClassVar[int]
+    PLANNER_ITERATIONS_FIELD_NUMBER: _ClassVar[int]
+    PATH_COST_FIELD_NUMBER: _ClassVar[int]
+    PATH_LENGTH_M_FIELD_NUMBER: _ClassVar[int]
+    LEAST_CLEARANCE_M_FIELD_NUMBER: _ClassVar[int]
+    STAGES_FIELD_NUMBER: _ClassVar[int]
+    DELAY_S_FIELD_NUMBER: _ClassVar[int]
+    DEADLINE_S_FIELD_NUMBER: _ClassVar[int]
+    DEADLINE_MISSED_FIELD_NUMBER: _ClassVar[int]
+    ACTION_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    LABEL_FIELD_NUMBER: _ClassVar[int]
+    GUIDE_FIELD_NUMBER: _ClassVar[int]
+    TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
+    COMMITTED_LENGTH_M_FIELD_NUMBER: _ClassVar[int]
+    CHAIN_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    trigger: str
+    representation: str
+    map_version: str
+    resolution_m: float
+    unknown_policy: str
+    inflation_radius_m: float
+    localization_margin_m: float
+    blocked_at_or_below: int
+    position: _containers.RepeatedScalarFieldContainer[float]
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    position_sigma: float
+    input_digest: str
+    evidence_age_s: float
+    planner: str
+    planner_seed: int
+    planner_iterations: int
+    path_cost: float
+    path_length_m: float
+    least_clearance_m: float
+    stages: StageLatency
+    delay_s: float
+    deadline_s: float
+    deadline_missed: bool
+    action: str
+    reason: str
+    label: str
+    guide: _containers.RepeatedCompositeFieldContainer[Point]
+    trajectory: Trajectory
+    committed_length_m: float
+    chain: str
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., blocked_at_or_below: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., guide: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ...) -> None: ...
+
+class Truth(_message.Message):
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "clearance_m", "collisions")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    CLEARANCE_M_FIELD_NUMBER: _ClassVar[int]
+    COLLISIONS_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    position: _containers.RepeatedScalarFieldContainer[float]
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    velocity: _containers.RepeatedScalarFieldContainer[float]
+    clearance_m: float
+    collisions: int
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ...) -> None: ...

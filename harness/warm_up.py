@@ -1,0 +1,14 @@
+"""Compiling every kernel before anything is timed."""
+
+from __future__ import annotations
+
+import maps
+import planners
+from models.robots import ROBOTS
+
+
+def warm_up(robot: str) -> None:
+    """Compile what an episode of `robot` runs, or load it from the cache."""
+    maps.warm_up()
+    planners.warm_up()
+    ROBOTS[robot].warm_up()

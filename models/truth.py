@@ -1,0 +1,69 @@
+"""What the simulator knows and the navigation stack does not: for scoring alone."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from models.sensors import ROBOT_GROUP
+
+
+class Truth:
+    """Contacts and clearance between one robot and everything but the floor."""
+
+    def __init__(self, model: mujoco.MjModel, base: int, floor: int) -> None:
+        """Sort the geoms into the robot's and the world's."""
+        self._model = model
+        self._base = base
+        self._floor = floor
+        self._is_robot = model.geom_group == ROBOT_GROUP
+        self._robot = np.flatnonzero(self._is_robot)
+        world = np.flatnonzero(~self._is_robot)
+        self._obstacles = world[world != floor]
+        self._fromto = np.zeros(6)
+        self._touching = False
+        self.collisions = 0
+
+    def count_contacts(self, data: mujoco.MjData) -> None:
+        """Count a collision whenever the robot starts to touch something but the floor."""
+        touching = self._touches_obstacle(data)
+        self.collisions += touching and not self._touching
+        self._touching = touching
+
+    def clearance(self, data: mujoco.MjData, limit: float = 2.0) -> float:
+        """Least distance from any robot geom to any geom but the floor, m, at most `limit`.
+
+        Bounding spheres rule out the far pairs; `mj_geomDistance` measures the rest.
+        """
+        model = self._model
+        least = limit
+        gap = self._sphere_gaps(data)  # (robot geoms, obstacles)
+        for flat in np.argsort(gap, axis=None):
+            if gap.flat[flat] >= least:
+                break
+            i, j = np.unravel_index(flat, gap.shape)
+            pair = int(self._robot[i]), int(self._obstacles[j])
+            distance = mujoco.mj_geomDistance(model, data, *pair, least, self._fromto)
+            least = min(least, float(distance))
+        return least
+
+    def tilt(self, data: mujoco.MjData) -> float:
+        """Angle of the base's z axis from upright, rad."""
+        return float(np.arccos(np.clip(data.xmat[self._base][8], -1.0, 1.0)))
+
+    def _touches_obstacle(self, data: mujoco.MjData) -> bool:
+        pairs = data.contact.geom[: data.ncon]  # (n, 2)
+        mixed = self._is_robot[pairs].sum(axis=1) == 1
+        return bool((mixed & (pairs != self._floor).all(axis=1)).any())
+
+    def _sphere_gaps(self, data: mujoco.MjData) -> NDArray[np.float64]:
+        model, robot, obstacles = self._model, self._robot, self._obstacles
+        if not len(obstacles):
+            return np.empty((len(robot), 0))
+        # Lower bound on the distance of a robot geom's bounding sphere from an obstacle's box.
+        offset = data.geom_xpos[robot][:, None] - data.geom_xpos[obstacles][None]
+        R = data.geom_xmat[obstacles].reshape(-1, 3, 3)
+        local = np.abs(np.einsum("rok,okl->rol", offset, R) - model.geom_aabb[obstacles, :3])
+        outside = np.maximum(local - model.geom_aabb[obstacles, 3:], 0.0)
+        return np.sqrt((outside**2).sum(axis=2)) - model.geom_rbound[robot][:, None]

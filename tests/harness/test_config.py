@@ -1,0 +1,59 @@
+import pytest
+
+from harness.config import Config, from_json, override, setting_names, to_json
+from harness.errors import InputError
+
+BASE = Config("warehouse", "drone", 3)
+
+
+def test_override_changes_only_the_named_field():
+    changed = override(BASE, ["map.resolution=0.05", "planner.iterations=7"])
+    assert changed.map.resolution == 0.05
+    assert changed.planner.iterations == 7
+    assert (
+        override(changed, ["map.resolution=0.1", f"planner.iterations={BASE.planner.iterations}"])
+        == BASE
+    )
+
+
+def test_json_round_trip_is_exact():
+    config = override(BASE, ["map.half_life=0.1", "goal=[1.1,2.2]"])
+    assert from_json(to_json(config)) == config
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("map.resolution=-1", "map.resolution: got -1"),
+        ("map.resolution=abc", "map.resolution: expected `float`, got `str`"),
+        ("map.resolution=NaN", "map.resolution: expected `float`, got `str`"),
+        ("planner.iterations=1.5", "planner.iterations: expected `int`, got `float`"),
+        ("map.unknown_policy=maybe", "map.unknown_policy"),
+        ("map.resolutoin=0.1", "did you mean 'map.resolution'?"),
+        ("nothing=1", "unknown setting 'nothing'"),
+        ("map=1", "unknown setting 'map'"),
+        ("map.resolution", "expected section.field=value"),
+        ("latency.deadline=0", "latency.deadline: got 0"),
+        ("goal=[1]", "goal: got 1 numbers"),
+        ("seed=-1", "seed: got -1"),
+        ("behaviour.patience=-2", "behaviour.patience: got -2"),
+    ],
+)
+def test_bad_settings_are_told_in_one_line(setting, said):
+    with pytest.raises(InputError) as caught:
+        override(BASE, [setting])
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_setting_name_can_be_set_to_its_own_value():
+    import json
+
+    import msgspec
+
+    document = msgspec.to_builtins(BASE)
+    for name in setting_names():
+        value = document
+        for part in name.split("."):
+            value = value[part]
+        assert override(BASE, [f"{name}={json.dumps(value)}"]) == BASE, name

@@ -1,0 +1,71 @@
+"""The direction of imports: harness -> planners -> maps, harness -> models, and no other way."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import harness
+import maps
+import models
+import planners
+
+ROOT = Path(__file__).resolve().parents[1]
+ALLOWED = {
+    "maps": {"maps"},
+    "models": {"models"},
+    "planners": {"planners", "maps"},
+    "harness": {"harness", "planners", "maps", "models"},
+}
+
+
+def imported_packages(source: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(source.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{source}: relative import"
+            names.add((node.module or "").split(".")[0])
+    return names
+
+
+@pytest.mark.parametrize("package", sorted(ALLOWED))
+def test_imports_point_one_way(package):
+    sources = list((ROOT / package).rglob("*.py"))
+    assert sources
+    for source in sources:
+        ours = imported_packages(source) & ALLOWED.keys()
+        assert ours <= ALLOWED[package], f"{source} imports {sorted(ours - ALLOWED[package])}"
+
+
+def test_maps_needs_numpy_and_numba_alone():
+    outside = {"numpy", "numba", "maps"}
+    for source in (ROOT / "maps").rglob("*.py"):
+        foreign = imported_packages(source) - outside - set(stdlib())
+        assert not foreign, f"{source} imports {sorted(foreign)}"
+
+
+def stdlib():
+    import sys
+
+    return sys.stdlib_module_names
+
+
+def test_replaying_a_log_loads_neither_the_simulator_nor_the_viewer():
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, harness.replay\n"
+        "print([name for name in ('mujoco', 'rerun') if name in sys.modules])"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert printed.stdout.strip() == "[]"
+
+
+def test_the_packages_are_those_of_this_checkout():
+    for package in (harness, maps, models, planners):
+        assert Path(package.__file__).resolve().parent.parent == ROOT
