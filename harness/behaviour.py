@@ -257,7 +257,7 @@ def _search(view: View, passable: FreeSpace, prefix: Array, seed: int) -> tuple[
 def _much_cheaper(view: View, space: FreeSpace, fresh: Array | None, guide: Array) -> bool:
     if fresh is None:
         return False
-    return space.path_cost(fresh) < view.planner.keep_ratio * space.path_cost(guide)
+    return view.planner.replaces(space.path_cost(fresh), space.path_cost(guide))
 
 
 def _stop_or_wait(

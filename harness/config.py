@@ -12,8 +12,8 @@ import msgspec
 
 from harness.behaviour import BehaviourConfig
 from harness.errors import InputError, unknown_name
-from maps import MapConfig
-from planners import PlannerConfig
+from maps import MAPS, MapConfig
+from planners import PLANNERS, PlannerConfig
 
 
 @dataclass(frozen=True)
@@ -133,6 +133,10 @@ def _expect(name: str, got: float, low: float, high: float, unit: str) -> None:
         raise ValueError(f"{name}: got {got:g}, expected {low:g} to {high:g} {unit}".rstrip())
 
 
+NAMED: dict[str, Iterable[str]] = {"map.kind": MAPS, "planner.name": PLANNERS}
+"""Settings whose values are names in a registry."""
+
+
 def override(config: Config, settings: Iterable[str]) -> Config:
     """Apply `section.field=value` settings, each checked for its name and its type.
 
@@ -145,7 +149,9 @@ def override(config: Config, settings: Iterable[str]) -> Config:
         if not separator:
             raise InputError(f"--set {setting}: expected section.field=value")
         section, name = _locate(document, key)
-        section[name] = _parse(text)
+        section[name] = value = _parse(text)
+        if key in NAMED and value not in NAMED[key]:
+            raise unknown_name(key, str(value), NAMED[key])
     return from_document(document)
 
 

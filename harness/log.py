@@ -2,6 +2,9 @@
 
 A log grows under the name `<name>.mcap.partial` and takes its own name by an atomic rename when it
 is whole. `log_time` is simulated time; `sequence` counts through the file.
+
+Topics: `/sensor/<name>/info` and `/sensor/<name>`, `/pose` and `/latency` are inputs, `/decision`
+is what a replay compares, `/truth` is for scoring.
 """
 
 from __future__ import annotations
@@ -22,21 +25,12 @@ from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
 
 from harness.errors import InputError
-from harness.schema import wayproof_pb2 as pb
 
 FORMAT_VERSION = "1"
 LEAST_FREE_BYTES = 64 * 2**20
 """Free disk space below which no episode is started; a minute of a 20,000-ray lidar takes less."""
 
 RECORDED_PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
-
-TOPICS: dict[str, type[Message]] = {
-    "/pose": pb.Pose,
-    "/latency": pb.Latency,
-    "/decision": pb.Decision,
-    "/truth": pb.Truth,
-}
-"""Besides these, each sensor has `/sensor/<name>` and `/sensor/<name>/info`."""
 
 
 class LogWriter:
@@ -74,7 +68,7 @@ class LogWriter:
         """Append one message; each tenth decision is flushed, so that a kill costs a second."""
         channel = self._channels.get(topic)
         if channel is None:
-            channel = self._channels[topic] = self._register(topic, message.DESCRIPTOR)
+            channel = self._channels[topic] = self._register(topic, type(message))
         data = message.SerializeToString(deterministic=True)
         self._writer.add_message(channel, time_ns, data, time_ns, self._count)
         self._count += 1
@@ -114,7 +108,8 @@ class LogWriter:
         """Close, whatever happened."""
         self.close()
 
-    def _register(self, topic: str, descriptor: Descriptor) -> int:
+    def _register(self, topic: str, kind: type[Message]) -> int:
+        descriptor: Descriptor = kind.DESCRIPTOR  # type: ignore[assignment]
         schema = self._writer.register_schema(
             descriptor.full_name, "protobuf", _file_descriptor_set(descriptor)
         )

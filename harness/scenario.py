@@ -42,10 +42,12 @@ def build(config: Config) -> Scenario:
     """Generate the world, place start and goal, and compile the scene.
 
     Raises:
-        InputError: Unknown world, robot, map or planner; a start or goal outside the geofence or
-            inside an obstacle.
+        InputError: Unknown world or robot; a start or goal outside the geofence or inside an
+            obstacle.
     """
-    check_names(config)
+    for kind, name, registry in (("world", config.world, WORLDS), ("robot", config.robot, ROBOTS)):
+        if name not in registry:
+            raise unknown_name(kind, name, registry)
     spec = ROBOTS[config.robot].spec
     world = WORLDS[config.world](config.seed)
     start = _place(config.start, world.start, spec)
@@ -60,21 +62,6 @@ def build(config: Config) -> Scenario:
         mission=_mission(world, spec, start, goal),
         spec=spec,
     )
-
-
-def check_names(config: Config) -> None:
-    """Refuse names that are in no registry."""
-    from maps import MAPS
-    from planners import PLANNERS
-
-    for kind, name, registry in (
-        ("world", config.world, WORLDS),
-        ("robot", config.robot, ROBOTS),
-        ("map.kind", config.map.kind, MAPS),
-        ("planner.name", config.planner.name, PLANNERS),
-    ):
-        if name not in registry:
-            raise unknown_name(kind, name, registry)
 
 
 def sensor_info(scene: Scene, caster: Caster) -> pb.SensorInfo:

@@ -1,0 +1,12 @@
+"""Robots by name; a new one is a sub-package and a line here."""
+
+from models.robots.quadrotor import Quadrotor
+from models.robots.quadruped import Quadruped
+from models.robots.robot import Controller, Robot, RobotSpec, Setpoint
+
+ROBOTS: dict[str, Robot] = {
+    "drone": Quadrotor(),
+    "quadruped": Quadruped(),
+}
+
+__all__ = ["ROBOTS", "Controller", "Robot", "RobotSpec", "Setpoint"]

@@ -1,0 +1,111 @@
+"""The quadrotor's controller: setpoint, smooth reference, attitude, rotor thrusts."""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from models.robots.quadrotor.kernels import (
+    rotation_matrix,
+    rotor_drag,
+    smooth_setpoint,
+    track,
+)
+from models.robots.quadrotor.model import ROTORS
+from models.robots.quadrotor.parameters import GRAVITY, Parameters
+from models.robots.robot import Setpoint
+
+Array = NDArray[np.float64]
+
+
+class QuadrotorController:
+    """Tracks setpoints behind a filter, `parameters.smoothing.lag` seconds late.
+
+    Only the setpoint's position and heading are used: its rates, and the derivatives of the
+    feed-forward, come out of the filter, so that they are consistent with one another.
+
+    Attributes:
+        parameters: What it is tuned by.
+        reference: (5, 4) tracked position, velocity, acceleration, jerk and snap by row, world
+            frame; the fourth column is heading, unwrapped.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, prefix: str = "", parameters: Parameters | None = None
+    ) -> None:
+        """Bind to a compiled model.
+
+        Raises:
+            KeyError: The model lacks one of the robot's names.
+        """
+        self.parameters = parameters or Parameters()
+        self._model = model
+        self._timestep = float(model.opt.timestep)
+        joint = model.joint(prefix + "root")
+        position, velocity = int(joint.qposadr[0]), int(joint.dofadr[0])
+        self._body = int(joint.bodyid[0])
+        self._qpos = slice(position, position + 7)
+        self._qvel = slice(velocity, velocity + 6)
+        motors = [model.actuator(prefix + name) for name, *_ in ROTORS]
+        self._controls = np.array([motor.id for motor in motors])
+        self._activations = np.array([int(motor.actadr[0]) for motor in motors])
+        self._setpoint = np.zeros(4)
+        self._command = np.zeros(4)
+        self._rest(np.zeros(3), 0.0)
+
+    def _rest(self, position: Array, heading: float) -> None:
+        hover = self.parameters.airframe.mass * GRAVITY / 4
+        self._integral = np.zeros(3)
+        self._lag = np.zeros((2, 4))
+        self._lag[0] = hover
+        self.reference = np.zeros((5, 4))
+        self.reference[0] = *position, heading
+
+    def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
+        """Hover with the base origin at `position` (3,), facing `heading`, rotors turning."""
+        self._rest(position, heading)
+        pose = data.qpos[self._qpos]
+        pose[:3] = position
+        pose[3:] = cos(heading / 2), 0.0, 0.0, sin(heading / 2)
+        data.qvel[self._qvel] = 0.0
+        data.qacc_warmstart[self._qvel] = 0.0
+        data.xfrc_applied[self._body] = 0.0
+        data.act[self._activations] = self._lag[0]
+        data.ctrl[self._controls] = self._lag[0]
+        mujoco.mj_forward(self._model, data)
+
+    def follow(self, data: mujoco.MjData, setpoint: Setpoint) -> None:
+        """Write rotor commands and drag of one physics step; call before `mj_step`.
+
+        Raises:
+            ValueError: The setpoint is not finite.
+        """
+        self._setpoint[:3] = setpoint.position
+        self._setpoint[3] = setpoint.heading
+        if not np.isfinite(self._setpoint).all():
+            raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
+        p = self.parameters
+        smooth_setpoint(p.smoothing, self.reference, self._setpoint, self._timestep)
+        track(
+            p.airframe,
+            p.gains,
+            self.reference,
+            data.qpos[self._qpos],
+            data.qvel[self._qvel],
+            self._integral,
+            self._lag,
+            self._timestep,
+            self._command,
+        )
+        data.ctrl[self._controls] = self._command
+        self.apply_drag(data)
+
+    def apply_drag(self, data: mujoco.MjData) -> None:
+        """Write the plant's rotor drag as the external force on the base; no part of control."""
+        R_world_body = rotation_matrix(data.qpos[self._qpos][3:])
+        velocity = data.qvel[self._qvel][:3]
+        drag = rotor_drag(self.parameters.airframe, R_world_body, velocity)
+        data.xfrc_applied[self._body, :3] = drag

@@ -1,0 +1,172 @@
+"""The quadruped's controller: setpoint, velocity command, gait, forces, torques."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from models.robots.quadruped.admm import solve_forces
+from models.robots.quadruped.foothold import place_feet
+from models.robots.quadruped.gait import advance, begin
+from models.robots.quadruped.horizon import look_ahead
+from models.robots.quadruped.kinematics import observe, standing_joints
+from models.robots.quadruped.mpc import condense
+from models.robots.quadruped.parameters import Parameters
+from models.robots.quadruped.rigid_body import composite_rigid_body
+from models.robots.quadruped.state import MEMORY, OBSERVATION, new_record
+from models.robots.quadruped.torque import joint_torques
+from models.robots.quadruped.tracking import Tracker
+from models.robots.quadruped.wiring import wire
+from models.robots.robot import Setpoint
+
+Array = NDArray[np.float64]
+
+INERTIA_PERIOD = 0.01
+"""Time between reads of the legs' inertia, which changes with the joint angles only, s."""
+
+
+class QuadrupedController:
+    """Trots after setpoints or velocity commands; stands still when neither asks for motion.
+
+    The whole state is `memory`, the forces' warm start and the tick count, so equal inputs give
+    equal torques, bit for bit.
+
+    Attributes:
+        parameters: What it is tuned by.
+        body: The robot as one rigid body.
+        memory: The `MEMORY` record, to read.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, prefix: str = "", parameters: Parameters | None = None
+    ) -> None:
+        """Bind to a compiled model.
+
+        Raises:
+            KeyError: The model lacks one of the robot's names.
+            ValueError: The model holds them in another order than the robot's MJCF.
+        """
+        self.parameters = parameters or Parameters()
+        gait, prediction = self.parameters.gait, self.parameters.prediction
+        self._model = model
+        self._wiring = wire(model, prefix)
+        self._standing = np.array(4 * standing_joints(self.parameters.geometry, gait.height))
+        root = self._wiring.qpos.start, self._wiring.dofs.start
+        self.body = composite_rigid_body(model, *root, self._standing)
+        self._inverse_inertia = np.linalg.inv(self.body.inertia).astype(np.float64)
+        self._timestep = float(model.opt.timestep)
+        self._ticks_per_plan = max(1, round(prediction.period / self._timestep))
+        self._ticks_per_inertia = max(1, round(INERTIA_PERIOD / self._timestep))
+        self._mass_matrix = np.zeros((model.nv, model.nv))
+        self._leg_inertia = np.zeros((4, 3, 3))
+        self._state = np.zeros(12)
+        self._reference = np.zeros((prediction.steps, 12))
+        self._contact = np.zeros((prediction.steps, 4), np.bool_)
+        self._lever = np.zeros((prediction.steps, 4, 3))
+        self._restart()
+
+    def _restart(self) -> None:
+        self._tick = 0
+        self._tracker = Tracker(self.parameters.tracking, self.parameters.gait.standing_speed)
+        self._observation = new_record(OBSERVATION)
+        self.memory = new_record(MEMORY)
+        self._warm = np.zeros((2, self.parameters.prediction.steps, 4, 3))
+
+    def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
+        """Place the robot at rest with its base origin at `position` (3,), facing `heading`."""
+        pose = data.qpos[self._wiring.qpos]
+        pose[:3] = position
+        pose[3:7] = math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)
+        pose[7:] = self._standing
+        data.qvel[self._wiring.dofs] = 0.0
+        data.qacc_warmstart[self._wiring.dofs] = 0.0
+        data.ctrl[self._wiring.controls] = 0.0
+        mujoco.mj_forward(self._model, data)
+        self._restart()
+
+    def follow(self, data: mujoco.MjData, setpoint: Setpoint) -> None:
+        """Write the torques of one physics step towards a setpoint; call before `mj_step`.
+
+        Raises:
+            ValueError: The setpoint is not finite.
+        """
+        self._observe(data)
+        position, yaw = self._observation.position, float(self._observation.angles[2])
+        self._act(data, self._tracker.velocity_command(position, yaw, setpoint))
+
+    def walk(self, data: mujoco.MjData, velocity_command: Array) -> None:
+        """Write the torques of one physics step; call before `mj_step`.
+
+        Args:
+            data: State after the last step.
+            velocity_command: (3,) forward m/s, left m/s, yaw rate rad/s, in the body's yaw frame.
+        """
+        self._observe(data)
+        self._act(data, velocity_command)
+
+    def _observe(self, data: mujoco.MjData) -> None:
+        qpos, qvel = data.qpos[self._wiring.qpos], data.qvel[self._wiring.dofs]
+        observe(self.parameters.geometry, self.body.centre, qpos, qvel, self._observation)
+        if self._tick == 0:
+            begin(self.parameters.geometry, self._observation, self.memory)
+
+    def _act(self, data: mujoco.MjData, command: Array) -> None:
+        p, observation, memory = self.parameters, self._observation, self.memory
+        touch = data.sensordata[self._wiring.touch]
+        advance(p.gait, p.geometry, self._timestep, command, touch, observation, memory)
+        place_feet(p.gait, p.geometry, observation, memory)
+        if self._tick % self._ticks_per_plan == 0:
+            self._plan_forces()
+        if self._tick % self._ticks_per_inertia == 0:
+            self._read_leg_inertia(data)
+        self._write_torques(data)
+        self._tick += 1
+
+    def _plan_forces(self) -> None:
+        p = self.parameters
+        look_ahead(
+            p.gait,
+            p.prediction,
+            p.geometry,
+            self._observation,
+            self.memory,
+            self._state,
+            self._reference,
+            self._contact,
+            self._lever,
+        )
+        slots, hessian, gradient = condense(
+            p.prediction,
+            self.body.mass,
+            self._inverse_inertia,
+            self._state,
+            self._reference,
+            self._contact,
+            self._lever,
+        )
+        solve_forces(p.prediction, slots, hessian, gradient, self._warm)
+        self.memory.force[:] = self._warm[0, 0]
+
+    def _read_leg_inertia(self, data: mujoco.MjData) -> None:
+        mujoco.mj_fullM(self._model, data, self._mass_matrix)
+        for leg in range(4):
+            first = self._wiring.dofs.start + 6 + 3 * leg
+            self._leg_inertia[leg] = self._mass_matrix[first : first + 3, first : first + 3]
+
+    def _write_torques(self, data: mujoco.MjData) -> None:
+        p, joints = self.parameters, slice(self._wiring.dofs.start + 6, self._wiring.dofs.stop)
+        bias = data.qfrc_bias[joints] - data.qfrc_passive[joints]
+        joint_torques(
+            p.gait,
+            p.legs,
+            p.actuators,
+            data.qvel[joints],
+            bias,
+            self._leg_inertia,
+            self._observation,
+            self.memory,
+            data.ctrl[self._wiring.controls],
+        )

@@ -1,0 +1,170 @@
+"""When to stand and when to trot, which foot stands, and where the body should be by now."""
+
+from __future__ import annotations
+
+from math import atan2, cos, floor, hypot, pi, sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models._jit import kernel
+from models.robots.quadruped.parameters import Gait, Geometry
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def begin(geometry: Geometry, observation: Any, memory: Any) -> None:
+    """Start from standing on all feet where they are; `memory` comes zeroed."""
+    memory.reference[0] = observation.position[0]
+    memory.reference[1] = observation.position[1]
+    memory.reference[2] = observation.angles[2]
+    for leg in range(4):
+        memory.touching[leg] = 1
+        _stand_here(leg, observation, memory)
+    _estimate_ground(geometry, 1.0, memory)
+
+
+@kernel
+def advance(
+    gait: Gait,
+    geometry: Geometry,
+    timestep: float,
+    command: Array,
+    touch: Array,
+    observation: Any,
+    memory: Any,
+) -> None:
+    """Carry the `MEMORY` record one tick on.
+
+    Args:
+        gait: Trot parameters.
+        geometry: Leg geometry.
+        timestep: s.
+        command: (3,) forward m/s, left m/s, yaw rate rad/s, in the base's yaw frame.
+        touch: (4,) normal force on each foot, N.
+        observation: This tick's `OBSERVATION` record.
+        memory: Record to carry on.
+    """
+    _slew(gait, timestep, command, memory)
+    _choose_mode(gait, timestep, observation, memory)
+    _estimate_ground(geometry, timestep / gait.ground_time, memory)
+    _move_reference(gait, timestep, observation, memory)
+    for leg in range(4):
+        _schedule_foot(gait, leg, touch[leg], observation, memory)
+
+
+@kernel
+def _slew(gait: Gait, timestep: float, command: Array, memory: Any) -> None:
+    for i in range(3):
+        limit = timestep * (gait.linear_acceleration if i < 2 else gait.yaw_acceleration)
+        memory.command[i] += min(max(command[i] - memory.command[i], -limit), limit)
+
+
+@kernel
+def _choose_mode(gait: Gait, timestep: float, observation: Any, memory: Any) -> None:
+    """Trot on a command or off balance; back to standing once calm, when a stride ends."""
+    if _commanded(gait, memory.command) or _off_balance(gait, observation):
+        memory.calm_time = 0.0
+        if not memory.walking:
+            memory.walking = True
+            memory.phase = 0.0
+    else:
+        memory.calm_time += timestep
+    if memory.walking:
+        before = floor(2.0 * memory.phase)
+        memory.phase += timestep / gait.period
+        stride_ends = floor(2.0 * memory.phase) != before
+        if stride_ends and memory.calm_time > gait.settle_time:
+            memory.walking = False
+        memory.phase -= floor(memory.phase)
+
+
+@kernel
+def _commanded(gait: Gait, command: Array) -> bool:
+    slow = gait.standing_speed
+    return bool(abs(command[0]) > slow or abs(command[1]) > slow or abs(command[2]) > 2.0 * slow)
+
+
+@kernel
+def _off_balance(gait: Gait, observation: Any) -> bool:
+    """Whether the capture point (Pratt et al. 2006) leaves the middle of the feet."""
+    dx, dy = observation.com[0], observation.com[1]
+    for leg in range(4):
+        dx -= 0.25 * observation.foot[leg, 0]
+        dy -= 0.25 * observation.foot[leg, 1]
+    dx += gait.capture_time * observation.com_velocity[0]
+    dy += gait.capture_time * observation.com_velocity[1]
+    c, s = cos(observation.angles[2]), sin(observation.angles[2])
+    return bool(
+        abs(c * dx + s * dy) > gait.balance_forward
+        or abs(c * dy - s * dx) > gait.balance_sideways
+        or abs(observation.angles[0]) > gait.balance_tilt
+        or abs(observation.angles[1]) > gait.balance_tilt
+    )
+
+
+@kernel
+def _estimate_ground(geometry: Geometry, share: float, memory: Any) -> None:
+    """Move height and slope by `share` towards the plane through the feet's last contacts."""
+    z0, z1, z2, z3 = (
+        memory.touch_down[0, 2],
+        memory.touch_down[1, 2],
+        memory.touch_down[2, 2],
+        memory.touch_down[3, 2],
+    )
+    height = 0.25 * (z0 + z1 + z2 + z3) - geometry.foot_radius
+    pitch = atan2(0.5 * (z2 + z3 - z0 - z1), 2.0 * geometry.hip_x)
+    roll = atan2(0.5 * (z0 + z2 - z1 - z3), 2.0 * (geometry.hip_y + geometry.thigh_y))
+    memory.ground_height += share * (height - memory.ground_height)
+    memory.ground_pitch += share * (pitch - memory.ground_pitch)
+    memory.ground_roll += share * (roll - memory.ground_roll)
+
+
+@kernel
+def _move_reference(gait: Gait, timestep: float, observation: Any, memory: Any) -> None:
+    """Integrate the command to a pose on a leash: this removes the steady error in velocity."""
+    yaw = observation.angles[2]
+    reference = memory.reference
+    if memory.walking:
+        c, s = cos(yaw), sin(yaw)
+        reference[0] += timestep * (c * memory.command[0] - s * memory.command[1])
+        reference[1] += timestep * (s * memory.command[0] + c * memory.command[1])
+        reference[2] += timestep * memory.command[2]
+    dx, dy = reference[0] - observation.position[0], reference[1] - observation.position[1]
+    distance = hypot(dx, dy)
+    if distance > gait.position_leash:
+        reference[0] = observation.position[0] + dx * gait.position_leash / distance
+        reference[1] = observation.position[1] + dy * gait.position_leash / distance
+    turn = reference[2] - yaw
+    turn -= 2.0 * pi * floor((turn + pi) / (2.0 * pi))
+    reference[2] = yaw + min(max(turn, -gait.yaw_leash), gait.yaw_leash)
+
+
+@kernel
+def _schedule_foot(gait: Gait, leg: int, touch: float, observation: Any, memory: Any) -> None:
+    """Swing or stance by phase; diagonal pairs are half a cycle apart."""
+    phase = memory.phase + (0.0 if leg == 0 or leg == 3 else 0.5)
+    phase -= floor(phase)
+    memory.leg_phase[leg] = phase
+    swinging = memory.walking and phase >= gait.duty
+    if swinging and not memory.swinging[leg]:
+        memory.touching[leg] = 0
+        for i in range(3):
+            memory.lift_off[leg, i] = observation.foot[leg, i]
+    memory.swinging[leg] = swinging
+    if not swinging:
+        if touch > gait.contact_force:
+            memory.touching[leg] = 1
+            _stand_here(leg, observation, memory)
+    elif not memory.touching[leg] and touch > gait.early_contact_force:
+        if phase - gait.duty > gait.early_contact_share * (1.0 - gait.duty):
+            memory.touching[leg] = 1
+            _stand_here(leg, observation, memory)
+
+
+@kernel
+def _stand_here(leg: int, observation: Any, memory: Any) -> None:
+    for i in range(3):
+        memory.touch_down[leg, i] = observation.foot[leg, i]

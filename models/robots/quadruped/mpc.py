@@ -1,0 +1,190 @@
+"""Convex model-predictive control of the ground forces (Di Carlo et al. 2018), condensed.
+
+The body is one rigid body with small roll and pitch; a force f on a foot in contact during one
+step of the horizon changes velocity by f dt / m and angular velocity by I^-1 (r x f) dt. States
+are eliminated (Di Carlo et al. 2018, eq. 29-32), so that the unknowns are the forces of the feet
+in contact alone: minimise 1/2 f'Hf + g'f with every force in its friction cone.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models._jit import kernel
+from models.robots.quadruped.parameters import Prediction
+
+Array = NDArray[np.float64]
+Slots = NDArray[np.int64]
+
+GRAVITY = 9.81
+
+
+@kernel
+def condense(
+    prediction: Prediction,
+    mass: float,
+    inverse_inertia: Array,
+    state: Array,
+    reference: Array,
+    contact: NDArray[np.bool_],
+    lever: Array,
+) -> tuple[Slots, Array, Array]:
+    """The quadratic program that steers `state` along `reference` over a horizon of n steps.
+
+    Args:
+        prediction: Weights and horizon.
+        mass: kg.
+        inverse_inertia: (3, 3) about the centre of mass, body frame, 1/(kg m^2).
+        state: (12,) roll, pitch, yaw; centre of mass; angular velocity; velocity (world, SI).
+        reference: (n, 12) the same at the end of each step.
+        contact: (n, 4) whether the foot stands during the step.
+        lever: (n, 4, 3) from the centre of mass to the foot, world, m.
+
+    Returns:
+        (m, 2) step and leg of every force that exists, the upper triangle of H (3 m, 3 m), and
+        g (3 m,).
+    """
+    slots = _slots(contact)
+    spin, turn = _angular_maps(slots, state[2], inverse_inertia, lever)
+    hessian = _hessian(prediction, mass, slots, spin, turn)
+    gradient = _gradient(prediction, mass, slots, spin, turn, state, reference)
+    return slots, hessian, gradient
+
+
+@kernel
+def _slots(contact: NDArray[np.bool_]) -> Slots:
+    """(step, leg) of every force that exists, (m, 2)."""
+    slots = np.empty((contact.size, 2), np.int64)
+    count = 0
+    for step in range(contact.shape[0]):
+        for leg in range(4):
+            if contact[step, leg]:
+                slots[count, 0] = step
+                slots[count, 1] = leg
+                count += 1
+    return slots[:count]
+
+
+@kernel
+def _angular_maps(
+    slots: Slots, yaw: float, inverse_inertia: Array, lever: Array
+) -> tuple[Array, Array]:
+    """Per slot I^-1 [r]x in the world, and Rz' of it, which drives the angles (eq. 12, 17)."""
+    c, s = cos(yaw), sin(yaw)
+    Rz = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    inverse_world = np.zeros((3, 3))
+    for i, j, a, b in np.ndindex(3, 3, 3, 3):
+        inverse_world[i, j] += Rz[i, a] * inverse_inertia[a, b] * Rz[j, b]
+    spin = np.empty((len(slots), 3, 3))
+    turn = np.zeros((len(slots), 3, 3))
+    for slot in range(len(slots)):
+        r = lever[slots[slot, 0], slots[slot, 1]]
+        for i in range(3):
+            w = inverse_world[i]
+            spin[slot, i, 0] = w[1] * r[2] - w[2] * r[1]
+            spin[slot, i, 1] = w[2] * r[0] - w[0] * r[2]
+            spin[slot, i, 2] = w[0] * r[1] - w[1] * r[0]
+        for j in range(3):
+            turn[slot, 0, j] = c * spin[slot, 0, j] + s * spin[slot, 1, j]
+            turn[slot, 1, j] = c * spin[slot, 1, j] - s * spin[slot, 0, j]
+            turn[slot, 2, j] = spin[slot, 2, j]
+    return spin, turn
+
+
+@kernel
+def _overlaps(steps: int, step_time: float) -> tuple[Array, Array]:
+    """(n, n) sums over the horizon of how two steps' forces move positions and velocities.
+
+    A force during step i moves the position at the end of step k - 1 by (k - i - 1/2) dt^2 / m.
+    """
+    position = np.zeros((steps, steps))
+    velocity = np.zeros((steps, steps))
+    for i in range(steps):
+        for j in range(steps):
+            for k in range(max(i, j) + 1, steps + 1):
+                position[i, j] += (k - i - 0.5) * (k - j - 0.5) * step_time**4
+                velocity[i, j] += step_time**2
+    return position, velocity
+
+
+@kernel
+def _hessian(
+    prediction: Prediction, mass: float, slots: Slots, spin: Array, turn: Array
+) -> Array:  # (3 m, 3 m)
+    """Upper triangle (by 3 x 3 blocks) of H."""
+    position, velocity = _overlaps(prediction.steps, prediction.step_time)
+    turn_weighted = turn * np.array(prediction.weight_angle).reshape(3, 1)
+    spin_weighted = spin * np.array(prediction.weight_angular_velocity).reshape(3, 1)
+    hessian = np.empty((3 * len(slots), 3 * len(slots)))
+    for s in range(len(slots)):
+        for t in range(s, len(slots)):
+            p = position[slots[s, 0], slots[t, 0]]
+            v = velocity[slots[s, 0], slots[t, 0]]
+            for i in range(3):
+                for j in range(3):
+                    angle = 0.0
+                    rate = 0.0
+                    for e in range(3):
+                        angle += turn_weighted[s, e, i] * turn[t, e, j]
+                        rate += spin_weighted[s, e, i] * spin[t, e, j]
+                    hessian[3 * s + i, 3 * t + j] = p * angle + v * rate
+                linear = p * prediction.weight_position[i] + v * prediction.weight_velocity[i]
+                hessian[3 * s + i, 3 * t + i] += linear / mass**2
+    for i in range(len(hessian)):
+        hessian[i, i] += prediction.weight_force
+    return hessian
+
+
+@kernel
+def _free_errors(prediction: Prediction, state: Array, reference: Array) -> Array:  # (n, 12)
+    """Weighted errors of the body that no foot holds: constant velocity, and gravity."""
+    c, s = cos(state[2]), sin(state[2])
+    rates = (c * state[6] + s * state[7], c * state[7] - s * state[6], state[8])
+    errors = np.empty_like(reference)
+    for k in range(len(reference)):
+        t = (k + 1) * prediction.step_time
+        for i in range(3):
+            fall = -GRAVITY if i == 2 else 0.0
+            angle = state[i] + t * rates[i]
+            position = state[3 + i] + t * state[9 + i] + 0.5 * t * t * fall
+            errors[k, i] = prediction.weight_angle[i] * (angle - reference[k, i])
+            errors[k, 3 + i] = prediction.weight_position[i] * (position - reference[k, 3 + i])
+            errors[k, 6 + i] = prediction.weight_angular_velocity[i] * (
+                state[6 + i] - reference[k, 6 + i]
+            )
+            errors[k, 9 + i] = prediction.weight_velocity[i] * (
+                state[9 + i] + t * fall - reference[k, 9 + i]
+            )
+    return errors
+
+
+@kernel
+def _gradient(
+    prediction: Prediction,
+    mass: float,
+    slots: Slots,
+    spin: Array,
+    turn: Array,
+    state: Array,
+    reference: Array,
+) -> Array:  # (3 m,)
+    errors = _free_errors(prediction, state, reference)
+    dt = prediction.step_time
+    felt = np.zeros((len(errors), 12))  # errors as a force in each step feels them
+    for step in range(len(errors)):
+        for k in range(step, len(errors)):
+            for i in range(6):
+                felt[step, i] += (k - step + 0.5) * dt * dt * errors[k, i]
+                felt[step, 6 + i] += dt * errors[k, 6 + i]
+    gradient = np.empty(3 * len(slots))
+    for s in range(len(slots)):
+        e = felt[slots[s, 0]]
+        for j in range(3):
+            total = (e[3 + j] + e[9 + j]) / mass
+            for i in range(3):
+                total += turn[s, i, j] * e[i] + spin[s, i, j] * e[6 + i]
+            gradient[3 * s + j] = total
+    return gradient

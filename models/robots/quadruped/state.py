@@ -1,0 +1,55 @@
+"""The controller's two records: what it sees in a tick, and what it remembers between ticks.
+
+numpy records, because numba reads and writes their fields by name, and because the bytes of
+`MEMORY` are the whole state of the controller.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+OBSERVATION = np.dtype(
+    [
+        ("position", "f8", 3),  # base origin, world, m
+        ("rotation", "f8", (3, 3)),  # R_world_body
+        ("angles", "f8", 3),  # roll, pitch, yaw (z-y-x), rad
+        ("angular_velocity", "f8", 3),  # world, rad/s
+        ("lever", "f8", 3),  # base origin to centre of mass, world, m
+        ("com", "f8", 3),  # centre of mass, world, m
+        ("com_velocity", "f8", 3),  # world, m/s
+        ("foot", "f8", (4, 3)),  # foot centres, world, m
+        ("foot_velocity", "f8", (4, 3)),  # world, m/s
+        ("jacobian", "f8", (4, 3, 3)),  # d foot / d joint, world axes, m/rad
+    ],
+    align=True,
+)
+"""Rewritten every tick from the joint state."""
+
+MEMORY = np.dtype(
+    [
+        ("command", "f8", 3),  # slewed: forward m/s, left m/s, yaw rate rad/s
+        ("walking", "?"),  # trots, else stands on four feet
+        ("phase", "f8"),  # of the cycle, [0, 1)
+        ("calm_time", "f8"),  # since anything last asked for a step, s
+        ("reference", "f8", 3),  # base x, y (m) and yaw (rad), world
+        ("ground_height", "f8"),  # under the base, from the standing feet, world, m
+        ("ground_pitch", "f8"),  # nose down positive, rad
+        ("ground_roll", "f8"),  # left side up positive, rad
+        ("leg_phase", "f8", 4),  # [0, 1); a foot stands below the duty factor
+        ("swinging", "i1", 4),  # 1 or 0, by schedule
+        ("touching", "i1", 4),  # 1 or 0: has met the ground in this stance or late swing
+        ("lift_off", "f8", (4, 3)),  # where the last swing began, world, m
+        ("touch_down", "f8", (4, 3)),  # where the foot last stood, world, m
+        ("foothold", "f8", (4, 3)),  # where the swing ends, world, m
+        ("force", "f8", (4, 3)),  # ground on foot, world, N
+    ],
+    align=True,
+)
+"""Carried from tick to tick."""
+
+
+def new_record(dtype: np.dtype[Any]) -> Any:
+    """One zeroed record whose fields are attributes, in kernels and outside them alike."""
+    return np.zeros(1, dtype).view(np.recarray)[0]

@@ -1,0 +1,97 @@
+"""What every robot is to the rest: a spec, an MJCF, and a controller behind one call."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from models.sensors import Rangefinder, SweepSensor
+
+
+@dataclass(frozen=True)
+class Setpoint:
+    """Where the body should be now, as sampled from a trajectory.
+
+    Attributes:
+        position: (3,) world frame, m; ground robots ignore z.
+        velocity: (3,) world frame, m/s.
+        heading: Yaw in the world frame, rad.
+        yaw_rate: rad/s.
+    """
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    heading: float
+    yaw_rate: float
+
+
+@dataclass(frozen=True)
+class RobotSpec:
+    """The body as the navigation stack knows it.
+
+    Attributes:
+        name: Registry name.
+        motion: `ground` plans in the plane, `air` in space.
+        radius: Circumscribed radius about the base origin (horizontal for ground robots), m.
+        height: Top of the body above the ground (ground) or full vertical extent (air), m.
+        step_height: Highest thing a foot steps over, m; 0 for robots that fly.
+        rest_height: Height of the base origin above the ground when standing or starting, m.
+        max_speed: m/s.
+        max_acceleration: m/s^2.
+        max_jerk: m/s^3.
+        max_yaw_rate: rad/s.
+        max_tilt: Beyond this angle from upright the robot has fallen, rad.
+        sweep_sensors: Lidars and depth cameras.
+        rangefinders: Single beams.
+    """
+
+    name: str
+    motion: Literal["ground", "air"]
+    radius: float
+    height: float
+    step_height: float
+    rest_height: float
+    max_speed: float
+    max_acceleration: float
+    max_jerk: float
+    max_yaw_rate: float
+    max_tilt: float
+    sweep_sensors: tuple[SweepSensor, ...]
+    rangefinders: tuple[Rangefinder, ...] = ()
+
+
+class Controller(Protocol):
+    """Turns setpoints into actuator commands; bound to one compiled model."""
+
+    def reset(self, data: mujoco.MjData, position: NDArray[np.float64], heading: float) -> None:
+        """Place the robot at rest with its base origin at `position` (3,), facing `heading`."""
+        ...
+
+    def follow(self, data: mujoco.MjData, setpoint: Setpoint) -> None:
+        """Write the actuator commands (and aerodynamic forces) of one physics step."""
+        ...
+
+
+class Robot(Protocol):
+    """A registry entry."""
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The body as the navigation stack knows it."""
+        ...
+
+    def mjcf(self) -> str:
+        """The robot alone, as MJCF: root body `base` with a free joint, geoms in ROBOT_GROUP."""
+        ...
+
+    def controller(self, model: mujoco.MjModel, prefix: str) -> Controller:
+        """Bind to a compiled model in which every name of `mjcf()` carries `prefix`."""
+        ...
+
+    def warm_up(self) -> None:
+        """Compile the controller's kernels, or load them from the cache."""
+        ...

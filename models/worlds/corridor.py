@@ -1,0 +1,90 @@
+"""A bent corridor with a few crates: nowhere to go but on, and little room to do so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.worlds.layout import (
+    WALL_HEIGHT,
+    WALL_THICKNESS,
+    heading_towards,
+    mirrored,
+    room_walls,
+    with_crates,
+)
+from models.worlds.solvability import first_solvable
+from models.worlds.world import Box, Vector3, World
+
+LENGTH = 16.0
+"""Along the centre line, from end wall to end wall, m."""
+
+END = 1.1
+"""Start and goal keep this from the end walls, m."""
+
+
+def corridor(seed: int) -> World:
+    """A corridor 2.0-2.4 m wide and 16 m long with one or two bends and up to four crates.
+
+    Raises:
+        ValueError: The seed is negative.
+        RuntimeError: No draft let the reference bodies through.
+    """
+    return first_solvable("corridor", seed, lambda rng: _draft(rng, seed))
+
+
+def _draft(rng: np.random.Generator, seed: int) -> World:
+    width = rng.uniform(2.0, 2.4)
+    shell = _one_bend(rng, seed, width) if rng.uniform() < 0.5 else _two_bends(rng, seed, width)
+    furnished = with_crates(rng, shell, count=int(rng.integers(2, 5)), longest=0.6)
+    return mirrored(furnished, flip_x=bool(rng.integers(2)), flip_y=bool(rng.integers(2)))
+
+
+def _one_bend(rng: np.random.Generator, seed: int, width: float) -> World:
+    """East, then north: what one solid block leaves of a rectangular room."""
+    first = rng.uniform(6.0, 10.0)
+    inner = WALL_THICKNESS
+    east, north = inner + first + width / 2, inner + LENGTH - first + width / 2
+    blocks = [_block((inner, inner + width), (east - width, north))]
+    start, goal = (inner + END, inner + width / 2), (east - width / 2, north - END)
+    return _shell(rng, seed, (east, north), blocks, start, goal)
+
+
+def _two_bends(rng: np.random.Generator, seed: int, width: float) -> World:
+    """East, north and east again: what two solid blocks leave of a rectangular room."""
+    first, second = rng.uniform(4.5, 6.5), rng.uniform(4.0, 5.0)
+    inner = WALL_THICKNESS
+    corner_x, corner_y = inner + first, inner + width / 2 + second  # of the centre line
+    east, north = corner_x + LENGTH - first - second, corner_y + width / 2
+    blocks = [
+        _block((inner, inner + width), (corner_x - width / 2, north)),
+        _block((corner_x + width / 2, inner), (east, north - width)),
+    ]
+    return _shell(
+        rng, seed, (east, north), blocks, (inner + END, inner + width / 2), (east - END, corner_y)
+    )
+
+
+def _block(low: tuple[float, float], high: tuple[float, float]) -> Box:
+    return Box.between((*low, 0.0), (*high, WALL_HEIGHT), "partition")
+
+
+def _shell(
+    rng: np.random.Generator,
+    seed: int,
+    inside: tuple[float, float],
+    blocks: list[Box],
+    start: tuple[float, float],
+    goal: tuple[float, float],
+) -> World:
+    low: Vector3 = (0.0, 0.0, -0.5)
+    high = (round(inside[0] + WALL_THICKNESS, 3), round(inside[1] + WALL_THICKNESS, 3), 3.0)
+    return World(
+        name="corridor",
+        seed=seed,
+        low=low,
+        high=high,
+        boxes=(*room_walls(low, high), *blocks),
+        start=(round(start[0], 3), round(start[1], 3), 0.0),
+        start_heading=heading_towards(rng, start, (start[0] + 1.0, start[1])),
+        goal=(round(goal[0], 3), round(goal[1], 3), 0.0),
+    )

@@ -1,0 +1,41 @@
+"""A square room with nothing in it: what a stack costs when there is nothing to decide."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.worlds.layout import heading_towards, room_walls
+from models.worlds.solvability import first_solvable
+from models.worlds.world import World
+
+SIDE = 12.0
+LEAST_DISTANCE = 6.0
+WALL_MARGIN = 1.2
+"""Start and goal keep this from the outside of the walls, m: 1 m from their inside."""
+
+
+def empty(seed: int) -> World:
+    """A 12 x 12 m room, start and goal at least 6 m apart.
+
+    Raises:
+        ValueError: The seed is negative.
+    """
+    return first_solvable("empty", seed, lambda rng: _draft(rng, seed))
+
+
+def _draft(rng: np.random.Generator, seed: int) -> World:
+    low, high = (0.0, 0.0, -0.5), (SIDE, SIDE, 3.0)
+    while True:
+        start, goal = np.round(rng.uniform(WALL_MARGIN, SIDE - WALL_MARGIN, (2, 2)), 3).tolist()
+        if np.hypot(goal[0] - start[0], goal[1] - start[1]) >= LEAST_DISTANCE:
+            break
+    return World(
+        name="empty",
+        seed=seed,
+        low=low,
+        high=high,
+        boxes=room_walls(low, high),
+        start=(*start, 0.0),
+        start_heading=heading_towards(rng, start, goal),
+        goal=(*goal, 0.0),
+    )

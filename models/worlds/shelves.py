@@ -1,0 +1,129 @@
+"""Rows of shelves and the beams between them, in a frame of their own.
+
+`along` runs with the rows and `across` them; a range is (low, high) in metres.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.worlds.world import Box
+
+Range = tuple[float, float]
+
+AISLE = 1.8
+"""Least width of an aisle or cross-aisle, m."""
+
+WIDEST_CROSS_AISLE = 2.4
+DEPTHS = (0.8, 1.0)
+HEIGHTS = (2.2, 2.8)
+SHORTEST, LONGEST = 1.2, 4.0
+"""Least length between cross-aisles and greatest length of one shelf, m."""
+
+LEG = 0.10
+"""Height of a rack's lowest board above the floor, and thickness of its end frames, m."""
+
+BOARD = 0.05
+"""Thickness of a board, m."""
+
+BEAM_UNDERSIDES = (1.0, 1.1)
+BEAM_TOP = 1.3
+"""Of a beam, m: a quadruped passes below, and a drone has 1.2 m above it and below 2.5 m."""
+
+
+def shelf_rows(rng: np.random.Generator, along: Range, across: Range, walled: bool) -> list[Box]:
+    """Two to four rows of shelves, broken by cross-aisles, with beams over one or two aisles.
+
+    Args:
+        rng: Draws everything.
+        along: Where every row begins and ends.
+        across: What the rows share.
+        walled: Whether walls close `across`, so that an aisle is needed beyond the outer rows.
+            Otherwise walls close `along`, and a row may have two cross-aisles.
+    """
+    rows = _rows(rng, across, walled)
+    boxes = []
+    for row in rows:
+        cross_aisles = 1 if walled else int(rng.integers(1, 3))
+        for shelf in _shelves(rng, along, cross_aisles):
+            boxes += _shelf(rng, shelf, row)
+    return boxes + _beams(rng, along, rows)
+
+
+def _rows(rng: np.random.Generator, across: Range, walled: bool) -> list[Range]:
+    outer = AISLE if walled else 0.0
+    depth = rng.uniform(*DEPTHS)
+    room = across[1] - across[0] - 2.0 * outer
+    count = min(int(rng.integers(2, 5)), int((room + AISLE) / (depth + AISLE)))
+    least = np.array([outer] + [AISLE] * (count - 1) + [outer])
+    gaps = _stretched(rng, least, across[1] - across[0] - count * depth)
+    begins = across[0] + np.cumsum(gaps[:-1]) + depth * np.arange(count)
+    return [(float(begin), float(begin + depth)) for begin in begins]
+
+
+def _shelves(rng: np.random.Generator, along: Range, cross_aisles: int) -> list[Range]:
+    """Where the shelves of one row begin and end."""
+    widths = rng.uniform(AISLE, WIDEST_CROSS_AISLE, cross_aisles)
+    least = np.full(cross_aisles + 1, SHORTEST)
+    lengths = _stretched(rng, least, along[1] - along[0] - float(widths.sum()))
+    shelves: list[Range] = []
+    begin = along[0]
+    for length, width in zip(lengths, [*widths, 0.0], strict=True):
+        cuts = np.linspace(begin, begin + length, ceil(length / LONGEST) + 1).tolist()
+        shelves += pairwise(cuts)
+        begin += length + width
+    return shelves
+
+
+def _stretched(
+    rng: np.random.Generator, least: NDArray[np.float64], total: float
+) -> NDArray[np.float64]:  # like `least`
+    """Lengths of at least `least` that sum to `total`."""
+    shares = rng.uniform(0.5, 1.5, len(least))
+    return np.asarray(least + (total - least.sum()) * shares / shares.sum())
+
+
+def _shelf(rng: np.random.Generator, along: Range, across: Range) -> list[Box]:
+    """A solid block, a rack that stands on legs, or a rack that overhangs a narrower base."""
+    height = rng.uniform(*HEIGHTS)
+    kind = rng.choice(["solid", "legs", "base"])
+    if kind == "solid":
+        return [_box(along, across, (0.0, height))]
+    if kind == "legs":
+        return _rack(along, across, LEG, height)
+    base, recess = rng.uniform(0.6, 0.8), rng.uniform(0.1, 0.2)
+    narrower = (across[0] + recess, across[1] - recess)
+    return [_box(along, narrower, (0.0, base)), *_rack(along, across, base, height)]
+
+
+def _rack(along: Range, across: Range, lowest: float, height: float) -> list[Box]:
+    """Boards from `lowest` to `height`, some 0.8 m apart, between two end frames."""
+    foot = 0.0 if lowest == LEG else lowest
+    frames = [
+        _box(side, across, (foot, height))
+        for side in ((along[0], along[0] + LEG), (along[1] - LEG, along[1]))
+    ]
+    between = (along[0] + LEG, along[1] - LEG)
+    levels = np.linspace(lowest, height - BOARD, round((height - lowest) / 0.8) + 1).tolist()
+    return frames + [_box(between, across, (level, level + BOARD)) for level in levels]
+
+
+def _beams(rng: np.random.Generator, along: Range, rows: list[Range]) -> list[Box]:
+    """Beams or conveyors from row to row, each over an aisle of its own."""
+    aisles = [(near[1], far[0]) for near, far in pairwise(rows)]
+    count = min(len(aisles), int(rng.integers(1, 3)))
+    beams = []
+    for aisle in rng.choice(len(aisles), count, replace=False):
+        width = rng.uniform(0.3, 0.6)
+        begin = rng.uniform(along[0] + 0.5, along[1] - 0.5 - width)
+        height = (rng.uniform(*BEAM_UNDERSIDES), BEAM_TOP)
+        beams.append(_box((begin, begin + width), aisles[aisle], height, "overhang"))
+    return beams
+
+
+def _box(along: Range, across: Range, height: Range, kind: str = "shelf") -> Box:
+    return Box.between((along[0], across[0], height[0]), (along[1], across[1], height[1]), kind)

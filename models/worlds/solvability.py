@@ -1,0 +1,216 @@
+"""Can a body of this size get from here to there, in truth? And how short is the way?
+
+The truth is the world's boxes, not a map of them: each grid cell knows the exact distance from
+its centre to the nearest box that stands in the body's height band.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
+
+from models.worlds.world import Box, World
+
+RESOLUTION = 0.05
+"""Side of a cell, m."""
+
+REFERENCE_RADIUS = 0.62
+"""Every generated world lets a body of this radius through: a quadruped of 0.52 m and a margin."""
+
+GROUND_BAND = (0.03, 0.5)
+"""Height band of the reference quadruped, m: between what it steps over and its back."""
+
+AIR_BANDS = ((0.8, 1.6), (1.3, 2.2))
+"""Altitude bands of which the reference drone needs one, m."""
+
+ATTEMPTS = 100
+
+_EIGHT_CONNECTED = np.ones((3, 3), np.bool_)
+
+Band = tuple[float, float]
+
+
+def is_solvable(
+    world: World,
+    radius: float,
+    band_low: float,
+    band_high: float,
+    start: ArrayLike,
+    goal: ArrayLike,
+    clearance: float = 0.0,
+) -> bool:
+    """Whether an upright cylinder can move from start to goal without touching a box.
+
+    Args:
+        world: Truth.
+        radius: Of the cylinder, m.
+        band_low: Boxes that end at or below this height are stepped or flown over, m.
+        band_high: Boxes that begin at or above this height are passed under, m.
+        start: (2,) or (3,) world frame, m; z is ignored.
+        goal: (2,) or (3,) world frame, m; z is ignored.
+        clearance: Distance to keep beyond the radius, m.
+    """
+    free = free_cells(world, radius + clearance, (band_low, band_high))
+    labels = label_regions(free)
+    start_label = labels[cell_of(world, start)]
+    return bool(start_label > 0 and start_label == labels[cell_of(world, goal)])
+
+
+def is_solvable_in_any(
+    world: World,
+    radius: float,
+    bands: Sequence[Band],
+    start: ArrayLike,
+    goal: ArrayLike,
+    clearance: float = 0.0,
+) -> bool:
+    """Whether one of several altitude bands alone suffices; sufficient for a body that flies."""
+    return any(is_solvable(world, radius, *band, start, goal, clearance) for band in bands)
+
+
+def shortest_path_length(
+    world: World,
+    radius: float,
+    band_low: float,
+    band_high: float,
+    start: ArrayLike,
+    goal: ArrayLike,
+    clearance: float = 0.0,
+) -> float | None:
+    """Length of the shortest way in the plane, m, or None when there is none.
+
+    The 8-connected grid path (Dijkstra), pulled taut through free cells: without that a straight
+    line at 22.5 degrees would count 8 % too long. Arguments as for `is_solvable`.
+    """
+    free = free_cells(world, radius + clearance, (band_low, band_high))
+    cells = _grid_path(free, cell_of(world, start), cell_of(world, goal))
+    if cells is None:
+        return None
+    centres = np.asarray(world.low[:2]) + (cells + 0.5) * RESOLUTION  # (n, 2)
+    points = np.vstack([np.ravel(start)[:2], centres[1:-1], np.ravel(goal)[:2]])
+    corners = points[_taut(free, cells)]
+    return float(np.sqrt(np.square(np.diff(corners, axis=0)).sum(axis=1)).sum())
+
+
+def first_solvable(name: str, seed: int, draft: Callable[[np.random.Generator], World]) -> World:
+    """Draw drafts from sub-seeds of (seed, name) until the reference bodies can pass.
+
+    Raises:
+        ValueError: The seed is negative.
+        RuntimeError: No draft was solvable.
+    """
+    if seed < 0:
+        raise ValueError(f"seed: got {seed}, expected 0 or more")
+    for attempt in range(ATTEMPTS):
+        world = draft(np.random.default_rng([seed, attempt, *name.encode()]))
+        ends = (world.start, world.goal)
+        if is_solvable(world, REFERENCE_RADIUS, *GROUND_BAND, *ends) and is_solvable_in_any(
+            world, REFERENCE_RADIUS, AIR_BANDS, *ends
+        ):
+            return world
+    raise RuntimeError(f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts was solvable")
+
+
+def free_cells(world: World, radius: float, band: Band) -> NDArray[np.bool_]:  # (nx, ny)
+    """Cells whose centre is farther than `radius` from every box that stands in the band."""
+    extent = np.subtract(world.high[:2], world.low[:2])
+    free = np.ones(tuple(np.rint(extent / RESOLUTION).astype(int)), np.bool_)
+    for box in world.boxes:
+        if box.bottom < band[1] and box.top > band[0]:
+            clear_around(free, world, box, radius)
+    return free
+
+
+def clear_around(free: NDArray[np.bool_], world: World, box: Box, radius: float) -> None:
+    """Mark the cells within `radius` of a box as not free, in place."""
+    reach = np.add(box.reach, radius)
+    low = np.subtract(box.centre[:2], reach) - world.low[:2]
+    high = np.add(box.centre[:2], reach) - world.low[:2]
+    first = np.clip(np.floor(low / RESOLUTION).astype(int), 0, free.shape)
+    last = np.clip(np.ceil(high / RESOLUTION).astype(int), 0, free.shape)
+    window = np.s_[first[0] : last[0], first[1] : last[1]]
+    x = world.low[0] + (np.arange(first[0], last[0]) + 0.5) * RESOLUTION
+    y = world.low[1] + (np.arange(first[1], last[1]) + 0.5) * RESOLUTION
+    centres = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    free[window] &= (box.distance(centres) > radius).reshape(len(x), len(y))
+
+
+def label_regions(free: NDArray[np.bool_]) -> NDArray[np.int32]:  # (nx, ny)
+    """Number the 8-connected regions of free cells from 1; 0 is not free."""
+    labels: NDArray[np.int32] = ndimage.label(free, _EIGHT_CONNECTED)[0]
+    return labels
+
+
+def cell_of(world: World, point: ArrayLike) -> tuple[int, int]:
+    """Index of the cell that holds a point.
+
+    Raises:
+        ValueError: The point is outside the world.
+    """
+    x, y = np.ravel(np.asarray(point, np.float64))[:2]
+    if not (world.low[0] <= x < world.high[0] and world.low[1] <= y < world.high[1]):
+        raise ValueError(f"point: got ({x}, {y}), expected in {world.low[:2]}..{world.high[:2]}")
+    return int((x - world.low[0]) / RESOLUTION), int((y - world.low[1]) / RESOLUTION)
+
+
+def _grid_path(
+    free: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int, int]
+) -> NDArray[np.int64] | None:  # (n, 2)
+    """Cells of a shortest 8-connected path, both ends included."""
+    if not (free[start] and free[goal]):
+        return None
+    first = int(np.ravel_multi_index(start, free.shape))
+    node = int(np.ravel_multi_index(goal, free.shape))
+    previous = csgraph.dijkstra(
+        _grid_graph(free), directed=False, indices=first, return_predecessors=True
+    )[1]
+    path = [node]
+    while node != first:
+        node = int(previous[node])
+        if node < 0:
+            return None
+        path.append(node)
+    return np.stack(np.unravel_index(path[::-1], free.shape), axis=1)
+
+
+def _grid_graph(free: NDArray[np.bool_]) -> sparse.csr_matrix:
+    """Edges between neighbouring free cells, in metres."""
+    nodes = np.arange(free.size).reshape(free.shape)
+    pairs = [
+        (np.s_[:-1, :], np.s_[1:, :], 1.0),
+        (np.s_[:, :-1], np.s_[:, 1:], 1.0),
+        (np.s_[:-1, :-1], np.s_[1:, 1:], np.sqrt(2.0)),
+        (np.s_[:-1, 1:], np.s_[1:, :-1], np.sqrt(2.0)),
+    ]
+    tails, heads, lengths = [], [], []
+    for tail, head, cells in pairs:
+        both = free[tail] & free[head]
+        tails.append(nodes[tail][both])
+        heads.append(nodes[head][both])
+        lengths.append(np.full(int(both.sum()), cells * RESOLUTION))
+    edges = (np.concatenate(lengths), (np.concatenate(tails), np.concatenate(heads)))
+    return sparse.csr_matrix(edges, shape=(free.size, free.size))
+
+
+def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
+    """Indices of the path's corners: from each, the farthest cell in line of sight is next."""
+    corners = [0]
+    while corners[-1] < len(cells) - 1:
+        here = corners[-1]
+        ahead = range(len(cells) - 1, here + 1, -1)
+        seen = (i for i in ahead if _line_is_free(free, cells[here], cells[i]))
+        corners.append(next(seen, here + 1))
+    return corners
+
+
+def _line_is_free(
+    free: NDArray[np.bool_], tail: NDArray[np.int64], head: NDArray[np.int64]
+) -> bool:
+    steps = 2 * int(np.abs(head - tail).max()) + 1  # two samples a cell
+    fraction = np.linspace(0.0, 1.0, steps)[:, None]
+    line = np.rint(tail + fraction * (head - tail)).astype(np.int64)
+    return bool(free[line[:, 0], line[:, 1]].all())

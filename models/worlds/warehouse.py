@@ -1,0 +1,98 @@
+"""A warehouse: a partition with a doorway, rows of shelves, beams across the aisles, crates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from models.worlds.layout import (
+    WALL_HEIGHT,
+    WALL_THICKNESS,
+    heading_towards,
+    mirrored,
+    room_walls,
+    with_crates,
+)
+from models.worlds.shelves import AISLE, shelf_rows
+from models.worlds.solvability import first_solvable
+from models.worlds.world import Box, Vector3, World
+
+LOW: Vector3 = (0.0, 0.0, -0.5)
+HIGH: Vector3 = (20.0, 14.0, 3.0)
+
+SHELVES_END = 16.6
+"""The goal's end of the hall begins here, m along x."""
+
+START_REGION = ((1.2, 1.2), (3.0, 12.8))
+GOAL_REGION = ((17.6, 1.2), (18.8, 12.8))
+DISTANCE = (12.0, 17.0)
+"""Straight line from start to goal, m."""
+
+
+def warehouse(seed: int) -> World:
+    """A 20 x 14 m hall, start and goal 12-17 m apart at its two ends.
+
+    Raises:
+        ValueError: The seed is negative.
+        RuntimeError: No draft let the reference bodies through.
+    """
+    return first_solvable("warehouse", seed, lambda rng: _draft(rng, seed))
+
+
+def _draft(rng: np.random.Generator, seed: int) -> World:
+    partition_x = rng.uniform(4.6, 6.0)
+    start, goal = _ends(rng)
+    hall = World(
+        name="warehouse",
+        seed=seed,
+        low=LOW,
+        high=HIGH,
+        boxes=(
+            *room_walls(LOW, HIGH),
+            *_partition(rng, partition_x),
+            *_storage(rng, partition_x + AISLE + 0.2),
+        ),
+        start=start,
+        start_heading=heading_towards(rng, start, goal),
+        goal=goal,
+    )
+    furnished = with_crates(rng, hall, count=int(rng.integers(6, 13)), longest=0.8)
+    return mirrored(furnished, flip_x=bool(rng.integers(2)), flip_y=bool(rng.integers(2)))
+
+
+def _ends(rng: np.random.Generator) -> tuple[Vector3, Vector3]:
+    while True:
+        start = np.round(rng.uniform(*START_REGION), 3).tolist()
+        goal = np.round(rng.uniform(*GOAL_REGION), 3).tolist()
+        if DISTANCE[0] <= np.hypot(goal[0] - start[0], goal[1] - start[1]) <= DISTANCE[1]:
+            return (*start, 0.0), (*goal, 0.0)
+
+
+def _partition(rng: np.random.Generator, x: float) -> list[Box]:
+    """A wall across the hall with one doorway, which ends below the ceiling in a lintel."""
+    width = rng.uniform(1.6, 1.8)
+    door = rng.uniform(LOW[1] + 1.5, HIGH[1] - 1.5 - width)
+    door_height = rng.uniform(2.2, 2.4)
+    near, far = x, x + 0.15
+    return [
+        Box.between((near, LOW[1] + WALL_THICKNESS, 0.0), (far, door, WALL_HEIGHT), "partition"),
+        Box.between(
+            (near, door + width, 0.0), (far, HIGH[1] - WALL_THICKNESS, WALL_HEIGHT), "partition"
+        ),
+        Box.between((near, door, door_height), (far, door + width, WALL_HEIGHT), "lintel"),
+    ]
+
+
+def _storage(rng: np.random.Generator, begin: float) -> list[Box]:
+    """Shelves from `begin` on, their rows along the hall or across it."""
+    x, y = (begin, SHELVES_END), (LOW[1] + WALL_THICKNESS, HIGH[1] - WALL_THICKNESS)
+    if rng.integers(2):
+        return shelf_rows(rng, along=x, across=y, walled=True)
+    return [_transposed(box) for box in shelf_rows(rng, along=y, across=x, walled=False)]
+
+
+def _transposed(box: Box) -> Box:
+    """The box with x and y exchanged."""
+    (x, y, z), (half_x, half_y, half_z) = box.centre, box.half_extents
+    return replace(box, centre=(y, x, z), half_extents=(half_y, half_x, half_z))

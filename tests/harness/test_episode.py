@@ -1,0 +1,163 @@
+import numpy as np
+import pytest
+
+from harness.config import Config, override
+from harness.episode import run_episode
+from harness.navigator import Navigator
+from harness.reader import open_log
+from harness.replay import replay
+from harness.scenario import build
+from maps import FREE
+from models.robots import ROBOTS
+
+DRIVING = ("follow", "slow", "explore")
+
+EPISODES = [("empty", "drone", 1), ("empty", "quadruped", 1)]
+
+
+@pytest.mark.parametrize("episode", EPISODES)
+def test_reaches_the_goal_and_replays_identically(recorded, episode):
+    result = recorded(*episode)
+    assert result.outcome == "success", result.reason
+    assert result.goal_distance_m <= 0.25
+    assert result.collisions == 0
+    again = replay(result.log)
+    assert again.identical
+    assert again.decisions == result.decisions
+    assert again.chain == result.chain
+
+
+@pytest.mark.parametrize("episode", EPISODES)
+def test_same_seed_gives_the_same_chain(recorded, episode, tmp_path):
+    first = recorded(*episode)
+    second = run_episode(build(Config(*episode)), tmp_path / "again.mcap")
+    assert second.chain == first.chain
+    third = run_episode(build(Config(*episode[:2], episode[2] + 1)), tmp_path / "other.mcap")
+    assert third.chain != first.chain
+
+
+@pytest.mark.parametrize("robot", sorted(ROBOTS))
+def test_unknown_space_is_never_entered_under_forbid(recorded, robot):
+    """Each driven path against the very map it was decided on, cell by cell, by slow code."""
+    result = recorded("warehouse", robot, 1, "episode.time_limit=12")
+    log = open_log(result.log)
+    assert log.config.map.unknown_policy == "forbid"
+    navigator = Navigator(log.config, log.mission, log.beams)
+    driven = 0
+    for record in log.records():
+        decision = navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
+        assert decision.map_version == record.decision.map_version
+        if decision.action not in DRIVING:
+            continue
+        driven += 1
+        path = np.array([(p.x, p.y, p.z) for p in record.decision.trajectory.path])
+        assert_swept_cells_are_free(navigator.costmap, path, decision.inflation_radius_m)
+    assert driven > 50
+
+
+def assert_swept_cells_are_free(costmap, path, radius):
+    """Every cell centre within `radius` of a cell that the path touches is FREE."""
+    cells = np.unique(
+        np.floor((densely(path) - costmap.origin) / costmap.resolution).astype(int), axis=0
+    )
+    reach = int(radius / costmap.resolution)
+    flat = costmap.state.shape[2] == 1
+    steps = np.arange(-reach, reach + 1)
+    offsets = np.stack(np.meshgrid(steps, steps, [0] if flat else steps), -1).reshape(-1, 3)
+    offsets = offsets[(offsets**2).sum(1) * costmap.resolution**2 <= radius**2]
+    for cell in cells:
+        around = cell + offsets
+        assert (around >= 0).all()
+        assert (around < costmap.state.shape).all()
+        assert (costmap.state[tuple(around.T)] == FREE).all(), cell
+
+
+def densely(path):
+    pieces = [path[:1]]
+    for a, b in zip(path[:-1], path[1:], strict=True):
+        count = max(int(np.linalg.norm(b - a) / 0.01), 1)
+        pieces.append(a + np.linspace(0, 1, count + 1)[1:, None] * (b - a))
+    return np.concatenate(pieces)
+
+
+def test_every_trajectory_ends_at_rest_and_starts_where_the_last_one_is(recorded):
+    result = recorded("warehouse", "drone", 1, "episode.time_limit=12")
+    before = None
+    for record in open_log(result.log).records():
+        trajectory = record.decision.trajectory
+        assert trajectory.arc_length[-1] == pytest.approx(
+            record.decision.committed_length_m, abs=1e-3
+        )
+        start = np.array([trajectory.path[0].x, trajectory.path[0].y, trajectory.path[0].z])
+        if before is not None and record.decision.action in DRIVING:
+            elapsed = (trajectory.start.ToNanoseconds() - before.start.ToNanoseconds()) * 1e-9
+            times = before.sample_period_s * np.arange(len(before.arc_length))
+            travelled = np.interp(elapsed, times, before.arc_length)
+            path = densely(np.array([(p.x, p.y, p.z) for p in before.path]))
+            lengths = np.concatenate([[0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
+            expected = path[np.searchsorted(lengths, travelled).clip(max=len(path) - 1)]
+            assert np.linalg.norm(start - expected) < 0.05
+        before = trajectory
+
+
+def test_measured_latency_is_an_input_and_replays(recorded):
+    result = recorded("empty", "drone", 2, "latency.mode=measured", "latency.deadline=2")
+    assert result.outcome == "success", result.reason
+    assert replay(result.log).identical
+
+
+def test_a_late_decision_is_labelled_and_discarded(recorded):
+    result = recorded(
+        "empty", "drone", 2, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=3"
+    )
+    decisions = [record.decision for record in open_log(result.log).records()]
+    assert {d.label for d in decisions} == {"deadline_missed"}
+    assert {d.action for d in decisions} == {"stop_and_wait"}
+    assert result.deadline_misses == len(decisions)
+    assert result.path_length_m < 0.1
+    assert replay(result.log).identical
+
+
+def test_an_unreachable_goal_is_given_up(recorded):
+    """A goal high over the altitude window of a body too wide for any way there."""
+    result = recorded("corridor", "quadruped", 0, "map.inflation_margin=1.2")
+    assert result.outcome in ("aborted", "stuck")
+    assert result.collisions == 0
+    assert replay(result.log).identical
+
+
+def test_no_decision_reads_the_truth(recorded, tmp_path):
+    """With the truth cut from the log, the replay still gives every decision."""
+    from mcap.reader import make_reader
+    from mcap.writer import Writer
+
+    result = recorded(*EPISODES[0])
+    path = tmp_path / "without_truth.mcap"
+    with open(result.log, "rb") as source, path.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target)
+        writer.start(profile="wayproof")
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        for record in reader.iter_attachments():
+            writer.add_attachment(0, 0, record.name, record.media_type, record.data)
+        channels = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.topic == "/truth":
+                continue
+            if channel.topic not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(
+                    channel.topic, channel.message_encoding, number
+                )
+            writer.add_message(
+                channels[channel.topic], message.log_time, message.data, message.log_time
+            )
+        writer.finish()
+    assert replay(path).identical
+
+
+def test_a_changed_config_decides_otherwise(recorded):
+    usual = recorded(*EPISODES[0])
+    wider = recorded(*EPISODES[0], "map.inflation_margin=0.3")
+    assert override(Config(*EPISODES[0]), ["map.inflation_margin=0.3"]) != Config(*EPISODES[0])
+    assert usual.chain != wider.chain
