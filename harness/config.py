@@ -79,13 +79,13 @@ class MotionConfig:
 
     Attributes:
         speed_fraction: Share of the body's greatest speed that navigation asks for.
-        altitude_low: Lowest altitude that a flying robot's path may take, m.
+        altitude_low: Lowest altitude that any part of a flying robot may take, m.
         altitude_high: Highest, m.
     """
 
     speed_fraction: float = 1.0
-    altitude_low: float = 0.5
-    altitude_high: float = 2.3
+    altitude_low: float = 0.2
+    altitude_high: float = 2.8
 
     def __post_init__(self) -> None:
         """Refuse a standstill and an empty altitude window."""

@@ -18,7 +18,7 @@ from harness.decision import points, seal, trajectory_message
 from harness.inputs import Beams, Inputs
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
-from maps import MAPS, Costmap
+from maps import INSCRIBED_COST, MAPS, Costmap
 from planners import FreeSpace, MotionLimits, Trajectory, hold
 
 Array = NDArray[np.float64]
@@ -182,7 +182,7 @@ class Navigator:
             origin=costmap.origin,
             resolution=costmap.resolution,
             blocked_at_or_below=costmap.blocked_at_or_below,
-            cost_by_distance=costmap.cost_table,
+            cost_by_distance=costmap.cost_table / INSCRIBED_COST,
         )
 
     def _planning_point(self, position: Array) -> Array:
@@ -195,13 +195,15 @@ class Navigator:
     def _declare_start_free(self) -> None:
         """No sensor sees what stands right beside the body: the operator vouches for that space."""
         mission, config = self._mission, self._config
-        radius = mission.radius + config.map.inflation_margin + config.episode.start_clear_radius
-        start = np.array(mission.start)
-        if mission.motion == "ground":
-            start[2] = mission.height / 2
-            self.map.mark_supported_disc(start, radius, mission.step_height, mission.height, 0)
-        else:
-            self.map.mark_free_sphere(start, radius, 0)
+        radius = self.costmap.inflation_radius + config.episode.start_clear_radius
+        x, y, z = mission.start
+        if mission.motion == "air":
+            self.map.mark_free_sphere((x, y, z), radius, 0)
+            return
+        low, high = (x - radius, y - radius), (x + radius, y + radius)
+        self.map.mark_floor(low, high, 0)
+        above_floor = mission.step_height + 0.5 * self.map.resolution
+        self.map.mark_free((*low, above_floor), (*high, mission.height + self.map.resolution), 0)
 
 
 def _altitude_window(config: Config, mission: Mission) -> tuple[float, float] | tuple[()]:

@@ -98,7 +98,8 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
         )
         raise InputError(f"{name}: got ({text}), expected inside the geofence {fence} m")
     if spec.motion == "air":
-        window = (config.motion.altitude_low, config.motion.altitude_high)
+        body = spec.radius + config.map.inflation_margin
+        window = (config.motion.altitude_low + body, config.motion.altitude_high - body)
         if not window[0] <= point[2] <= window[1]:
             raise InputError(
                 f"{name}: altitude {point[2]:g} m, expected {window[0]:g} to {window[1]:g} m"

@@ -1,0 +1,75 @@
+"""Settings of a map and of the costmap made from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+UnknownPolicy = Literal["forbid", "penalize", "allow"]
+"""What a planner may do with a cell that nobody has observed."""
+
+
+@dataclass(frozen=True)
+class MapConfig:
+    """Settings of a map and of the costmap made from it.
+
+    Attributes:
+        kind: Name of the representation, a key of `maps.MAPS`.
+        resolution: Edge of a cell, m.
+        hit: Log-odds that one return adds to its cell; 0.9 is p = 0.71. The steps and clamps are
+            near OctoMap's (Hornung et al. 2013, Autonomous Robots 34: p 0.7 / 0.4, 0.12 to 0.97).
+        miss: Log-odds that one beam takes from a cell it crosses; 0.4 is p = 0.40.
+        clamp_low: Probability below which a cell never falls, so that it can be unlearned.
+        clamp_high: Probability above which a cell never rises.
+        half_life: Time in which unobserved evidence loses half its log-odds, s of simulated time;
+            0 means no decay.
+        decay_period: Time between two decay ticks, s of simulated time.
+        minimum_range: Nearer returns are dropped, m: they are mostly the sensor's own housing.
+        inflation_margin: Localization margin that is added to the body's radius, m.
+        cost_scaling_factor: Rate of the cost's fall with distance, 1/m (Nav2's inflation layer).
+        cost_range: Distance beyond the forbidden radius over which cost is told, m.
+        unknown_policy: `forbid`: unknown space is not entered; `penalize`: at a cost and slowly;
+            `allow`: like free space.
+
+    Raises:
+        ValueError: A value is out of its range.
+    """
+
+    kind: str = "voxel"
+    resolution: float = 0.1
+    hit: float = 0.9
+    miss: float = 0.4
+    clamp_low: float = 0.12
+    clamp_high: float = 0.97
+    half_life: float = 30.0
+    decay_period: float = 1.0
+    minimum_range: float = 0.3
+    inflation_margin: float = 0.1
+    cost_scaling_factor: float = 10.0
+    cost_range: float = 0.8
+    unknown_policy: UnknownPolicy = "forbid"
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        self._check("resolution", 0.01, 0.5, " m")
+        self._check("hit", 0.01, 10.0)
+        self._check("miss", 0.01, 10.0)
+        # Within these, a step from a clamp stays inside 16 bits at 1000 units per log-odds.
+        self._check("clamp_low", 0.001, 0.499)
+        self._check("clamp_high", 0.501, 0.999)
+        self._check("half_life", 0.0, 1e6, " s")
+        self._check("decay_period", 0.01, 3600.0, " s")
+        self._check("minimum_range", 0.0, 60.0, " m")
+        self._check("inflation_margin", 0.0, 5.0, " m")
+        self._check("cost_scaling_factor", 0.1, 1000.0, " 1/m")
+        self._check("cost_range", 0.0, 10.0, " m")
+        if self.unknown_policy not in get_args(UnknownPolicy):
+            raise ValueError(
+                f"map.unknown_policy: got {self.unknown_policy!r}, "
+                f"expected one of {', '.join(get_args(UnknownPolicy))}"
+            )
+
+    def _check(self, field: str, low: float, high: float, unit: str = "") -> None:
+        value = getattr(self, field)
+        if not low <= value <= high:  # also refuses NaN
+            raise ValueError(f"map.{field}: got {value:g}, expected {low:g} to {high:g}{unit}")

@@ -1,0 +1,76 @@
+"""Paths over a costmap and the trajectories along them."""
+
+import numpy as np
+
+from planners.path import (
+    arc_lengths,
+    blend_corners,
+    first_stop,
+    point_at,
+    project,
+    remaining,
+    speed_limits,
+    tangent_at,
+    truncate,
+)
+from planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
+from planners.seeds import plan_seed
+from planners.space import CLEARANCE_WEIGHT, FreeSpace
+from planners.trajectory import (
+    MotionLimits,
+    Trajectory,
+    TrajectorySample,
+    follow_path,
+    hold,
+    stop_along,
+    stopping_distance,
+    turn_in_place,
+)
+
+__all__ = [
+    "CLEARANCE_WEIGHT",
+    "PLANNERS",
+    "FreeSpace",
+    "MotionLimits",
+    "Plan",
+    "PlanLabel",
+    "PlannerConfig",
+    "Trajectory",
+    "TrajectorySample",
+    "arc_lengths",
+    "blend_corners",
+    "first_stop",
+    "follow_path",
+    "hold",
+    "plan",
+    "plan_seed",
+    "point_at",
+    "project",
+    "remaining",
+    "speed_limits",
+    "stop_along",
+    "stopping_distance",
+    "tangent_at",
+    "truncate",
+    "turn_in_place",
+    "warm_up",
+]
+
+
+def warm_up() -> None:
+    """Compile every kernel, or load it from the cache, by planning across a small empty room."""
+    field = np.full((20, 20, 1), 100, dtype=np.uint16)
+    space = FreeSpace(field, np.zeros(3), 0.1, 4, np.zeros(101))
+    start, goal = np.array([0.25, 0.25, 0.05]), np.array([1.75, 1.75, 0.05])
+    found = plan(space, start, goal, PlannerConfig(), seed=1)
+    if found.waypoints is None:
+        raise RuntimeError(f"planners.warm_up: got {found.label}, expected a path")
+    corner = np.array([start, [1.75, 0.25, 0.05], goal])
+    path = blend_corners(space, corner, blend_length=0.4)
+    space.free_length(path)
+    space.nearest_free(start, radius=0.5)
+    limits = MotionLimits(
+        speed=1.0, acceleration=2.0, jerk=10.0, lateral_acceleration=1.0, yaw_rate=1.0
+    )
+    follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, limits, speed_cap=1.0).at(0)
+    turn_in_place(start, 0, 0.0, 1.0, limits)

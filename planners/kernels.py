@@ -1,0 +1,327 @@
+"""Kernels over a distance field: the cells along a segment, shortcuts, the nearest free cell.
+
+A segment is walked in exact integers: its end points are rounded down to 1/65536 of a cell, which
+never moves a point to another cell, and crossing times are compared by cross-multiplication. Cells
+are half-open; where a segment passes exactly through an edge or corner shared by several cells it
+touches them all (a supercover). Traversal after Amanatides and Woo, "A Fast Voxel Traversal
+Algorithm for Ray Tracing", Eurographics 1987.
+
+All kernels of the package that call each other live here: numba's cache does not see a change of a
+callee in another file.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planners._jit import kernel
+
+SUBCELL_BITS = 16
+SUBCELLS = 1 << SUBCELL_BITS
+# Farther from the origin the products that compare crossing times could overflow 64 bits.
+FARTHEST_CELL = 1 << 14
+OUTSIDE = -1
+# A cost has to fall by more than its own rounding error before a path is changed [m].
+LEAST_GAIN = 1e-9
+
+Floats = NDArray[np.float64]
+Point = tuple[float, float, float]
+SubcellPoint = tuple[int, int, int]
+
+
+class Grid(NamedTuple):
+    """A distance field as the kernels see it."""
+
+    field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
+    origin: Floats  # (3,) low corner [m]
+    resolution: float  # [m]
+    cost_by_distance: Floats  # (t,) cost of a cell by its squared distance
+
+
+@kernel
+def squared_distance(grid: Grid, i: int, j: int, k: int) -> int:
+    """Field value of a cell; beyond the grid ``OUTSIDE``, which is below every threshold."""
+    nx, ny, nz = grid.field.shape
+    if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
+        return OUTSIDE
+    return int(grid.field[i, j, k])
+
+
+@kernel
+def to_subcells(grid: Grid, point: Point) -> tuple[bool, SubcellPoint]:
+    """Whether a point [m] is near enough for exact arithmetic, and its sub-cells rounded down."""
+    x = (point[0] - grid.origin[0]) / grid.resolution
+    y = (point[1] - grid.origin[1]) / grid.resolution
+    z = (point[2] - grid.origin[2]) / grid.resolution
+    if not (abs(x) < FARTHEST_CELL and abs(y) < FARTHEST_CELL and abs(z) < FARTHEST_CELL):
+        return False, (0, 0, 0)  # also NaN
+    return True, (
+        math.floor(x * SUBCELLS),
+        math.floor(y * SUBCELLS),
+        math.floor(z * SUBCELLS),
+    )
+
+
+@kernel
+def least_at_crossing(grid: Grid, i: int, j: int, k: int, di: int, dj: int, dk: int) -> int:
+    """Least field value of the cells that meet where a step crosses one or several faces."""
+    least = squared_distance(grid, i + di, j + dj, k + dk)
+    if abs(di) + abs(dj) + abs(dk) > 1:
+        for corner in range(1, 7):
+            along_i, along_j, along_k = corner & 1, (corner >> 1) & 1, corner >> 2
+            cell = i + along_i * di, j + along_j * dj, k + along_k * dk
+            least = min(least, squared_distance(grid, cell[0], cell[1], cell[2]))
+    return least
+
+
+@kernel
+def axis_steps(start: int, end: int) -> tuple[int, int, int, int]:
+    """One axis of a walk: faces to cross, direction, sub-cells to the first face, and in all."""
+    faces = abs((end >> SUBCELL_BITS) - (start >> SUBCELL_BITS))
+    into_cell = start & (SUBCELLS - 1)
+    if end > start:
+        return faces, 1, SUBCELLS - into_cell, end - start
+    return faces, -1, into_cell, start - end
+
+
+@kernel
+def walk(
+    grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint
+) -> tuple[float, int, float]:
+    """Walk every cell that a segment touches, up to the first whose field is <= threshold.
+
+    Returns:
+        Share of the segment walked (two sub-cells short of the face that ended it; 1 if none did),
+        the least field value met, and the cost integrated over that share.
+    """
+    i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
+    # An axis crosses its next face at time next / span.
+    faces_x, step_x, next_x, span_x = axis_steps(start[0], end[0])
+    faces_y, step_y, next_y, span_y = axis_steps(start[1], end[1])
+    faces_z, step_z, next_z, span_z = axis_steps(start[2], end[2])
+    furthest = len(grid.cost_by_distance) - 1
+    value = squared_distance(grid, i, j, k)
+    least, walked, cost = value, 0.0, 0.0
+    if least <= threshold:
+        return walked, least, cost
+    while faces_x + faces_y + faces_z > 0:
+        first, span = 1, 0  # the earliest crossing, at first / span: infinitely late so far
+        if faces_x > 0:
+            first, span = next_x, span_x
+        if faces_y > 0 and next_y * span < first * span_y:
+            first, span = next_y, span_y
+        if faces_z > 0 and next_z * span < first * span_z:
+            first, span = next_z, span_z
+        cross_x = faces_x > 0 and next_x * span == first * span_x
+        cross_y = faces_y > 0 and next_y * span == first * span_y
+        cross_z = faces_z > 0 and next_z * span == first * span_z
+        di, dj, dk = cross_x * step_x, cross_y * step_y, cross_z * step_z
+        rate = grid.cost_by_distance[min(value, furthest)]
+        least = min(least, least_at_crossing(grid, i, j, k, di, dj, dk))
+        if least <= threshold:
+            share = max(walked, (first - 2) / span)
+            return share, least, cost + (share - walked) * rate
+        cost += (first / span - walked) * rate
+        walked = first / span
+        i, j, k = i + di, j + dj, k + dk
+        faces_x, next_x = faces_x - cross_x, next_x + cross_x * SUBCELLS
+        faces_y, next_y = faces_y - cross_y, next_y + cross_y * SUBCELLS
+        faces_z, next_z = faces_z - cross_z, next_z + cross_z * SUBCELLS
+        value = squared_distance(grid, i, j, k)
+    return 1.0, least, cost + (1.0 - walked) * grid.cost_by_distance[min(value, furthest)]
+
+
+@kernel
+def walk_between(grid: Grid, threshold: int, a: Point, b: Point) -> tuple[float, int, float]:
+    """``walk`` between two points [m]; an end out of reach blocks the whole segment."""
+    near_a, start = to_subcells(grid, a)
+    near_b, end = to_subcells(grid, b)
+    if not (near_a and near_b):
+        return 0.0, OUTSIDE, 0.0
+    return walk(grid, threshold, start, end)
+
+
+@kernel
+def edge_free(grid: Grid, threshold: int, a: Point, b: Point) -> bool:
+    """Whether every cell that the segment touches lies above the threshold."""
+    _, least, _ = walk_between(grid, threshold, a, b)
+    return bool(least > threshold)
+
+
+@kernel
+def distance(a: Point, b: Point) -> float:
+    """Euclidean distance, summed in a fixed order."""
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def row(points: Floats, n: int) -> Point:
+    """One point of an array."""
+    return points[n, 0], points[n, 1], points[n, 2]
+
+
+@kernel
+def walk_path(grid: Grid, threshold: int, weight: float, path: Floats) -> tuple[float, int, float]:
+    """Walk a polyline, shape (n, 3), up to its first cell whose field is <= threshold.
+
+    Returns:
+        Length walked [m], the least field value met, and the integral of 1 + weight * cost over
+        that length [m].
+    """
+    _, least, _ = walk_between(grid, threshold, row(path, 0), row(path, 0))
+    length, cost = 0.0, 0.0
+    for n in range(len(path) - 1):
+        if least <= threshold:
+            break
+        a, b = row(path, n), row(path, n + 1)
+        share, value, inside = walk_between(grid, threshold, a, b)
+        length += share * distance(a, b)
+        cost += (share + weight * inside) * distance(a, b)
+        least = min(least, value)
+    return length, least, cost
+
+
+@kernel
+def edge_cost(grid: Grid, threshold: int, weight: float, a: Point, b: Point) -> float:
+    """Integral of 1 + weight * cost along an edge [m]; infinite if the edge is not free."""
+    _, least, inside = walk_between(grid, threshold, a, b)
+    if least <= threshold:
+        return math.inf
+    return distance(a, b) * (1.0 + weight * inside)
+
+
+@kernel
+def prune(grid: Grid, threshold: int, weight: float, path: Floats) -> Floats:
+    """Leave out each way point without which the path costs no more."""
+    kept = path.copy()
+    count = 1
+    for n in range(1, len(path) - 1):
+        before, here, after = row(kept, count - 1), row(path, n), row(path, n + 1)
+        through = edge_cost(grid, threshold, weight, before, here)
+        through += edge_cost(grid, threshold, weight, here, after)
+        if edge_cost(grid, threshold, weight, before, after) > through + LEAST_GAIN:
+            kept[count] = path[n]
+            count += 1
+    kept[count] = path[-1]
+    return kept[: count + 1].copy()
+
+
+@kernel
+def path_length(path: Floats) -> float:
+    """Length of a polyline, shape (n, 3) [m]."""
+    length = 0.0
+    for n in range(len(path) - 1):
+        length += distance(row(path, n), row(path, n + 1))
+    return length
+
+
+@kernel
+def locate(points: Floats, count: int, arc: float) -> tuple[int, Point]:
+    """Edge and point at an arc length [m] along the first ``count`` points."""
+    for n in range(count - 1):
+        a, b = row(points, n), row(points, n + 1)
+        edge = distance(a, b)
+        if arc <= edge and edge > 0.0:
+            t = arc / edge
+            return n, (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]))
+        arc -= edge
+    return count - 2, row(points, count - 1)
+
+
+@kernel
+def cost_between(
+    grid: Grid, threshold: int, weight: float, points: Floats, first: int, last: int
+) -> float:
+    """Cost of the edges between two of a path's points [m]."""
+    cost = 0.0
+    for n in range(first, last):
+        cost += edge_cost(grid, threshold, weight, row(points, n), row(points, n + 1))
+    return cost
+
+
+@kernel
+def shortcut(grid: Grid, threshold: int, weight: float, path: Floats, draws: Floats) -> Floats:
+    """Lower a path's cost by replacing the part between two random points of it.
+
+    Random shortcuts after Geraerts and Overmars, "Creating High-quality Paths for Motion
+    Planning", IJRR 2007, judged by cost instead of length. Where the straight cut does not pay, a
+    detour over the cut's middle moved by a random offset is tried, so that a path can also draw
+    away from what it grazes. What is accepted is free and costs less.
+
+    Args:
+        grid: The distance field.
+        threshold: A cell is forbidden at or below this squared distance.
+        weight: Weight of the cell cost against length.
+        path: Way points [m], shape (n, 3), n >= 2, free edge by edge.
+        draws: Shape (m, 5): two places along the path in [0, 1) and the offset [m].
+
+    Returns:
+        Way points between the same ends, shape (k, 3).
+    """
+    points = np.empty((len(path) + 3 * len(draws), 3))
+    points[: len(path)] = path
+    count = len(path)
+    fresh = np.empty((3, 3))
+    for draw in draws:
+        length = path_length(points[:count])
+        edge_u, u = locate(points, count, min(draw[0], draw[1]) * length)
+        edge_v, v = locate(points, count, max(draw[0], draw[1]) * length)
+        before, after = row(points, edge_u), row(points, edge_v + 1)
+        apex = (
+            0.5 * (u[0] + v[0]) + draw[2],
+            0.5 * (u[1] + v[1]) + draw[3],
+            0.5 * (u[2] + v[2]) + draw[4],
+        )
+        old = cost_between(grid, threshold, weight, points, edge_u, edge_v + 1)
+        ends = edge_cost(grid, threshold, weight, before, u)
+        ends += edge_cost(grid, threshold, weight, v, after)
+        added = 0
+        if ends + edge_cost(grid, threshold, weight, u, v) < old - LEAST_GAIN:
+            fresh[0], fresh[1] = u, v
+            added = 2
+        else:
+            ends += edge_cost(grid, threshold, weight, u, apex)
+            ends += edge_cost(grid, threshold, weight, apex, v)
+            if ends < old - LEAST_GAIN:
+                fresh[0], fresh[1], fresh[2] = u, apex, v
+                added = 3
+        if added > 0:
+            tail = points[edge_v + 1 : count].copy()
+            points[edge_u + 1 : edge_u + 1 + added] = fresh[:added]
+            count = edge_u + 1 + added + len(tail)
+            points[count - len(tail) : count] = tail
+    return prune(grid, threshold, weight, points[:count])
+
+
+@kernel
+def nearest_free(
+    grid: Grid, threshold: int, point: Point, radius: float
+) -> tuple[bool, int, int, int]:
+    """Free cell whose centre is nearest to a point, at most ``radius`` cells away.
+
+    Distances are compared in exact sub-cells; of equal ones the lowest index wins.
+    """
+    near, at = to_subcells(grid, point)
+    best, best_i, best_j, best_k = -1, 0, 0, 0
+    if not near:
+        return False, best_i, best_j, best_k
+    nx, ny, nz = grid.field.shape
+    reach = math.ceil(min(radius, float(FARTHEST_CELL))) + 1
+    farthest = (radius * SUBCELLS) * (radius * SUBCELLS)
+    i, j, k = at[0] >> SUBCELL_BITS, at[1] >> SUBCELL_BITS, at[2] >> SUBCELL_BITS
+    half = SUBCELLS // 2
+    for ci in range(max(i - reach, 0), min(i + reach + 1, nx)):
+        x = ci * SUBCELLS + half - at[0]
+        for cj in range(max(j - reach, 0), min(j + reach + 1, ny)):
+            y = cj * SUBCELLS + half - at[1]
+            for ck in range(max(k - reach, 0), min(k + reach + 1, nz)):
+                z = ck * SUBCELLS + half - at[2]
+                squared = x * x + y * y + z * z
+                if squared > farthest or (best >= 0 and squared >= best):
+                    continue
+                if squared_distance(grid, ci, cj, ck) > threshold:
+                    best, best_i, best_j, best_k = squared, ci, cj, ck
+    return best >= 0, best_i, best_j, best_k

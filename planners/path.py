@@ -1,0 +1,217 @@
+"""Geometry of polyline paths, shape (n, 3) [m]: corners blended, arc length, speed limits."""
+
+import itertools
+import math
+
+import numpy as np
+
+from planners.headings import edge_headings
+from planners.kernels import Floats
+from planners.space import FreeSpace
+
+SPACING = 0.05  # of a resampled path [m]
+# Each shrinking halves a blend; after five the corner is taken as it is.
+BLEND_SHRINKINGS = 5
+# A blend has at least this many edges, so that its curvature can be read from its points.
+LEAST_BLEND_EDGES = 8
+SHARP_ANGLE = math.radians(50.0)
+SHARP_WINDOW = 0.3  # [m]
+
+
+def edge_lengths(path: Floats) -> Floats:
+    """Length of each edge [m], shape (n - 1,)."""
+    edges = np.diff(path, axis=0)
+    lengths: Floats = np.sqrt(_dot(edges, edges))
+    return lengths
+
+
+def arc_lengths(path: Floats) -> Floats:
+    """Arc length at each point [m], shape (n,); the first is 0."""
+    return np.concatenate(([0.0], np.cumsum(edge_lengths(path))))
+
+
+def edge_tangents(path: Floats) -> Floats:
+    """Unit direction of each edge, shape (n - 1, 3); an edge of no length takes its neighbour's."""
+    lengths = edge_lengths(path)
+    proper = np.flatnonzero(lengths > 0.0)
+    if len(proper) == 0:
+        return np.zeros((len(lengths), 3))
+    # The next edge that has a length, and at the end the last one.
+    source = proper[np.minimum(np.searchsorted(proper, np.arange(len(lengths))), len(proper) - 1)]
+    tangents: Floats = np.diff(path, axis=0)[source] / lengths[source, None]
+    return tangents
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Dot product over the last axis of 3, summed in a fixed order."""
+    products: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return products
+
+
+def _edge_at(arcs: Floats, s: float) -> int:
+    """Index of the edge that holds an arc length; at a point, of the edge that begins there."""
+    return min(max(int(np.searchsorted(arcs, s, side="right")) - 1, 0), max(len(arcs) - 2, 0))
+
+
+def point_at(path: Floats, s: float) -> Floats:
+    """Point at an arc length [m], clamped to the path, shape (3,)."""
+    arcs = arc_lengths(path)
+    if s >= arcs[-1]:
+        end: Floats = path[-1].copy()
+        return end
+    edge = _edge_at(arcs, s)
+    share = (max(s, 0.0) - arcs[edge]) / (arcs[edge + 1] - arcs[edge])
+    point: Floats = path[edge] + share * (path[edge + 1] - path[edge])
+    return point
+
+
+def tangent_at(path: Floats, s: float) -> Floats:
+    """Unit tangent at an arc length [m], shape (3,); zero for a path of no length."""
+    if len(path) == 1:
+        return np.zeros(3)
+    tangent: Floats = edge_tangents(path)[_edge_at(arc_lengths(path), s)]
+    return tangent
+
+
+def truncate(path: Floats, s: float) -> Floats:
+    """The path from its start to an arc length [m], shape (m, 3)."""
+    before = arc_lengths(path) < s
+    before[0] = True
+    return np.vstack((path[before], point_at(path, s)))
+
+
+def remaining(path: Floats, s: float) -> Floats:
+    """The path from an arc length [m] to its end, shape (m, 3)."""
+    beyond = arc_lengths(path) > s
+    beyond[-1] = True
+    return np.vstack((point_at(path, s), path[beyond]))
+
+
+def project(path: Floats, point: Floats) -> float:
+    """Arc length [m] of the path's point nearest to a point; the first of several."""
+    if len(path) == 1:
+        return 0.0
+    lengths, tangents = edge_lengths(path), edge_tangents(path)
+    along = np.clip(_dot(point - path[:-1], tangents), 0.0, lengths)  # (n - 1,)
+    offsets = point - path[:-1] - along[:, None] * tangents  # (n - 1, 3)
+    edge = int(np.argmin(_dot(offsets, offsets)))
+    return float(arc_lengths(path)[edge] + along[edge])
+
+
+def blend_corners(
+    space: FreeSpace, waypoints: Floats, blend_length: float, spacing: float = SPACING
+) -> Floats:
+    """Round each corner by a parabola and resample the path.
+
+    The quadratic Bezier curve from ``blend_length`` before a corner to as much after it has, of
+    the curves that stay within the corner's triangle, a low peak curvature: sin(a / 2) /
+    (d cos(a / 2)^2) for a turn by a and a length d. A blend that would touch a forbidden cell is
+    halved; if it still does at the last, the corner stays.
+
+    Args:
+        space: Where blends may run.
+        waypoints: Shape (n, 3) [m].
+        blend_length: Length cut from both edges of a corner, at most half of each [m].
+        spacing: Largest distance between points of the result [m].
+
+    Returns:
+        Shape (m, 3) [m], with the ends of ``waypoints``; free if they are, edge by edge.
+    """
+    blends = [
+        _blend(space, waypoints[n - 1 : n + 2], blend_length, spacing)
+        for n in range(1, len(waypoints) - 1)
+    ]
+    path = _join(space, [waypoints[:1], *blends, waypoints[-1:]], spacing)
+    # An edge cut short by its blends is rounded anew and can touch a cell that it just missed.
+    if not _all_free(space, path):
+        path = _join(space, [point[None, :] for point in waypoints], spacing)
+    return path
+
+
+def _join(space: FreeSpace, pieces: list[Floats], spacing: float) -> Floats:
+    """Pieces of a path joined by resampled straight edges, shape (m, 3)."""
+    joined = [pieces[0]]
+    for before, after in itertools.pairwise(pieces):
+        joined += [_resample_edge(space, before[-1], after[0], spacing), after[1:]]
+    return np.vstack(joined)
+
+
+def _blend(space: FreeSpace, corner: Floats, blend_length: float, spacing: float) -> Floats:
+    """Points of the largest free blend of a corner, shape (k, 3), or the corner itself."""
+    at = corner[1]
+    lengths, tangents = edge_lengths(corner), edge_tangents(corner)
+    length = min(blend_length, 0.5 * lengths[0], 0.5 * lengths[1])
+    for _ in range(BLEND_SHRINKINGS):
+        start, end = at - length * tangents[0], at + length * tangents[1]
+        edges = max(math.ceil(2.0 * length / spacing), LEAST_BLEND_EDGES)
+        t = np.linspace(0.0, 1.0, edges + 1)[:, None]
+        points: Floats = (1.0 - t) * (1.0 - t) * start + 2.0 * t * (1.0 - t) * at + t * t * end
+        if length > 0.0 and _all_free(space, points):
+            return points
+        length *= 0.5
+    return corner[1:2].copy()
+
+
+def _all_free(space: FreeSpace, path: Floats) -> bool:
+    return math.isfinite(space.path_cost(path, 0.0))
+
+
+def _resample_edge(space: FreeSpace, a: Floats, b: Floats, spacing: float) -> Floats:
+    """Points after ``a`` up to ``b``, at most ``spacing`` apart, shape (k, 3)."""
+    edges = max(math.ceil(edge_lengths(np.vstack((a, b)))[0] / spacing), 1)
+    t = np.linspace(0.0, 1.0, edges + 1)[1:, None]
+    points: Floats = a + t * (b - a)
+    points[-1] = b
+    # Rounded points can touch a cell that the edge itself just misses.
+    free = _all_free(space, np.vstack((a, points)))
+    return points if free else points[-1:].copy()
+
+
+def speed_limits(path: Floats, lateral_acceleration: float, yaw_rate: float) -> Floats:
+    """Largest speed at each point [m/s], shape (n,), that curvature allows; infinite at the ends.
+
+    Args:
+        path: Shape (n, 3) [m].
+        lateral_acceleration: v^2 * curvature stays below it [m/s^2].
+        yaw_rate: v * change of heading per length stays below it [rad/s].
+    """
+    limits = np.full(len(path), np.inf)
+    if len(path) < 3:
+        return limits
+    lengths, tangents = edge_lengths(path), edge_tangents(path)
+    around = 0.5 * (lengths[:-1] + lengths[1:])  # (n - 2,)
+    # The first and last edge may be what a cut left over: their bend belongs to a longer one.
+    around[0] = max(around[0], lengths[1])
+    around[-1] = max(around[-1], lengths[-2])
+    bend = edge_lengths(tangents)  # (n - 2,) change of the tangent
+    turn = np.abs(np.diff(edge_headings(tangents, 0.0)))  # (n - 2,) [rad]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        by_acceleration = np.sqrt(lateral_acceleration * around / bend)
+        by_yaw_rate = yaw_rate * around / turn
+    limits[1:-1] = np.fmin(np.fmin(by_acceleration, by_yaw_rate), np.inf)
+    return limits
+
+
+def first_stop(
+    path: Floats, s: float, angle: float = SHARP_ANGLE, window: float = SHARP_WINDOW
+) -> float:
+    """Arc length [m] of the first corner after ``s`` that is too sharp to take in motion.
+
+    A corner is too sharp if the path turns by more than ``angle`` [rad] within ``window`` [m];
+    its place is the sharpest turn of that window.
+
+    Returns:
+        The place of the corner, or of the path's end if there is none.
+    """
+    arcs, tangents = arc_lengths(path), edge_tangents(path)
+    if len(path) < 3:
+        return float(arcs[-1])
+    begins = arcs[:-1]
+    first = _edge_at(arcs, s)
+    turns = _dot(tangents[:-1], tangents[1:])  # (n - 2,) cosine at each inner point
+    for edge in range(first, len(tangents)):
+        leaves = arcs[edge + 1]  # the window opens where this edge ends
+        last = int(np.searchsorted(begins, leaves + window, side="right"))
+        if np.any(_dot(tangents[edge + 1 : last], tangents[edge]) < math.cos(angle)):
+            return float(arcs[edge + 1 + int(np.argmin(turns[edge : last - 1]))])
+    return float(arcs[-1])

@@ -1,0 +1,170 @@
+"""Jerk-limited motion along one axis, computed by ruckig and kept as pieces of constant jerk.
+
+Ruckig: Berscheid and Kroeger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target
+States", RSS 2021. Only its one-axis position and velocity interfaces are used.
+"""
+
+import bisect
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import ruckig
+
+from planners.kernels import Floats
+
+
+class State(NamedTuple):
+    """Position, velocity and acceleration along an axis."""
+
+    position: float
+    velocity: float
+    acceleration: float
+
+
+class AxisLimits(NamedTuple):
+    """Largest acceleration and jerk along an axis."""
+
+    acceleration: float
+    jerk: float
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Motion along an axis as pieces of constant jerk; at rest from ``duration`` on.
+
+    Attributes:
+        times: Beginning of each piece [s], ascending from 0.
+        states: State at each beginning.
+        jerks: Jerk over each piece.
+        duration: End of the last piece [s].
+        end: Position at rest after it.
+    """
+
+    times: tuple[float, ...]
+    states: tuple[State, ...]
+    jerks: tuple[float, ...]
+    duration: float
+    end: float
+
+    def at(self, time: float) -> State:
+        """State at a time [s]; the first before 0, at rest after the end."""
+        if time >= self.duration or not self.times:
+            return State(self.end, 0.0, 0.0)
+        piece = max(bisect.bisect_right(self.times, time) - 1, 0)
+        position, velocity, acceleration = self.states[piece]
+        jerk = self.jerks[piece]
+        t = max(time - self.times[piece], 0.0)
+        return State(
+            position + t * (velocity + t * (acceleration / 2.0 + t * jerk / 6.0)),
+            velocity + t * (acceleration + t * jerk / 2.0),
+            acceleration + t * jerk,
+        )
+
+    def positions(self, times: Floats) -> Floats:
+        """Positions at ascending times [s], shape (n,)."""
+        if not self.times:
+            return np.full(len(times), self.end)
+        piece = np.maximum(np.searchsorted(self.times, times, side="right") - 1, 0)
+        position, velocity, acceleration = np.array(self.states)[piece].T
+        jerk = np.array(self.jerks)[piece]
+        t = times - np.array(self.times)[piece]
+        moving = position + t * (velocity + t * (acceleration / 2.0 + t * jerk / 6.0))
+        return np.where(times >= self.duration, self.end, moving)
+
+
+def at_rest(position: float) -> Profile:
+    """The profile of something that does not move."""
+    return Profile((), (), (), 0.0, position)
+
+
+def ramped(positions: Floats, step: float) -> Profile:
+    """The profile through positions one time step [s] apart, shape (n,), straight in between."""
+    rates = np.diff(positions) / step  # (n - 1,)
+    begins = np.flatnonzero(np.diff(rates, prepend=np.nan) != 0.0)  # equal rates are one piece
+    return Profile(
+        tuple((step * begins).tolist()),
+        tuple(
+            State(position, rate, 0.0)
+            for position, rate in zip(
+                positions[begins].tolist(), rates[begins].tolist(), strict=True
+            )
+        ),
+        (0.0,) * len(begins),
+        step * len(rates),
+        float(positions[-1]),
+    )
+
+
+class Leg(NamedTuple):
+    """One call of ruckig: pieces of constant jerk, and the state that they lead to."""
+
+    durations: list[float]
+    states: list[State]
+    jerks: list[float]
+    end: State
+
+
+def solve(start: State, target: State, speed: float | None, limits: AxisLimits) -> Leg:
+    """Fastest motion to a target state, or with no ``speed`` limit just to its velocity."""
+    wanted = ruckig.InputParameter(1)
+    wanted.current_position = [start.position]
+    wanted.current_velocity = [start.velocity]
+    wanted.current_acceleration = [start.acceleration]
+    wanted.target_position = [target.position]
+    wanted.target_velocity = [target.velocity]
+    wanted.target_acceleration = [target.acceleration]
+    wanted.max_acceleration = [limits.acceleration]
+    wanted.max_jerk = [limits.jerk]
+    if speed is None:
+        wanted.control_interface = ruckig.ControlInterface.Velocity
+    else:
+        wanted.max_velocity = [speed]
+    found = ruckig.Trajectory(1)
+    result = ruckig.Ruckig(1).calculate(wanted, found)
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise RuntimeError(f"ruckig: {result} from {start} to {target}, speed {speed}, {limits}")
+    steps = found.profiles[0][0]
+    brake = steps.brake
+    pieces = [
+        *zip(brake.t, brake.p, brake.v, brake.a, brake.j, strict=True),
+        *zip(steps.t, steps.p, steps.v, steps.a, steps.j, strict=False),
+    ]
+    used = [piece for piece in pieces if piece[0] > 0.0]
+    end = State(steps.p[-1] if speed is None else target.position, target.velocity, 0.0)
+    return Leg(
+        [t for t, *_ in used],
+        [State(p, v, a) for _, p, v, a, _ in used],
+        [j for *_, j in used],
+        end,
+    )
+
+
+def change_speed(start: State, velocity: float, limits: AxisLimits) -> Leg:
+    """Fastest change to a velocity held without acceleration."""
+    return solve(start, State(0.0, velocity, 0.0), None, limits)
+
+
+def join(legs: Sequence[Leg]) -> Profile:
+    """One profile of motions that follow each other and end at rest."""
+    durations = [duration for leg in legs for duration in leg.durations]
+    times = list(itertools.accumulate(durations, initial=0.0))
+    return Profile(
+        tuple(times[:-1]),
+        tuple(state for leg in legs for state in leg.states),
+        tuple(jerk for leg in legs for jerk in leg.jerks),
+        times[-1],
+        legs[-1].end.position,
+    )
+
+
+def stop(start: State, limits: AxisLimits) -> Profile:
+    """Fastest stop, wherever it ends."""
+    return join([change_speed(start, 0.0, limits)])
+
+
+def move(start: State, target: float, speed: float, limits: AxisLimits) -> Profile:
+    """Fastest motion to rest at a position."""
+    return join([solve(start, State(target, 0.0, 0.0), speed, limits)])

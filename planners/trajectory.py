@@ -1,0 +1,276 @@
+"""Trajectories: a path, a jerk-limited profile along it that ends at rest, and a heading."""
+
+import bisect
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from planners import profile
+from planners.headings import edge_headings, turn_after, wrap
+from planners.kernels import Floats
+from planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits
+from planners.profile import AxisLimits, Profile, State
+from planners.zones import LEAST_ZONE, Zone, travel
+
+HEADING_STEP = 0.01  # [s], of headings that follow a path
+# Below it a limit is not a speed to travel at: a profile would take hours.
+LEAST_SPEED = 0.02  # [m/s]
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """What a robot can follow.
+
+    Attributes:
+        speed: Along the path [m/s].
+        acceleration: Along the path, in either direction [m/s^2].
+        jerk: Along the path [m/s^3].
+        lateral_acceleration: Speed squared times curvature [m/s^2].
+        yaw_rate: [rad/s].
+
+    Raises:
+        ValueError: If a limit is not above 0 and finite.
+    """
+
+    speed: float
+    acceleration: float
+    jerk: float
+    lateral_acceleration: float
+    yaw_rate: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"limits.{name}: got {value}, expected above 0, finite")
+
+    @property
+    def along(self) -> AxisLimits:
+        """Limits along the path."""
+        return AxisLimits(self.acceleration, self.jerk)
+
+    @property
+    def yaw(self) -> AxisLimits:
+        """Limits of a turn in place: full rate in the time that full speed takes."""
+        share = self.yaw_rate / self.speed
+        return AxisLimits(self.acceleration * share, self.jerk * share)
+
+
+class TrajectorySample(NamedTuple):
+    """Where a trajectory is at one time; world frame."""
+
+    position: Floats  # (3,) [m]
+    velocity: Floats  # (3,) [m/s]
+    speed: float  # along the path [m/s]
+    acceleration: float  # along the path [m/s^2]
+    arc_length: float  # along the path [m]
+    heading: float  # [rad], without jumps by full turns
+    yaw_rate: float  # [rad/s]
+    at_rest: bool
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A path and how position and heading move along it; ends at rest.
+
+    Attributes:
+        start_ns: Simulated time at which it begins.
+        path: Shape (m, 3) [m], world frame.
+        motion: Arc length along the path over time [m].
+        turning: Heading over time [rad].
+        overshoot_m: How far the stop lies beyond the end of the path that was asked for; ``path``
+            is longer by that, straight on.
+    """
+
+    start_ns: int
+    path: Floats
+    motion: Profile
+    turning: Profile
+    overshoot_m: float = 0.0
+
+    @property
+    def duration_s(self) -> float:
+        """Time until position and heading are at rest [s]."""
+        return max(self.motion.duration, self.turning.duration)
+
+    @property
+    def stop_point(self) -> Floats:
+        """Where it comes to rest [m], shape (3,)."""
+        return self._locate(self.motion.end)[0]
+
+    def at(self, time_ns: int) -> TrajectorySample:
+        """Sample at a simulated time; the beginning before it, at rest after the end."""
+        time = (time_ns - self.start_ns) * 1e-9
+        arc_length, speed, acceleration = self.motion.at(time)
+        heading, yaw_rate, _ = self.turning.at(time)
+        position, tangent = self._locate(arc_length)
+        return TrajectorySample(
+            position,
+            speed * tangent,
+            speed,
+            acceleration,
+            arc_length,
+            heading,
+            yaw_rate,
+            time >= self.duration_s or self.duration_s == 0.0,
+        )
+
+    @cached_property
+    def _arcs(self) -> list[float]:
+        arcs: list[float] = arc_lengths(self.path).tolist()
+        return arcs
+
+    @cached_property
+    def _tangents(self) -> Floats:
+        return edge_tangents(self.path) if len(self.path) > 1 else np.zeros((1, 3))
+
+    def _locate(self, arc_length: float) -> tuple[Floats, Floats]:
+        """Point and unit tangent at an arc length, each shape (3,)."""
+        edge = bisect.bisect_right(self._arcs, arc_length, 1, max(len(self._arcs) - 1, 1)) - 1
+        tangent = self._tangents[edge]
+        along = min(max(arc_length, 0.0), self._arcs[-1]) - self._arcs[edge]
+        return self.path[edge] + along * tangent, tangent
+
+
+def follow_path(
+    path: Floats,
+    start_ns: int,
+    s: float,
+    speed: float,
+    acceleration: float,
+    heading: float,
+    limits: MotionLimits,
+    speed_cap: float,
+) -> Trajectory:
+    """Fastest trajectory from a state on a path to rest at the path's end.
+
+    The whole of it obeys the limits of speed and curvature, except while it still slows down from
+    a state that did not. If the path is too short to stop, it is the fastest stop, beyond the end.
+    The heading follows the path as fast as ``limits.yaw_rate`` lets it.
+
+    Args:
+        path: Shape (m, 3) [m], world frame.
+        start_ns: Simulated time of the state.
+        s: Arc length of the state [m].
+        speed: Along the path [m/s], 0 or more.
+        acceleration: Along the path [m/s^2].
+        heading: [rad].
+        limits: What the robot can follow.
+        speed_cap: A further limit of the speed [m/s]; at or below 2 cm/s the robot stops.
+
+    Returns:
+        A trajectory whose arc lengths are those of ``path``.
+
+    Raises:
+        ValueError: If the path is not (m, 3) or the speed is negative.
+    """
+    start = _start_state(path, s, speed, acceleration, limits)
+    length = float(arc_lengths(path)[-1]) - start.position
+    cap = min(limits.speed, speed_cap)
+    motion = None
+    if cap > LEAST_SPEED and length > LEAST_ZONE:
+        motion = travel(start, _zones(path, start.position, cap, limits), limits.along)
+    if motion is None:
+        motion = profile.stop(start, limits.along)
+    return _along(path, start_ns, motion, heading, limits)
+
+
+def stop_along(
+    path: Floats,
+    start_ns: int,
+    s: float,
+    speed: float,
+    acceleration: float,
+    heading: float,
+    limits: MotionLimits,
+) -> Trajectory:
+    """Fastest jerk-limited stop along a path, straight on beyond its end.
+
+    Stopping along the path in one axis keeps the robot on it: axes that stop on their own bend the
+    way. Arguments as in ``follow_path``.
+    """
+    start = _start_state(path, s, speed, acceleration, limits)
+    return _along(path, start_ns, profile.stop(start, limits.along), heading, limits)
+
+
+def turn_in_place(
+    position: Floats, start_ns: int, heading: float, target_heading: float, limits: MotionLimits
+) -> Trajectory:
+    """Turn at rest to a heading [rad], the shorter way round."""
+    target = heading + float(wrap(target_heading - heading))
+    turning = profile.move(State(heading, 0.0, 0.0), target, limits.yaw_rate, limits.yaw)
+    return Trajectory(start_ns, _single(position), profile.at_rest(0.0), turning)
+
+
+def hold(position: Floats, start_ns: int, heading: float) -> Trajectory:
+    """Stay where it is."""
+    return Trajectory(start_ns, _single(position), profile.at_rest(0.0), profile.at_rest(heading))
+
+
+def stopping_distance(speed: float, acceleration: float, limits: MotionLimits) -> float:
+    """Length of the fastest jerk-limited stop [m]."""
+    start = _feasible(0.0, speed, acceleration, limits)
+    return profile.stop(start, limits.along).end
+
+
+def _single(position: Floats) -> Floats:
+    return np.array(position, dtype=np.float64).reshape(1, 3)
+
+
+def _start_state(
+    path: Floats, s: float, speed: float, acceleration: float, limits: MotionLimits
+) -> State:
+    if path.ndim != 2 or path.shape[1] != 3 or len(path) == 0:
+        raise ValueError(f"path: got shape {path.shape}, expected (m, 3) with m of 1 or more")
+    total = float(arc_lengths(path)[-1])
+    return _feasible(min(max(s, 0.0), total), speed, acceleration, limits)
+
+
+def _feasible(s: float, speed: float, acceleration: float, limits: MotionLimits) -> State:
+    """A state whose deceleration can end before the speed would turn negative."""
+    if not speed >= 0.0:
+        raise ValueError(f"speed: got {speed}, expected 0 or more")
+    return State(s, speed, max(acceleration, -math.sqrt(2.0 * limits.jerk * speed)))
+
+
+def _zones(path: Floats, s: float, cap: float, limits: MotionLimits) -> list[Zone]:
+    """The rest of a path cut where its curvature begins or ceases to limit the speed."""
+    arcs = arc_lengths(path)
+    allowed = speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
+    slow = allowed < cap
+    changes = np.flatnonzero(slow[1:] != slow[:-1])  # between these points and the next
+    borders = [0.0, *(0.5 * (arcs[changes] + arcs[changes + 1])).tolist(), float(arcs[-1])]
+    runs = np.split(np.maximum(np.minimum(allowed, cap), LEAST_SPEED), changes + 1)
+    zones = []
+    for begin, end, run in zip(borders[:-1], borders[1:], runs, strict=True):
+        if end - max(begin, s) > LEAST_ZONE:
+            zones.append(Zone(end - max(begin, s), float(np.min(run))))
+    return zones
+
+
+def _along(
+    path: Floats, start_ns: int, motion: Profile, heading: float, limits: MotionLimits
+) -> Trajectory:
+    """A profile on its path, with the heading that follows the path's."""
+    overshoot = motion.end - float(arc_lengths(path)[-1])
+    if overshoot <= LEAST_ZONE:
+        overshoot = 0.0
+    elif len(path) > 1:
+        path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))
+    turning = _turning(path, motion, heading, limits)
+    return Trajectory(start_ns, path, motion, turning, overshoot)
+
+
+def _turning(path: Floats, motion: Profile, heading: float, limits: MotionLimits) -> Profile:
+    """Heading while moving: after the path's own heading, blended between middles of edges."""
+    steps = math.floor(motion.duration / HEADING_STEP)  # the last, cut one is next to rest
+    if steps == 0 or len(path) == 1:
+        return profile.at_rest(heading)
+    middles = arc_lengths(path)[:-1] + 0.5 * edge_lengths(path)
+    headings = edge_headings(edge_tangents(path), heading)
+    times = HEADING_STEP * np.arange(1.0, steps + 1.0)
+    targets = np.interp(motion.positions(times), middles, headings)
+    followed = turn_after(targets, heading, limits.yaw_rate * HEADING_STEP)
+    return profile.ramped(followed, HEADING_STEP)

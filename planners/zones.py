@@ -1,0 +1,146 @@
+"""The fastest jerk-limited motion through stretches of a path that each have a speed limit."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from planners.profile import AxisLimits, Leg, Profile, State, change_speed, join, solve
+
+# Lengths are cut by this before speeds are fitted into them, so that rounding never asks ruckig
+# for a speed that is just out of reach [m].
+SLACK = 1e-7
+# Shorter zones are what rounding leaves over [m].
+LEAST_ZONE = 1e-6
+BISECTIONS = 30
+
+
+class Zone(NamedTuple):
+    """A stretch of a path with one speed limit."""
+
+    length: float
+    speed: float
+
+
+def travel(start: State, zones: Sequence[Zone], limits: AxisLimits) -> Profile | None:
+    """Fastest motion through zones of limited speed to rest at the end of the last.
+
+    Zones are left at speeds, without acceleration, that a pass from the end and one from the start
+    make reachable (Bobrow, Dubowsky, Gibson, "Time-Optimal Control of Robotic Manipulators Along
+    Specified Paths", IJRR 1985, with jerk). A state that is too fast for that is calmed first.
+
+    Args:
+        start: Where the first zone begins, its velocity 0 or more.
+        zones: In order; all limits above 0.
+        limits: Of acceleration and jerk.
+
+    Returns:
+        The profile, or None if not even a stop fits into the zones.
+    """
+    if max(start.velocity, settled_velocity(start, limits)) <= zones[0].speed:
+        legs = _cross(start, zones, limits)
+        if legs is not None:
+            return join(legs)
+    calm = _calm_speed(start, zones, limits)
+    for share in (1.0, 0.5, 0.25, 0.0):
+        calming = change_speed(start, share * calm, limits)
+        rest = _cut(zones, calming.end.position - start.position)
+        legs = _cross(calming.end, rest, limits) if rest else None
+        if legs is not None:
+            return join([calming, *legs])
+    return None
+
+
+def _cross(start: State, zones: Sequence[Zone], limits: AxisLimits) -> list[Leg] | None:
+    """One leg for each zone, or None if the first cannot be left as the next demands."""
+    leaving = [0.0]  # speeds from the last zone to the first
+    for before, zone in reversed(list(itertools.pairwise(zones))):
+        reachable = fastest_within(leaving[-1], zone.length, limits)
+        leaving.append(min(before.speed, zone.speed, reachable))
+    leaving.reverse()
+    first = _first_leaving(start, zones[0].length, leaving[0], limits)
+    if first is None:
+        return None
+    legs: list[Leg] = []
+    begin, speed = start, first
+    for zone, wanted in zip(zones, leaving, strict=True):
+        if legs:
+            begin = legs[-1].end
+            speed = min(wanted, fastest_within(begin.velocity, zone.length, limits))
+        target = State(begin.position + zone.length, speed, 0.0)
+        # Rounding must not leave a speed above the limit that ruckig is given.
+        limit = max(zone.speed, speed, begin.velocity, settled_velocity(begin, limits))
+        legs.append(solve(begin, target, limit, limits))
+    return legs
+
+
+def _first_leaving(start: State, length: float, speed: float, limits: AxisLimits) -> float | None:
+    """Largest speed up to ``speed`` that can be held after ``length``; None if it is too short."""
+
+    def covered(velocity: float) -> float:
+        return change_speed(start, velocity, limits).end.position - start.position
+
+    room = length - SLACK
+    if covered(speed) <= room:
+        return speed
+    low, high = settled_velocity(start, limits), speed
+    if high <= low or covered(low) > room:
+        return None
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if covered(middle) <= room else (low, middle)
+    return low
+
+
+def _calm_speed(start: State, zones: Sequence[Zone], limits: AxisLimits) -> float:
+    """Speed at which the acceleration can end soonest, within the limits of zones met meanwhile."""
+    speed = settled_velocity(start, limits)
+    begin = 0.0
+    for zone in zones:
+        if change_speed(start, speed, limits).end.position - start.position < begin:
+            break
+        speed = min(speed, zone.speed)
+        begin += zone.length
+    return speed
+
+
+def _cut(zones: Sequence[Zone], distance: float) -> list[Zone]:
+    """What is left of zones after a distance."""
+    rest = []
+    for zone in zones:
+        left = zone.length - max(distance, 0.0)
+        distance -= zone.length
+        if left > LEAST_ZONE:
+            rest.append(Zone(min(left, zone.length), zone.speed))
+    return rest
+
+
+def settled_velocity(state: State, limits: AxisLimits) -> float:
+    """Velocity once the acceleration has been taken back to 0 as fast as possible."""
+    return state.velocity + 0.5 * state.acceleration * abs(state.acceleration) / limits.jerk
+
+
+def speed_change_distance(a: float, b: float, limits: AxisLimits) -> float:
+    """Least distance for a change between two speeds held without acceleration.
+
+    The acceleration rises and falls symmetrically, so the mean speed is (a + b) / 2.
+    """
+    change = abs(b - a)
+    if change * limits.jerk >= limits.acceleration * limits.acceleration:
+        duration = change / limits.acceleration + limits.acceleration / limits.jerk
+    else:
+        duration = 2.0 * math.sqrt(change / limits.jerk)
+    return 0.5 * (a + b) * duration
+
+
+def fastest_within(speed: float, length: float, limits: AxisLimits) -> float:
+    """Largest speed from which ``speed``, or to which one from it, can change within a length."""
+    room = max(length - SLACK, 0.0)
+    low, high = speed, speed + math.sqrt(2.0 * limits.acceleration * room)  # without jerk limit
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if speed_change_distance(speed, middle, limits) <= room:
+            low = middle
+        else:
+            high = middle
+    return low

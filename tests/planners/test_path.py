@@ -1,0 +1,125 @@
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from planners import (
+    arc_lengths,
+    blend_corners,
+    first_stop,
+    point_at,
+    project,
+    remaining,
+    speed_limits,
+    tangent_at,
+    truncate,
+)
+from tests.planners.worlds import make_space, point
+
+ELL = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.0, 4.0, 1.0]])
+
+
+def test_an_ell_by_hand():
+    assert arc_lengths(ELL).tolist() == [0.0, 3.0, 7.0]
+    assert point_at(ELL, 5.0).tolist() == [3.0, 2.0, 1.0]
+    assert point_at(ELL, -1.0).tolist() == ELL[0].tolist()
+    assert point_at(ELL, 9.0).tolist() == ELL[2].tolist()
+    assert tangent_at(ELL, 2.9).tolist() == [1.0, 0.0, 0.0]
+    assert tangent_at(ELL, 3.0).tolist() == [0.0, 1.0, 0.0]
+    assert tangent_at(ELL, 7.0).tolist() == [0.0, 1.0, 0.0]
+    assert truncate(ELL, 5.0).tolist() == [[0, 0, 1], [3, 0, 1], [3, 2, 1]]
+    assert truncate(ELL, 0.0).tolist() == [[0, 0, 1], [0, 0, 1]]
+    assert remaining(ELL, 5.0).tolist() == [[3, 2, 1], [3, 4, 1]]
+    assert remaining(ELL, 8.0).tolist() == [[3, 4, 1], [3, 4, 1]]
+    assert project(ELL, np.array([1.0, 0.5, 1.0])) == 1.0
+    assert project(ELL, np.array([9.0, 3.0, 0.0])) == 6.0
+    assert project(ELL, np.array([-1.0, -1.0, 1.0])) == 0.0
+
+
+def test_paths_without_length_have_a_place_but_no_direction():
+    for path in (ELL[:1], ELL[[0, 0]]):
+        assert arc_lengths(path)[-1] == 0.0
+        assert point_at(path, 1.0).tolist() == ELL[0].tolist()
+        assert tangent_at(path, 0.0).tolist() == [0.0, 0.0, 0.0]
+        assert project(path, ELL[2]) == 0.0
+        assert first_stop(path, 0.0) == 0.0
+
+
+def test_repeated_points_take_the_next_direction():
+    path = ELL[[0, 1, 1, 2, 2]]
+    assert tangent_at(path, 3.0).tolist() == [0.0, 1.0, 0.0]
+    assert tangent_at(path, 7.0).tolist() == [0.0, 1.0, 0.0]
+
+
+def test_blends_never_leave_free_space():
+    blended = 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        space = make_space(rng.random((50, 50, 1)) < 0.004)
+        cells = rng.uniform(2.0, 48.0, size=(400, 2))
+        waypoints = [point(space, 25.5, 25.5)]
+        for x, y in cells:
+            candidate = point(space, x, y)
+            if space.is_free(waypoints[0]) and space.edge_free(waypoints[-1], candidate):
+                waypoints.append(candidate)
+        waypoints = np.array(waypoints[:12])
+        path = blend_corners(space, waypoints, blend_length=1.0)
+        assert np.array_equal(path[[0, -1]], waypoints[[0, -1]])
+        if len(waypoints) > 2:
+            assert all(space.edge_free(a, b) for a, b in itertools.pairwise(path))
+            assert np.diff(arc_lengths(path)).max() <= 0.05 + 1e-12
+            blended += arc_lengths(path)[-1] < arc_lengths(waypoints)[-1] - 0.1
+    assert blended > 15
+
+
+def test_a_blocked_blend_shrinks_and_at_last_leaves_the_corner():
+    blocked = np.zeros((40, 40, 1), dtype=bool)
+    blocked[17, 22] = True  # inside the corner, 2 cells from both edges: forbidden up to 2 cells
+    space = make_space(blocked)
+    free = make_space(np.zeros((40, 40, 1), dtype=bool))
+    corner = np.array([point(space, 5.5, 19.5), point(space, 20.5, 19.5), point(space, 20.5, 35.5)])
+    nearest = [
+        np.linalg.norm(blend_corners(s, corner, 1.0) - corner[1], axis=1).min()
+        for s in (free, space)
+    ]
+    # A parabola passes its corner at half the distance from the corner to its chord: d / sqrt(8).
+    assert nearest[0] == pytest.approx(0.75 / math.sqrt(8.0), abs=1e-3)
+    assert 0.02 < nearest[1] < nearest[0] / 2.0  # smaller, but not the bare corner
+
+
+def test_blends_have_the_curvature_of_their_parabola(room):
+    corner = np.array([point(room, 50, 50), point(room, 100, 50), point(room, 100, 100)])
+    path = blend_corners(room, corner, blend_length=1.0, spacing=0.01)
+    curvature = math.sin(math.pi / 4) / math.cos(math.pi / 4) ** 2  # of a quarter turn, d = 1
+    limits = speed_limits(path, lateral_acceleration=0.5, yaw_rate=100.0)
+    assert limits.min() == pytest.approx(math.sqrt(0.5 / curvature), rel=1e-3)
+    by_yaw_rate = speed_limits(path, lateral_acceleration=1e9, yaw_rate=0.5)
+    assert by_yaw_rate.min() == pytest.approx(0.5 / curvature, rel=1e-3)
+
+
+def test_a_circle_is_taken_at_the_speed_of_its_radius():
+    angle = np.linspace(0.0, 2.0, 81)
+    circle = np.stack([2.0 * np.cos(angle), 2.0 * np.sin(angle), 0.0 * angle], axis=1)
+    limits = speed_limits(circle, lateral_acceleration=2.0, yaw_rate=100.0)
+    assert limits[1:-1] == pytest.approx(np.full(79, 2.0), rel=1e-3)  # sqrt(2 * 2)
+    assert limits[[0, -1]].tolist() == [math.inf, math.inf]
+    cut = speed_limits(remaining(circle, 0.0999), lateral_acceleration=2.0, yaw_rate=100.0)
+    assert cut.min() > 1.9  # the short edge that a cut leaves is no sharp bend
+    straight = speed_limits(ELL[:2], lateral_acceleration=2.0, yaw_rate=1.0)
+    assert straight.tolist() == [math.inf, math.inf]
+
+
+def test_the_first_stop_is_the_first_sharp_corner(room):
+    assert first_stop(ELL, 0.0) == 3.0
+    assert first_stop(ELL, 3.0) == 7.0
+    slight = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [4.0, 1.0, 0.0]])
+    assert first_stop(slight, 0.0) == arc_lengths(slight)[-1]
+    assert first_stop(slight, 0.0, angle=0.4) == 2.0
+    two_steps = np.array([[0, 0, 0], [1, 0, 0], [1.1, 0.1, 0], [1.12, 2.0, 0]], dtype=float)
+    assert first_stop(two_steps, 0.0) == pytest.approx(1.0)
+    climb = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 2.0]])
+    assert first_stop(climb, 0.0) == 2.0
+    corner = np.array([point(room, 50, 50), point(room, 100, 50), point(room, 100, 100)])
+    smooth = blend_corners(room, corner, blend_length=1.0)
+    assert first_stop(smooth, 0.0) == arc_lengths(smooth)[-1]

@@ -1,0 +1,152 @@
+import hashlib
+import itertools
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from planners import PLANNERS, PlannerConfig, plan, plan_seed
+from tests.planners.worlds import make_space, point
+
+ITERATIONS = 2000
+
+
+def config(name: str) -> PlannerConfig:
+    return PlannerConfig(name=name, iterations=ITERATIONS, restarts=2, shortcuts=60)
+
+
+def queries(maze, boxes):
+    """(space, start, goal) across the maze and past the boxes."""
+    return (
+        (maze, point(maze, 5.5, 5.5), point(maze, 55.5, 35.5)),
+        (boxes, point(boxes, 4.5, 20.5, 12.5), point(boxes, 55.5, 20.5, 12.5)),
+    )
+
+
+def run_job(worlds, job: str) -> str:
+    """Digest of the plan of one job "name:world:seed"."""
+    name, world, seed = job.split(":")
+    found = plan(*worlds[int(world)], config(name), int(seed))
+    return hashlib.sha256(found.waypoints.tobytes() + np.float64(found.cost).tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_paths_are_free_edge_by_edge_and_joined_at_both_ends(name, maze, boxes):
+    for space, start, goal in queries(maze, boxes):
+        found = plan(space, start, goal, config(name), seed=7)
+        assert found.label == "none"
+        assert np.array_equal(found.waypoints[[0, -1]], [start, goal])
+        assert all(space.edge_free(a, b) for a, b in itertools.pairwise(found.waypoints))
+        edges = np.linalg.norm(np.diff(found.waypoints, axis=0), axis=1)
+        assert found.length == pytest.approx(edges.sum())
+        assert found.length >= math.dist(start, goal)
+        assert found.cost == space.path_cost(found.waypoints)
+        assert found.least_clearance == space.least_clearance(found.waypoints)
+        assert found.least_clearance > 0.2  # the threshold: 2 cells of 0.1 m
+        assert 1 <= found.iterations <= ITERATIONS
+
+
+SCRIPT = """
+import runpy, sys
+from tests.planners.worlds import make_boxes, make_maze
+test = runpy.run_path("tests/planners/test_plan.py")
+worlds = test["queries"](make_maze(), make_boxes())
+for job in reversed(sys.argv[1:]):
+    print(job, test["run_job"](worlds, job))
+"""
+
+
+def test_a_plan_is_the_same_in_any_order_and_process(maze, boxes, pytestconfig):
+    jobs = [f"{name}:{world}:{seed}" for name in PLANNERS for world in (0, 1) for seed in (3, 4)]
+    worlds = queries(maze, boxes)
+
+    here = {job: run_job(worlds, job) for job in jobs}
+    shuffled = np.random.default_rng(0).permutation(jobs).tolist()
+    assert {job: run_job(worlds, job) for job in shuffled} == here
+    command = [sys.executable, "-c", SCRIPT, *jobs]
+    output = subprocess.run(
+        command, cwd=pytestconfig.rootpath, capture_output=True, text=True, check=True
+    ).stdout
+    assert dict(line.split() for line in output.splitlines()) == here
+    assert len(set(here.values())) == len(jobs)  # another seed is another path
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_an_unreachable_goal_ends_within_the_budget(name):
+    blocked = np.zeros((40, 40, 1), dtype=bool)
+    blocked[20] = True
+    space = make_space(blocked)
+    found = plan(space, point(space, 5.5, 5.5), point(space, 35.5, 5.5), config(name), seed=1)
+    assert (found.label, found.waypoints) == ("no_path", None)
+    assert found.cost == found.length == math.inf
+    assert 1 <= found.iterations <= ITERATIONS
+
+
+def test_blocked_ends_are_told_apart(maze):
+    free, wall = point(maze, 5.5, 5.5), point(maze, 20.5, 5.5)
+    far_above = point(maze, 5.5, 5.5, 90.0)
+    assert plan(maze, wall, free, PlannerConfig(), seed=1).label == "start_blocked"
+    assert plan(maze, free, wall, PlannerConfig(), seed=1).label == "goal_blocked"
+    assert plan(maze, free, far_above, PlannerConfig(), seed=1).label == "goal_blocked"
+
+
+def test_a_start_at_the_goal_is_a_plan(maze):
+    here = point(maze, 5.5, 5.5)
+    found = plan(maze, here, here, PlannerConfig(), seed=1)
+    assert (found.label, found.length, found.cost) == ("none", 0.0, 0.0)
+
+
+def test_the_clearance_weight_buys_distance_with_length(maze):
+    start, goal = point(maze, 5.5, 5.5), point(maze, 55.5, 35.5)
+    short = plan(maze, start, goal, PlannerConfig(clearance_weight=0.0), seed=2)
+    clear = plan(maze, start, goal, PlannerConfig(clearance_weight=5.0), seed=2)
+    assert short.cost == pytest.approx(short.length)
+    assert clear.length > short.length
+    assert clear.least_clearance > short.least_clearance
+    assert maze.path_cost(clear.waypoints, 5.0) < maze.path_cost(short.waypoints, 5.0)
+
+
+def test_more_restarts_never_cost_more(maze):
+    start, goal = point(maze, 5.5, 5.5), point(maze, 55.5, 35.5)
+    costs = [
+        plan(maze, start, goal, PlannerConfig(iterations=20_000, restarts=n), seed=5).cost
+        for n in (1, 2, 4, 8)
+    ]
+    assert costs == sorted(costs, reverse=True)
+    assert costs[-1] < costs[0]
+
+
+def test_seeds_are_named_draws():
+    assert plan_seed(1, "plan", 2) == plan_seed(1, "plan", 2)
+    seeds = {plan_seed(e, s, n) for e in range(9) for s in ("plan", "explore") for n in range(50)}
+    assert len(seeds) == 9 * 2 * 50
+    assert min(seeds) >= 1
+    assert max(seeds) < 2**31
+    # BLAKE2b, 8 bytes of "7/plan/0", little-endian, modulo 2^31 - 1, plus 1
+    expected = hashlib.blake2b(b"7/plan/0", digest_size=8).digest()
+    assert plan_seed(7, "plan", 0) == int.from_bytes(expected, "little") % (2**31 - 1) + 1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"name": "rtt"}, r"planner\.name: got 'rtt', expected one of rrtconnect, "),
+        ({"iterations": 0}, r"planner\.iterations: got 0, expected 1 or more"),
+        ({"restarts": 0}, r"planner\.restarts: got 0, expected 1 or more"),
+        ({"shortcuts": -1}, r"planner\.shortcuts: got -1, expected 0 or more"),
+        ({"clearance_weight": math.nan}, r"planner\.clearance_weight: got nan"),
+        ({"keep_ratio": 0.0}, r"planner\.keep_ratio: got 0\.0, expected in \(0, 1\]"),
+    ],
+)
+def test_wrong_configs_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        PlannerConfig(**wrong)
+
+
+def test_a_path_is_replaced_only_by_a_clearly_cheaper_one():
+    assert PlannerConfig(keep_ratio=0.9).replaces(8.9, 10.0)
+    assert not PlannerConfig(keep_ratio=0.9).replaces(9.1, 10.0)
+    assert PlannerConfig().replaces(1e6, math.inf)
+    assert not PlannerConfig().replaces(math.inf, math.inf)

@@ -1,0 +1,220 @@
+import itertools
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from planners import FreeSpace, kernels, point_at
+
+SUBCELLS = kernels.SUBCELLS
+
+
+def random_space(seed: int, shape: tuple[int, int, int], share: float = 0.1) -> FreeSpace:
+    """Every cell's field is drawn: 0 (forbidden at threshold 0) or a squared distance up to 9."""
+    rng = np.random.default_rng(seed)
+    field = rng.integers(1, 10, size=shape).astype(np.uint16)
+    field[rng.random(shape) < share] = 0
+    return FreeSpace(field, np.array([0.5, -0.25, 2.0]), 0.25, 0, 1.0 / np.arange(1.0, 11.0))
+
+
+def random_points(rng: np.random.Generator, space: FreeSpace, count: int) -> np.ndarray:
+    """Points inside the grid and a little around it; some on faces, edges and corners of cells."""
+    cells = rng.uniform(-0.5, np.array(space.field.shape) + 0.5, size=(count, 3))
+    on_face = rng.random((count, 3)) < 0.3
+    return space.origin + space.resolution * np.where(on_face, np.rint(cells), cells)
+
+
+def touched_cells(space: FreeSpace, a: np.ndarray, b: np.ndarray) -> dict[tuple, tuple]:
+    """Every half-open cell on the segment, and those around a crossing, with their time span.
+
+    Written with rationals: the segment is cut at all its crossings of cell faces.
+    """
+    start, end = (
+        [Fraction(math.floor((x - low) / space.resolution * SUBCELLS), SUBCELLS) for x, low in
+         zip(p, space.origin, strict=True)]
+        for p in (a, b)
+    )  # fmt: skip
+    times = {Fraction(0), Fraction(1)}
+    for p, q in zip(start, end, strict=True):
+        low, high = sorted((p, q))
+        if p != q:
+            faces = range(math.ceil(low), math.floor(high) + 1)
+            times |= {(face - p) / (q - p) for face in faces}
+    times = sorted(times)
+    at = {t: [p + t * (q - p) for p, q in zip(start, end, strict=True)] for t in times}
+    spans: dict[tuple, tuple] = {}
+    for t in times:  # the points where faces are crossed, with all the cells that meet there
+        before = after = tuple(math.floor(x) for x in at[t])
+        index = times.index(t)
+        if index > 0:
+            before = cell_of_middle(at[times[index - 1]], at[t])
+        if index + 1 < len(times):
+            after = cell_of_middle(at[t], at[times[index + 1]])
+        here = tuple(math.floor(x) for x in at[t])
+        for cell in {here, *itertools.product(*(sorted({p, q, r}) for p, q, r in
+                     zip(before, here, after, strict=True)))}:  # fmt: skip
+            spans.setdefault(cell, (t, t))
+    for t, u in itertools.pairwise(times):
+        cell = cell_of_middle(at[t], at[u])
+        spans[cell] = (min(t, spans[cell][0]), u) if cell in spans else (t, u)
+    return spans
+
+
+def cell_of_middle(p: list[Fraction], q: list[Fraction]) -> tuple[int, ...]:
+    return tuple(math.floor((x + y) / 2) for x, y in zip(p, q, strict=True))
+
+
+def field_value(space: FreeSpace, cell: tuple[int, ...]) -> int:
+    inside = all(0 <= index < size for index, size in zip(cell, space.field.shape, strict=True))
+    return int(space.field[cell]) if inside else -1
+
+
+def naive_walk(space: FreeSpace, a: np.ndarray, b: np.ndarray) -> tuple[int, float, float]:
+    """Least field value, share before the first forbidden cell, and mean cost if all is free."""
+    spans = touched_cells(space, a, b)
+    least = min(field_value(space, cell) for cell in spans)
+    blocked = [span[0] for cell, span in spans.items() if field_value(space, cell) <= 0]
+    share = float(min(blocked, default=Fraction(1)))
+    cost = 0.0
+    if least > 0:
+        cost = sum(float(u - t) / (1.0 + field_value(space, c)) for c, (t, u) in spans.items())
+    return least, share, cost
+
+
+@pytest.mark.parametrize("shape", [(12, 9, 1), (8, 7, 6)])
+def test_walks_touch_exactly_the_cells_that_geometry_says(shape):
+    rng = np.random.default_rng(1)
+    verdicts = []
+    for seed in range(6):
+        space = random_space(seed, shape)
+        a, b = random_points(rng, space, 120).reshape(2, 60, 3)
+        if shape[2] == 1:
+            a[:, 2] = b[:, 2] = space.origin[2] + 0.5 * space.resolution
+        for p, q in zip(a, b, strict=True):
+            least, share, cost = naive_walk(space, p, q)
+            length = float(np.linalg.norm(q - p))
+            path = np.array([p, q])
+            assert space.edge_free(p, q) == space.edge_free(q, p) == (least > 0)
+            assert space.least_clearance(path) == math.sqrt(max(least, 0)) * space.resolution
+            assert space.free_length(path) <= share * length + 1e-12
+            if least > 0:
+                assert space.path_cost(path, 3.0) == pytest.approx(length * (1.0 + 3.0 * cost))
+            else:
+                assert space.path_cost(path, 3.0) == math.inf
+            verdicts.append(least > 0)
+    assert 20 < sum(verdicts) < len(verdicts) - 20
+
+
+def test_compiled_kernels_equal_python():
+    rng = np.random.default_rng(2)
+    space = random_space(3, (10, 10, 5), share=0.03)
+    for path in random_points(rng, space, 80).reshape(20, 4, 3):
+        a, b = tuple(path[0].tolist()), tuple(path[1].tolist())
+        near, start = kernels.to_subcells(space.grid, a)
+        assert kernels.to_subcells.py_func(space.grid, a) == (near, start)
+        end = kernels.to_subcells(space.grid, b)[1]
+        walked = kernels.walk(space.grid, 0, start, end)
+        assert kernels.walk.py_func(space.grid, 0, start, end) == walked
+        walked = kernels.walk_path(space.grid, 0, 2.0, path)
+        assert kernels.walk_path.py_func(space.grid, 0, 2.0, path) == walked
+        nearest = kernels.nearest_free(space.grid, 5, a, 2.5)
+        assert kernels.nearest_free.py_func(space.grid, 5, a, 2.5) == nearest
+
+
+def test_compiled_shortcut_equals_python():
+    space = random_space(3, (20, 20, 1), share=0.0)
+    path = space.origin + space.resolution * np.array([[1, 1, 0.5], [18, 2, 0.5], [17, 18, 0.5]])
+    draws = np.random.default_rng(0).uniform(0.0, 1.0, (40, 5)) * [1, 1, 1, 1, 0]
+    short = kernels.shortcut(space.grid, 0, 2.0, path, draws)
+    assert kernels.shortcut.py_func(space.grid, 0, 2.0, path, draws).tobytes() == short.tobytes()
+    assert space.path_cost(short, 2.0) < space.path_cost(path, 2.0)
+    assert np.array_equal(short[[0, -1]], path[[0, -1]])
+
+
+def row_of_cells(values: list[int]) -> FreeSpace:
+    """1 m cells along x at y = z = 0.5; forbidden at 1 or below; costs 0, 0, 0.5, 0.25, 0."""
+    field = np.array(values, dtype=np.uint16).reshape(-1, 1, 1)
+    return FreeSpace(field, np.zeros(3), 1.0, 1, np.array([9.0, 9.0, 0.5, 0.25, 0.0]))
+
+
+def test_a_row_of_cells_by_hand():
+    space = row_of_cells([4, 2, 3, 0, 4])
+    path = np.array([[0.5, 0.5, 0.5], [3.5, 0.5, 0.5]])
+    assert space.free_length(path) == pytest.approx(2.5, abs=1e-4)
+    assert space.free_length(path) < 2.5
+    assert space.path_cost(path) == math.inf
+    free = np.array([[0.5, 0.5, 0.5], [2.5, 0.5, 0.5]])
+    # 0.5 m at 0, 1 m at 0.5 and 0.5 m at 0.25, times 2, on top of the length
+    assert space.path_cost(free, 2.0) == pytest.approx(2.0 + 2.0 * (0.5 + 0.125))
+    assert space.free_length(free) == 2.0
+    assert space.least_clearance(free) == math.sqrt(2.0)
+
+
+def test_a_corner_touches_all_its_cells():
+    field = np.full((2, 2, 1), 9, dtype=np.uint16)
+    field[0, 1] = 0
+    space = FreeSpace(field, np.zeros(3), 1.0, 0, np.zeros(10))
+    corner = np.array([[0.5, 0.5, 0.5], [1.5, 1.5, 0.5]])
+    assert not space.edge_free(*corner)
+    assert space.edge_free(corner[0] + [0.01, 0.0, 0.0], corner[1] + [0.01, 0.0, 0.0])
+
+
+def test_every_point_before_the_free_length_is_free():
+    rng = np.random.default_rng(5)
+    cut = 0
+    for seed in range(40):
+        space = random_space(seed, (12, 12, 6))
+        path = random_points(rng, space, 4)
+        length = space.free_length(path)
+        cut += 0.0 < length < np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+        if length > 0.0:
+            assert all(space.is_free(point_at(path, s)) for s in np.linspace(0.0, length, 300))
+    assert cut > 5
+
+
+def test_outside_and_senseless_points_are_forbidden():
+    space = row_of_cells([4, 4])
+    for x in (-1e-9, 2.0, 1e9, math.inf, math.nan):
+        away = np.array([x, 0.5, 0.5])
+        assert not space.is_free(away)
+        assert not space.edge_free(np.array([0.5, 0.5, 0.5]), away)
+    assert space.is_free(np.zeros(3))
+    path = np.array([[1.5, 0.5, 0.5], [2.5, 0.5, 0.5]])
+    assert space.free_length(path) == pytest.approx(0.5, abs=1e-4)
+    assert space.least_clearance(path) == 0.0
+    assert space.free_length(path[::-1]) == 0.0
+
+
+def test_nearest_free_takes_the_nearest_then_the_lowest_index():
+    field = np.full((5, 5, 1), 9, dtype=np.uint16)
+    field[1:4, 1:4] = 0
+    space = FreeSpace(field, np.zeros(3), 1.0, 0, np.zeros(10))
+    # From the centre four cells are 2 m away: (0, 2), (2, 0), (2, 4), (4, 2).
+    assert space.nearest_free(np.array([2.5, 2.5, 0.5]), 2.0).tolist() == [0.5, 2.5, 0.5]
+    assert space.nearest_free(np.array([2.5, 2.6, 0.5]), 2.0).tolist() == [2.5, 4.5, 0.5]
+    assert space.nearest_free(np.array([2.5, 2.5, 0.5]), 1.9) is None
+    assert space.nearest_free(np.array([-0.5, 0.5, 0.5]), 1.0).tolist() == [0.5, 0.5, 0.5]
+    assert space.nearest_free(np.array([math.nan, 0.5, 0.5]), 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"field": np.zeros((3, 3), dtype=np.uint16)}, r"space\.field: got uint16 \(3, 3\)"),
+        ({"origin": np.zeros(2)}, r"space\.origin: got shape \(2,\), expected \(3,\)"),
+        ({"resolution": 0.0}, r"space\.resolution: got 0\.0, expected above 0"),
+        ({"blocked_at_or_below": -1}, r"blocked_at_or_below: got -1, expected 0 or more"),
+        ({"cost_by_distance": np.array([0.0, np.inf])}, r"space\.cost_by_distance: got \[inf\]"),
+    ],
+)
+def test_wrong_spaces_are_refused(change, message):
+    right = {
+        "field": np.ones((3, 3, 1), dtype=np.uint16),
+        "origin": np.zeros(3),
+        "resolution": 0.1,
+        "blocked_at_or_below": 0,
+        "cost_by_distance": np.zeros(4),
+    }
+    with pytest.raises(ValueError, match=message):
+        FreeSpace(**(right | change))

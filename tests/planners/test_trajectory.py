@@ -1,0 +1,258 @@
+import math
+
+import numpy as np
+import pytest
+import ruckig
+
+from planners import (
+    MotionLimits,
+    Trajectory,
+    arc_lengths,
+    blend_corners,
+    follow_path,
+    hold,
+    remaining,
+    speed_limits,
+    stop_along,
+    stopping_distance,
+    turn_in_place,
+)
+from planners.headings import edge_headings, heading_of, turn_after, wrap
+from tests.planners.worlds import point
+
+LIMITS = [
+    MotionLimits(speed=1.0, acceleration=1.5, jerk=6.0, lateral_acceleration=1.0, yaw_rate=1.2),
+    MotionLimits(speed=2.0, acceleration=4.0, jerk=30.0, lateral_acceleration=3.0, yaw_rate=2.0),
+    MotionLimits(speed=0.5, acceleration=0.5, jerk=1.0, lateral_acceleration=0.3, yaw_rate=0.6),
+]
+DRONE = LIMITS[1]
+LINE = np.array([[0.0, 0.0, 1.0], [10.0, 0.0, 1.0]])
+MS = 1_000_000
+
+
+def sampled(trajectory: Trajectory, step_ms: int = 2) -> dict[str, np.ndarray]:
+    """Samples from the start to beyond the end, by field."""
+    count = int(trajectory.duration_s * 1000 / step_ms) + 3
+    samples = [trajectory.at(trajectory.start_ns + n * step_ms * MS) for n in range(count)]
+    return {name: np.array([getattr(s, name) for s in samples]) for name in samples[0]._fields}
+
+
+def random_case(room, seed: int):
+    """A winding path, limits, a speed cap and a state (s, speed, acceleration) on the path."""
+    rng = np.random.default_rng(seed)
+    limits = LIMITS[seed % len(LIMITS)]
+    count = rng.integers(2, 7)
+    steps = np.stack([rng.uniform(-5, 20, count), rng.uniform(-15, 15, count)], axis=1)
+    cells = np.array([50.0, 100.0]) + np.cumsum(steps, axis=0)
+    waypoints = np.array([point(room, x, y) for x, y in cells])
+    path = blend_corners(room, waypoints, float(rng.choice([0.05, 0.3, 0.6])))
+    cap = float(rng.choice([9.0, limits.speed / 2.0]))
+    if seed % 2:
+        return path, limits, cap, (0.0, 0.0, 0.0)
+    speed = rng.uniform(0.0, 1.3 * limits.speed)
+    least = -min(limits.acceleration, math.sqrt(2.0 * limits.jerk * speed))
+    acceleration = rng.uniform(least, limits.acceleration)
+    return path, limits, cap, (rng.uniform(0.0, 0.9) * arc_lengths(path)[-1], speed, acceleration)
+
+
+def test_a_straight_line_by_hand():
+    # To 2 m/s at 4 m/s^2 and 30 m/s^3: T = v/a + a/j = 0.6333 s over v T / 2 = 0.6333 m, as long
+    # to stop, and the 8.7333 m between in 4.3667 s.
+    trajectory = follow_path(LINE, 5 * MS, 0.0, 0.0, 0.0, 0.0, DRONE, speed_cap=9.0)
+    assert trajectory.duration_s == pytest.approx(2 * 0.5 + 2 * 4 / 30 + 4.3666667)
+    middle = trajectory.at(5 * MS + int(trajectory.duration_s * 0.5e9))
+    assert middle.position == pytest.approx([5.0, 0.0, 1.0])
+    assert middle.velocity == pytest.approx([2.0, 0.0, 0.0])
+    first_jerk = trajectory.at(105 * MS)  # j t^3 / 6, j t^2 / 2, j t after 0.1 s
+    assert first_jerk.arc_length == pytest.approx(0.005)
+    assert first_jerk.speed == pytest.approx(0.15)
+    assert first_jerk.acceleration == pytest.approx(3.0)
+    assert not first_jerk.at_rest
+    assert trajectory.stop_point.tolist() == [10.0, 0.0, 1.0]
+    assert trajectory.at(0).position.tolist() == [0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_limits_hold_on_dense_samples(room, seed):
+    path, limits, cap, state = random_case(room, seed)
+    trajectory = follow_path(path, 0, *state, 0.3, limits, cap)
+    samples = sampled(trajectory)
+    assert np.abs(samples["acceleration"]).max() <= limits.acceleration + 1e-9
+    assert np.abs(np.diff(samples["acceleration"])).max() / 0.002 <= limits.jerk + 1e-6
+    assert samples["speed"].min() >= 0.0
+    s, speed, _ = state
+    assert samples["arc_length"][0] == pytest.approx(s, abs=1e-12)
+    assert (samples["speed"][0], samples["acceleration"][0]) == state[1:]
+    means = 0.5 * (samples["speed"][1:] + samples["speed"][:-1])
+    assert np.diff(samples["arc_length"]) == pytest.approx(0.002 * means, abs=1e-7)
+    assert samples["speed"][-1] == 0.0
+    assert samples["at_rest"][-1]
+    end = arc_lengths(path)[-1] + trajectory.overshoot_m
+    assert samples["arc_length"][-1] == pytest.approx(end, abs=1e-5)
+    if speed == 0.0:  # nothing to slow down from: the curvature's limits hold throughout
+        assert trajectory.overshoot_m == 0.0
+        allowed = speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
+        arcs = arc_lengths(path)
+        nearest = np.searchsorted(0.5 * (arcs[1:] + arcs[:-1]), samples["arc_length"])
+        allowed = np.maximum(np.minimum(allowed, min(cap, limits.speed)), 0.02)
+        assert (samples["speed"] <= allowed[nearest] + 1e-6).all()
+
+
+@pytest.mark.parametrize("seed", range(0, 40, 4))
+def test_heading_follows_the_path_no_faster_than_the_yaw_rate(room, seed):
+    path, limits, cap, state = random_case(room, seed)
+    samples = sampled(follow_path(path, 0, *state, 2.0, limits, cap))
+    assert samples["heading"][0] == 2.0
+    assert np.abs(np.diff(samples["heading"])).max() / 0.002 <= limits.yaw_rate + 1e-6
+    assert np.abs(samples["yaw_rate"]).max() <= limits.yaw_rate + 1e-6
+
+
+def test_heading_stays_with_a_blended_corner(room):
+    corner = np.array([point(room, 50, 50), point(room, 80, 50), point(room, 80, 80)])
+    path = blend_corners(room, corner, blend_length=0.6)
+    samples = sampled(follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, LIMITS[0], 9.0))
+    moving = samples["speed"] > 0.05
+    course = np.arctan2(samples["velocity"][:, 1], samples["velocity"][:, 0])
+    assert np.abs(course - samples["heading"])[moving].max() < 0.1
+    assert samples["heading"][-1] == pytest.approx(math.pi / 2)
+
+
+@pytest.mark.parametrize("recut", [False, True])
+@pytest.mark.parametrize("seed", [1, 3, 5, 7])
+def test_replanning_every_tenth_second_does_not_jump(room, seed, recut):
+    path, limits, cap, _ = random_case(room, seed)
+    once = follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, limits, cap)
+    goal, now, trajectory = path[-1], 0, once
+    while not trajectory.at(now + 100 * MS).at_rest:
+        now += 100 * MS
+        before = trajectory.at(now)
+        s = before.arc_length
+        if recut:
+            path, s = remaining(path, s), 0.0
+        trajectory = follow_path(
+            path, now, s, before.speed, before.acceleration, before.heading, limits, cap
+        )
+        after = trajectory.at(now)
+        assert after.position == pytest.approx(before.position, abs=1e-9)
+        assert after.speed == pytest.approx(before.speed, abs=1e-12)
+        assert after.acceleration == pytest.approx(before.acceleration, abs=1e-9)
+        assert after.heading == before.heading
+        assert now < 2e9 * once.duration_s
+    assert trajectory.stop_point == pytest.approx(goal, abs=1e-4)
+    # A bend is taken at its slowest limit throughout; replanning sees what is left of it.
+    assert now * 1e-9 + trajectory.duration_s == pytest.approx(once.duration_s, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("speed", "acceleration"), [(2.0, 0.0), (1.0, 3.0), (0.05, 0.0), (1.5, -4.0)]
+)
+def test_a_stop_is_the_one_that_ruckig_finds(speed, acceleration):
+    wanted, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    wanted.control_interface = ruckig.ControlInterface.Velocity
+    wanted.current_velocity, wanted.current_acceleration = [speed], [acceleration]
+    wanted.max_acceleration, wanted.max_jerk = [DRONE.acceleration], [DRONE.jerk]
+    ruckig.Ruckig(1).calculate(wanted, found)
+    (distance,), _, _ = found.at_time(found.duration)
+    trajectory = stop_along(LINE, 0, 3.0, speed, acceleration, 0.0, DRONE)
+    assert stopping_distance(speed, acceleration, DRONE) == pytest.approx(distance)
+    assert trajectory.stop_point == pytest.approx([3.0 + distance, 0.0, 1.0])
+    for time in np.linspace(0.0, found.duration, 50):
+        (s,), (v,), (a,) = found.at_time(time)
+        sample = trajectory.at(round(time * 1e9))
+        assert sample.arc_length == pytest.approx(3.0 + s, abs=1e-7)
+        assert sample.speed == pytest.approx(v, abs=1e-7)
+        assert sample.acceleration == pytest.approx(a, abs=1e-6)
+
+
+def test_stopping_distance_by_hand():
+    assert stopping_distance(2.0, 0.0, DRONE) == pytest.approx(0.5 * 2.0 * (2.0 / 4.0 + 4.0 / 30.0))
+    # The acceleration never reaches its limit: T = 2 sqrt(v / j)
+    assert stopping_distance(0.3, 0.0, DRONE) == pytest.approx(0.3 * math.sqrt(0.3 / 30.0))
+    assert stopping_distance(0.0, 0.0, DRONE) == 0.0
+
+
+def test_a_path_too_short_to_stop_is_left_straight_on():
+    trajectory = follow_path(LINE, 0, 9.8, 2.0, 0.0, 0.0, DRONE, 9.0)
+    beyond = stopping_distance(2.0, 0.0, DRONE) - 0.2
+    assert trajectory.overshoot_m == pytest.approx(beyond)
+    assert trajectory.stop_point == pytest.approx([10.0 + beyond, 0.0, 1.0])
+    fits = follow_path(LINE, 0, 9.3, 2.0, 0.0, 0.0, DRONE, 9.0)
+    assert fits.overshoot_m == 0.0
+    assert fits.stop_point == pytest.approx([10.0, 0.0, 1.0])
+
+
+def test_slower_than_a_crawl_is_a_stop():
+    trajectory = follow_path(LINE, 0, 1.0, 1.0, 0.0, 0.0, DRONE, speed_cap=0.0)
+    assert trajectory.motion.end == pytest.approx(1.0 + stopping_distance(1.0, 0.0, DRONE))
+    still = follow_path(LINE, 0, 1.0, 0.0, 0.0, 0.5, DRONE, speed_cap=0.0)
+    assert still.stop_point.tolist() == [1.0, 0.0, 1.0]
+    assert still.at(0).at_rest
+
+
+@pytest.mark.parametrize("path", [LINE[:1], LINE[[0, 0]]])
+def test_a_path_without_length_is_a_rest(path):
+    trajectory = follow_path(path, 0, 0.0, 0.0, 0.0, 0.7, DRONE, 9.0)
+    sample = trajectory.at(0)
+    assert (sample.at_rest, sample.heading, sample.speed) == (True, 0.7, 0.0)
+    assert sample.position.tolist() == LINE[0].tolist()
+
+
+def test_a_turn_in_place_takes_the_shorter_way():
+    limits = LIMITS[0]
+    trajectory = turn_in_place(LINE[0], 0, 3.0, -3.0, limits)
+    samples = sampled(trajectory)
+    assert samples["heading"][0] == 3.0
+    assert samples["heading"][-1] == pytest.approx(2.0 * math.pi - 3.0)
+    assert np.abs(samples["yaw_rate"]).max() <= limits.yaw_rate + 1e-9
+    assert np.ptp(samples["position"], axis=0).tolist() == [0.0, 0.0, 0.0]
+    assert samples["at_rest"].tolist() == [False] * (len(samples["at_rest"]) - 2) + [True] * 2
+    # Acceleration and jerk have the proportion to the yaw rate that they have to the speed:
+    # 1.5 * 1.2 / 1.0 = 1.8 rad/s^2 and 7.2 rad/s^3.
+    yaw = turn_in_place(LINE[0], 0, 0.0, 3.0, limits)
+    assert yaw.duration_s == pytest.approx(3.0 / 1.2 + 1.2 / 1.8 + 1.8 / 7.2)
+
+
+def test_holding_is_rest_from_the_start():
+    sample = hold(LINE[1], 7, 0.4).at(0)
+    assert sample.position.tolist() == LINE[1].tolist()
+    assert (sample.heading, sample.at_rest, sample.arc_length) == (0.4, True, 0.0)
+
+
+def test_trajectories_repeat_to_the_bit(room):
+    for seed in range(6):
+        path, limits, cap, state = random_case(room, seed)
+        one, two = (sampled(follow_path(path, 0, *state, 0.1, limits, cap)) for _ in range(2))
+        assert all(one[name].tobytes() == two[name].tobytes() for name in one)
+
+
+def test_wrong_input_is_refused():
+    with pytest.raises(ValueError, match=r"limits\.jerk: got 0\.0, expected above 0, finite"):
+        MotionLimits(1.0, 1.0, 0.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match=r"speed: got -0\.1, expected 0 or more"):
+        follow_path(LINE, 0, 0.0, -0.1, 0.0, 0.0, DRONE, 1.0)
+    with pytest.raises(ValueError, match=r"path: got shape \(0, 3\), expected \(m, 3\)"):
+        stop_along(LINE[:0], 0, 0.0, 0.0, 0.0, 0.0, DRONE)
+
+
+def test_headings_equal_the_library_and_python():
+    rng = np.random.default_rng(0)
+    axes = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (1.0, 1.0), (0.0, 0.0)]
+    for x, y in [*axes, *rng.normal(size=(200, 2)).tolist()]:
+        assert heading_of(x, y) == pytest.approx(math.atan2(y, x), abs=1e-12)
+        assert heading_of.py_func(x, y) == heading_of(x, y)
+    for angle in rng.uniform(-20.0, 20.0, 50):
+        assert wrap(angle) == wrap.py_func(angle)
+        assert math.cos(wrap(angle)) == pytest.approx(math.cos(angle))
+        assert -math.pi <= wrap(angle) < math.pi
+
+
+def test_steep_edges_keep_the_heading_and_turns_are_not_counted_twice():
+    tangents = np.array([[0, 0, 1], [0, 1, 0], [-1, 0.01, 0], [-1, -0.01, 0], [0, 0, -1.0]])
+    expected = [0.3, math.pi / 2, math.pi - 0.01, math.pi + 0.01, math.pi + 0.01]
+    headings = edge_headings(tangents, 0.3)
+    assert headings == pytest.approx(expected, abs=1e-4)
+    assert edge_headings.py_func(tangents, 0.3).tobytes() == headings.tobytes()
+    targets = np.array([0.05, 1.0, 1.0, -1.0])
+    turned = turn_after(targets, 0.0, 0.1)
+    assert turned == pytest.approx([0.0, 0.05, 0.15, 0.25, 0.15])
+    assert turn_after.py_func(targets, 0.0, 0.1).tobytes() == turned.tobytes()
