@@ -229,29 +229,46 @@ def _keep_or_replan_guide(
 def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> Array | None:
     """The stretch that the robot will drive before a new path can bend it; none if it is blocked.
 
-    It reaches a little beyond the braking distance, so that a stop on the old path always remains.
+    It reaches beyond the braking distance, so that a stop on the old path always remains, and by
+    the length of a blend, so that the new path need not begin with a corner.
     """
     if _standing(now):
         return now.position[None]
     if guide is None:
         return None
-    braking = stopping_distance(now.speed, now.acceleration, view.limits) + 0.1
-    if view.admitted.free_length(guide) < min(braking, _length(guide)):
+    admitted = view.admitted.free_length(guide)
+    braking = stopping_distance(now.speed, now.acceleration, view.limits)
+    if admitted < braking:
         return None
-    return truncate(guide, min(braking, _length(guide)))
+    return truncate(guide, min(braking + view.behaviour.blend_length, admitted, _length(guide)))
 
 
-def _search(view: View, passable: FreeSpace, prefix: Array, seed: int) -> tuple[Plan, Array | None]:
+def _search(
+    view: View, passable: FreeSpace, prefix: Array, seed: int
+) -> tuple[Plan, Array | None]:
     """Plan from the prefix's end: through known space if that reaches the goal, else beyond it."""
-    search = plan(view.known, prefix[-1], view.goal, view.planner, seed)
     space = view.known
+    search = plan(space, prefix[-1], view.goal, view.planner, seed)
     if search.waypoints is None:
-        search = plan(passable, prefix[-1], view.goal, view.planner, seed)
         space = passable
+        search = plan(space, prefix[-1], view.goal, view.planner, seed)
     if search.waypoints is None:
         return search, None
-    waypoints = np.concatenate([prefix[:-1], search.waypoints])
-    return search, blend_corners(space, waypoints, view.behaviour.blend_length)
+    return search, _join(space, prefix, search.waypoints, view.behaviour.blend_length)
+
+
+def _join(space: FreeSpace, prefix: Array, waypoints: Array, blend_length: float) -> Array:
+    """The prefix and the path from its end, with every corner from there on blended.
+
+    The prefix itself is left as it is, but for its last stretch, which is drawn straight where it
+    can be: the robot is driving on the rest of it.
+    """
+    keep = truncate(prefix, max(_length(prefix) - blend_length, 0.0))
+    last = remaining(prefix, _length(keep))
+    if space.edge_free(last[0], last[-1]):
+        last = last[[0, -1]]
+    tail = blend_corners(space, np.concatenate([last[:-1], waypoints]), blend_length)
+    return np.concatenate([keep[:-1], tail])
 
 
 def _much_cheaper(view: View, space: FreeSpace, fresh: Array | None, guide: Array) -> bool:
@@ -277,9 +294,11 @@ def _advance(
     """Commit to the admitted part of the guide, ending at rest."""
     admitted = view.admitted.free_length(guide)
     corner = first_stop(guide, 0.0, view.behaviour.stop_corner)
+    braking = stopping_distance(now.speed, now.acceleration, view.limits)
+    if corner < braking:  # too late to stop there: the profile slows down for it instead
+        corner = _length(guide)
     end = min(admitted, corner, _length(guide))
     blocked = end == admitted and admitted < _length(guide)
-    braking = stopping_distance(now.speed, now.acceleration, view.limits)
     if end < braking - 1e-3:
         label: Label = "unknown_ahead" if view.passable.free_length(guide) > end else "none"
         path = truncate(guide, max(end, 1e-3))

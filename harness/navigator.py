@@ -202,8 +202,8 @@ class Navigator:
             return
         low, high = (x - radius, y - radius), (x + radius, y + radius)
         self.map.mark_floor(low, high, 0)
-        above_floor = mission.step_height + 0.5 * self.map.resolution
-        self.map.mark_free((*low, above_floor), (*high, mission.height + self.map.resolution), 0)
+        top = mission.height + self.map.resolution
+        self.map.mark_free((*low, self.costmap.origin[2]), (*high, top), 0)
 
 
 def _altitude_window(config: Config, mission: Mission) -> tuple[float, float] | tuple[()]:

@@ -157,6 +157,7 @@ def cross_cells(
     step_y = 1 if last_y > y else -1
     step_z = 1 if last_z > z else -1
     steps = abs(last_x - x) + abs(last_y - y) + abs(last_z - z)
+    onto_floor = returned and last_z == floor_layer and z > floor_layer
 
     # A beam from outside goes unmarked until it enters the map.
     while not (0 <= x < nx and 0 <= y < ny and 0 <= z < nz):
@@ -177,7 +178,9 @@ def cross_cells(
     stop_y = time_of_leaving(y, last_y, ny, time_y, pitch_y)
     stop_z = time_of_leaving(z, last_z, nz, time_z, pitch_z)
     # One that ends in the floor does not erase the floor on its last, grazing stretch.
-    if returned and last_z == floor_layer and z > floor_layer and stop_z == NEVER:
+    if onto_floor and stop_z == NEVER:
+        if z == floor_layer:
+            return
         stop_z = time_z + (z - floor_layer - 1) * pitch_z
     times, pitches = (time_x, time_y, time_z), (pitch_x, pitch_y, pitch_z)
     stops = (stop_x, stop_y, stop_z)

@@ -14,6 +14,8 @@ SPACING = 0.05  # of a resampled path [m]
 BLEND_SHRINKINGS = 5
 # A blend has at least this many edges, so that its curvature can be read from its points.
 LEAST_BLEND_EDGES = 8
+# A shorter edge is what rounding leaves over, and its direction is noise [m].
+LEAST_EDGE = 1e-6
 SHARP_ANGLE = math.radians(50.0)
 SHARP_WINDOW = 0.3  # [m]
 
@@ -33,7 +35,7 @@ def arc_lengths(path: Floats) -> Floats:
 def edge_tangents(path: Floats) -> Floats:
     """Unit direction of each edge, shape (n - 1, 3); an edge of no length takes its neighbour's."""
     lengths = edge_lengths(path)
-    proper = np.flatnonzero(lengths > 0.0)
+    proper = np.flatnonzero(lengths > LEAST_EDGE)
     if len(proper) == 0:
         return np.zeros((len(lengths), 3))
     # The next edge that has a length, and at the end the last one.
@@ -75,14 +77,14 @@ def tangent_at(path: Floats, s: float) -> Floats:
 
 def truncate(path: Floats, s: float) -> Floats:
     """The path from its start to an arc length [m], shape (m, 3)."""
-    before = arc_lengths(path) < s
+    before = arc_lengths(path) < s - LEAST_EDGE
     before[0] = True
     return np.vstack((path[before], point_at(path, s)))
 
 
 def remaining(path: Floats, s: float) -> Floats:
     """The path from an arc length [m] to its end, shape (m, 3)."""
-    beyond = arc_lengths(path) > s
+    beyond = arc_lengths(path) > s + LEAST_EDGE
     beyond[-1] = True
     return np.vstack((point_at(path, s), path[beyond]))
 
