@@ -37,6 +37,14 @@ from planners import (
 Array = NDArray[np.float64]
 
 
+DEAD_END_AHEAD = 0.5
+"""A dead end lies this far beyond the last admitted place, m."""
+
+DEAD_END_REACH = 0.4
+"""Guides keep this far from a dead end along each axis, m; less than its lead, or it would close
+in the robot itself."""
+
+
 @dataclass(frozen=True)
 class BehaviourConfig:
     """When the stack waits, tries again and gives up.
@@ -87,7 +95,7 @@ class View:
         goal_tolerance: m.
         admitted: Space that the unknown policy lets the body enter.
         known: Space known to be free.
-        passable: Space not known to be blocked.
+        passable: Space not known to be blocked; what is not known to be free costs most.
         turns_in_place: Whether heading matters for motion (ground robots).
         penalize_unknown: Whether unknown space costs speed.
         limits: What the body may be asked for.
@@ -351,9 +359,9 @@ def _wait_at_frontier(
     """Look at the unknown for a while; what stays unknown is a dead end for the next guide."""
     choice, waited = _wait(view, memory, now, "unknown_ahead", f"{end:.2f} m admitted ahead")
     choice = replace(choice, guide=guide)
-    if waited.dead_ends.shape != memory.dead_ends.shape:
-        dead_end = truncate(guide, min(end + 0.3, _length(guide)))[-1]
-        waited = replace(waited, dead_ends=np.vstack([memory.dead_ends, dead_end[None]]))
+    if len(waited.dead_ends) > len(memory.dead_ends):
+        place = truncate(guide, min(end + DEAD_END_AHEAD, _length(guide)))[-1]
+        waited = replace(waited, dead_ends=np.vstack([memory.dead_ends, place[None]]))
     return choice, waited
 
 
@@ -372,10 +380,9 @@ def _wait(
         text = f"{reason}; gave up after {len(memory.dead_ends)} tries"
         return Choice("abort", text, label, trajectory, memory.guide), memory
     text = f"{reason}; giving this route up"
-    far = np.full((1, 3), np.inf)  # counts as a try; a frontier puts its own place here
-    memory = replace(
-        memory, guide=None, rest_since_ns=-1, dead_ends=np.vstack([memory.dead_ends, far])
-    )
+    # Counted as a try, while the places given up before are open again: they may have cleared.
+    tries = np.full((len(memory.dead_ends) + 1, 3), np.inf)
+    memory = replace(memory, guide=None, rest_since_ns=-1, dead_ends=tries)
     return Choice("stop_and_wait", text, label, trajectory), memory
 
 
@@ -407,13 +414,13 @@ def _profile(view: View, now: TrajectorySample, path: Array, speed_share: float)
     )
 
 
-def _without_dead_ends(space: FreeSpace, dead_ends: Array, radius: float = 0.4) -> FreeSpace:
-    """The space with a ball round each dead end taken out."""
+def _without_dead_ends(space: FreeSpace, dead_ends: Array) -> FreeSpace:
+    """The space with a box round each dead end taken out."""
     places = dead_ends[np.isfinite(dead_ends).all(axis=1)]
     if not len(places):
         return space
     closed = space.field.copy()
-    reach = int(np.ceil(radius / space.resolution))
+    reach = int(DEAD_END_REACH / space.resolution)
     for place in places:
         cell = np.floor((place - space.origin) / space.resolution).astype(int)
         low = np.maximum(cell - reach, 0)

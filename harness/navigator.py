@@ -126,7 +126,7 @@ class Navigator:
             goal_tolerance=0.8 * config.episode.goal_tolerance,
             admitted=self._space(self.costmap.field()),
             known=self._space(self.costmap.clearance),
-            passable=self._space(self.costmap.obstacle_clearance),
+            passable=self._space(self._passable_field()),
             turns_in_place=mission.motion == "ground",
             penalize_unknown=config.map.unknown_policy == "penalize",
             limits=_limits(config, mission),
@@ -159,7 +159,7 @@ class Navigator:
             planner_iterations=search.iterations if search else 0,
             path_cost=0.0 if choice.guide is None else view.passable.path_cost(choice.guide),
             path_length_m=_length(choice.guide),
-            least_clearance_m=view.passable.least_clearance(path),
+            least_clearance_m=view.known.least_clearance(path),
             action=choice.action,
             reason=choice.reason,
             label=choice.label,
@@ -184,6 +184,17 @@ class Navigator:
             blocked_at_or_below=costmap.blocked_at_or_below,
             cost_by_distance=costmap.cost_table / INSCRIBED_COST,
         )
+
+    def _passable_field(self) -> NDArray[np.uint16]:
+        """Distances to obstacles, but no farther than at an obstacle's edge where space is unknown.
+
+        So a guide may cross the unknown, and takes known space where it can.
+        """
+        costmap = self.costmap
+        unknown = costmap.clearance <= costmap.blocked_at_or_below
+        edge = np.uint16(costmap.blocked_at_or_below + 1)
+        nearest = np.minimum(costmap.obstacle_clearance, edge)
+        return np.where(unknown, nearest, costmap.obstacle_clearance)
 
     def _planning_point(self, position: Array) -> Array:
         """The point in the costmap's frame: ground robots plan in the plane of its one layer."""

@@ -95,8 +95,9 @@ class VoxelMap:
                 range limit is not within 0 to 2047 cells.
         """
         start = finite_vector("origin", origin) - self.origin
-        directions = np.ascontiguousarray(directions, np.float64)
-        ranges_mm = np.ascontiguousarray(ranges_mm)
+        # Copies: to the compiler a read-only array, as a log yields, is another type.
+        directions = np.array(directions, np.float64, order="C")
+        ranges_mm = np.array(ranges_mm, order="C")
         check_beams(directions, ranges_mm, range_limit, self.resolution)
         self.advance(time_ns)
         ends = np.empty((len(ranges_mm), 3), np.int64)
@@ -223,7 +224,7 @@ class VoxelMap:
     def version(self) -> str:
         """Digest of geometry and log-odds, 32 hex digits: maps of equal content share it."""
         self._digests[self._dirty & ~self._alive] = 0
-        blocks = np.argwhere(self._dirty & self._alive)  # (k, 3)
+        blocks = np.ascontiguousarray(np.argwhere(self._dirty & self._alive))  # (k, 3)
         packed = np.empty(len(blocks) * (kernels.BLOCK + 1) * kernels.BLOCK**2, np.int16)
         ends = np.empty(len(blocks), np.int64)
         kernels.pack_blocks(self.log_odds, blocks, packed, ends)

@@ -161,8 +161,8 @@ def test_presence_frees_unknown_space_but_no_obstacle(voxel_map):
 
 
 def test_a_free_sphere_holds_the_centres_within_its_radius(voxel_map):
-    voxel_map.mark_free_sphere((2.05, 1.05, 0.975), 0.2, 0)
-    # Centres at integer offsets with i^2 + j^2 + k^2 <= 4: 33 points of the lattice.
+    voxel_map.mark_free_sphere((2.05, 1.05, 0.975), 0.21, 0)
+    # Centres at offsets of whole cells with i^2 + j^2 + k^2 <= 4: 33 of them.
     assert voxel_map.counts()["free"] == 33
     voxel_map.mark_free_sphere((9.0, 9.0, 9.0), 0.2, 0)
     assert voxel_map.counts()["free"] == 33
