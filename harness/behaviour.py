@@ -200,7 +200,7 @@ def _arrive(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, 
 def _escape(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, Memory]:
     """The body stands inside the inflation: step to the nearest admitted cell, straight."""
     target = view.admitted.nearest_free(now.position, 1.0)
-    if target is None or not view.known.resolution < _distance(now.position, target):
+    if target is None:
         return _wait(view, memory, now, "start_blocked", "no admitted space within 1 m")
     path = np.stack([now.position, target])
     trajectory = _profile(view, now, path, speed_share=0.3)
@@ -268,15 +268,15 @@ def _search(
 def _join(space: FreeSpace, prefix: Array, waypoints: Array, blend_length: float) -> Array:
     """The prefix and the path from its end, with every corner from there on blended.
 
-    The prefix itself is left as it is, but for its last stretch, which is drawn straight where it
-    can be: the robot is driving on the rest of it.
+    The robot is driving on the prefix, so it is left as it is, but for its last stretch: where that
+    can be drawn straight, the corner at its end can be blended too.
     """
     keep = truncate(prefix, max(_length(prefix) - blend_length, 0.0))
-    last = remaining(prefix, _length(keep))
-    if space.edge_free(last[0], last[-1]):
-        last = last[[0, -1]]
-    tail = blend_corners(space, np.concatenate([last[:-1], waypoints]), blend_length)
-    return np.concatenate([keep[:-1], tail])
+    if space.edge_free(keep[-1], prefix[-1]):
+        return np.concatenate(
+            [keep[:-1], blend_corners(space, np.vstack([keep[-1], waypoints]), blend_length)]
+        )
+    return np.concatenate([prefix[:-1], blend_corners(space, waypoints, blend_length)])
 
 
 def _much_cheaper(view: View, space: FreeSpace, fresh: Array | None, guide: Array) -> bool:
