@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.decision import Action, Label
+from harness.frontier import best_frontier
 from planners import (
     FreeSpace,
     MotionLimits,
@@ -37,12 +38,8 @@ from planners import (
 Array = NDArray[np.float64]
 
 
-DEAD_END_AHEAD = 0.5
-"""A dead end lies this far beyond the last admitted place, m."""
-
-DEAD_END_REACH = 0.4
-"""Guides keep this far from a dead end along each axis, m; less than its lead, or it would close
-in the robot itself."""
+ARRIVED = 0.05
+"""A path shorter than this is driven, m."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +47,8 @@ class BehaviourConfig:
     """When the stack waits, tries again and gives up.
 
     Attributes:
-        patience: Time at rest before a blocked route is given up for another, s.
-        tries: Routes given up before the action is `abort`.
+        patience: Time at rest before the robot goes to look from elsewhere, s.
+        tries: Places it looks from before the action is `abort`.
         tracking_tolerance: Farther from its trajectory than this the robot has left it, m.
         least_advance: A committed part shorter than this is not worth leaving rest for, m.
         turn_first: A ground robot at rest turns in place beyond this heading error, rad.
@@ -61,8 +58,8 @@ class BehaviourConfig:
         penalized_speed: Share of the speed while unknown space is entered under `penalize`.
     """
 
-    patience: float = 2.0
-    tries: int = 8
+    patience: float = 1.0
+    tries: int = 12
     tracking_tolerance: float = 0.8
     least_advance: float = 0.3
     turn_first: float = 0.6
@@ -127,17 +124,21 @@ class Memory:
 
     Attributes:
         trajectory: The last one committed; the robot follows it until the next takes effect.
-        guide: (n, 3) from the start of `trajectory` to the goal, or none.
+        earlier: Those committed before it, from the one that the robot follows now.
+        guide: (n, 3) from the start of `trajectory` to the goal, or on an errand to a frontier.
+        on_errand: Whether the guide leads to a frontier, to look from there.
         rest_since_ns: Since when the robot has been waiting for the way to open; -1 if it is not.
         improved_ns: When a cheaper guide was last looked for.
-        dead_ends: (n, 3) places where a guide was given up.
+        visited: (n, 3) places that it has looked from.
     """
 
     trajectory: Trajectory
+    earlier: tuple[Trajectory, ...] = ()
     guide: Array | None = None
+    on_errand: bool = False
     rest_since_ns: int = -1
     improved_ns: int = 0
-    dead_ends: Array = field(default_factory=lambda: np.empty((0, 3)))
+    visited: Array = field(default_factory=lambda: np.empty((0, 3)))
 
 
 @dataclass(frozen=True)
@@ -165,20 +166,28 @@ class Choice:
 
 def decide(view: View, memory: Memory) -> tuple[Choice, Memory]:
     """Choose the next action; the same view and memory always give the same choice."""
-    believed = memory.trajectory.at(view.time_ns)
+    committed = (*memory.earlier, memory.trajectory)
+    begun = [k for k, trajectory in enumerate(committed) if trajectory.start_ns <= view.time_ns]
+    committed = committed[begun[-1] if begun else 0 :]
+    choice, memory = _choose(view, memory, committed[0])
+    return choice, replace(memory, earlier=committed)
+
+
+def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, Memory]:
+    """The action, given the trajectory that the robot follows while the sweep is taken."""
+    believed = followed.at(view.time_ns)
     if np.linalg.norm(view.position - believed.position) > view.behaviour.tracking_tolerance:
         return _anchor_again(view, memory, believed)
     now = memory.trajectory.at(view.effect_ns)
-    if now.at_rest and _distance(now.position, view.goal) <= view.goal_tolerance:
+    if believed.at_rest and _distance(view.position, view.goal) <= view.goal_tolerance:
         return _arrive(view, memory, now)
     if _standing(now) and not view.admitted.is_free(now.position):
         return _escape(view, memory, now)
-    guide, search, seed, improved_ns = _keep_or_replan_guide(view, memory, now)
-    memory = replace(memory, guide=guide, improved_ns=improved_ns)
-    if guide is None:
+    memory, search, seed = _keep_or_replan_guide(view, memory, now)
+    if memory.guide is None:
         choice, memory = _stop_or_wait(view, memory, now, search)
     else:
-        choice, memory = _advance(view, memory, now, guide)
+        choice, memory = _advance(view, memory, now, memory.guide)
     return replace(choice, search=search, search_seed=seed), memory
 
 
@@ -193,7 +202,7 @@ def _anchor_again(view: View, memory: Memory, believed: TrajectorySample) -> tup
 
 def _arrive(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, Memory]:
     trajectory = hold(now.position, view.effect_ns, now.heading)
-    reason = f"at rest {_distance(now.position, view.goal):.2f} m from the goal"
+    reason = f"at rest {_distance(view.position, view.goal):.2f} m from the goal"
     return Choice("goal", reason, "none", trajectory), replace(memory, trajectory=trajectory)
 
 
@@ -206,32 +215,35 @@ def _escape(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, 
     trajectory = _profile(view, now, path, speed_share=0.3)
     reason = f"inside the inflation; {_distance(now.position, target):.2f} m to admitted space"
     choice = Choice("recover", reason, "start_blocked", trajectory, path)
-    return choice, replace(memory, trajectory=trajectory, guide=None, rest_since_ns=-1)
+    return choice, replace(
+        memory, trajectory=trajectory, guide=None, on_errand=False, rest_since_ns=-1
+    )
 
 
 def _keep_or_replan_guide(
     view: View, memory: Memory, now: TrajectorySample
-) -> tuple[Array | None, Plan | None, int, int]:
+) -> tuple[Memory, Plan | None, int]:
     """The guide from where the robot will be: kept while it is valid and none is much cheaper.
 
     Returns:
-        The guide or none, the search made if any, its seed, and when the last look for a cheaper
-        guide was.
+        The memory with its guide, the search made if any, and its seed.
     """
     guide = None if memory.guide is None else remaining(memory.guide, now.arc_length)
-    passable = _without_dead_ends(view.passable, memory.dead_ends)
-    valid = guide is not None and passable.free_length(guide) >= _length(guide) - 1e-6
+    if memory.on_errand and guide is not None and _length(guide) < ARRIVED:
+        guide = None
+    valid = guide is not None and view.passable.free_length(guide) >= _length(guide) - 1e-6
     improve_due = view.time_ns - memory.improved_ns >= view.behaviour.improve_period * 1e9
     if valid and not improve_due:
-        return guide, None, 0, memory.improved_ns
+        return replace(memory, guide=guide), None, 0
     prefix = _prefix_to_keep(view, now, guide)
     if prefix is None:
-        return None, None, 0, memory.improved_ns
+        return replace(memory, guide=None, on_errand=False), None, 0
     seed = plan_seed(view.seed, "guide", view.sequence)
-    search, fresh = _search(view, passable, prefix, seed)
-    if valid and guide is not None and not _much_cheaper(view, passable, fresh, guide):
-        fresh = guide
-    return fresh, search, seed, view.time_ns
+    only_known = valid and memory.on_errand
+    search, fresh = _search(view, prefix, seed, only_known)
+    if valid and guide is not None and not _better(view, memory, fresh, guide):
+        return replace(memory, guide=guide, improved_ns=view.time_ns), search, seed
+    return replace(memory, guide=fresh, on_errand=False, improved_ns=view.time_ns), search, seed
 
 
 def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> Array | None:
@@ -251,14 +263,12 @@ def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> A
     return truncate(guide, min(braking + view.behaviour.blend_length, admitted, _length(guide)))
 
 
-def _search(
-    view: View, passable: FreeSpace, prefix: Array, seed: int
-) -> tuple[Plan, Array | None]:
+def _search(view: View, prefix: Array, seed: int, only_known: bool) -> tuple[Plan, Array | None]:
     """Plan from the prefix's end: through known space if that reaches the goal, else beyond it."""
     space = view.known
     search = plan(space, prefix[-1], view.goal, view.planner, seed)
-    if search.waypoints is None:
-        space = passable
+    if search.waypoints is None and not only_known:
+        space = view.passable
         search = plan(space, prefix[-1], view.goal, view.planner, seed)
     if search.waypoints is None:
         return search, None
@@ -279,10 +289,11 @@ def _join(space: FreeSpace, prefix: Array, waypoints: Array, blend_length: float
     return np.concatenate([prefix[:-1], blend_corners(space, waypoints, blend_length)])
 
 
-def _much_cheaper(view: View, space: FreeSpace, fresh: Array | None, guide: Array) -> bool:
-    if fresh is None:
-        return False
-    return view.planner.replaces(space.path_cost(fresh), space.path_cost(guide))
+def _better(view: View, memory: Memory, fresh: Array | None, guide: Array) -> bool:
+    """Whether a new guide replaces a valid one; any way to the goal is better than an errand."""
+    if fresh is None or memory.on_errand:
+        return fresh is not None
+    return view.planner.replaces(view.passable.path_cost(fresh), view.passable.path_cost(guide))
 
 
 def _stop_or_wait(
@@ -313,7 +324,7 @@ def _advance(
         reason = f"{end:.2f} m admitted ahead, {braking:.2f} m needed to stop"
         return _brake(view, memory, now, path, reason, label)
     if _standing(now) and blocked and end < view.behaviour.least_advance:
-        return _wait_at_frontier(view, memory, now, guide, end)
+        return _wait(view, memory, now, "unknown_ahead", f"{end:.2f} m admitted ahead")
     if _standing(now) and view.turns_in_place:
         tangent = tangent_at(guide, min(0.2, 0.5 * _length(guide)))
         target = float(np.arctan2(tangent[1], tangent[0]))
@@ -331,7 +342,7 @@ def _follow(
     trajectory = _profile(view, now, path, share)
     needed = stopping_distance(view.limits.speed, 0.0, view.limits)
     if not blocked:
-        action: Action = "slow" if unknown_ahead else "follow"
+        action: Action = "slow" if unknown_ahead else "explore" if memory.on_errand else "follow"
         reason = f"{end:.2f} m admitted to the next stop"
         label: Label = "unknown_ahead" if unknown_ahead else "none"
     else:
@@ -353,22 +364,10 @@ def _turn(
     return choice, replace(memory, trajectory=trajectory, guide=guide, rest_since_ns=-1)
 
 
-def _wait_at_frontier(
-    view: View, memory: Memory, now: TrajectorySample, guide: Array, end: float
-) -> tuple[Choice, Memory]:
-    """Look at the unknown for a while; what stays unknown is a dead end for the next guide."""
-    choice, waited = _wait(view, memory, now, "unknown_ahead", f"{end:.2f} m admitted ahead")
-    choice = replace(choice, guide=guide)
-    if len(waited.dead_ends) > len(memory.dead_ends):
-        place = truncate(guide, min(end + DEAD_END_AHEAD, _length(guide)))[-1]
-        waited = replace(waited, dead_ends=np.vstack([memory.dead_ends, place[None]]))
-    return choice, waited
-
-
 def _wait(
     view: View, memory: Memory, now: TrajectorySample, label: Label, reason: str
 ) -> tuple[Choice, Memory]:
-    """Stay at rest; after `patience` give the guide up, after `tries` of that abort."""
+    """Stay at rest; after `patience` look from elsewhere, after `tries` of that abort."""
     trajectory = hold(now.position, view.effect_ns, now.heading)
     since = view.time_ns if memory.rest_since_ns < 0 else memory.rest_since_ns
     waited = (view.time_ns - since) * 1e-9
@@ -376,14 +375,31 @@ def _wait(
     if waited < view.behaviour.patience:
         text = f"{reason}; waited {waited:.1f} s"
         return Choice("stop_and_wait", text, label, trajectory, memory.guide), memory
-    if len(memory.dead_ends) >= view.behaviour.tries:
-        text = f"{reason}; gave up after {len(memory.dead_ends)} tries"
+    if len(memory.visited) >= view.behaviour.tries:
+        text = f"{reason}; gave up after looking from {len(memory.visited)} places"
         return Choice("abort", text, label, trajectory, memory.guide), memory
-    text = f"{reason}; giving this route up"
-    # Counted as a try, while the places given up before are open again: they may have cleared.
-    tries = np.full((len(memory.dead_ends) + 1, 3), np.inf)
-    memory = replace(memory, guide=None, rest_since_ns=-1, dead_ends=tries)
-    return Choice("stop_and_wait", text, label, trajectory), memory
+    return _look_from_elsewhere(view, memory, now, label, reason)
+
+
+def _look_from_elsewhere(
+    view: View, memory: Memory, now: TrajectorySample, label: Label, reason: str
+) -> tuple[Choice, Memory]:
+    """Set out for the best frontier that the robot can reach; without one, wait once more."""
+    visited = np.vstack([memory.visited, now.position])
+    memory = replace(memory, visited=visited, rest_since_ns=-1)
+    target = best_frontier(view.admitted, view.passable, now.position, view.goal, visited)
+    seed = plan_seed(view.seed, "errand", view.sequence)
+    search = (
+        None if target is None else plan(view.admitted, now.position, target, view.planner, seed)
+    )
+    if target is None or search is None or search.waypoints is None:
+        text = f"{reason}; no frontier in reach"
+        memory = replace(memory, guide=None, on_errand=False)
+        return Choice("stop_and_wait", text, label, memory.trajectory), memory
+    guide = blend_corners(view.admitted, search.waypoints, view.behaviour.blend_length)
+    memory = replace(memory, guide=guide, on_errand=True, improved_ns=view.time_ns)
+    choice, memory = _advance(view, memory, now, guide)
+    return replace(choice, reason=f"{reason}; looking from {_length(guide):.2f} m away"), memory
 
 
 def _brake(
@@ -398,7 +414,7 @@ def _brake(
         path, view.effect_ns, 0.0, now.speed, now.acceleration, now.heading, view.limits
     )
     choice = Choice("stop_and_wait", reason, label, trajectory)
-    return choice, replace(memory, trajectory=trajectory, guide=None)
+    return choice, replace(memory, trajectory=trajectory, guide=None, on_errand=False)
 
 
 def _profile(view: View, now: TrajectorySample, path: Array, speed_share: float) -> Trajectory:
@@ -412,21 +428,6 @@ def _profile(view: View, now: TrajectorySample, path: Array, speed_share: float)
         view.limits,
         speed_share * view.limits.speed,
     )
-
-
-def _without_dead_ends(space: FreeSpace, dead_ends: Array) -> FreeSpace:
-    """The space with a box round each dead end taken out."""
-    places = dead_ends[np.isfinite(dead_ends).all(axis=1)]
-    if not len(places):
-        return space
-    closed = space.field.copy()
-    reach = int(DEAD_END_REACH / space.resolution)
-    for place in places:
-        cell = np.floor((place - space.origin) / space.resolution).astype(int)
-        low = np.maximum(cell - reach, 0)
-        high = np.minimum(cell + reach + 1, closed.shape)
-        closed[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = 0
-    return replace(space, field=closed)
 
 
 def _standing(now: TrajectorySample) -> bool:

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 import msgspec
 from rich.console import Console
 
-from harness.config import Config, override, setting_names, to_json
+from harness.config import Config, from_document, override, setting_names, to_json
 from harness.errors import InputError, unknown_name
 
 LOGS = Path("logs")
@@ -51,7 +51,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run one episode."""
     from harness.live import print_verdict
 
-    config = override(Config(options.world, options.robot, options.seed), options.set)
+    named = {"world": options.world, "robot": options.robot, "seed": options.seed}
+    config = override(from_document(named), options.set)
     for name in ("goal", "start"):
         if getattr(options, name) is not None:
             config = override(config, [f"{name}=[{getattr(options, name)}]"])
@@ -101,7 +102,7 @@ def demo(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
     rows = []
     for robot in ("quadruped", "drone"):
-        config = Config("warehouse", robot, options.seed)
+        config = from_document({"world": "warehouse", "robot": robot, "seed": options.seed})
         result = _run_one(config, options.logs / f"{episode_name(config)}.mcap", console)
         rows.append((f"{robot} in warehouse {options.seed}", result, replay_log(Path(result.log))))
     print_demo(console, rows)

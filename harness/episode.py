@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import time
 from collections import deque
 from collections.abc import Callable
@@ -99,6 +100,7 @@ class Episode:
         start, heading = np.array(scenario.mission.start), scenario.mission.start_heading
         scene.controller.reset(self._data, start, heading)
         self._truth = Truth(scene.model, scene.base, scene.floor)
+        self._least_uprightness = math.cos(scenario.spec.max_tilt)
         infos = [sensor_info(scene, caster) for caster in scene.casters]
         for info in infos:
             log.write(f"/sensor/{info.name}/info", info, 0)
@@ -230,16 +232,19 @@ class Episode:
         return None
 
     def _verdict_of_physics(self) -> tuple[Outcome, str] | None:
-        mission, data = self._scenario.mission, self._data
-        position = data.xpos[self._scene.base]
-        if self._truth.collisions:
-            return "collision", f"touched an obstacle at {_text(position)}"
-        if not np.isfinite(data.qpos).all():
-            return "error", "the simulation diverged"
-        if self._truth.tilt(data) > self._scenario.spec.max_tilt:
-            return "fall", f"tilted {self._truth.tilt(data):.2f} rad at {_text(position)}"
-        if (position < mission.low).any() or (position > mission.high).any():
-            return "out_of_bounds", f"left the geofence at {_text(position)}"
+        """What a physics step ends; called at each, so it compares plain floats."""
+        mission, truth = self._scenario.mission, self._truth
+        if truth.collisions:
+            return "collision", f"touched an obstacle at {self._place()}"
+        if not truth.uprightness(self._data) > self._least_uprightness:
+            return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"
+        position = self._data.xpos[self._scene.base].tolist()
+        if not all(map(operator.le, mission.low, position)) or not all(
+            map(operator.le, position, mission.high)
+        ):
+            finite = all(map(math.isfinite, position))
+            outcome: Outcome = "out_of_bounds" if finite else "error"
+            return outcome, f"left the geofence at {self._place()}"
         return None
 
     def _finish(self, outcome: Outcome, reason: str, wall_time_s: float) -> Result:
@@ -267,8 +272,12 @@ class Episode:
         offset = self._data.xpos[self._scene.base] - np.array(self._scenario.mission.goal)
         return float(np.linalg.norm(offset[:axes]))
 
+    def _place(self) -> str:
+        position = self._data.xpos[self._scene.base]
+        return "(" + ", ".join(f"{value:.2f}" for value in position) + ")"
+
     def _now_ns(self) -> int:
-        return round(self._data.time * 1e9)
+        return round(float(self._data.time) * 1e9)
 
 
 def _delay(config: LatencyConfig, stages: pb.StageLatency) -> float:
@@ -285,13 +294,9 @@ def _decision_period(scenario: Scenario) -> float:
 
 
 def _steps_a_decision(scenario: Scenario) -> int:
-    return round(_decision_period(scenario) / scenario.scene.model.opt.timestep)
+    return round(_decision_period(scenario) / float(scenario.scene.model.opt.timestep))
 
 
 def _spread(positions: list[np.ndarray]) -> float:
     points = np.array(positions)
     return float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
-
-
-def _text(position: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.2f}" for value in position) + ")"

@@ -32,6 +32,7 @@ class LiveLine:
     def __init__(self, console: Console, title: str) -> None:
         """Name the episode that the line tells of."""
         self._title = title
+        self._console = console
         self._live = Live(Text(f"{title}  starting"), console=console, refresh_per_second=10)
 
     def __call__(self, decision: pb.Decision, truth: pb.Truth) -> None:
@@ -46,6 +47,8 @@ class LiveLine:
                 (f"{decision.action:<13}", ACTION_STYLES[decision.action]),
                 f"  to go {decision.path_length_m:5.1f} m  clearance {truth.clearance_m:4.2f} m",
                 f"  map {decision.map_version[:8]}  {latency:5.1f} ms",
+                no_wrap=True,
+                overflow="ellipsis",
             )
         )
 
@@ -62,6 +65,8 @@ class LiveLine:
     ) -> None:
         """Leave the last state of the line standing."""
         self._live.__exit__(kind, error, trace)
+        if not self._console.is_terminal:  # there the last state is printed without its newline
+            self._console.line()
 
 
 def print_verdict(console: Console, result: Result) -> None:

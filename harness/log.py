@@ -56,13 +56,10 @@ class LogWriter:
         self._channels: dict[str, int] = {}
         self._count = 0
         self._decisions = 0
-        self._writer.add_metadata("run", _run_metadata(config))
-        for name, media_type, data in (
-            ("config.json", "application/json", config),
-            ("mission.json", "application/json", mission),
-            ("scene.xml", "application/xml", scene.encode()),
-        ):
-            self._writer.add_attachment(0, 0, name, media_type, data)
+        attachments = {"config.json": config, "mission.json": mission, "scene.xml": scene.encode()}
+        self._writer.add_metadata("run", _run_metadata(attachments))
+        for name, data in attachments.items():
+            self._writer.add_attachment(0, 0, name, f"application/{name.split('.')[1]}", data)
 
     def write(self, topic: str, message: Message, time_ns: int) -> None:
         """Append one message; each tenth decision is flushed, so that a kill costs a second."""
@@ -146,11 +143,22 @@ def _open_for_writing(path: Path) -> IO[bytes]:
         raise InputError(f"log '{path}': {error.strerror}") from None
 
 
-def _run_metadata(config: bytes) -> dict[str, str]:
+def digest_name(attachment: str) -> str:
+    """Key in the run's metadata of an attachment's digest, which no MCAP reader checks."""
+    return f"sha256 {attachment}"
+
+
+def _run_metadata(attachments: Mapping[str, bytes]) -> dict[str, str]:
     versions = {name: metadata.version(name) for name in RECORDED_PACKAGES}
+    digests = {
+        digest_name(name): hashlib.sha256(data).hexdigest() for name, data in attachments.items()
+    }
     return {
         "format_version": FORMAT_VERSION,
-        "config_sha256": hashlib.sha256(config).hexdigest(),
+        **{
+            digest_name(name): hashlib.sha256(data).hexdigest()
+            for name, data in attachments.items()
+        },
         "wayproof": metadata.version("wayproof"),
         "python": platform.python_version(),
         "machine": platform.machine(),

@@ -191,10 +191,10 @@ class Navigator:
         So a guide may cross the unknown, and takes known space where it can.
         """
         costmap = self.costmap
-        unknown = costmap.clearance <= costmap.blocked_at_or_below
+        field = costmap.obstacle_clearance.copy()
         edge = np.uint16(costmap.blocked_at_or_below + 1)
-        nearest = np.minimum(costmap.obstacle_clearance, edge)
-        return np.where(unknown, nearest, costmap.obstacle_clearance)
+        np.minimum(field, edge, out=field, where=costmap.clearance < edge)
+        return field
 
     def _planning_point(self, position: Array) -> Array:
         """The point in the costmap's frame: ground robots plan in the plane of its one layer."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from mcap.reader import McapReader, make_reader
 from harness.config import Config, from_json
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
-from harness.log import FORMAT_VERSION
+from harness.log import FORMAT_VERSION, digest_name
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 
@@ -87,13 +88,16 @@ def open_log(path: Path) -> Log:
             metadata = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
             attachments = _read_attachments(path, reader)
             beams = _read_beams(reader)
-    except (McapError, DecodeError, ValueError, EOFError) as error:
+    except (McapError, DecodeError, ValueError, EOFError, OSError) as error:
         raise _broken(path, error) from None
     if "run" not in metadata or "result" not in metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a finished Wayproof log")
     version = metadata["run"].get("format_version")
     if version != FORMAT_VERSION:
         raise InputError(f"log '{path}': format version {version}, expected {FORMAT_VERSION}")
+    for name, data in attachments.items():
+        if metadata["run"].get(digest_name(name)) != hashlib.sha256(data).hexdigest():
+            raise InputError(f"log '{path}': damaged ({name} does not match its digest)")
     return Log(
         path=path,
         config=from_json(attachments["config.json"]),
@@ -117,7 +121,7 @@ def read_messages(path: Path) -> Iterator[Message]:
             for schema, _, message in reader.iter_messages(log_time_order=False):
                 if schema is not None and schema.name in _MESSAGES:
                     yield _MESSAGES[schema.name].FromString(message.data)
-    except (McapError, DecodeError, EOFError) as error:
+    except (McapError, DecodeError, ValueError, EOFError, OSError) as error:
         raise _broken(path, error) from None
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .config import MapConfig, UnknownPolicy
-from .costmap import INSCRIBED_COST, Costmap
-from .states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from .sweep import SweepStatistics
-from .voxel import VoxelMap
+from maps.config import MapConfig, UnknownPolicy
+from maps.costmap import INSCRIBED_COST, Costmap
+from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
+from maps.sweep import SweepStatistics
+from maps.voxel import VoxelMap
 
 MAPS = {"voxel": VoxelMap}
 """Representations by name. Each answers the methods of VoxelMap."""

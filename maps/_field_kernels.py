@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ._jit import kernel
-from .states import FREE, OCCUPIED, UNKNOWN
+from maps._jit import kernel
+from maps.states import FREE, OCCUPIED, UNKNOWN
 
 
 @kernel

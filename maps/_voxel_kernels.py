@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ._jit import kernel
+from maps._jit import kernel
 
 # Bits of a cell's mark. The first two last for one sweep, the third until the next decay tick.
 CROSSED = 1

@@ -47,7 +47,7 @@ class MapConfig:
     minimum_range: float = 0.3
     inflation_margin: float = 0.1
     cost_scaling_factor: float = 4.0
-    cost_range: float = 0.8
+    cost_range: float = 0.6
     unknown_policy: UnknownPolicy = "forbid"
 
     def __post_init__(self) -> None:

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _field_kernels as kernels
-from .config import MapConfig
-from .states import FREE, OCCUPIED
-from .voxel import VoxelMap
+from maps import _field_kernels as kernels
+from maps.config import MapConfig
+from maps.states import FREE, OCCUPIED
+from maps.voxel import VoxelMap
 
 MAX_REACH = 181  # cells; twice its square still fits 16 bits
 INSCRIBED_COST = 252.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ._voxel_kernels import MAX_BEAM_CELLS
+from maps._voxel_kernels import MAX_BEAM_CELLS
 
 
 @dataclass(frozen=True)

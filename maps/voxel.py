@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _voxel_kernels as kernels
-from .config import MapConfig
-from .grid import Grid, finite_vector
-from .states import STATE_NAMES, UNKNOWN
-from .sweep import SweepStatistics, check_beams
+from maps import _voxel_kernels as kernels
+from maps.config import MapConfig
+from maps.grid import Grid, finite_vector
+from maps.states import STATE_NAMES, UNKNOWN
+from maps.sweep import SweepStatistics, check_beams
 
 UNITS = 1000
 """Fixed point: log-odds are held in thousandths."""

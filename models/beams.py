@@ -47,7 +47,9 @@ class Lidar:
 
     def beam_tables(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return (rows, columns): (rings, 2) cos/sin of elevation, (azimuths, 2) of azimuth."""
-        elevation = np.linspace(self.elevation_low, self.elevation_high, self.rings)
+        elevation = np.linspace(
+            self.elevation_low, self.elevation_high, self.rings, dtype=np.float64
+        )
         azimuth = np.arange(self.azimuths) * (2.0 * np.pi / self.azimuths) - np.pi
         return _cos_sin(elevation), _cos_sin(azimuth)
 
@@ -109,8 +111,8 @@ class Rangefinder:
 SweepSensor = Lidar | DepthCamera
 
 
-def _cos_sin(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+def _cos_sin(angle: NDArray[np.floating]) -> NDArray[np.float64]:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1, dtype=np.float64)
 
 
 def _pixel_centres(count: int) -> NDArray[np.float64]:

@@ -48,11 +48,13 @@ class Truth:
             least = min(least, float(distance))
         return least
 
-    def tilt(self, data: mujoco.MjData) -> float:
-        """Angle of the base's z axis from upright, rad."""
-        return float(np.arccos(np.clip(data.xmat[self._base][8], -1.0, 1.0)))
+    def uprightness(self, data: mujoco.MjData) -> float:
+        """Cosine of the angle between the base's z axis and the world's."""
+        return float(data.xmat[self._base, 8])
 
     def _touches_obstacle(self, data: mujoco.MjData) -> bool:
+        if data.ncon == 0:
+            return False
         pairs = data.contact.geom[: data.ncon]  # (n, 2)
         mixed = self._is_robot[pairs].sum(axis=1) == 1
         return bool((mixed & (pairs != self._floor).all(axis=1)).any())
@@ -66,4 +68,5 @@ class Truth:
         R = data.geom_xmat[obstacles].reshape(-1, 3, 3)
         local = np.abs(np.einsum("rok,okl->rol", offset, R) - model.geom_aabb[obstacles, :3])
         outside = np.maximum(local - model.geom_aabb[obstacles, 3:], 0.0)
-        return np.sqrt((outside**2).sum(axis=2)) - model.geom_rbound[robot][:, None]
+        gaps: NDArray[np.float64] = np.sqrt((outside**2).sum(axis=2))
+        return gaps - np.asarray(model.geom_rbound[robot], np.float64)[:, None]

@@ -206,14 +206,18 @@ def first_stop(
         The place of the corner, or of the path's end if there is none.
     """
     arcs, tangents = arc_lengths(path), edge_tangents(path)
-    if len(path) < 3:
-        return float(arcs[-1])
-    begins = arcs[:-1]
     first = _edge_at(arcs, s)
-    turns = _dot(tangents[:-1], tangents[1:])  # (n - 2,) cosine at each inner point
-    for edge in range(first, len(tangents)):
-        leaves = arcs[edge + 1]  # the window opens where this edge ends
-        last = int(np.searchsorted(begins, leaves + window, side="right"))
-        if np.any(_dot(tangents[edge + 1 : last], tangents[edge]) < math.cos(angle)):
-            return float(arcs[edge + 1 + int(np.argmin(turns[edge : last - 1]))])
-    return float(arcs[-1])
+    sharp = np.zeros(len(tangents), np.bool_)  # whether the path turns too far within the window
+    for ahead in range(1, len(tangents)):
+        # The window opens where an edge ends; this many edges on, is the path still in it?
+        within = arcs[ahead:-1] <= arcs[1:-ahead] + window
+        if not within.any():
+            break
+        sharp[:-ahead] |= within & (_dot(tangents[ahead:], tangents[:-ahead]) < math.cos(angle))
+    found = np.flatnonzero(sharp[first:])
+    if len(found) == 0:
+        return float(arcs[-1])
+    edge = first + int(found[0])
+    last = int(np.searchsorted(arcs[:-1], arcs[edge + 1] + window, side="right"))
+    turns = _dot(tangents[edge : last - 1], tangents[edge + 1 : last])  # cosines
+    return float(arcs[edge + 1 + int(np.argmin(turns))])

@@ -18,8 +18,9 @@ from models.worlds.world import Box, World
 RESOLUTION = 0.05
 """Side of a cell, m."""
 
-REFERENCE_RADIUS = 0.62
-"""Every generated world lets a body of this radius through: a quadruped of 0.52 m and a margin."""
+REFERENCE_RADIUS = 0.75
+"""Every generated world lets a disc of this radius through, m: a quadruped of 0.45 m, a margin of
+0.1 m, and the two cells of 10 cm that a map may round away."""
 
 GROUND_BAND = (0.03, 0.5)
 """Height band of the reference quadruped, m: between what it steps over and its back."""

@@ -49,7 +49,7 @@ def test_bad_words(capsys, tmp_path, changes, said):
         (["--set", "planner.name=rrtconect"], "did you mean 'rrtconnect'?"),
         (["--set", "map.kind=voxels"], "did you mean 'voxel'?"),
         (["--goal", "99,99"], "goal: got (99, 99, 1), expected inside the geofence"),
-        (["--goal", "3,4,2.9"], "goal: altitude 2.9 m, expected 0.5 to 2.3 m"),
+        (["--goal", "3,4,2.9"], "goal: altitude 2.9 m, expected 0.66 to 2.34 m"),
         (["--goal", "0.05,3"], "goal: (0.05, 3, 1) is within the body's radius of 0.3"),
         (["--goal", "north"], "goal: "),
         (["--nonsense"], "unrecognized arguments: --nonsense"),
