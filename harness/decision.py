@@ -23,7 +23,7 @@ Label = Literal[
     "localization_lost",
 ]
 
-SAMPLE_PERIOD = 0.05
+SAMPLE_PERIOD = 0.1
 """Spacing of the logged samples of a trajectory, s."""
 
 
@@ -73,6 +73,11 @@ def points(path: NDArray[np.float64] | None) -> list[pb.Point]:
     if path is None:
         return []
     return [pb.Point(x=float(x), y=float(y), z=float(z)) for x, y, z in path]
+
+
+def thinned(path: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    """Every fifth point of a path and its last: enough to see where a guide leads."""
+    return None if path is None else np.vstack([path[:-1:5], path[-1]])
 
 
 def _field_bytes(decision: pb.Decision, name: str) -> bytes:

@@ -155,10 +155,7 @@ def _run_metadata(attachments: Mapping[str, bytes]) -> dict[str, str]:
     }
     return {
         "format_version": FORMAT_VERSION,
-        **{
-            digest_name(name): hashlib.sha256(data).hexdigest()
-            for name, data in attachments.items()
-        },
+        **digests,
         "wayproof": metadata.version("wayproof"),
         "python": platform.python_version(),
         "machine": platform.machine(),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from harness.behaviour import Choice, Memory, View, decide
 from harness.config import Config
-from harness.decision import points, seal, trajectory_message
+from harness.decision import points, seal, thinned, trajectory_message
 from harness.inputs import Beams, Inputs
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
@@ -163,7 +163,7 @@ class Navigator:
             action=choice.action,
             reason=choice.reason,
             label=choice.label,
-            guide=points(choice.guide),
+            guide=points(thinned(choice.guide)),
             trajectory=trajectory_message(choice.trajectory),
             committed_length_m=_length(path),
         )

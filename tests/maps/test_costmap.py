@@ -110,10 +110,10 @@ def test_the_cost_falls_by_navs_law(voxel_map):
     costmap = ground(voxel_map, cost_scaling_factor=3.0)
     table, edge = costmap.cost_table, 3.0 + math.sqrt(0.5)
     assert table.shape == (costmap.truncation + 1,)
-    assert costmap.truncation == math.ceil(edge + 8.0) ** 2
+    assert costmap.truncation == math.ceil(edge + 6.0) ** 2
     assert np.all(np.isinf(table[: 13 + 1]))
     assert table[16] == pytest.approx(252.0 * math.exp(-3.0 * 0.1 * (4.0 - edge)))
-    assert table[100] == pytest.approx(252.0 * math.exp(-3.0 * 0.1 * (10.0 - edge)))
+    assert table[81] == pytest.approx(252.0 * math.exp(-3.0 * 0.1 * (9.0 - edge)))
     assert np.all(np.diff(table[14:]) < 0.0)
     assert table[-1] == 0.0
 

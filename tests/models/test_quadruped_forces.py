@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.linalg import block_diag
+from scipy.optimize import NonlinearConstraint, minimize
 
 from models.robots.quadruped.admm import project, solve_forces
 from models.robots.quadruped.mpc import GRAVITY, condense
@@ -100,17 +101,24 @@ def test_solver_finds_what_scipy_finds():
     slots, hessian, gradient = condensed(prediction, inputs)
     ours = solved(prediction, slots, hessian, gradient)
     H, mu, scale = dense(hessian), prediction.friction, 50.0  # newtons: scipy likes ones
+
+    def cones(f):  # squared, so that they are smooth everywhere; all at least 0
+        x, y, z = f.reshape(-1, 3).T
+        return (mu * z) ** 2 - x**2 - y**2
+
+    def cone_slopes(f):
+        weighted = f.reshape(-1, 3) * np.array([-2.0, -2.0, 2.0 * mu**2])
+        return block_diag(*weighted[:, None, :])
+
     answer = minimize(
         lambda f: 1e3 * (0.5 * scale**2 * f @ H @ f + scale * gradient @ f),
         np.tile([0.1, 0.1, 1.0], len(slots)),
         jac=lambda f: 1e3 * (scale**2 * H @ f + scale * gradient),
+        hess=lambda f: 1e3 * scale**2 * H,
         bounds=[(None, None), (None, None), (0.0, 5.0)] * len(slots),
-        constraints=[
-            {"type": "ineq", "fun": lambda f, i=i: mu * f[i + 2] - np.hypot(f[i], f[i + 1])}
-            for i in range(0, len(gradient), 3)
-        ],
-        method="SLSQP",
-        options={"maxiter": 500, "ftol": 1e-8},
+        constraints=NonlinearConstraint(cones, 0.0, np.inf, jac=cone_slopes),
+        method="trust-constr",
+        options={"maxiter": 3000, "gtol": 1e-9, "xtol": 1e-12},
     )
     assert answer.success
     slack = mu * ours[:, 2] - np.hypot(ours[:, 0], ours[:, 1])
