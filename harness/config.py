@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import msgspec
 
-from harness.behaviour import BehaviourConfig
 from harness.errors import InputError, unknown_name
+from harness.view import BehaviourConfig
 from maps import MAPS, MapConfig
 from planners import PLANNERS, PlannerConfig
 

@@ -12,12 +12,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.behaviour import Choice, Memory, View, decide
+from harness.behaviour import decide
 from harness.config import Config
 from harness.decision import points, seal, thinned, trajectory_message
 from harness.inputs import Beams, Inputs
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
+from harness.view import Choice, Memory, View
 from maps import INSCRIBED_COST, MAPS, Costmap
 from planners import FreeSpace, MotionLimits, Trajectory, hold
 

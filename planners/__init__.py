@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from planners.frontier import best_frontier
 from planners.path import (
     arc_lengths,
     blend_corners,
@@ -38,6 +39,7 @@ __all__ = [
     "Trajectory",
     "TrajectorySample",
     "arc_lengths",
+    "best_frontier",
     "blend_corners",
     "first_stop",
     "follow_path",

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from harness.frontier import best_frontier
-from planners import FreeSpace
+from planners import FreeSpace, best_frontier
 
 NOWHERE = np.empty((0, 3))
 

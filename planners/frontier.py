@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from planners import FreeSpace
+from planners.space import FreeSpace
 
 Array = NDArray[np.float64]
 

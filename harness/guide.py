@@ -1,0 +1,101 @@
+"""Keeping and renewing the guide: the path to the goal through what is not known to be blocked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from harness.view import Array, Memory, View, length, standing
+from planners import (
+    FreeSpace,
+    Plan,
+    TrajectorySample,
+    blend_corners,
+    plan,
+    plan_seed,
+    remaining,
+    stopping_distance,
+    truncate,
+)
+
+ARRIVED = 0.05
+"""A path shorter than this is driven, m."""
+
+
+def keep_or_replan_guide(
+    view: View, memory: Memory, now: TrajectorySample
+) -> tuple[Memory, Plan | None, int]:
+    """The guide from where the robot will be: kept while it is valid and none is much cheaper.
+
+    Returns:
+        The memory with its guide, the search made if any, and its seed.
+    """
+    guide = None if memory.guide is None else remaining(memory.guide, now.arc_length)
+    if memory.on_errand and guide is not None and length(guide) < ARRIVED:
+        guide = None
+    valid = guide is not None and view.passable.free_length(guide) >= length(guide) - 1e-6
+    improve_due = view.time_ns - memory.improved_ns >= view.behaviour.improve_period * 1e9
+    if valid and not improve_due:
+        return replace(memory, guide=guide), None, 0
+    prefix = _prefix_to_keep(view, now, guide)
+    if prefix is None:
+        return replace(memory, guide=None, on_errand=False), None, 0
+    seed = plan_seed(view.seed, "guide", view.sequence)
+    only_known = valid and memory.on_errand
+    search, fresh = _search(view, prefix, seed, only_known)
+    if valid and guide is not None and not _better(view, memory, fresh, guide):
+        return replace(memory, guide=guide, improved_ns=view.time_ns), search, seed
+    return replace(memory, guide=fresh, on_errand=False, improved_ns=view.time_ns), search, seed
+
+
+def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> Array | None:
+    """The stretch that the robot will drive before a new path can bend it; none if it is blocked.
+
+    It reaches beyond the braking distance, so that a stop on the old path always remains, and by
+    the length of a blend, so that the new path need not begin with a corner.
+    """
+    if standing(now):
+        return now.position[None]
+    if guide is None:
+        return None
+    admitted = view.admitted.free_length(guide)
+    braking = stopping_distance(now.speed, now.acceleration, view.limits)
+    if admitted < braking:
+        return None
+    return truncate(guide, min(braking + view.behaviour.blend_length, admitted, length(guide)))
+
+
+def _search(view: View, prefix: Array, seed: int, only_known: bool) -> tuple[Plan, Array | None]:
+    """Plan from the prefix's end: through known space if that reaches the goal, else beyond it."""
+    space = view.known
+    search = plan(space, prefix[-1], view.goal, view.planner, seed)
+    if search.waypoints is None and not only_known:
+        space = view.passable
+        search = plan(space, prefix[-1], view.goal, view.planner, seed)
+    if search.waypoints is None:
+        return search, None
+    return search, _join(space, prefix, search.waypoints, view.behaviour.blend_length)
+
+
+def _join(space: FreeSpace, prefix: Array, waypoints: Array, blend_length: float) -> Array:
+    """The prefix and the path from its end, with every corner from there on blended.
+
+    The robot is driving on the prefix, so it is left as it is, but for its last stretch: where that
+    can be drawn straight, the corner at its end can be blended too.
+    """
+    keep = truncate(prefix, max(length(prefix) - blend_length, 0.0))
+    if space.edge_free(keep[-1], prefix[-1]):
+        return np.concatenate(
+            [keep[:-1], blend_corners(space, np.vstack([keep[-1], waypoints]), blend_length)]
+        )
+    return np.concatenate([prefix[:-1], blend_corners(space, waypoints, blend_length)])
+
+
+def _better(view: View, memory: Memory, fresh: Array | None, guide: Array) -> bool:
+    """Whether a new guide replaces a valid one; any way to the goal is better than an errand."""
+    if fresh is None or memory.on_errand:
+        return fresh is not None
+    weight = view.planner.clearance_weight
+    costs = (view.passable.path_cost(path, weight) for path in (fresh, guide))
+    return view.planner.replaces(*costs)

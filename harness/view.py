@@ -1,0 +1,158 @@
+"""What a decision sees, what it remembers, and what it chooses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.decision import Action, Label
+from planners import (
+    FreeSpace,
+    MotionLimits,
+    Plan,
+    PlannerConfig,
+    Trajectory,
+    TrajectorySample,
+    arc_lengths,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BehaviourConfig:
+    """When the stack waits, tries again and gives up.
+
+    Attributes:
+        patience: Time at rest before the robot goes to look from elsewhere, s.
+        tries: Places it looks from before the action is `abort`.
+        tracking_tolerance: Farther from its trajectory than this the robot has left it, m.
+        least_advance: A committed part shorter than this is not worth leaving rest for, m.
+        turn_first: A ground robot at rest turns in place beyond this heading error, rad.
+        stop_corner: Corners sharper than this are taken from rest, rad.
+        blend_length: Corners are rounded over at most this length on each side, m.
+        improve_period: Time between looks for a cheaper guide, s.
+        penalized_speed: Share of the speed while unknown space is entered under `penalize`.
+    """
+
+    patience: float = 1.0
+    tries: int = 12
+    tracking_tolerance: float = 0.8
+    least_advance: float = 0.3
+    turn_first: float = 0.6
+    stop_corner: float = 0.9
+    blend_length: float = 0.6
+    improve_period: float = 1.0
+    penalized_speed: float = 0.4
+
+    def __post_init__(self) -> None:
+        """Refuse lengths, times and angles that are not positive."""
+        for name, value in vars(self).items():
+            if not 0 < value < 1e6:
+                raise ValueError(f"behaviour.{name}: got {value:g}, expected more than 0")
+        if self.penalized_speed > 1:
+            raise ValueError(f"behaviour.penalized_speed: got {self.penalized_speed:g}, at most 1")
+
+
+@dataclass(frozen=True)
+class View:
+    """One decision's view of the world; points lie in the costmap's frame.
+
+    Attributes:
+        time_ns: When the sweep was taken.
+        effect_ns: When the decision reaches the robot.
+        sequence: Number of the decision.
+        seed: The episode's.
+        position: (3,) believed, m.
+        heading: rad.
+        goal: (3,) m.
+        goal_tolerance: m.
+        admitted: Space that the unknown policy lets the body enter.
+        known: Space known to be free.
+        passable: Space not known to be blocked; what is not known to be free costs most.
+        turns_in_place: Whether heading matters for motion (ground robots).
+        penalize_unknown: Whether unknown space costs speed.
+        limits: What the body may be asked for.
+        planner: Search settings.
+        behaviour: Waiting and giving up.
+    """
+
+    time_ns: int
+    effect_ns: int
+    sequence: int
+    seed: int
+    position: Array
+    heading: float
+    goal: Array
+    goal_tolerance: float
+    admitted: FreeSpace
+    known: FreeSpace
+    passable: FreeSpace
+    turns_in_place: bool
+    penalize_unknown: bool
+    limits: MotionLimits
+    planner: PlannerConfig
+    behaviour: BehaviourConfig
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What one decision hands to the next.
+
+    Attributes:
+        trajectory: The last one committed; the robot follows it until the next takes effect.
+        earlier: Those committed before it, from the one that the robot follows now.
+        guide: (n, 3) from the start of `trajectory` to the goal, or on an errand to a frontier.
+        on_errand: Whether the guide leads to a frontier, to look from there.
+        rest_since_ns: Since when the robot has been waiting for the way to open; -1 if it is not.
+        improved_ns: When a cheaper guide was last looked for.
+        visited: (n, 3) places that it has looked from.
+    """
+
+    trajectory: Trajectory
+    earlier: tuple[Trajectory, ...] = ()
+    guide: Array | None = None
+    on_errand: bool = False
+    rest_since_ns: int = -1
+    improved_ns: int = 0
+    visited: Array = field(default_factory=lambda: np.empty((0, 3)))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The action and what led to it.
+
+    Attributes:
+        action: What the robot does.
+        reason: Why, in words with numbers.
+        label: What stood in the way.
+        trajectory: What it follows.
+        guide: (n, 3) path to the goal, or none.
+        search: The search made for this decision, or none if the guide was kept.
+        search_seed: Its seed, 0 if none.
+    """
+
+    action: Action
+    reason: str
+    label: Label
+    trajectory: Trajectory
+    guide: Array | None = None
+    search: Plan | None = None
+    search_seed: int = 0
+
+
+def standing(now: TrajectorySample) -> bool:
+    """Whether the robot is in one place, though it may still be turning."""
+    return now.speed < 1e-3
+
+
+def length(path: Array) -> float:
+    """Arc length of a path (n, 3), m."""
+    return float(arc_lengths(path)[-1])
+
+
+def distance(a: Array, b: Array) -> float:
+    """Straight distance between two points, m."""
+    return float(np.linalg.norm(a - b))
