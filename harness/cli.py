@@ -104,7 +104,7 @@ def demo(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     for robot in ("quadruped", "drone"):
         config = from_document({"world": "warehouse", "robot": robot, "seed": options.seed})
         result = _run_one(config, options.logs / f"{episode_name(config)}.mcap", console)
-        rows.append((f"{robot} in warehouse {options.seed}", result, replay_log(Path(result.log))))
+        rows.append((robot, result, replay_log(Path(result.log))))
     print_demo(console, rows)
     good = all(r.outcome == "success" and again.identical for _, r, again in rows)
     document = {"episodes": [{**asdict(r), "replay": asdict(again)} for _, r, again in rows]}
@@ -132,7 +132,7 @@ def _run_one(config: Config, path: Path, console: Console) -> Any:
     with console.status("compiling kernels (a minute the first time, then cached)"):
         warm_up(config.robot)
     try:
-        with LiveLine(console, f"{config.robot} in {config.world} {config.seed}") as line:
+        with LiveLine(console, config.robot) as line:
             return run_episode(scenario, path, line)
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO):

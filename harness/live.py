@@ -42,11 +42,11 @@ class LiveLine:
         speed = float(np.linalg.norm(truth.velocity))
         self._live.update(
             Text.assemble(
-                (f"{self._title}  ", "bold"),
-                f"t {decision.timestamp.ToNanoseconds() * 1e-9:5.1f} s  {speed:4.2f} m/s  ",
+                (f"{self._title} ", "bold"),
+                f"{decision.timestamp.ToNanoseconds() * 1e-9:5.1f} s {speed:4.2f} m/s ",
                 (f"{decision.action:<13}", ACTION_STYLES[decision.action]),
-                f"  to go {decision.path_length_m:5.1f} m  clearance {truth.clearance_m:4.2f} m",
-                f"  map {decision.map_version[:8]}  {latency:5.1f} ms",
+                f" map {decision.map_version[:8]} {latency:4.0f} ms",
+                f" {decision.path_length_m:5.1f} m to go",
                 no_wrap=True,
                 overflow="ellipsis",
             )
@@ -103,17 +103,9 @@ def print_replay(console: Console, replayed: Replay) -> None:
 
 def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> None:
     """Verdicts of several episodes and of their replays."""
-    table = Table(title="Verdicts", title_justify="left")
-    for heading in (
-        "episode",
-        "outcome",
-        "time",
-        "x real time",
-        "decisions",
-        "clearance",
-        "replay",
-    ):
-        table.add_column(heading, justify="left" if heading in ("episode", "outcome") else "right")
+    table = Table(title="Verdicts: warehouse", title_justify="left")
+    for heading in ("robot", "outcome", "time", "x real", "decisions", "clearance", "replay"):
+        table.add_column(heading, justify="left" if heading in ("robot", "outcome") else "right")
     for title, result, replayed in rows:
         table.add_row(
             title,
