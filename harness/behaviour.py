@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.decision import Action, Label
 from harness.guide import keep_or_replan_guide
+from harness.inputs import heading_of
 from harness.view import Array, Choice, Memory, View, distance, length, standing
 from planners import (
     Plan,
@@ -45,7 +46,7 @@ def decide(view: View, memory: Memory) -> tuple[Choice, Memory]:
 def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, Memory]:
     """The action, given the trajectory that the robot follows while the sweep is taken."""
     believed = followed.at(view.time_ns)
-    if np.linalg.norm(view.position - believed.position) > view.behaviour.tracking_tolerance:
+    if distance(view.position, believed.position) > view.behaviour.tracking_tolerance:
         return _anchor_again(view, memory, believed)
     now = memory.trajectory.at(view.effect_ns)
     if believed.at_rest and distance(view.position, view.goal) <= view.goal_tolerance:
@@ -123,7 +124,7 @@ def _advance(
         return _wait(view, memory, now, "unknown_ahead", f"{end:.2f} m admitted ahead")
     if standing(now) and view.turns_in_place:
         tangent = tangent_at(guide, min(0.2, 0.5 * length(guide)))
-        target = float(np.arctan2(tangent[1], tangent[0]))
+        target = heading_of(tangent[1], tangent[0])
         if abs(_wrapped(target - now.heading)) > view.behaviour.turn_first:
             return _turn(view, memory, now, guide, target)
     return _follow(view, memory, now, guide, end, blocked)

@@ -143,16 +143,20 @@ def override(config: Config, settings: Iterable[str]) -> Config:
     Raises:
         InputError: A setting has no '=', an unknown name, a wrong type or a refused value.
     """
-    document = msgspec.to_builtins(config)
     for setting in settings:
         key, separator, text = setting.partition("=")
         if not separator:
             raise InputError(f"--set {setting}: expected section.field=value")
+        document = msgspec.to_builtins(config)
         section, name = _locate(document, key)
         section[name] = value = _parse(text)
         if key in NAMED and value not in NAMED[key]:
             raise unknown_name(key, str(value), NAMED[key])
-    return from_document(document)
+        try:
+            config = from_document(document)
+        except InputError as error:
+            raise InputError(f"--set {setting}: {error}") from None
+    return config
 
 
 def from_document(document: Any) -> Config:
@@ -197,8 +201,11 @@ def setting_names() -> list[str]:
 
 
 def _locate(document: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
-    if key not in setting_names():
-        raise unknown_name("setting", key, setting_names())
+    names = setting_names()
+    if key not in names:
+        section = key.partition(".")[0]
+        siblings = [name for name in names if name.startswith(f"{section}.")]
+        raise unknown_name("setting", key, siblings or names)
     *path, name = key.split(".")
     for part in path:
         document = document[part]

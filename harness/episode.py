@@ -17,7 +17,7 @@ import numpy as np
 from harness.config import LatencyConfig, to_json
 from harness.inputs import CODEC, beams_from_info, encode_ranges, inputs_from_messages
 from harness.log import LogWriter
-from harness.navigator import Navigator
+from harness.navigator import Navigator, build_navigator
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
 from models.robots import Setpoint
@@ -81,17 +81,31 @@ def run_episode(scenario: Scenario, log_path: Path, observe: Observer | None = N
         scenario: What to run.
         log_path: Final name of the log; it is replaced if it exists.
         observe: Called after each decision, for display.
+
+    Raises:
+        InputError: No map can be made for the mission, or the log cannot be written.
     """
+    infos = [sensor_info(scenario.scene, caster) for caster in scenario.scene.casters]
+    beams = {info.name: beams_from_info(info) for info in infos}
+    navigator = build_navigator(scenario.config, scenario.mission, beams)
     config, mission = to_json(scenario.config), scenario.mission.to_json()
     with LogWriter(log_path, config, mission, scenario.scene.mjcf) as log:
-        return Episode(scenario, log, observe).run()
+        for info in infos:
+            log.write(f"/sensor/{info.name}/info", info, 0)
+        return Episode(scenario, navigator, log, observe).run()
 
 
 class Episode:
     """The loop's state: the simulation, the stack under test, and what is on its way between."""
 
-    def __init__(self, scenario: Scenario, log: LogWriter, observe: Observer | None = None) -> None:
-        """Place the robot at the start and tell the stack its mission."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        navigator: Navigator,
+        log: LogWriter,
+        observe: Observer | None = None,
+    ) -> None:
+        """Place the robot at the start."""
         self._scenario = scenario
         self._scene = scene = scenario.scene
         self._log = log
@@ -101,11 +115,7 @@ class Episode:
         scene.controller.reset(self._data, start, heading)
         self._truth = Truth(scene.model, scene.base, scene.floor)
         self._least_uprightness = math.cos(scenario.spec.max_tilt)
-        infos = [sensor_info(scene, caster) for caster in scene.casters]
-        for info in infos:
-            log.write(f"/sensor/{info.name}/info", info, 0)
-        beams = {info.name: beams_from_info(info) for info in infos}
-        self._navigator = Navigator(scenario.config, scenario.mission, beams)
+        self._navigator = navigator
         self._following = self._navigator.trajectory
         self._on_the_way: deque[Trajectory] = deque()
         self._sequence = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,7 @@ class Pose:
     def heading(self) -> float:
         """Yaw, rad."""
         w, x, y, z = self.quaternion
-        return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        return heading_of(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,14 @@ class Inputs:
     pose: Pose
     sweeps: tuple[SweepInput, ...]
     digest: str
+
+
+def heading_of(y: float, x: float) -> float:
+    """Angle of a direction in the plane, rad, in whole nanoradians.
+
+    The last bits of an arc tangent vary between processors; a replay must not.
+    """
+    return round(math.atan2(y, x), 9)
 
 
 def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:

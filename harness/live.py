@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
 
 import numpy as np
 from rich.console import Console
@@ -33,10 +32,11 @@ class LiveLine:
         """Name the episode that the line tells of."""
         self._title = title
         self._console = console
-        self._live = Live(Text(f"{title}  starting"), console=console, refresh_per_second=10)
+        self._live = Live(console=console, refresh_per_second=10)
 
     def __call__(self, decision: pb.Decision, truth: pb.Truth) -> None:
-        """Show a decision."""
+        """Show a decision; the line appears with the first."""
+        self._live.start()
         stages = decision.stages
         latency = stages.sense_ms + stages.map_ms + stages.costmap_ms + stages.plan_ms
         speed = float(np.linalg.norm(truth.velocity))
@@ -53,18 +53,14 @@ class LiveLine:
         )
 
     def __enter__(self) -> LiveLine:
-        """Start drawing."""
-        self._live.__enter__()
+        """Nothing to show before the first decision."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave the last state of the line standing."""
-        self._live.__exit__(kind, error, trace)
+        if not self._live.is_started:
+            return
+        self._live.stop()
         if not self._console.is_terminal:  # there the last state is printed without its newline
             self._console.line()
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from harness.behaviour import decide
 from harness.config import Config
 from harness.decision import points, seal, thinned, trajectory_message
+from harness.errors import InputError
 from harness.inputs import Beams, Inputs
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
@@ -26,6 +27,18 @@ Array = NDArray[np.float64]
 
 MARGIN_SIGMAS = 2.0
 """Standard deviations of the believed position that the localization margin covers (95 %)."""
+
+
+def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]) -> Navigator:
+    """Start a navigator.
+
+    Raises:
+        InputError: The map or the costmap cannot be made for this mission with these settings.
+    """
+    try:
+        return Navigator(config, mission, beams)
+    except ValueError as error:
+        raise InputError(f"no map for this mission: {error}") from None
 
 
 class Navigator:

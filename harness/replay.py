@@ -8,7 +8,7 @@ from pathlib import Path
 
 from harness.decision import differences
 from harness.errors import InputError
-from harness.navigator import Navigator
+from harness.navigator import build_navigator
 from harness.reader import open_log
 
 
@@ -47,7 +47,7 @@ def replay(path: Path) -> Replay:
     """
     log = open_log(path)
     began = time.perf_counter()
-    navigator = Navigator(log.config, log.mission, log.beams)
+    navigator = build_navigator(log.config, log.mission, log.beams)
     differing: list[tuple[int, list[str]]] = []
     decisions = 0
     for record in log.records():

@@ -100,6 +100,11 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
     if spec.motion == "air":
         body = spec.radius + config.map.inflation_margin
         window = (config.motion.altitude_low + body, config.motion.altitude_high - body)
+        if window[0] >= window[1]:
+            raise InputError(
+                f"motion.altitude_low, altitude_high: got {config.motion.altitude_low:g} and "
+                f"{config.motion.altitude_high:g} m, expected more than {2 * body:g} m between them"
+            )
         if not window[0] <= point[2] <= window[1]:
             raise InputError(
                 f"{name}: altitude {point[2]:g} m, expected {window[0]:g} to {window[1]:g} m"

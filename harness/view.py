@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -155,4 +156,4 @@ def length(path: Array) -> float:
 
 def distance(a: Array, b: Array) -> float:
     """Straight distance between two points, m."""
-    return float(np.linalg.norm(a - b))
+    return math.dist(a, b)

@@ -16,6 +16,9 @@ MAX_REACH = 181  # cells; twice its square still fits 16 bits
 INSCRIBED_COST = 252.0
 """Cost at the edge of what is forbidden; Nav2 keeps 253 and 254 for what is inside."""
 
+COST_STEPS = 2.0**20
+"""Costs are whole multiples of one over this."""
+
 MOTIONS = ("ground", "air")
 ROUNDING = 1e-6  # of a cell
 
@@ -153,6 +156,8 @@ class Costmap:
         squared = np.arange(self.truncation + 1)
         beyond = (np.sqrt(squared) - forbidden) * self.resolution  # m
         costs = INSCRIBED_COST * np.exp(-self.config.cost_scaling_factor * np.maximum(beyond, 0.0))
+        # The last bits of exp vary between processors; a decision must not.
+        costs = np.rint(costs * COST_STEPS) / COST_STEPS
         costs[squared <= self.blocked_at_or_below] = math.inf
         costs[-1] = 0.0  # that far or farther
         return costs

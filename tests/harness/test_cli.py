@@ -52,6 +52,14 @@ def test_bad_words(capsys, tmp_path, changes, said):
         (["--goal", "3,4,2.9"], "goal: altitude 2.9 m, expected 0.66 to 2.34 m"),
         (["--goal", "0.05,3"], "goal: (0.05, 3, 1) is within the body's radius of 0.3"),
         (["--goal", "north"], "goal: "),
+        (
+            ["--set", "map.resolution=0.01", "--set", "map.half_life=0"],
+            "expected at most 200000000",
+        ),
+        (
+            ["--set", "motion.altitude_high=0.5"],
+            "motion.altitude_low, altitude_high: got 0.2 and 0.5",
+        ),
         (["--nonsense"], "unrecognized arguments: --nonsense"),
     ],
 )
