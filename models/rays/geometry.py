@@ -59,22 +59,19 @@ class Geometry:
         """
         ids = _visible(model, group_mask)
         _refuse_what_is_no_primitive(model, ids)
-        moving = _moves(model)[ids]
+        # By a joint or with a mocap body: MuJoCo counts neither as welded to the world.
+        moving = model.body_weldid[model.geom_bodyid[ids]] != 0
         self._moving_rows = np.flatnonzero(moving)
         self._moving_ids = ids[moving]
-        extents = _extents(model.geom_type[ids], model.geom_size[ids])
         self.geoms = Geoms(
             ids=ids,
             kinds=model.geom_type[ids].astype(np.int32),
             sizes=model.geom_size[ids],
-            extents=extents,
-            radii=np.linalg.norm(extents, axis=1),
+            extents=_extents(model.geom_type[ids], model.geom_size[ids]),
+            radii=model.geom_rbound[ids],
             positions=np.empty((len(ids), 3)),
             rotations=np.empty((len(ids), 9)),
         )
-        # A sphere about the geom itself is smaller than one about its box, where MuJoCo has it.
-        bounded = model.geom_rbound[ids] > 0.0
-        self.geoms.radii[bounded] = model.geom_rbound[ids][bounded]
         self._spheres = np.flatnonzero(self.geoms.kinds == mujoco.mjtGeom.mjGEOM_SPHERE)
         at_rest = mujoco.MjData(model)
         mujoco.mj_kinematics(model, at_rest)
@@ -117,19 +114,6 @@ def _refuse_what_is_no_primitive(model: mujoco.MjModel, ids: NDArray[np.int32]) 
                 f"geom '{name}': got shape {shape}, expected a primitive for ray engine 'tile'; "
                 "engine 'mujoco' casts it"
             )
-
-
-def _moves(model: mujoco.MjModel) -> NDArray[np.bool_]:  # (ngeom,)
-    """Whether a geom can ever change its pose: by joints, or with a mocap body.
-
-    MuJoCo counts a mocap body as welded to the world, though its pose is written at any time. It
-    is always a child of the world, so it is the root of all that hangs on it.
-    """
-    body = model.geom_bodyid
-    jointed = model.body_weldid[body] != 0
-    mocap = model.body_mocapid[model.body_rootid[body]] >= 0
-    moves: NDArray[np.bool_] = jointed | mocap
-    return moves
 
 
 def _extents(kinds: NDArray[np.int32], sizes: NDArray[np.float64]) -> NDArray[np.float64]:

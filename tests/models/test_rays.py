@@ -280,6 +280,33 @@ def test_compiled_kernels_are_their_python():
     assert results[0] == results[1]
 
 
+def test_the_nearest_possible_distance_is_a_lower_bound():
+    """Against MuJoCo's distance of a vanishing ball from each geom; close to it for boxes."""
+    rng = np.random.default_rng(8)
+    dot = '<body name="dot" mocap="true"><geom name="dot" type="sphere" size="1e-9"/></body>'
+    model, data = posed(random_geoms(rng, 60) + dot)
+    geometry = Geometry(model, ALL)
+    local, nearest = np.empty((model.ngeom, 3)), np.empty(model.ngeom)
+    apart = 0
+    for _ in range(20):
+        origin = data.mocap_pos[0] = rng.uniform(-5.0, 5.0, 3)
+        mujoco.mj_kinematics(model, data)
+        geometry.refresh(data)
+        kernels.approach(origin, geometry.geoms, local, nearest)
+        for geom in range(model.ngeom):
+            kind = model.geom_type[geom]
+            if kind == mujoco.mjtGeom.mjGEOM_PLANE or model.geom(geom).name == "dot":
+                continue
+            true = mujoco.mj_geomDistance(model, data, model.geom("dot").id, geom, 20.0, None)
+            assert nearest[geom] <= max(true, 0.0) + 1e-6
+            apart += true > 0.1
+            if kind == mujoco.mjtGeom.mjGEOM_BOX and true > 0.1:
+                assert nearest[geom] == pytest.approx(true, abs=1e-6)
+            if kind == mujoco.mjtGeom.mjGEOM_SPHERE and true > 0.1:
+                assert nearest[geom] > 0.0
+    assert apart > 500
+
+
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (8, 8), (33, 32), (16, 100), (3, 65)])
 def test_tiles_hold_each_beam_once_and_their_cones_hold_the_beams(rows, columns):
     sensor = Lidar("", "", rows, columns, -0.4, 0.7, range=1.0, rate=1.0, source="")
