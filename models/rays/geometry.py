@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+from models.rays.kernels import Geoms
 
 PRIMITIVES = tuple(
     int(kind)
@@ -19,29 +19,6 @@ PRIMITIVES = tuple(
         mujoco.mjtGeom.mjGEOM_BOX,
     )
 )
-
-
-class Geoms(NamedTuple):
-    """Tables over the ray-visible geoms, in the order of their ids.
-
-    Attributes:
-        ids: (g,) geom id in the model.
-        kinds: (g,) MuJoCo's `mjtGeom`.
-        sizes: (g, 3) MuJoCo's sizes, m.
-        extents: (g, 3) half sides of the box about each geom in its own frame, m; of a plane 0.
-        radii: (g,) radius of the sphere about each geom, m; of a plane 0.
-        positions: (g, 3) in the world, m.
-        rotations: (g, 9) R_world_geom, row-major; of a sphere the identity, which MuJoCo's caster
-            does not turn either.
-    """
-
-    ids: NDArray[np.int32]
-    kinds: NDArray[np.int32]
-    sizes: NDArray[np.float64]
-    extents: NDArray[np.float64]
-    radii: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    rotations: NDArray[np.float64]
 
 
 class Geometry:

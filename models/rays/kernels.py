@@ -3,18 +3,20 @@
 Each shape is a function of one ray in the geom's frame, without branches, so that the loop over a
 tile's beams becomes vector instructions. Sums and quotients are those of MuJoCo 4.0's `mj_ray`,
 term by term: results agree with it to the last digits. No ray is shorter or longer than 1.
+
+The tables stand here because numba's cache would not notice if their fields were put in another
+order in another file.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models._jit import kernel
-from models.rays.geometry import Geoms
-from models.rays.tiles import Pattern
 
 Array = NDArray[np.float64]
 
@@ -26,6 +28,49 @@ LEAST = 1e-15
 
 MARGIN = 1e-9
 """Bounds are wider than what they bound by this, m, so that rounding never rules out a hit."""
+
+
+class Geoms(NamedTuple):
+    """Tables over the ray-visible geoms, in the order of their ids.
+
+    Attributes:
+        ids: (g,) geom id in the model.
+        kinds: (g,) MuJoCo's `mjtGeom`.
+        sizes: (g, 3) MuJoCo's sizes, m.
+        extents: (g, 3) half sides of the box about each geom in its own frame, m; of a plane 0.
+        radii: (g,) radius of the sphere about each geom, m; of a plane 0.
+        positions: (g, 3) in the world, m.
+        rotations: (g, 9) R_world_geom, row-major; of a sphere the identity, which MuJoCo's caster
+            does not turn either.
+    """
+
+    ids: NDArray[np.int32]
+    kinds: NDArray[np.int32]
+    sizes: NDArray[np.float64]
+    extents: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+
+
+class Pattern(NamedTuple):
+    """Beams of one sweep in the order of their tiles, and the cones about them.
+
+    Attributes:
+        beams: (3, n) unit directions, sensor frame, in the order of the tiles.
+        places: (n,) row-major place of each beam in the sensor's pattern.
+        tile_starts: (t + 1,) first beam of each tile, and n.
+        tile_cones: (t, 5) axis in the sensor frame, cosine and sine of the half angle.
+        block_starts: (b + 1,) first tile of each block, and t.
+        block_cones: (b, 5) likewise.
+    """
+
+    beams: NDArray[np.float64]
+    places: NDArray[np.int64]
+    tile_starts: NDArray[np.int64]
+    tile_cones: NDArray[np.float64]
+    block_starts: NDArray[np.int64]
+    block_cones: NDArray[np.float64]
 
 
 @kernel

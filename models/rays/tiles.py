@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
+
+from models.rays.kernels import Pattern
 
 TILE = 8
 """Beams along each side of a tile: enough to fill vector registers, few enough to be narrow."""
@@ -15,26 +15,6 @@ BLOCK = 4
 
 CONE_MARGIN = 1e-12
 """Taken off the cosine, so that rounding never puts a beam outside its cone."""
-
-
-class Pattern(NamedTuple):
-    """Beams of one sweep in the order of their tiles, and the cones about them.
-
-    Attributes:
-        beams: (3, n) unit directions, sensor frame, in the order of the tiles.
-        places: (n,) row-major place of each beam in the sensor's pattern.
-        tile_starts: (t + 1,) first beam of each tile, and n.
-        tile_cones: (t, 5) axis in the sensor frame, cosine and sine of the half angle.
-        block_starts: (b + 1,) first tile of each block, and t.
-        block_cones: (b, 5) likewise.
-    """
-
-    beams: NDArray[np.float64]
-    places: NDArray[np.int64]
-    tile_starts: NDArray[np.int64]
-    tile_cones: NDArray[np.float64]
-    block_starts: NDArray[np.int64]
-    block_cones: NDArray[np.float64]
 
 
 def cut(directions: NDArray[np.float64], rows: int, columns: int) -> Pattern:
