@@ -13,6 +13,7 @@ import msgspec
 from harness.errors import InputError, unknown_name
 from harness.view import BehaviourConfig
 from maps import MAPS, MapConfig
+from models.beams import SensorConfig
 from planners import PLANNERS, PlannerConfig
 
 
@@ -111,6 +112,7 @@ class Config:
     seed: int
     goal: tuple[float, ...] | None = None
     start: tuple[float, ...] | None = None
+    sensors: SensorConfig = field(default_factory=SensorConfig)
     map: MapConfig = field(default_factory=MapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)

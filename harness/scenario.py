@@ -58,7 +58,7 @@ def build(config: Config) -> Scenario:
     return Scenario(
         config=config,
         world=world,
-        scene=compose(world, ROBOTS[config.robot]),
+        scene=compose(world, ROBOTS[config.robot], config.sensors),
         mission=_mission(world, spec, start, goal),
         spec=spec,
     )

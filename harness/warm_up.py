@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import maps
 import planners
+from models import rays
 from models.robots import ROBOTS
 
 
@@ -11,4 +12,5 @@ def warm_up(robot: str) -> None:
     """Compile what an episode of `robot` runs, or load it from the cache."""
     maps.warm_up()
     planners.warm_up()
+    rays.warm_up()
     ROBOTS[robot].warm_up()

@@ -6,6 +6,7 @@ Nothing here needs the simulator, so a log can be replayed without it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,18 @@ DROPPED = np.uint16(0)
 """A beam without information: it neither clears nor occupies."""
 
 MILLIMETRES = 1000.0
+
+
+@dataclass(frozen=True)
+class SensorConfig:
+    """How beams are cast.
+
+    Attributes:
+        engine: `tile` casts a sweep tile by tile, on primitives only; `mujoco` takes MuJoCo's own
+            caster, which knows meshes and height fields too and is some ten times slower.
+    """
+
+    engine: Literal["tile", "mujoco"] = "tile"
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import mujoco
 
+from models.beams import SensorConfig
 from models.robots import Controller, Robot
 from models.sensors import Caster, RangefinderCaster, SweepCaster
 from models.worlds import World
@@ -35,13 +36,20 @@ class Scene:
     floor: int
 
 
-def compose(world: World, robot: Robot) -> Scene:
-    """Attach the robot to the world and compile."""
+def compose(world: World, robot: Robot, sensors: SensorConfig | None = None) -> Scene:
+    """Attach the robot to the world and compile.
+
+    Raises:
+        ValueError: The ray engine in `sensors`, by default `tile`, cannot cast the model.
+    """
+    engine = (sensors or SensorConfig()).engine
     spec = mujoco.MjSpec.from_string(world.mjcf())
     robot_spec = mujoco.MjSpec.from_string(robot.mjcf())
     spec.attach(robot_spec, prefix=PREFIX, frame=spec.worldbody.add_frame())
     model = spec.compile()
-    sweep_casters = [SweepCaster(model, sensor, PREFIX) for sensor in robot.spec.sweep_sensors]
+    sweep_casters = [
+        SweepCaster(model, sensor, PREFIX, engine) for sensor in robot.spec.sweep_sensors
+    ]
     rangefinders = [RangefinderCaster(model, sensor, PREFIX) for sensor in robot.spec.rangefinders]
     return Scene(
         model=model,

@@ -5,6 +5,8 @@ A sweep leaves here quantised, because the map must see exactly the values that 
 
 from __future__ import annotations
 
+from typing import Literal
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +15,22 @@ from models.beams import (
     DepthCamera,
     Lidar,
     Rangefinder,
+    SensorConfig,
     SweepSensor,
     beam_directions,
     quantise,
     rotate,
 )
+from models.rays import TileCaster
 
 __all__ = [
     "ROBOT_GROUP",
     "DepthCamera",
     "Lidar",
+    "MujocoCaster",
     "Rangefinder",
     "RangefinderCaster",
+    "SensorConfig",
     "SweepCaster",
     "SweepSensor",
 ]
@@ -36,45 +42,80 @@ ROBOT_GROUP = 3
 class SweepCaster:
     """Casts one sensor's beams against MuJoCo's geometry from where its site is now."""
 
-    def __init__(self, model: mujoco.MjModel, sensor: SweepSensor, site_prefix: str = "") -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        sensor: SweepSensor,
+        site_prefix: str = "",
+        engine: Literal["tile", "mujoco"] = "tile",
+    ) -> None:
         """Build the beam table once.
 
         Raises:
             KeyError: The model has no such site.
+            ValueError: Engine `tile` meets a geom that only MuJoCo's engine can cast.
         """
         self.sensor = sensor
-        self.directions = beam_directions(*sensor.beam_tables())  # (n, 3), sensor frame
-        self._model = model
+        tables = sensor.beam_tables()
+        self.directions = beam_directions(*tables)  # (n, 3), sensor frame
         self._site = model.site(site_prefix + sensor.site).id
-        self._geom_ids = np.empty(len(self.directions), np.int32)
-        self._distance = np.empty(len(self.directions))
+        self._model = model
         groups = np.ones(mujoco.mjNGROUP, np.uint8)
         groups[ROBOT_GROUP] = 0
-        self._groups = groups
+        self._engine: TileCaster | MujocoCaster
+        if engine == "tile":
+            self._engine = TileCaster(model, *tables, groups, sensor.range)
+        else:
+            self._engine = MujocoCaster(model, self.directions, groups, sensor.range)
 
     def cast(self, data: mujoco.MjData) -> NDArray[np.uint16]:  # (n,)
         """Cast one sweep; call `mujoco.mj_kinematics` first, geom poses lag a step behind."""
         R_world_sensor = data.site_xmat[self._site].reshape(3, 3)
-        rays = rotate(R_world_sensor, self.directions)
-        mujoco.mj_multiRay(
-            self._model,
-            data,
-            data.site_xpos[self._site],
-            rays.ravel(),
-            self._groups,
-            1,
-            -1,
-            self._geom_ids,
-            self._distance,
-            None,
-            len(rays),
-            self.sensor.range,
-        )
-        return quantise(self._distance, self.sensor.range)
+        distance, _ = self._engine.cast(data, data.site_xpos[self._site], R_world_sensor)
+        return quantise(distance, self.sensor.range)
 
     def mounting(self, base: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Position (3,) and rotation (3, 3) of the sensor in the frame of body `base`."""
         return _mounting(self._model, self._site, base)
+
+
+class MujocoCaster:
+    """Casts beams by MuJoCo's own `mj_multiRay`, against every shape that MuJoCo knows."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        directions: NDArray[np.float64],
+        group_mask: NDArray[np.uint8],
+        range: float,
+    ) -> None:
+        """Keep the beams (n, 3) in the sensor frame, the geom groups (6,) and the range in m."""
+        self._model = model
+        self._directions = directions
+        self._groups = group_mask
+        self._range = range
+
+    def cast(
+        self, data: mujoco.MjData, origin: NDArray[np.float64], R_world_sensor: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Distances (n,) in m, some of them beyond range, and geom ids (n,); -1 for a miss."""
+        rays = rotate(R_world_sensor, self._directions)
+        distance, geom_id = np.empty(len(rays)), np.empty(len(rays), np.int32)
+        mujoco.mj_multiRay(
+            self._model,
+            data,
+            origin,
+            rays.ravel(),
+            self._groups,
+            1,
+            -1,
+            geom_id,
+            distance,
+            None,
+            len(rays),
+            self._range,
+        )
+        return distance, geom_id
 
 
 class RangefinderCaster:

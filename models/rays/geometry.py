@@ -1,0 +1,107 @@
+"""What a beam can meet: the ray-visible geoms of a model as plain tables."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from models.rays.kernels import Geoms
+
+PRIMITIVES = tuple(
+    int(kind)
+    for kind in (
+        mujoco.mjtGeom.mjGEOM_PLANE,
+        mujoco.mjtGeom.mjGEOM_SPHERE,
+        mujoco.mjtGeom.mjGEOM_CAPSULE,
+        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+        mujoco.mjtGeom.mjGEOM_CYLINDER,
+        mujoco.mjtGeom.mjGEOM_BOX,
+    )
+)
+
+
+class Geometry:
+    """The ray-visible geoms of one model, posed where they are now."""
+
+    def __init__(self, model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> None:
+        """Build the tables and pose what never moves.
+
+        Args:
+            model: Its static geoms must stay where they are.
+            group_mask: (6,) non-zero for each geom group that beams meet.
+
+        Raises:
+            ValueError: A ray-visible geom is a mesh, a height field or an SDF; or the mask's shape.
+        """
+        ids = _visible(model, group_mask)
+        _refuse_what_is_no_primitive(model, ids)
+        # By a joint or with a mocap body: MuJoCo counts neither as welded to the world.
+        moving = model.body_weldid[model.geom_bodyid[ids]] != 0
+        self._moving_rows = np.flatnonzero(moving)
+        self._moving_ids = ids[moving]
+        self.geoms = Geoms(
+            ids=ids,
+            kinds=model.geom_type[ids].astype(np.int32),
+            sizes=model.geom_size[ids],
+            extents=_extents(model.geom_type[ids], model.geom_size[ids]),
+            radii=model.geom_rbound[ids],
+            positions=np.empty((len(ids), 3)),
+            rotations=np.empty((len(ids), 9)),
+        )
+        self._spheres = np.flatnonzero(self.geoms.kinds == mujoco.mjtGeom.mjGEOM_SPHERE)
+        at_rest = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, at_rest)
+        self._take(at_rest, np.arange(len(ids)), ids)
+
+    def refresh(self, data: mujoco.MjData) -> None:
+        """Take over the poses of all that can move."""
+        self._take(data, self._moving_rows, self._moving_ids)
+
+    def _take(self, data: mujoco.MjData, rows: NDArray[np.intp], ids: NDArray[np.int32]) -> None:
+        self.geoms.positions[rows] = data.geom_xpos[ids]
+        self.geoms.rotations[rows] = data.geom_xmat[ids]
+        self.geoms.rotations[self._spheres] = np.eye(3).ravel()
+
+
+def _visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Ids of the geoms that `mj_ray` would consider.
+
+    Groups outside 0..5 count as the nearest of these, and a material's alpha replaces the geom's
+    own: both as MuJoCo does, which the tests hold.
+    """
+    if np.shape(group_mask) != (mujoco.mjNGROUP,):
+        raise ValueError(
+            f"group_mask: got shape {np.shape(group_mask)}, expected ({mujoco.mjNGROUP},)"
+        )
+    alpha = model.geom_rgba[:, 3].copy()
+    has_material = model.geom_matid >= 0
+    alpha[has_material] = model.mat_rgba[model.geom_matid[has_material], 3]
+    group = np.clip(model.geom_group, 0, mujoco.mjNGROUP - 1)
+    return np.flatnonzero((alpha != 0.0) & (group_mask[group] != 0)).astype(np.int32)
+
+
+def _refuse_what_is_no_primitive(model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
+    for geom in ids:
+        kind = int(model.geom_type[geom])
+        if kind not in PRIMITIVES:
+            name = model.geom(geom).name or f"number {geom}"
+            shape = mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_").lower()
+            raise ValueError(
+                f"geom '{name}': got shape {shape}, expected a primitive for ray engine 'tile'; "
+                "engine 'mujoco' casts it"
+            )
+
+
+def _extents(kinds: NDArray[np.int32], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half sides of the box about each geom, in the geom's frame, (g, 3)."""
+    extents: NDArray[np.float64] = sizes.copy()
+    sphere = kinds == mujoco.mjtGeom.mjGEOM_SPHERE
+    capsule = kinds == mujoco.mjtGeom.mjGEOM_CAPSULE
+    cylinder = kinds == mujoco.mjtGeom.mjGEOM_CYLINDER
+    extents[sphere] = sizes[sphere, :1]
+    round_side = capsule | cylinder
+    extents[round_side] = sizes[round_side][:, [0, 0, 1]]
+    extents[capsule, 2] += sizes[capsule, 0]
+    extents[kinds == mujoco.mjtGeom.mjGEOM_PLANE] = 0.0
+    return extents
