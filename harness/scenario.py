@@ -43,7 +43,7 @@ def build(config: Config) -> Scenario:
 
     Raises:
         InputError: Unknown world or robot; a start or goal outside the geofence or inside an
-            obstacle.
+            obstacle; a scene that cannot be compiled or cast.
     """
     for kind, name, registry in (("world", config.world, WORLDS), ("robot", config.robot, ROBOTS)):
         if name not in registry:
@@ -58,10 +58,17 @@ def build(config: Config) -> Scenario:
     return Scenario(
         config=config,
         world=world,
-        scene=compose(world, ROBOTS[config.robot], config.sensors),
+        scene=_compose(world, config),
         mission=_mission(world, spec, start, goal),
         spec=spec,
     )
+
+
+def _compose(world: World, config: Config) -> Scene:
+    try:
+        return compose(world, ROBOTS[config.robot], config.sensors)
+    except ValueError as error:  # a scene that the chosen ray engine cannot cast, for one
+        raise InputError(f"world '{config.world}' with robot '{config.robot}': {error}") from None
 
 
 def sensor_info(scene: Scene, caster: Caster) -> pb.SensorInfo:
