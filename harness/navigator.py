@@ -155,7 +155,7 @@ class Navigator:
         search = choice.search
         decision = pb.Decision(
             sequence=inputs.sequence,
-            trigger="lidar sweep",
+            trigger=f"{inputs.sweeps[0].sensor} sweep",
             representation=self._config.map.kind,
             map_version=version,
             resolution_m=self.map.resolution,
