@@ -1,4 +1,4 @@
-"""The command `wayproof`: `run`, `replay`, `list` and `demo`.
+"""The command `wayproof`: `run`, `replay`, `list`, `demo` and `bench`.
 
 Exit codes: 0 as hoped (goal reached, replay identical), 1 not so, 2 bad input.
 """
@@ -111,6 +111,15 @@ def demo(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     return (0 if good else 1), document
 
 
+def bench(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Measure one stage."""
+    from harness.bench import print_rows, run_stage
+
+    rows = run_stage(options.stage, options.sweeps, options.seed)
+    print_rows(console, f"bench {options.stage}, seed {options.seed}", rows)
+    return 0, {"rows": rows}
+
+
 def episode_name(config: Config) -> str:
     """`world-robot-seed`, and eight digits of the config's hash where anything was set."""
     name = f"{config.world}-{config.robot}-{config.seed}"
@@ -201,6 +210,18 @@ def _add_demo(verbs: Any) -> None:
     _finish(parser, demo, logs=True)
 
 
+def _add_bench(verbs: Any) -> None:
+    parser = verbs.add_parser(
+        "bench",
+        help="how fast one stage is on this machine, and whether its results are right",
+        epilog="example: wayproof bench rays --json",
+    )
+    parser.add_argument("stage", metavar="STAGE", help="rays")
+    parser.add_argument("--sweeps", type=int, default=15, help="timed on each scene (default: 15)")
+    parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: 0)")
+    _finish(parser, bench)
+
+
 def _finish(
     parser: argparse.ArgumentParser,
     verb: Callable[[argparse.Namespace, Console], tuple[int, Document]],
@@ -217,4 +238,5 @@ VERBS: dict[str, Callable[[Any], None]] = {
     "replay": _add_replay,
     "list": _add_list,
     "demo": _add_demo,
+    "bench": _add_bench,
 }
