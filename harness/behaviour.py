@@ -58,7 +58,9 @@ def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, M
         choice, memory = _stop_or_wait(view, memory, now, search)
     else:
         choice, memory = _advance(view, memory, now, memory.guide)
-    return replace(choice, search=search, search_seed=seed), memory
+    if choice.search is None:  # an errand's search is the one that was acted on
+        choice = replace(choice, search=search, search_seed=seed)
+    return choice, memory
 
 
 def _anchor_again(view: View, memory: Memory, believed: TrajectorySample) -> tuple[Choice, Memory]:
@@ -82,9 +84,9 @@ def _escape(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, 
     if target is None:
         return _wait(view, memory, now, "start_blocked", "no admitted space within 1 m")
     path = np.stack([now.position, target])
-    here = view.passable.least_clearance(path[[0, 0]])
-    if view.passable.least_clearance(path) < here - view.passable.resolution:
-        return _wait(view, memory, now, "start_blocked", "admitted space lies beyond an obstacle")
+    here = view.admitted.least_clearance(path[[0, 0]])
+    if view.admitted.least_clearance(path) < here - view.admitted.resolution:
+        return _wait(view, memory, now, "start_blocked", "the way out leads nearer to what blocks")
     trajectory = _profile(view, now, path, speed_share=0.3)
     reason = f"inside the inflation; {distance(now.position, target):.2f} m to admitted space"
     choice = Choice("recover", reason, "start_blocked", trajectory, path)
@@ -196,7 +198,8 @@ def _look_from_elsewhere(
     guide = blend_corners(view.admitted, search.waypoints, view.behaviour.blend_length)
     memory = replace(memory, guide=guide, on_errand=True, improved_ns=view.time_ns)
     choice, memory = _advance(view, memory, now, guide)
-    return replace(choice, reason=f"{reason}; looking from {length(guide):.2f} m away"), memory
+    text = f"{reason}; looking from {length(guide):.2f} m away"
+    return replace(choice, reason=text, search=search, search_seed=seed), memory
 
 
 def _brake(

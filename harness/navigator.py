@@ -112,7 +112,10 @@ class Navigator:
             decision.reason = (
                 f"{delay_s * 1e3:.0f} ms, {deadline * 1e3:.0f} allowed: the last trajectory stands"
             )
-            decision.trajectory.CopyFrom(trajectory_message(self._memory.trajectory))
+            standing = self._memory.trajectory
+            decision.trajectory.CopyFrom(trajectory_message(standing))
+            decision.committed_length_m = _length(standing.path)
+            decision.ClearField("guide")
         else:
             self._memory = self._draft
         seal(decision, self._chain)
@@ -171,7 +174,7 @@ class Navigator:
             planner=self._config.planner.name if search else "",
             planner_seed=choice.search_seed,
             planner_iterations=search.iterations if search else 0,
-            path_cost=0.0 if choice.guide is None else view.passable.path_cost(choice.guide),
+            path_cost=self._path_cost(view, choice.guide),
             path_length_m=_length(choice.guide),
             least_clearance_m=view.known.least_clearance(path),
             action=choice.action,
@@ -183,6 +186,10 @@ class Navigator:
         )
         decision.timestamp.FromNanoseconds(inputs.time_ns)
         return decision
+
+    def _path_cost(self, view: View, guide: Array | None) -> float:
+        weight = self._config.planner.clearance_weight
+        return 0.0 if guide is None else view.passable.path_cost(guide, weight)
 
     def _evidence_age(self, path: Array, time_ns: int) -> float:
         """Age of the oldest evidence along the path, s; the declared start counts as time 0."""

@@ -122,7 +122,7 @@ def test_a_late_decision_is_labelled_and_discarded(recorded):
 
 
 def test_an_unreachable_goal_is_given_up(recorded):
-    """A goal high over the altitude window of a body too wide for any way there."""
+    """A margin that closes the corridor: the robot looks about, then gives up, within bounds."""
     result = recorded("corridor", "quadruped", 0, "map.inflation_margin=1.2")
     assert result.outcome in ("aborted", "stuck")
     assert result.collisions == 0
