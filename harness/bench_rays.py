@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from models import rays
 from models.beams import DepthCamera, Lidar, SweepSensor, beam_directions, rotate
 from models.rays import TileCaster
-from models.rays.clutter import clutter
+from models.rays.scenes import clutter
 from models.sensors import MujocoCaster
 
 Hits = tuple[NDArray[np.float64], NDArray[np.int32]]

@@ -10,7 +10,7 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class SensorInfo(_message.Message):
-    __slots__ = ("name", "kind", "range_m", "row_width", "rows", "columns", "position_base_sensor", "rotation_base_sensor")
+    __slots__ = ("name", "kind", "range_m", "row_width", "rows", "columns", "position_base_sensor", "rotation_base_sensor", "order", "beams", "row_step", "column_step", "moments", "measures", "rate_hz", "device", "source")
     NAME_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     RANGE_M_FIELD_NUMBER: _ClassVar[int]
@@ -19,6 +19,15 @@ class SensorInfo(_message.Message):
     COLUMNS_FIELD_NUMBER: _ClassVar[int]
     POSITION_BASE_SENSOR_FIELD_NUMBER: _ClassVar[int]
     ROTATION_BASE_SENSOR_FIELD_NUMBER: _ClassVar[int]
+    ORDER_FIELD_NUMBER: _ClassVar[int]
+    BEAMS_FIELD_NUMBER: _ClassVar[int]
+    ROW_STEP_FIELD_NUMBER: _ClassVar[int]
+    COLUMN_STEP_FIELD_NUMBER: _ClassVar[int]
+    MOMENTS_FIELD_NUMBER: _ClassVar[int]
+    MEASURES_FIELD_NUMBER: _ClassVar[int]
+    RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    SOURCE_FIELD_NUMBER: _ClassVar[int]
     name: str
     kind: str
     range_m: float
@@ -27,7 +36,16 @@ class SensorInfo(_message.Message):
     columns: _containers.RepeatedScalarFieldContainer[float]
     position_base_sensor: _containers.RepeatedScalarFieldContainer[float]
     rotation_base_sensor: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., row_width: _Optional[int] = ..., rows: _Optional[_Iterable[float]] = ..., columns: _Optional[_Iterable[float]] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ...) -> None: ...
+    order: str
+    beams: int
+    row_step: int
+    column_step: int
+    moments: int
+    measures: str
+    rate_hz: float
+    device: str
+    source: str
+    def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., row_width: _Optional[int] = ..., rows: _Optional[_Iterable[float]] = ..., columns: _Optional[_Iterable[float]] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ..., order: _Optional[str] = ..., beams: _Optional[int] = ..., row_step: _Optional[int] = ..., column_step: _Optional[int] = ..., moments: _Optional[int] = ..., measures: _Optional[str] = ..., rate_hz: _Optional[float] = ..., device: _Optional[str] = ..., source: _Optional[str] = ...) -> None: ...
 
 class Sweep(_message.Message):
     __slots__ = ("timestamp", "sequence", "sensor", "rows", "columns", "codec", "ranges")
@@ -48,18 +66,24 @@ class Sweep(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ...) -> None: ...
 
 class Pose(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma")
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "trail_positions", "trail_quaternions", "trail_period_s")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
     POSITION_SIGMA_FIELD_NUMBER: _ClassVar[int]
+    TRAIL_POSITIONS_FIELD_NUMBER: _ClassVar[int]
+    TRAIL_QUATERNIONS_FIELD_NUMBER: _ClassVar[int]
+    TRAIL_PERIOD_S_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
     quaternion: _containers.RepeatedScalarFieldContainer[float]
     position_sigma: float
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ...) -> None: ...
+    trail_positions: _containers.RepeatedScalarFieldContainer[float]
+    trail_quaternions: _containers.RepeatedScalarFieldContainer[float]
+    trail_period_s: float
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ...) -> None: ...
 
 class Latency(_message.Message):
     __slots__ = ("timestamp", "sequence", "mode", "delay_s")

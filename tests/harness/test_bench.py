@@ -6,7 +6,7 @@ import pytest
 
 from harness.bench_rays import SAMPLE, SCENES, disagreement, within
 from harness.cli import main
-from models.rays.clutter import clutter
+from models.rays.scenes import clutter
 
 FIELDS = [
     "scene",
