@@ -68,7 +68,8 @@ class Trail:
 
 def moment_ages(moments: int, period: float) -> NDArray[np.float64]:  # (moments,)
     """How long before a sweep's end each of its moments was, s; the last one is the end."""
-    return np.arange(moments - 1, -1, -1) * (period / moments)
+    ages: NDArray[np.float64] = np.arange(moments - 1, -1, -1) * (period / moments)
+    return ages
 
 
 def rotation_matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:  # (m, 3, 3)
@@ -85,4 +86,5 @@ def rotation_matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]: 
 def _between(
     first: NDArray[np.float64], second: NDArray[np.float64], share: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    return first + share * (second - first)
+    between: NDArray[np.float64] = first + share * (second - first)
+    return between

@@ -87,7 +87,8 @@ def _heights(points: int, seed: int) -> NDArray[np.float64]:
         along = x * np.cos(heading) + y * np.sin(heading)
         heights += length * np.sin(2.0 * np.pi * along / length + phase)
     heights -= heights.max()
-    return heights * (RELIEF / -heights.min())
+    ground: NDArray[np.float64] = heights * (RELIEF / -heights.min())
+    return ground
 
 
 def _strewn(count: int, moving: int, seed: int) -> str:
