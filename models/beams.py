@@ -1,6 +1,7 @@
-"""Ray sensors as data: patterns of beams, ranges, and the unsigned millimetres that they report.
+"""Beams as data: where they point, when they leave, and the unsigned millimetres they report.
 
-Nothing here needs the simulator, so a log can be replayed without it.
+Nothing here needs the simulator, so a log can be replayed without it: a decision rebuilds its beams
+bit by bit from the numbers of a `BeamTable`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,12 @@ DROPPED = np.uint16(0)
 
 MILLIMETRES = 1000.0
 
+LONGEST_RANGE = 65.534
+"""Longest distance that a report can hold, m."""
+
+Order = Literal["grid", "pairs"]
+Measures = Literal["range", "depth"]
+
 
 @dataclass(frozen=True)
 class SensorConfig:
@@ -30,6 +37,207 @@ class SensorConfig:
     """
 
     engine: Literal["tile", "mujoco"] = "tile"
+
+
+@dataclass(frozen=True, eq=False)
+class BeamTable:
+    """All that is needed to rebuild the beams of any sweep of one sensor.
+
+    A `grid` fires every row at every column, the same beams in every sweep. `pairs` never repeats a
+    sweep: its beams step through rows and columns at two rates and go on where the sweep before
+    ended, see `directions`.
+
+    Attributes:
+        rows: (r, 2) cos and sin of elevation, or (r, 1) slopes z/x.
+        columns: (c, 2) cos and sin of azimuth, or (c, 1) slopes y/x.
+        beams: Beams in a sweep; r * c of a grid.
+        order: `grid` or `pairs`.
+        row_step: Of pairs: rows from one beam to the next, up and down again.
+        column_step: Of pairs: columns from one beam to the next, modulo c.
+        moments: Sensor poses in one sweep, evenly spread over it; 1 is a global shutter.
+        measures: `range` along the beam, or `depth` along the x axis (slopes alone).
+    """
+
+    rows: NDArray[np.float64]
+    columns: NDArray[np.float64]
+    beams: int
+    order: Order = "grid"
+    row_step: int = 0
+    column_step: int = 0
+    moments: int = 1
+    measures: Measures = "range"
+
+    def __post_init__(self) -> None:
+        """Keep the tables as they are, for good.
+
+        Raises:
+            ValueError: A table or a number that no sensor has; the message names it.
+        """
+        for name in ("rows", "columns"):
+            table = np.array(getattr(self, name), dtype=np.float64, order="C")
+            table.setflags(write=False)
+            object.__setattr__(self, name, table)
+        _check_tables(self)
+        _check_order(self)
+
+
+def _check_tables(table: BeamTable) -> None:
+    shapes = table.rows.shape, table.columns.shape
+    if any(len(shape) != 2 or 0 in shape for shape in shapes) or shapes[0][1] != shapes[1][1]:
+        raise ValueError(f"rows, columns: got shapes {shapes[0]} and {shapes[1]}, expected one w")
+    width = shapes[0][1]
+    if width not in (1, 2):
+        raise ValueError(f"rows, columns: got width {width}, expected 1 (slopes) or 2 (cos, sin)")
+    if table.measures not in ("range", "depth"):
+        raise ValueError(f"measures: got '{table.measures}', expected 'range' or 'depth'")
+    if table.measures == "depth" and width != 1:
+        raise ValueError("measures: got 'depth' with angles, expected slopes: all beams forward")
+    for name, values in (("rows", table.rows), ("columns", table.columns)):
+        length = values if width == 1 else np.hypot(values[:, 0], values[:, 1]) - 1.0
+        if not np.isfinite(length).all() or (width == 2 and np.abs(length).max() > 1e-9):
+            raise ValueError(f"{name}: expected finite slopes, or cos and sin of one angle a row")
+
+
+def _check_order(table: BeamTable) -> None:
+    full = len(table.rows) * len(table.columns)
+    if table.order not in ("grid", "pairs"):
+        raise ValueError(f"order: got '{table.order}', expected 'grid' or 'pairs'")
+    if table.order == "grid" and table.beams != full:
+        raise ValueError(f"beams: got {table.beams}, expected rows x columns = {full}")
+    if table.order == "pairs" and min(table.beams, table.row_step, table.column_step) < 1:
+        raise ValueError(
+            f"beams, row_step, column_step: got {table.beams}, {table.row_step}, "
+            f"{table.column_step}, expected each >= 1"
+        )
+    most = len(table.columns) if table.order == "grid" else table.beams
+    if not 1 <= table.moments <= most:
+        raise ValueError(f"moments: got {table.moments}, expected 1 to {most}")
+
+
+def directions(table: BeamTable, sequence: int) -> NDArray[np.float64]:  # (beams, 3)
+    """Unit beam directions of one sweep in the sensor frame (x forward, y left, z up).
+
+    Of `pairs`, beam k of sweep s is the i-th since the start, i = s * beams + k. Its column is
+    (i * column_step) mod c. Its row follows a triangle wave: with p = (i * row_step) mod 2r it is p
+    on the way up, p < r, and 2r - 1 - p on the way down, so every row is met equally often.
+
+    Only products, sums and square roots, which IEEE 754 rounds alike everywhere: directions
+    rebuilt from logged tables are the same bits on every machine.
+
+    Args:
+        table: See there.
+        sequence: Number of the sweep, >= 0; a grid's beams do not depend on it.
+    """
+    if table.order == "grid":
+        return beam_directions(table.rows, table.columns)
+    first = sequence * table.beams
+    rows, columns = len(table.rows), len(table.columns)
+    wave = _steps(first, table.beams, table.row_step, 2 * rows)
+    row = np.where(wave < rows, wave, 2 * rows - 1 - wave)
+    column = _steps(first, table.beams, table.column_step, columns)
+    return _unit_vectors(table.rows[row], table.columns[column])
+
+
+def _steps(first: int, count: int, step: int, period: int) -> NDArray[np.int64]:
+    """((first + k) * step) mod period for k < count; reduced first, so nothing overflows."""
+    phase, step = int(first) * step % period, step % period
+    return (phase + step * np.arange(count, dtype=np.int64)) % period
+
+
+def moments(table: BeamTable) -> NDArray[np.int32]:  # (beams,)
+    """Which of the sweep's sensor poses each beam leaves from, 0 the first.
+
+    A grid fires column after column in the order of its table, `pairs` beam after beam. Moment i of
+    m holds the beams of the i-th m-th of the sweep, and stands for the end of that part: the last
+    one is the sweep's end.
+    """
+    if table.order == "pairs":
+        return _shares(table.beams, table.moments)
+    return np.tile(_shares(len(table.columns), table.moments), len(table.rows))
+
+
+def _shares(count: int, parts: int) -> NDArray[np.int32]:
+    return (np.arange(count, dtype=np.int64) * parts // count).astype(np.int32)
+
+
+def moment_offsets(table: BeamTable, period_ns: int) -> NDArray[np.int64]:  # (moments,)
+    """Time of each moment from the end of its sweep, ns: increasing, the last is 0.
+
+    Args:
+        table: See there.
+        period_ns: From one sweep's end to the next.
+    """
+    before_end = np.arange(table.moments - 1, -1, -1, dtype=np.int64)
+    return -(before_end * period_ns // table.moments)
+
+
+def beam_directions(
+    rows: NDArray[np.float64], columns: NDArray[np.float64]
+) -> NDArray[np.float64]:  # (rows * columns, 3)
+    """Unit beam directions of a grid in the sensor frame, row-major; see `directions`.
+
+    Args:
+        rows: (r, 2) cos and sin of elevation, or (r, 1) slopes z/x.
+        columns: (c, 2) cos and sin of azimuth, or (c, 1) slopes y/x.
+    """
+    return _unit_vectors(rows[:, None], columns[None]).reshape(-1, 3)
+
+
+def _unit_vectors(
+    row: NDArray[np.float64], column: NDArray[np.float64]
+) -> NDArray[np.float64]:  # (..., 3)
+    """Beams of rows (..., w) and columns (..., w) that broadcast against each other."""
+    if row.shape[-1] == 2:
+        x = row[..., 0] * column[..., 0]
+        y = row[..., 0] * column[..., 1]
+        z = np.broadcast_to(row[..., 1], x.shape)
+    else:
+        slope_z, slope_y = row[..., 0], column[..., 0]
+        norm = np.sqrt(1.0 + slope_z**2 + slope_y**2)
+        x, y, z = 1.0 / norm, slope_y / norm, slope_z / norm
+    return np.stack([x, y, z], axis=-1)
+
+
+def quantise(distance: NDArray[np.float64], range_limit: float) -> NDArray[np.uint16]:
+    """Ranges in unsigned millimetres; misses (negative) and what lies beyond range: NO_RETURN."""
+    millimetres = np.rint(distance * MILLIMETRES)
+    beyond = (distance < 0.0) | (distance > range_limit)
+    return np.where(beyond, NO_RETURN, np.clip(millimetres, 1, NO_RETURN - 1)).astype(np.uint16)
+
+
+def ray_ranges(
+    table: BeamTable, directions: NDArray[np.float64], millimetres: NDArray[np.uint16]
+) -> NDArray[np.uint16]:  # (n,)
+    """What a sensor reported as ranges along its beams, which is what a map takes.
+
+    A depth along the x axis is divided by the beam's share of that axis, and rounded to the
+    millimetre; what a millimetre count cannot hold is held at its largest. `DROPPED` and
+    `NO_RETURN` stay.
+
+    Args:
+        table: Its `measures` says what was reported.
+        directions: (n, 3) sensor frame, as `directions` gives them.
+        millimetres: (n,) as reported.
+    """
+    if table.measures == "range":
+        return millimetres
+    along = np.minimum(np.rint(millimetres / directions[:, 0]), float(NO_RETURN - 1))
+    return np.where(millimetres == NO_RETURN, NO_RETURN, along.astype(np.uint16))
+
+
+def rotate(
+    R_world_sensor: NDArray[np.float64], directions: NDArray[np.float64]
+) -> NDArray[np.float64]:  # (n, 3)
+    """Beam directions in the world frame, element by element.
+
+    Not a matrix product: BLAS may fuse or reorder, and a replay must give the same bits anywhere.
+
+    Args:
+        R_world_sensor: (3, 3).
+        directions: (n, 3), sensor frame.
+    """
+    x, y, z = directions[:, :1], directions[:, 1:2], directions[:, 2:]
+    return x * R_world_sensor[:, 0] + y * R_world_sensor[:, 1] + z * R_world_sensor[:, 2]
 
 
 @dataclass(frozen=True)
@@ -131,48 +339,3 @@ def _cos_sin(angle: NDArray[np.floating]) -> NDArray[np.float64]:
 def _pixel_centres(count: int) -> NDArray[np.float64]:
     """Pixel centres over [1, -1]: the first row is the top one, the first column the left one."""
     return 1.0 - (2.0 * np.arange(count) + 1.0) / count
-
-
-def beam_directions(
-    rows: NDArray[np.float64], columns: NDArray[np.float64]
-) -> NDArray[np.float64]:  # (rows * columns, 3)
-    """Unit beam directions in the sensor frame (x forward, y left, z up), row-major.
-
-    Only products, sums and square roots, which IEEE 754 rounds alike everywhere: directions
-    rebuilt from logged tables are the same bits on every machine.
-
-    Args:
-        rows: (r, 2) cos and sin of elevation, or (r, 1) slopes z/x.
-        columns: (c, 2) cos and sin of azimuth, or (c, 1) slopes y/x.
-    """
-    shape = (len(rows), len(columns))
-    if rows.shape[1] == 2:
-        x = rows[:, :1] * columns[None, :, 0]
-        y = rows[:, :1] * columns[None, :, 1]
-        z = np.broadcast_to(rows[:, 1:], shape)
-    else:
-        norm = np.sqrt(1.0 + rows**2 + columns.T**2)
-        x, y, z = 1.0 / norm, columns.T / norm, rows / norm
-    return np.stack([x, y, z], axis=-1).reshape(-1, 3)
-
-
-def quantise(distance: NDArray[np.float64], range_limit: float) -> NDArray[np.uint16]:
-    """Ranges in unsigned millimetres; misses (negative) and what lies beyond range: NO_RETURN."""
-    millimetres = np.rint(distance * MILLIMETRES)
-    beyond = (distance < 0.0) | (distance > range_limit)
-    return np.where(beyond, NO_RETURN, np.clip(millimetres, 1, NO_RETURN - 1)).astype(np.uint16)
-
-
-def rotate(
-    R_world_sensor: NDArray[np.float64], directions: NDArray[np.float64]
-) -> NDArray[np.float64]:  # (n, 3)
-    """Beam directions in the world frame, element by element.
-
-    Not a matrix product: BLAS may fuse or reorder, and a replay must give the same bits anywhere.
-
-    Args:
-        R_world_sensor: (3, 3).
-        directions: (n, 3), sensor frame.
-    """
-    x, y, z = directions[:, :1], directions[:, 1:2], directions[:, 2:]
-    return x * R_world_sensor[:, 0] + y * R_world_sensor[:, 1] + z * R_world_sensor[:, 2]
