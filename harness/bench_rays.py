@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from statistics import median
 from typing import Any
 
@@ -12,50 +12,91 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.bench_ray_peers import Cast, Hits, installed_peers
 from models import rays
-from models.beams import DepthCamera, Lidar, SweepSensor, beam_directions, rotate
-from models.rays import TileCaster
-from models.rays.scenes import clutter
-from models.sensors import MujocoCaster
-
-Hits = tuple[NDArray[np.float64], NDArray[np.int32]]
-"""Distances (n,) in m and geom ids (n,); -1 and -1 for a miss."""
-
-Beams = NDArray[np.int64]
-"""Which beams of the pattern to cast, (n,)."""
-
-LIDAR = Lidar("lidar", "", 100, 1000, -0.45, 0.45, range=100.0, rate=10.0, source="a round number")
-CAMERA = DepthCamera("camera", "", 240, 320, 1.5, 1.2, range=10.0, rate=10.0, source="QVGA")
+from models.beams import beam_directions, rotate
+from models.rays import RayCaster, TileCaster, cut_grid
+from models.rays.scenes import clutter, field_terrain, mesh_terrain
 
 ORIGIN = np.array([0.0, 0.0, 1.0])  # m, in the clearing of the clutter
 TILT = np.array([0.98, 0.05, -0.03, 0.2])  # q_world_sensor, not unit: no beam along an axis
 SAMPLE = 2000  # beams a sweep that `mj_ray` casts, drawn anew for each
 GROUPS = np.ones(mujoco.mjNGROUP, np.uint8)
 STEP = 0.1  # m, standard deviation on each axis of how far a mover goes between sweeps
-SETTLING = 2  # sweeps before the timed ones
+SETTLING = 1  # sweeps before the timed ones
+MOVERS = 20
+MESH_POINTS = 72  # a side: 10,082 triangles
+FIELD_POINTS = 300  # a side
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A grid of beams: every row with every column, within a range in m."""
+
+    rows: NDArray[np.float64]
+    columns: NDArray[np.float64]
+    range: float
+
+
+def _cos_sin(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+LIDAR = Grid(
+    rows=_cos_sin(np.linspace(-0.45, 0.45, 100)),
+    columns=_cos_sin(np.arange(1000) * (2.0 * np.pi / 1000)),
+    range=100.0,
+)
+"""100,000 beams, a round number: 100 rings over 52 degrees."""
+
+CAMERA = Grid(
+    rows=0.684 * np.linspace(1.0, -1.0, 240)[:, None],
+    columns=0.932 * np.linspace(1.0, -1.0, 320)[:, None],
+    range=10.0,
+)
+"""320 x 240 pixels over 86 x 69 degrees."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """One scene and the sensor in it.
+    """One scene and the beams cast in it.
 
     Attributes:
         name: What the rows call it.
-        geoms: Primitives besides the floor.
-        moving: How many of them move between sweeps.
-        sensor: Pattern of beams, and range in m.
+        geoms: Primitives besides the floor, or the one mesh or height field.
+        moving: How many primitives move between sweeps.
+        mjcf: Made from (moving, seed).
+        beams: The sensor's.
     """
 
     name: str
     geoms: int
     moving: int
-    sensor: SweepSensor
+    mjcf: Callable[[int, int], str]
+    beams: Grid = LIDAR
+
+
+def _clutter(geoms: int) -> Callable[[int, int], str]:
+    return lambda moving, seed: clutter(geoms, moving, seed)
+
+
+def _mesh(moving: int, seed: int) -> str:
+    return mesh_terrain(MESH_POINTS, moving, seed)
+
+
+def _field(moving: int, seed: int) -> str:
+    return field_terrain(FIELD_POINTS, moving, seed)
 
 
 SCENES = (
-    *(Scene("lidar", geoms, 0, LIDAR) for geoms in (10, 60, 300, 1000)),
-    *(Scene("moving", geoms, 20, LIDAR) for geoms in (60, 300)),
-    Scene("camera", 60, 0, CAMERA),
+    *(Scene("lidar", geoms, 0, _clutter(geoms)) for geoms in (10, 60, 300, 1000)),
+    *(Scene("lidar, moving", geoms, MOVERS, _clutter(geoms)) for geoms in (60, 300, 1000)),
+    Scene("camera", 60, 0, _clutter(60), CAMERA),
+    Scene("camera, moving", 60, MOVERS, _clutter(60), CAMERA),
+    Scene("mesh", 1, 0, _mesh),
+    Scene("mesh, moving", 1 + MOVERS, MOVERS, _mesh),
+    Scene("hfield", 1, 0, _field),
+    Scene("hfield, moving", 1 + MOVERS, MOVERS, _field),
 )
 
 
@@ -64,15 +105,15 @@ class Row:
     """One engine on one scene.
 
     Attributes:
-        scene: `lidar`, `moving` (the lidar, and 20 of the geoms move) or `camera`.
-        geoms: Primitives besides the floor.
-        engine: `tile`, `mj_multiRay` or `mj_ray`.
+        scene: What is cast at; with `moving`, 20 primitives go elsewhere between sweeps.
+        geoms: Primitives besides the floor; of terrain, itself and what moves above it.
+        engine: `tile` casts a pattern, `tree` any rays; MuJoCo's two; peers that are installed.
         threads: That it ran on.
         rays: Beams that it cast in one sweep; of `mj_ray` only a sample.
-        mray_per_s: Million rays a second of processor time, the median over sweeps.
+        mray_per_s: Million rays a second of wall time, by the median over sweeps.
         ratio_vs_multiray: That rate over the one of `mj_multiRay`.
-        max_error_m: Largest difference in distance over all sweeps, m: from `mj_ray` on its
-            sample and, of `tile`, from `mj_multiRay` on every beam.
+        max_error_m: Largest difference in distance from MuJoCo over all sweeps, m: from `mj_ray`
+            on its sample and from `mj_multiRay` on every beam.
         id_mismatches: Beams over all sweeps, likewise, that met another geom.
     """
 
@@ -88,8 +129,8 @@ class Row:
 
 
 def bench_rays(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Time every engine on every scene; three flat rows (see `Row`) a scene."""
-    progress("compiling kernels (a minute the first time, then cached)")
+    """Time every engine on every scene; one flat row (see `Row`) for each."""
+    progress("compiling kernels (some seconds the first time, then cached)")
     rays.warm_up()
     rows: list[Row] = []
     for number, scene in enumerate(SCENES, 1):
@@ -113,46 +154,46 @@ def _measure(scene: Scene, sweeps: int, seed: int) -> list[Row]:
     """Sweep after sweep: all engines in turn on the same poses, so that load meets them alike."""
     rng = np.random.default_rng(seed)
     posed = _Posed(scene, seed)
-    everything = np.arange(len(posed.directions))
-    tile, multi, single = (
-        _Engine(cast, scene.sensor.range) for cast in (posed.tile, posed.multi_ray, posed.one_ray)
-    )
+    engines = posed.engines()
+    multi_ray, one_ray = (_engine(engines, name) for name in ("mj_multiRay", "mj_ray"))
     for _ in range(SETTLING + sweeps):
         posed.move(rng)
-        sample = np.sort(rng.choice(everything, SAMPLE, replace=False))
-        tile_hits, multi_hits = tile.cast(everything), multi.cast(everything)
-        oracle = single.cast(sample)
-        tile.compare(tile_hits, multi_hits)
-        tile.compare((tile_hits[0][sample], tile_hits[1][sample]), oracle)
-        multi.compare((multi_hits[0][sample], multi_hits[1][sample]), oracle)
-    engines = {"tile": tile, "mj_multiRay": multi, "mj_ray": single}
+        posed.sample = np.sort(rng.choice(len(posed.directions), SAMPLE, replace=False))
+        for engine in engines:
+            engine.cast(scene.beams.range)
+        for engine in engines:
+            if engine is one_ray:
+                continue
+            engine.compare(engine.hits, multi_ray.hits)
+            engine.compare(_at(engine.hits, posed.sample), one_ray.hits)
     return [
         Row(
-            scene.name, scene.geoms, name, 1, engine.rays, engine.rate(),
-            engine.rate() / multi.rate(), engine.max_error, engine.id_mismatches,
+            scene.name, scene.geoms, engine.name, engine.threads, len(engine.hits[0]),
+            engine.rate(), engine.rate() / multi_ray.rate(), engine.max_error,
+            engine.id_mismatches,
         )
-        for name, engine in engines.items()
+        for engine in engines
     ]  # fmt: skip
 
 
+@dataclass
 class _Engine:
-    """One way to cast, and what is known of it so far; a cast turns its beams to the world too."""
+    """One way to cast, and what is known of it so far."""
 
-    def __init__(self, cast: Callable[[Beams], Hits], range: float) -> None:
-        self._cast = cast
-        self._range = range
-        self._seconds: list[float] = []
-        self.rays = 0
-        self.max_error = 0.0
-        self.id_mismatches = 0
+    name: str
+    threads: int
+    _cast: Cast
+    hits: Hits = field(default_factory=lambda: (np.empty(0), np.empty(0, np.int32)))
+    max_error: float = 0.0
+    id_mismatches: int = 0
+    _seconds: list[float] = field(default_factory=list)
 
-    def cast(self, beams: Beams) -> Hits:
-        """Cast these beams and note the time; processor time, as other programs run too."""
-        self.rays = len(beams)
-        started = time.process_time()
-        hits = self._cast(beams)
-        self._seconds.append(time.process_time() - started)
-        return within(hits, self._range)
+    def cast(self, range: float) -> None:
+        """Cast a sweep and note the time."""
+        started = time.perf_counter()
+        hits = self._cast()
+        self._seconds.append(time.perf_counter() - started)
+        self.hits = within(hits, range)
 
     def compare(self, got: Hits, expected: Hits) -> None:
         """Note how far the hits are from what another engine says."""
@@ -162,41 +203,92 @@ class _Engine:
 
     def rate(self) -> float:
         """Million rays a second, by the median of the sweeps after the first ones."""
-        return self.rays / median(self._seconds[SETTLING:]) / 1e6
+        return len(self.hits[0]) / median(self._seconds[SETTLING:]) / 1e6
+
+
+def _engine(engines: list[_Engine], name: str) -> _Engine:
+    return next(engine for engine in engines if engine.name == name)
+
+
+def _at(hits: Hits, beams: NDArray[np.int64]) -> Hits:
+    return hits[0][beams], hits[1][beams]
 
 
 class _Posed:
     """A scene as it is now, and the engines on it."""
 
     def __init__(self, scene: Scene, seed: int) -> None:
-        tables = scene.sensor.beam_tables()
-        self.directions = beam_directions(*tables)  # (n, 3), sensor frame
-        self._model = mujoco.MjModel.from_xml_string(clutter(scene.geoms, scene.moving, seed))
+        beams = scene.beams
+        directions = beam_directions(beams.rows, beams.columns)  # (n, 3), sensor frame
+        self._range = beams.range
+        self._moving = scene.moving > 0
+        self._model = mujoco.MjModel.from_xml_string(scene.mjcf(scene.moving, seed))
         self._data = mujoco.MjData(self._model)
+        mujoco.mj_kinematics(self._model, self._data)
         R = np.empty(9)
         mujoco.mju_quat2Mat(R, TILT / np.linalg.norm(TILT))
         self._R_world_sensor = R.reshape(3, 3)
-        self._tile = TileCaster(self._model, *tables, GROUPS, scene.sensor.range)
-        self._multi_ray = MujocoCaster(self._model, self.directions, GROUPS, scene.sensor.range)
+        self._pattern = cut_grid(directions, len(beams.rows), len(beams.columns))
+        self._trees = RayCaster(self._model, GROUPS, beams.range)
+        # Turned to the world beforehand, so that the others are timed at casting alone.
+        self.directions = rotate(self._R_world_sensor, directions)
+        self._origins = np.tile(ORIGIN, (len(directions), 1))
+        self.sample: NDArray[np.int64] = np.empty(0, np.int64)
+
+    def engines(self) -> list[_Engine]:
+        """Every engine that can cast this scene; peers build anew for each pose, so stand by."""
+        ours = [_Engine("tile", threads, self._tile(threads)) for threads in (1, 2)]
+        peers = [] if self._moving else self._peers()
+        return [
+            *ours,
+            _Engine("tree", 1, self._tree),
+            _Engine("mj_multiRay", 1, self._multi_ray),
+            _Engine("mj_ray", 1, self._one_ray),
+            *peers,
+        ]
 
     def move(self, rng: np.random.Generator) -> None:
         """Take the movers one step of a random walk on; no engine's work, so not timed."""
         self._data.mocap_pos[:] += rng.normal(0.0, STEP, self._data.mocap_pos.shape)
         mujoco.mj_kinematics(self._model, self._data)
 
-    def tile(self, _: Beams) -> Hits:
-        return self._tile.cast(self._data, ORIGIN, self._R_world_sensor)
-
-    def multi_ray(self, _: Beams) -> Hits:
-        return self._multi_ray.cast(self._data, ORIGIN, self._R_world_sensor)
-
-    def one_ray(self, beams: Beams) -> Hits:
-        directions = rotate(self._R_world_sensor, self.directions[beams])
-        distance, ids = np.empty(len(beams)), np.empty(len(beams), np.int32)
-        geom = np.empty(1, np.int32)
-        for beam, direction in enumerate(directions):
-            distance[beam] = mujoco.mj_ray(
-                self._model, self._data, ORIGIN, direction, GROUPS, 1, -1, geom
+    def _peers(self) -> list[_Engine]:
+        places = [("open3d", 1), ("open3d", 2), ("embree", 1)]
+        makers = installed_peers()
+        return [
+            _Engine(
+                name,
+                threads,
+                makers[name](
+                    self._model, self._data, ORIGIN, self.directions, self._range, threads
+                ),
             )
-            ids[beam] = geom[0]
+            for name, threads in places
+            if name in makers
+        ]
+
+    def _tile(self, threads: int) -> Cast:
+        caster = TileCaster(self._model, GROUPS, self._range, threads)
+        return lambda: caster.cast(self._data, self._pattern, ORIGIN, self._R_world_sensor)
+
+    def _tree(self) -> Hits:
+        return self._trees.cast(self._data, self._origins, self.directions)
+
+    def _multi_ray(self) -> Hits:
+        count = len(self.directions)
+        distance, ids = np.empty(count), np.empty(count, np.int32)
+        mujoco.mj_multiRay(
+            self._model, self._data, ORIGIN, self.directions.ravel(), GROUPS, 1, -1,
+            ids, distance, None, count, self._range,
+        )  # fmt: skip
+        return distance, ids
+
+    def _one_ray(self) -> Hits:
+        distance, ids = np.empty(len(self.sample)), np.empty(len(self.sample), np.int32)
+        geom = np.empty(1, np.int32)
+        for place, beam in enumerate(self.sample):
+            distance[place] = mujoco.mj_ray(
+                self._model, self._data, ORIGIN, self.directions[beam], GROUPS, 1, -1, geom
+            )
+            ids[place] = geom[0]
         return distance, ids

@@ -13,7 +13,7 @@ import msgspec
 from harness.errors import InputError, unknown_name
 from harness.view import BehaviourConfig
 from maps import MAPS, MapConfig
-from models.beams import SensorConfig
+from models.devices import DEVICES, SensorConfig
 from planners import PLANNERS, PlannerConfig
 
 
@@ -135,7 +135,12 @@ def _expect(name: str, got: float, low: float, high: float, unit: str) -> None:
         raise ValueError(f"{name}: got {got:g}, expected {low:g} to {high:g} {unit}".rstrip())
 
 
-NAMED: dict[str, Iterable[str]] = {"map.kind": MAPS, "planner.name": PLANNERS}
+NAMED: dict[str, Iterable[str]] = {
+    "map.kind": MAPS,
+    "planner.name": PLANNERS,
+    "sensors.lidar": DEVICES,
+    "sensors.depth": DEVICES,
+}
 """Settings whose values are names in a registry."""
 
 

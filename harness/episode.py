@@ -20,6 +20,7 @@ from harness.log import LogWriter
 from harness.navigator import Navigator, build_navigator
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
+from models.poses import Trail
 from models.robots import Setpoint
 from models.sensors import Caster
 from models.truth import Truth
@@ -28,6 +29,9 @@ from planners import Trajectory
 Outcome = Literal[
     "success", "collision", "fall", "timeout", "stuck", "out_of_bounds", "aborted", "error"
 ]
+
+ODOMETRY_PERIOD = 0.01
+"""Time between two poses of the trail by which the stack straightens a rolling sweep, s."""
 
 STUCK_RADIUS = 0.3
 """Less movement than this within `episode.stuck_after` is no movement, m."""
@@ -85,7 +89,7 @@ def run_episode(scenario: Scenario, log_path: Path, observe: Observer | None = N
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.
     """
-    infos = [sensor_info(scenario.scene, caster) for caster in scenario.scene.casters]
+    infos = [sensor_info(caster) for caster in scenario.scene.casters]
     beams = {info.name: beams_from_info(info) for info in infos}
     navigator = build_navigator(scenario.config, scenario.mission, beams)
     config, mission = to_json(scenario.config), scenario.mission.to_json()
@@ -118,6 +122,12 @@ class Episode:
         self._navigator = navigator
         self._following = self._navigator.trajectory
         self._on_the_way: deque[Trajectory] = deque()
+        base = int(scene.model.body_jntadr[scene.base])
+        first = int(scene.model.jnt_qposadr[base])
+        self._base_coordinates = slice(first, first + 7)
+        # Poses of the base before each physics step of one decision period, for rolling shutters.
+        self._steps: deque[np.ndarray] = deque(maxlen=_steps_a_decision(scenario))
+        self._odometry_stride = max(1, round(ODOMETRY_PERIOD / float(scene.model.opt.timestep)))
         self._sequence = 0
         self._misses = 0
         self._positions: list[np.ndarray] = []
@@ -163,7 +173,8 @@ class Episode:
 
     def _sense(self, time_ns: int) -> tuple[list[pb.Sweep], pb.Pose, float]:
         began = time.perf_counter()
-        sweeps = [self._sweep(caster, time_ns) for caster in self._scene.casters]
+        trail = self._trail()
+        sweeps = [self._sweep(caster, trail, time_ns) for caster in self._scene.casters]
         sense_ms = (time.perf_counter() - began) * 1e3
         pose = pb.Pose(
             sequence=self._sequence,
@@ -172,17 +183,31 @@ class Episode:
             position_sigma=0.0,  # the estimate is exact until an odometry model says otherwise
         )
         pose.timestamp.FromNanoseconds(time_ns)
+        if any(caster.table.moments > 1 for caster in self._scene.casters):
+            believed = trail.every(self._odometry_stride)
+            pose.trail_positions.extend(believed.positions.ravel().tolist())
+            pose.trail_quaternions.extend(believed.quaternions.ravel().tolist())
+            pose.trail_period_s = believed.period
         return sweeps, pose, sense_ms
 
-    def _sweep(self, caster: Caster, time_ns: int) -> pb.Sweep:
-        rows, columns = (len(table) for table in caster.sensor.beam_tables())
+    def _trail(self) -> Trail:
+        """True poses of the base since the sweeps began."""
+        data, base = self._data, self._scene.base
+        poses = [*self._steps, np.concatenate([data.xpos[base], data.xquat[base]])]
+        stacked = np.array(poses)
+        return Trail(stacked[:, :3], stacked[:, 3:], float(self._scene.model.opt.timestep))
+
+    def _sweep(self, caster: Caster, trail: Trail, time_ns: int) -> pb.Sweep:
+        table = caster.table
+        rows = len(table.rows) if table.order == "grid" else 1
+        ranges = caster.cast(self._data, trail, self._scenario.config.seed, self._sequence)
         message = pb.Sweep(
             sequence=self._sequence,
-            sensor=caster.sensor.name,
+            sensor=caster.mount.name,
             rows=rows,
-            columns=columns,
+            columns=table.beams // rows,
             codec=CODEC,
-            ranges=encode_ranges(caster.cast(self._data), rows),
+            ranges=encode_ranges(ranges, rows),
         )
         message.timestamp.FromNanoseconds(time_ns)
         return message
@@ -220,6 +245,7 @@ class Episode:
         sample = self._following.at(now_ns)
         setpoint = Setpoint(sample.position, sample.velocity, sample.heading, sample.yaw_rate)
         self._scene.controller.follow(self._data, setpoint)
+        self._steps.append(self._data.qpos[self._base_coordinates].copy())
         mujoco.mj_step(self._scene.model, self._data)
         self._truth.count_contacts(self._data)
 
@@ -299,8 +325,8 @@ def _delay(config: LatencyConfig, stages: pb.StageLatency) -> float:
 
 
 def _decision_period(scenario: Scenario) -> float:
-    """Decisions follow the first sweep sensor's rate, s."""
-    return 1.0 / scenario.spec.sweep_sensors[0].rate
+    """Decisions follow the first sensor's rate, s."""
+    return 1.0 / scenario.scene.casters[0].mount.device.rate
 
 
 def _steps_a_decision(scenario: Scenario) -> int:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from harness.errors import InputError
 from harness.schema import wayproof_pb2 as pb
-from models.beams import beam_directions, rotate
+from models.beams import BeamTable, directions, moment_offsets, moments, ray_ranges, rotate
+from models.poses import Trail, rotation_matrices
 
 CODEC = "u16-delta-planes"
 
@@ -25,11 +26,13 @@ class Pose:
         position: (3,) m.
         quaternion: (4,) w x y z.
         position_sigma: One standard deviation on each horizontal axis, m.
+        trail: Believed poses while the sweeps were taken, up to this one; none if no shutter rolls.
     """
 
     position: NDArray[np.float64]
     quaternion: NDArray[np.float64]
     position_sigma: float
+    trail: Trail | None = None
 
     @property
     def heading(self) -> float:
@@ -39,27 +42,77 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Beams:
-    """One sensor's geometry, rebuilt from its logged tables.
+class PlacedSweep:
+    """A sweep's beams in the world, as a map takes them.
 
     Attributes:
-        directions: (n, 3) unit vectors, sensor frame.
-        range: Longest measured distance, m.
-        position_base_sensor: (3,) m.
-        R_base_sensor: (3, 3).
+        origins: (m, 3) where the sensor was at each moment, m.
+        directions: (n, 3) unit vectors.
+        ranges_mm: (n,) uint16 along the beams.
+        moments: (n,) int32: which origin each beam left from.
     """
 
+    origins: NDArray[np.float64]
     directions: NDArray[np.float64]
-    range: float
-    position_base_sensor: NDArray[np.float64]
-    R_base_sensor: NDArray[np.float64]
+    ranges_mm: NDArray[np.uint16]
+    moments: NDArray[np.int32]
 
-    def at(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Origin (3,) and directions (n, 3) in the world for a body at `pose`."""
-        R_world_base = rotation_matrix(pose.quaternion)
-        origin = pose.position + rotate(R_world_base, self.position_base_sensor[None])[0]
-        R_world_sensor = rotate(R_world_base, self.R_base_sensor.T).T
-        return origin, rotate(R_world_sensor, self.directions)
+
+class Beams:
+    """One sensor's geometry, rebuilt from its logged tables."""
+
+    def __init__(
+        self,
+        table: BeamTable,
+        range: float,
+        rate: float,
+        position_base_sensor: NDArray[np.float64],
+        R_base_sensor: NDArray[np.float64],
+    ) -> None:
+        """Keep the tables, the range in m, the rate in Hz, and T_base_sensor."""
+        self.table = table
+        self.range = range
+        self._ages = -1e-9 * moment_offsets(table, round(1e9 / rate))
+        self._moments = moments(table)
+        self._directions = directions(table, 0)
+        self._position_base_sensor = position_base_sensor
+        self._R_base_sensor = R_base_sensor
+
+    def place(self, sweep: SweepInput, pose: Pose, sequence: int) -> PlacedSweep:
+        """Put a sweep into the world for a body that believes to be, and to have been, at `pose`.
+
+        Raises:
+            InputError: The sweep has another number of beams, or its shutter rolls and the pose
+                has no trail.
+        """
+        if len(sweep.ranges_mm) != self.table.beams:
+            raise InputError(
+                f"sweep of '{sweep.sensor}': {len(sweep.ranges_mm)} beams, "
+                f"expected {self.table.beams}"
+            )
+        if self.table.order == "pairs":
+            self._directions = directions(self.table, sequence)
+        origins, rotations = self._poses(pose)
+        one = len(rotations) == 1
+        beams = rotate(rotations[0] if one else rotations[self._moments], self._directions)
+        ranges = ray_ranges(self.table, self._directions, sweep.ranges_mm)
+        return PlacedSweep(origins, beams, ranges, self._moments)
+
+    def _poses(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the sensor is believed to have been: (m, 3) in m and (m, 3, 3), world."""
+        positions, rotations = pose.position[None], rotation_matrices(pose.quaternion[None])
+        if self.table.moments > 1:
+            if pose.trail is None:
+                raise InputError("pose without a trail, expected one for a rolling shutter")
+            positions, rotations = pose.trail.before_now(self._ages)
+        origins = positions + turn(rotations, self._position_base_sensor[None])[:, 0]
+        R_sensor_world = turn(rotations, self._R_base_sensor.T)
+        return origins, np.ascontiguousarray(R_sensor_world.transpose(0, 2, 1))
+
+
+def turn(rotations: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (k, 3) turned by each rotation (m, 3, 3), element by element: (m, k, 3)."""
+    return np.stack([rotate(R, vectors) for R in rotations])
 
 
 @dataclass(frozen=True)
@@ -97,18 +150,6 @@ def heading_of(y: float, x: float) -> float:
     return round(math.atan2(y, x), 9)
 
 
-def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation (3, 3) of a unit quaternion w x y z; products and sums only."""
-    w, x, y, z = (float(value) for value in quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
 def inputs_from_messages(pose: pb.Pose, sweeps: list[pb.Sweep]) -> Inputs:
     """Read the inputs of one decision back from its messages.
 
@@ -124,26 +165,55 @@ def inputs_from_messages(pose: pb.Pose, sweeps: list[pb.Sweep]) -> Inputs:
     return Inputs(
         time_ns=pose.timestamp.ToNanoseconds(),
         sequence=pose.sequence,
-        pose=Pose(np.array(pose.position), np.array(pose.quaternion), pose.position_sigma),
+        pose=_pose(pose),
         sweeps=tuple(SweepInput(sweep.sensor, decode_ranges(sweep)) for sweep in sweeps),
         digest=digest.hexdigest(),
     )
 
 
+def _pose(message: pb.Pose) -> Pose:
+    trail = None
+    try:
+        if message.trail_period_s:
+            trail = Trail(
+                np.array(message.trail_positions).reshape(-1, 3),
+                np.array(message.trail_quaternions).reshape(-1, 4),
+                message.trail_period_s,
+            )
+    except ValueError as error:
+        raise InputError(f"pose: {error}") from None
+    position, quaternion = np.array(message.position), np.array(message.quaternion)
+    return Pose(position, quaternion, message.position_sigma, trail)
+
+
 def beams_from_info(info: pb.SensorInfo) -> Beams:
-    """Rebuild a sensor's beams from its logged tables."""
+    """Rebuild a sensor's beams from its logged tables.
+
+    Raises:
+        InputError: They are not those of a sensor.
+    """
     width = info.row_width
     if width not in (1, 2) or len(info.rows) % width or len(info.columns) % width:
         raise InputError(f"sensor '{info.name}': beam tables of width {width}, expected 1 or 2")
-    directions = beam_directions(
-        np.array(info.rows).reshape(-1, width), np.array(info.columns).reshape(-1, width)
-    )
-    return Beams(
-        directions=directions,
-        range=info.range_m,
-        position_base_sensor=np.array(info.position_base_sensor),
-        R_base_sensor=np.array(info.rotation_base_sensor).reshape(3, 3),
-    )
+    if not 0.0 < info.rate_hz < np.inf:
+        raise InputError(f"sensor '{info.name}': rate {info.rate_hz:g} Hz, expected more than 0")
+    try:
+        table = BeamTable(
+            rows=np.array(info.rows).reshape(-1, width),
+            columns=np.array(info.columns).reshape(-1, width),
+            beams=info.beams,
+            order=info.order,  # type: ignore[arg-type]  # the table checks it
+            row_step=info.row_step,
+            column_step=info.column_step,
+            moments=info.moments,
+            measures=info.measures,  # type: ignore[arg-type]
+        )
+    except ValueError as error:
+        raise InputError(f"sensor '{info.name}': {error}") from None
+    position, rotation = np.array(info.position_base_sensor), np.array(info.rotation_base_sensor)
+    if position.shape != (3,) or rotation.shape != (9,):
+        raise InputError(f"sensor '{info.name}': no mounting")
+    return Beams(table, info.range_m, info.rate_hz, position, rotation.reshape(3, 3))
 
 
 def encode_ranges(ranges_mm: NDArray[np.uint16], rows: int) -> bytes:

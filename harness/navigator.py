@@ -126,8 +126,15 @@ class Navigator:
         self.map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
             beams = self._beams[sweep.sensor]
-            origin, directions = beams.at(inputs.pose)
-            self.map.integrate(origin, directions, sweep.ranges_mm, beams.range, inputs.time_ns)
+            placed = beams.place(sweep, inputs.pose, inputs.sequence)
+            self.map.integrate(
+                placed.origins,
+                placed.directions,
+                placed.ranges_mm,
+                beams.range,
+                inputs.time_ns,
+                placed.moments,
+            )
 
     def _view(self, inputs: Inputs) -> View:
         config, mission = self._config, self._mission

@@ -10,13 +10,16 @@ from harness.config import Config
 from harness.errors import InputError, unknown_name
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
-from models.beams import DepthCamera, Lidar
+from models.devices import DepthCamera, Device, Rangefinder
 from models.robots import ROBOTS, RobotSpec
-from models.scene import Scene, compose
+from models.scene import Scene, compose, device_name, resolve
 from models.sensors import Caster
 from models.worlds import WORLDS, World
 
 Point = tuple[float, float, float]
+
+KINDS: dict[type[Device], str] = {DepthCamera: "depth_camera", Rangefinder: "rangefinder"}
+"""What a log calls a sort of device, where it is no lidar."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,11 @@ def build(config: Config) -> Scenario:
     goal = _place(config.goal, world.goal, spec)
     for name, point in (("start", start), ("goal", goal)):
         _check_point(name, point, world, spec, config)
-    config = replace(config, start=start, goal=goal)
+    try:
+        sensors = resolve(spec.mounts, config.sensors)
+    except ValueError as error:
+        raise InputError(f"robot '{config.robot}': {error}") from None
+    config = replace(config, start=start, goal=goal, sensors=sensors)
     return Scenario(
         config=config,
         world=world,
@@ -71,19 +78,26 @@ def _compose(world: World, config: Config) -> Scene:
         raise InputError(f"world '{config.world}' with robot '{config.robot}': {error}") from None
 
 
-def sensor_info(scene: Scene, caster: Caster) -> pb.SensorInfo:
+def sensor_info(caster: Caster) -> pb.SensorInfo:
     """The sensor's beam tables and where it sits on the base, as the log states them."""
-    sensor = caster.sensor
-    rows, columns = sensor.beam_tables()
-    position, R = caster.mounting(scene.base)
-    kinds = {Lidar: "lidar", DepthCamera: "depth_camera"}
+    device, table = caster.mount.device, caster.table
+    position, R = caster.mounting
     return pb.SensorInfo(
-        name=sensor.name,
-        kind=kinds.get(type(sensor), "rangefinder"),
-        range_m=sensor.range,
-        row_width=rows.shape[1],
-        rows=rows.ravel().tolist(),
-        columns=columns.ravel().tolist(),
+        name=caster.mount.name,
+        kind=KINDS.get(type(device), "lidar"),
+        device=device_name(device),
+        source=device.source,
+        range_m=device.range,
+        rate_hz=device.rate,
+        measures=table.measures,
+        order=table.order,
+        beams=table.beams,
+        row_step=table.row_step,
+        column_step=table.column_step,
+        moments=table.moments,
+        row_width=table.rows.shape[1],
+        rows=table.rows.ravel().tolist(),
+        columns=table.columns.ravel().tolist(),
         position_base_sensor=position.tolist(),
         rotation_base_sensor=R.ravel().tolist(),
     )

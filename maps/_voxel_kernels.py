@@ -34,7 +34,8 @@ MAX_BEAM_CELLS = 2047  # (2047 * SUBCELLS)^3 * 2 stays below NEVER
 
 @kernel
 def place_beams(
-    origin: NDArray[np.float64],  # (3,) m from the map's corner
+    origins: NDArray[np.float64],  # (m, 3) m from the map's corner
+    moments: NDArray[np.int32],  # (n,) which of them a beam leaves from
     directions: NDArray[np.float64],  # (n, 3) unit
     ranges_mm: NDArray[np.uint16],  # (n,)
     nearest_mm: int,
@@ -60,7 +61,7 @@ def place_beams(
             fates[i] = CLEARED
             millimetres = farthest_mm
         for axis in range(3):
-            end = origin[axis] + directions[i, axis] * (millimetres / 1000.0)
+            end = origins[moments[i], axis] + directions[i, axis] * (millimetres / 1000.0)
             ends[i, axis] = np.int64(np.floor(end * scale))
         if fates[i] == RETURNED:
             x = ends[i, 0] >> SUBCELL_BITS
@@ -197,7 +198,8 @@ def cross_cells(
 @kernel
 def cross_beams(
     marks: NDArray[np.uint8],  # (nx, ny, nz)
-    start: NDArray[np.int64],  # (3,)
+    starts: NDArray[np.int64],  # (m, 3)
+    moments: NDArray[np.int32],  # (n,)
     ends: NDArray[np.int64],  # (n, 3)
     fates: NDArray[np.uint8],  # (n,)
     floor_layer: int,
@@ -205,7 +207,7 @@ def cross_beams(
     """Mark the cells that the beams of a sweep cross."""
     for i in range(fates.shape[0]):
         if fates[i] <= CLEARED:
-            cross_cells(marks, start, ends[i], fates[i] == RETURNED, floor_layer)
+            cross_cells(marks, starts[moments[i]], ends[i], fates[i] == RETURNED, floor_layer)
 
 
 @kernel

@@ -70,11 +70,12 @@ class VoxelMap:
 
     def integrate(
         self,
-        origin: ArrayLike,
+        origins: ArrayLike,
         directions: NDArray[np.float64],
         ranges_mm: NDArray[np.uint16],
         range_limit: float,
         time_ns: int,
+        moments: NDArray[np.int32] | None = None,
     ) -> SweepStatistics:
         """Take in one sweep: each cell is updated once, and occupied wins over free.
 
@@ -84,17 +85,21 @@ class VoxelMap:
         would take away the floor that it is about to hit. Decay ticks due are applied first.
 
         Args:
-            origin: (3,) where the beams start, m, world; may lie outside the map.
+            origins: (3,) or (m, 3) where the beams start, m, world; may lie outside the map.
             directions: (n, 3) unit vectors, world.
             ranges_mm: (n,) measured ranges, mm.
             range_limit: Range up to which a beam without return is evidence of free space, m.
             time_ns: Simulated time of the sweep, ns.
+            moments: (n,) which origin each beam leaves from; the first if left out.
 
         Raises:
             ValueError: A position or direction is not finite, an array has another shape, or the
                 range limit is not within 0 to 2047 cells.
         """
-        start = finite_vector("origin", origin) - self.origin
+        starts = np.stack([finite_vector("origin", o) for o in np.reshape(origins, (-1, 3))])
+        starts -= self.origin
+        if moments is None:
+            moments = np.zeros(len(ranges_mm), np.int32)
         # Copies: to the compiler a read-only array, as a log yields, is another type.
         directions = np.array(directions, np.float64, order="C")
         ranges_mm = np.array(ranges_mm, order="C")
@@ -104,9 +109,10 @@ class VoxelMap:
         fates = np.empty(len(ranges_mm), np.uint8)
         nearest_mm = round(self.config.minimum_range * 1000)
         farthest_mm = round(range_limit * 1000)
-        sensor = np.floor(start * (kernels.SUBCELLS / self.resolution)).astype(np.int64)
+        sensor = np.floor(starts * (kernels.SUBCELLS / self.resolution)).astype(np.int64)
         kernels.place_beams(
-            start,
+            starts,
+            moments,
             directions,
             ranges_mm,
             nearest_mm,
@@ -116,7 +122,7 @@ class VoxelMap:
             ends,
             fates,
         )
-        kernels.cross_beams(self._marks, sensor, ends, fates, self.grid.floor_layer)
+        kernels.cross_beams(self._marks, sensor, moments, ends, fates, self.grid.floor_layer)
         told = np.vstack([sensor, ends[fates <= kernels.CLEARED]]) >> kernels.SUBCELL_BITS
         updated = self._apply(told.min(axis=0), told.max(axis=0) + 1, time_ns)
         count = np.bincount(fates, minlength=4)

@@ -27,18 +27,6 @@ Order = Literal["grid", "pairs"]
 Measures = Literal["range", "depth"]
 
 
-@dataclass(frozen=True)
-class SensorConfig:
-    """How beams are cast.
-
-    Attributes:
-        engine: `tile` casts a sweep tile by tile, on primitives only; `mujoco` takes MuJoCo's own
-            caster, which knows meshes and height fields too and is some ten times slower.
-    """
-
-    engine: Literal["tile", "mujoco"] = "tile"
-
-
 @dataclass(frozen=True, eq=False)
 class BeamTable:
     """All that is needed to rebuild the beams of any sweep of one sensor.
@@ -233,109 +221,9 @@ def rotate(
     Not a matrix product: BLAS may fuse or reorder, and a replay must give the same bits anywhere.
 
     Args:
-        R_world_sensor: (3, 3).
+        R_world_sensor: (3, 3), or (n, 3, 3) of each beam its own.
         directions: (n, 3), sensor frame.
     """
     x, y, z = directions[:, :1], directions[:, 1:2], directions[:, 2:]
-    return x * R_world_sensor[:, 0] + y * R_world_sensor[:, 1] + z * R_world_sensor[:, 2]
-
-
-@dataclass(frozen=True)
-class Lidar:
-    """A spinning lidar: every ring fires at every azimuth; one sweep is one instant here.
-
-    Attributes:
-        name: Topic name, unique on the robot.
-        site: MJCF site that the beams leave from; x forward, z up.
-        rings: Number of elevations.
-        azimuths: Number of directions around the z axis.
-        elevation_low: Lowest ring, rad.
-        elevation_high: Highest ring, rad.
-        range: Longest measured distance, m.
-        rate: Sweeps a second, Hz.
-        source: Where the figures come from.
-    """
-
-    name: str
-    site: str
-    rings: int
-    azimuths: int
-    elevation_low: float
-    elevation_high: float
-    range: float
-    rate: float
-    source: str
-
-    def beam_tables(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return (rows, columns): (rings, 2) cos/sin of elevation, (azimuths, 2) of azimuth."""
-        elevation = np.linspace(
-            self.elevation_low, self.elevation_high, self.rings, dtype=np.float64
-        )
-        azimuth = np.arange(self.azimuths) * (2.0 * np.pi / self.azimuths) - np.pi
-        return _cos_sin(elevation), _cos_sin(azimuth)
-
-
-@dataclass(frozen=True)
-class DepthCamera:
-    """A pinhole depth camera that reports the range along each pixel's ray.
-
-    Attributes:
-        name: Topic name, unique on the robot.
-        site: MJCF site of the optical centre; x along the axis, z up.
-        height: Rows of pixels.
-        width: Columns of pixels.
-        field_of_view_horizontal: Full angle, rad.
-        field_of_view_vertical: Full angle, rad.
-        range: Longest measured distance, m.
-        rate: Images a second, Hz.
-        source: Where the figures come from.
-    """
-
-    name: str
-    site: str
-    height: int
-    width: int
-    field_of_view_horizontal: float
-    field_of_view_vertical: float
-    range: float
-    rate: float
-    source: str
-
-    def beam_tables(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return (rows, columns): the slopes z/x of each row and y/x of each column, (n, 1)."""
-        rows = np.tan(self.field_of_view_vertical / 2) * _pixel_centres(self.height)
-        columns = np.tan(self.field_of_view_horizontal / 2) * _pixel_centres(self.width)
-        return rows[:, None], columns[:, None]
-
-
-@dataclass(frozen=True)
-class Rangefinder:
-    """A single beam by MuJoCo's own `<rangefinder>` sensor.
-
-    Attributes:
-        name: Topic name and name of the MJCF sensor.
-        range: Longest measured distance, m.
-        rate: Readings a second, Hz.
-        source: Where the figures come from.
-    """
-
-    name: str
-    range: float
-    rate: float
-    source: str
-
-    def beam_tables(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return tables of the one beam, along the site's z axis as MuJoCo defines it."""
-        return np.array([[0.0, 1.0]]), np.array([[1.0, 0.0]])
-
-
-SweepSensor = Lidar | DepthCamera
-
-
-def _cos_sin(angle: NDArray[np.floating]) -> NDArray[np.float64]:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1, dtype=np.float64)
-
-
-def _pixel_centres(count: int) -> NDArray[np.float64]:
-    """Pixel centres over [1, -1]: the first row is the top one, the first column the left one."""
-    return 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    R = R_world_sensor
+    return x * R[..., 0] + y * R[..., 1] + z * R[..., 2]

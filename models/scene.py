@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 
-from models.beams import SensorConfig
+from models.devices import DEVICES, Device, Mount, Rangefinder, SensorConfig
 from models.robots import Controller, Robot
-from models.sensors import Caster, RangefinderCaster, SweepCaster
+from models.sensors import Caster, make_caster
 from models.worlds import World
 
 PREFIX = "robot_"
@@ -40,22 +40,60 @@ def compose(world: World, robot: Robot, sensors: SensorConfig | None = None) -> 
     """Attach the robot to the world and compile.
 
     Raises:
-        ValueError: The ray engine in `sensors`, by default `tile`, cannot cast the model.
+        ValueError: A device does not fit its mount, or the ray engine cannot cast the model.
     """
-    engine = (sensors or SensorConfig()).engine
+    sensors = sensors or SensorConfig()
     spec = mujoco.MjSpec.from_string(world.mjcf())
     robot_spec = mujoco.MjSpec.from_string(robot.mjcf())
     spec.attach(robot_spec, prefix=PREFIX, frame=spec.worldbody.add_frame())
     model = spec.compile()
-    sweep_casters = [
-        SweepCaster(model, sensor, PREFIX, engine) for sensor in robot.spec.sweep_sensors
-    ]
-    rangefinders = [RangefinderCaster(model, sensor, PREFIX) for sensor in robot.spec.rangefinders]
+    base = model.body(PREFIX + "base").id
     return Scene(
         model=model,
         mjcf=spec.to_xml(),
         controller=robot.controller(model, PREFIX),
-        casters=(*sweep_casters, *rangefinders),
-        base=model.body(PREFIX + "base").id,
+        casters=tuple(
+            make_caster(model, mount, base, PREFIX, sensors)
+            for mount in equip(robot.spec.mounts, sensors)
+        ),
+        base=base,
         floor=model.geom("floor").id,
     )
+
+
+def equip(mounts: tuple[Mount, ...], sensors: SensorConfig) -> tuple[Mount, ...]:
+    """A robot's mounts with the devices that the config puts there.
+
+    Raises:
+        ValueError: The robot has no such mount, or the device there is of the other sort: a sweep
+            cannot replace a `<rangefinder>`, nor the other way round.
+    """
+    wanted = {name: getattr(sensors, name) for name in ("lidar", "depth")}
+    own = {mount.name: mount for mount in mounts}
+    for name, device in wanted.items():
+        if not device:
+            continue
+        if name not in own:
+            raise ValueError(
+                f"sensors.{name}: got '{device}', but the robot has no mount '{name}' "
+                f"(available: {', '.join(own)})"
+            )
+        if device not in DEVICES or isinstance(DEVICES[device], Rangefinder):
+            fitting = [k for k, v in DEVICES.items() if not isinstance(v, Rangefinder)]
+            raise ValueError(
+                f"sensors.{name}: got '{device}', expected a lidar or a camera "
+                f"(available: {', '.join(fitting)})"
+            )
+        own[name] = replace(own[name], device=DEVICES[device])
+    return tuple(own.values())
+
+
+def resolve(mounts: tuple[Mount, ...], sensors: SensorConfig) -> SensorConfig:
+    """The config with the names of the devices that stand where it left the robot's own."""
+    names = {mount.name: device_name(mount.device) for mount in equip(mounts, sensors)}
+    return replace(sensors, lidar=names.get("lidar", ""), depth=names.get("depth", ""))
+
+
+def device_name(device: Device) -> str:
+    """What `DEVICES` calls a device; empty if it is not in there."""
+    return next((name for name, known in DEVICES.items() if known == device), "")

@@ -1,156 +1,234 @@
 """Casting the beams of a robot's sensors against MuJoCo's geometry.
 
-A sweep leaves here quantised, because the map must see exactly the values that the log holds.
+A sweep leaves here as the device reports it, quantised, because the map must see exactly the values
+that the log holds.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.beams import (
-    DepthCamera,
-    Lidar,
-    Rangefinder,
-    SensorConfig,
-    SweepSensor,
-    beam_directions,
-    quantise,
-    rotate,
-)
-from models.rays import TileCaster
+from models.beams import BeamTable, directions, moment_offsets, moments, rotate
+from models.devices import Device, Mount, Rangefinder, SensorConfig, measure, stream
+from models.poses import Trail
+from models.rays import Pattern, TileCaster, cut_grid, cut_scattered
 
-__all__ = [
-    "ROBOT_GROUP",
-    "DepthCamera",
-    "Lidar",
-    "MujocoCaster",
-    "Rangefinder",
-    "RangefinderCaster",
-    "SensorConfig",
-    "SweepCaster",
-    "SweepSensor",
-]
+__all__ = ["ENGINES", "ROBOT_GROUP", "Caster", "RangefinderCaster", "SweepCaster"]
 
 ROBOT_GROUP = 3
 """Geom group of every robot geom, so that no beam sees the body that carries it."""
 
+Hits = tuple[NDArray[np.float64], NDArray[np.int32]]
+"""Distances (n,) in m and geom ids (n,); -1 and -1 for a miss."""
+
+
+class Firing(NamedTuple):
+    """The beams of one sweep.
+
+    Attributes:
+        directions: (n, 3) unit vectors, sensor frame.
+        moments: (n,) which of the sweep's poses each beam leaves from.
+        pattern: The same, cut into tiles.
+    """
+
+    directions: NDArray[np.float64]
+    moments: NDArray[np.int32]
+    pattern: Pattern
+
 
 class SweepCaster:
-    """Casts one sensor's beams against MuJoCo's geometry from where its site is now."""
+    """Casts one mounted sensor's sweeps against MuJoCo's geometry."""
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        sensor: SweepSensor,
-        site_prefix: str = "",
-        engine: Literal["tile", "mujoco"] = "tile",
+        self, model: mujoco.MjModel, mount: Mount, base: int, prefix: str, config: SensorConfig
     ) -> None:
-        """Build the beam table once.
+        """Build the tables once.
+
+        Args:
+            model: World and robot.
+            mount: The device and the site that it sits at.
+            base: Body id of the robot's base, which carries the site.
+            prefix: Before every name of the robot in the model.
+            config: How to cast.
 
         Raises:
             KeyError: The model has no such site.
-            ValueError: Engine `tile` meets a geom that only MuJoCo's engine can cast.
+            ValueError: The site is not on the base, or the engine cannot cast one of the geoms.
         """
-        self.sensor = sensor
-        tables = sensor.beam_tables()
-        self.directions = beam_directions(*tables)  # (n, 3), sensor frame
-        self._site = model.site(site_prefix + sensor.site).id
-        self._model = model
+        self.mount = mount
+        self.table = mount.device.beam_table()
+        self._moments = moments(self.table)
+        self._site = model.site(prefix + mount.site).id
+        self.mounting = _mounting(model, self._site, base)
+        self._ages = -1e-9 * moment_offsets(self.table, round(1e9 / mount.device.rate))
+        self._firing = _fire(self.table, self._moments, 0)
         groups = np.ones(mujoco.mjNGROUP, np.uint8)
         groups[ROBOT_GROUP] = 0
-        self._engine: TileCaster | MujocoCaster
-        if engine == "tile":
-            self._engine = TileCaster(model, *tables, groups, sensor.range)
-        else:
-            self._engine = MujocoCaster(model, self.directions, groups, sensor.range)
+        reach = _reach(mount.device, self._firing.directions)
+        self._engine = ENGINES[config.engine](model, groups, reach, config.threads)
 
-    def cast(self, data: mujoco.MjData) -> NDArray[np.uint16]:  # (n,)
-        """Cast one sweep; call `mujoco.mj_kinematics` first, geom poses lag a step behind."""
-        R_world_sensor = data.site_xmat[self._site].reshape(3, 3)
-        distance, _ = self._engine.cast(data, data.site_xpos[self._site], R_world_sensor)
-        return quantise(distance, self.sensor.range)
+    def cast(
+        self, data: mujoco.MjData, trail: Trail, seed: int, sequence: int
+    ) -> NDArray[np.uint16]:  # (n,) mm
+        """Cast one sweep; call `mujoco.mj_kinematics` first, geom poses lag a step behind.
 
-    def mounting(self, base: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position (3,) and rotation (3, 3) of the sensor in the frame of body `base`."""
-        return _mounting(self._model, self._site, base)
+        Args:
+            data: The simulation at the sweep's end; whatever moves is met where it is then.
+            trail: True poses of the base up to then, for a shutter that rolls.
+            seed: The episode's.
+            sequence: Number of the sweep.
+        """
+        if self.table.order == "pairs":
+            self._firing = _fire(self.table, self._moments, sequence)
+        origins, rotations = self._poses(data, trail)
+        distance, _ = self._engine.cast(data, self._firing, origins, rotations)
+        rng = stream(seed, f"sensor/{self.mount.name}", sequence)
+        return measure(self.mount.device, distance, None, self._firing.directions, rng)
+
+    def _poses(
+        self, data: mujoco.MjData, trail: Trail
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the sensor was at each moment: (m, 3) in m and (m, 3, 3), world."""
+        if self.table.moments == 1:
+            R_world_sensor = data.site_xmat[self._site].reshape(1, 3, 3)
+            return data.site_xpos[self._site][None].copy(), R_world_sensor.copy()
+        position_base_sensor, R_base_sensor = self.mounting
+        positions, rotations = trail.before_now(self._ages)
+        return positions + rotations @ position_base_sensor, rotations @ R_base_sensor
 
 
-class MujocoCaster:
-    """Casts beams by MuJoCo's own `mj_multiRay`, against every shape that MuJoCo knows."""
+class TileEngine:
+    """Sweeps by Wayproof's own caster."""
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        directions: NDArray[np.float64],
-        group_mask: NDArray[np.uint8],
-        range: float,
+        self, model: mujoco.MjModel, groups: NDArray[np.uint8], range: float, threads: int
     ) -> None:
-        """Keep the beams (n, 3) in the sensor frame, the geom groups (6,) and the range in m."""
+        """Build the tables of geoms; see `TileCaster`."""
+        self._caster = TileCaster(model, groups, range, threads)
+
+    def cast(
+        self,
+        data: mujoco.MjData,
+        firing: Firing,
+        origins: NDArray[np.float64],
+        rotations: NDArray[np.float64],
+    ) -> Hits:
+        """Cast a sweep from the poses of its moments."""
+        return self._caster.cast(data, firing.pattern, origins, rotations)
+
+
+class MujocoEngine:
+    """Sweeps by MuJoCo's own `mj_multiRay`, one call for each moment; on one thread."""
+
+    def __init__(
+        self, model: mujoco.MjModel, groups: NDArray[np.uint8], range: float, threads: int
+    ) -> None:
+        """Keep the geom groups (6,) and the range in m."""
+        del threads  # MuJoCo's call knows none
         self._model = model
-        self._directions = directions
-        self._groups = group_mask
+        self._groups = groups
         self._range = range
 
     def cast(
-        self, data: mujoco.MjData, origin: NDArray[np.float64], R_world_sensor: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Distances (n,) in m, some of them beyond range, and geom ids (n,); -1 for a miss."""
-        rays = rotate(R_world_sensor, self._directions)
+        self,
+        data: mujoco.MjData,
+        firing: Firing,
+        origins: NDArray[np.float64],
+        rotations: NDArray[np.float64],
+    ) -> Hits:
+        """Cast a sweep from the poses of its moments; some distances may lie beyond range."""
+        if len(origins) == 1:
+            return self._cast_from(data, origins[0], rotate(rotations[0], firing.directions))
+        distance, geom_id = np.empty(len(firing.moments)), np.empty(len(firing.moments), np.int32)
+        for moment, (origin, R_world_sensor) in enumerate(zip(origins, rotations, strict=True)):
+            beams = np.flatnonzero(firing.moments == moment)
+            rays = rotate(R_world_sensor, firing.directions[beams])
+            distance[beams], geom_id[beams] = self._cast_from(data, origin, rays)
+        return distance, geom_id
+
+    def _cast_from(
+        self, data: mujoco.MjData, origin: NDArray[np.float64], rays: NDArray[np.float64]
+    ) -> Hits:
         distance, geom_id = np.empty(len(rays)), np.empty(len(rays), np.int32)
         mujoco.mj_multiRay(
-            self._model,
-            data,
-            origin,
-            rays.ravel(),
-            self._groups,
-            1,
-            -1,
-            geom_id,
-            distance,
-            None,
-            len(rays),
-            self._range,
-        )
+            self._model, data, origin, rays.ravel(), self._groups, 1, -1,
+            geom_id, distance, None, len(rays), self._range,
+        )  # fmt: skip
         return distance, geom_id
+
+
+ENGINES = {"tile": TileEngine, "mujoco": MujocoEngine}
+"""Ray engines by name."""
 
 
 class RangefinderCaster:
     """Reads one `<rangefinder>` of the model as a sweep of one beam."""
 
-    def __init__(self, model: mujoco.MjModel, sensor: Rangefinder, prefix: str = "") -> None:
+    def __init__(self, model: mujoco.MjModel, mount: Mount, base: int, prefix: str) -> None:
         """Look the sensor up.
 
         Raises:
             KeyError: The model has no such sensor.
+            ValueError: It does not sit on the base.
         """
-        self.sensor = sensor
-        self.directions = beam_directions(*sensor.beam_tables())  # (1, 3)
+        self.mount = mount
+        self.table = mount.device.beam_table()
+        self._directions = directions(self.table, 0)  # (1, 3)
         self._model = model
-        mjcf_sensor = model.sensor(prefix + sensor.name)
-        self._site = int(mjcf_sensor.objid[0])
+        mjcf_sensor = model.sensor(prefix + mount.name)
         self._address = int(mjcf_sensor.adr[0])
+        self.mounting = _mounting(model, int(mjcf_sensor.objid[0]), base)
 
-    def cast(self, data: mujoco.MjData) -> NDArray[np.uint16]:  # (1,)
+    def cast(
+        self, data: mujoco.MjData, trail: Trail, seed: int, sequence: int
+    ) -> NDArray[np.uint16]:  # (1,) mm
         """Read the beam at the poses that `mujoco.mj_kinematics` has just computed."""
+        del trail  # one beam, one instant
         mujoco.mj_sensorPos(self._model, data)
-        return quantise(data.sensordata[self._address : self._address + 1], self.sensor.range)
-
-    def mounting(self, base: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position (3,) and rotation (3, 3) of the sensor in the frame of body `base`."""
-        return _mounting(self._model, self._site, base)
+        distance = data.sensordata[self._address : self._address + 1]
+        rng = stream(seed, f"sensor/{self.mount.name}", sequence)
+        return measure(self.mount.device, distance, None, self._directions, rng)
 
 
 Caster = SweepCaster | RangefinderCaster
 
 
+def make_caster(
+    model: mujoco.MjModel, mount: Mount, base: int, prefix: str, config: SensorConfig
+) -> Caster:
+    """The caster of a mounted device.
+
+    Raises:
+        KeyError: The model lacks the site or the sensor.
+        ValueError: The device is not on the base, or the engine cannot cast the model.
+    """
+    if isinstance(mount.device, Rangefinder):
+        return RangefinderCaster(model, mount, base, prefix)
+    return SweepCaster(model, mount, base, prefix, config)
+
+
+def _fire(table: BeamTable, moment: NDArray[np.int32], sequence: int) -> Firing:
+    beams = directions(table, sequence)
+    if table.order == "grid":
+        pattern = cut_grid(beams, len(table.rows), len(table.columns), moment)
+    else:
+        pattern = cut_scattered(beams, moment)
+    return Firing(beams, moment, pattern)
+
+
+def _reach(device: Device, beams: NDArray[np.float64]) -> float:
+    """How far a beam can measure, m; the limit of a depth lies farther out along slanted ones."""
+    return float(device.range / beams[:, 0].min()) if device.measures == "depth" else device.range
+
+
 def _mounting(
     model: mujoco.MjModel, site: int, base: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pose of a site that is fixed to the base, T_base_site."""
+    """Position (3,) and rotation (3, 3) of a site in the frame of the body that carries it."""
     if model.site_bodyid[site] != base:
         name = model.site(site).name
         raise ValueError(f"sensor site '{name}' is on another body than the base")

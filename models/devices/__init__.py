@@ -8,6 +8,7 @@ are lost, so presets lose none.
 from __future__ import annotations
 
 from models.devices.benewake_tfmini_s import BENEWAKE_TFMINI_S
+from models.devices.config import SensorConfig
 from models.devices.depth_camera import DepthCamera
 from models.devices.device import Device, Mount
 from models.devices.ideal_altimeter import IDEAL_ALTIMETER
@@ -43,6 +44,7 @@ __all__ = [
     "Mount",
     "RangeNoise",
     "Rangefinder",
+    "SensorConfig",
     "SolidStateLidar",
     "SpinningLidar",
     "evenly",

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.sensors import Rangefinder, SweepSensor
+from models.devices import Mount
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class RobotSpec:
         max_jerk: m/s^3.
         max_yaw_rate: rad/s.
         max_tilt: Beyond this angle from upright the robot has fallen, rad.
-        sweep_sensors: Lidars and depth cameras.
-        rangefinders: Single beams.
+        mounts: Its sensors, in the order in which their sweeps are integrated; decisions follow the
+            rate of the first.
     """
 
     name: str
@@ -60,8 +60,7 @@ class RobotSpec:
     max_jerk: float
     max_yaw_rate: float
     max_tilt: float
-    sweep_sensors: tuple[SweepSensor, ...]
-    rangefinders: tuple[Rangefinder, ...] = ()
+    mounts: tuple[Mount, ...]
 
 
 class Controller(Protocol):

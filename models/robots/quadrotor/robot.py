@@ -8,43 +8,14 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
+from models.devices import Mount
+from models.devices.ideal_altimeter import IDEAL_ALTIMETER
+from models.devices.ideal_depth_camera import IDEAL_DEPTH_CAMERA
+from models.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
 from models.robots.quadrotor.controller import QuadrotorController
 from models.robots.quadrotor.model import BOTTOM, TOP, circumscribed_radius, quadrotor_mjcf
 from models.robots.quadrotor.parameters import Parameters
 from models.robots.robot import RobotSpec, Setpoint
-from models.sensors import DepthCamera, Lidar, Rangefinder
-
-LIDAR = Lidar(
-    name="lidar",
-    site="lidar",
-    rings=32,
-    azimuths=512,
-    elevation_low=math.radians(-45.0),
-    elevation_high=math.radians(45.0),
-    range=12.0,
-    rate=10.0,
-    source="Ouster OS0-32 data sheet: 32 rings over 90 degrees, 512 columns, 10 Hz; range cut",
-)
-
-DEPTH = DepthCamera(
-    name="depth",
-    site="camera",
-    height=48,
-    width=64,
-    field_of_view_horizontal=math.radians(87.0),
-    field_of_view_vertical=math.radians(58.0),
-    range=6.0,
-    rate=10.0,
-    source="Intel RealSense D455 data sheet: 87 x 58 degrees, ideal range to 6 m; binned pixels",
-)
-
-ALTIMETER = Rangefinder(
-    name="altimeter",
-    range=10.0,
-    rate=20.0,
-    source="assumed: a single-beam time-of-flight sensor of the 12 m class, such as TFmini-S",
-)
-
 
 def _spec(parameters: Parameters) -> RobotSpec:
     """Limits well inside what the controller tracks, so that navigation leaves it room."""
@@ -60,8 +31,11 @@ def _spec(parameters: Parameters) -> RobotSpec:
         max_jerk=12.0,
         max_yaw_rate=1.5,
         max_tilt=1.2,
-        sweep_sensors=(LIDAR, DEPTH),
-        rangefinders=(ALTIMETER,),
+        mounts=(
+            Mount("lidar", "lidar", IDEAL_LIDAR_WIDE),
+            Mount("depth", "camera", IDEAL_DEPTH_CAMERA),
+            Mount("altimeter", "altimeter", IDEAL_ALTIMETER),
+        ),
     )
 
 

@@ -8,24 +8,12 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
+from models.devices import Mount
+from models.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 from models.robots.quadruped.controller import QuadrupedController
 from models.robots.quadruped.model import LIDAR_SITE, quadruped_mjcf
 from models.robots.quadruped.parameters import Parameters
 from models.robots.robot import RobotSpec
-from models.sensors import Lidar
-
-LIDAR = Lidar(
-    name="lidar",
-    site="lidar",
-    rings=32,
-    azimuths=625,
-    elevation_low=math.radians(-45.0),
-    elevation_high=math.radians(15.0),
-    range=12.0,
-    rate=10.0,
-    source="assumed: a 32-ring spinning lidar, 20 000 beams a sweep, tilted to see the near floor",
-)
-
 
 def _spec(parameters: Parameters) -> RobotSpec:
     """Limits well inside what the controller tracks, so that navigation leaves it room.
@@ -46,7 +34,7 @@ def _spec(parameters: Parameters) -> RobotSpec:
         max_jerk=15.0,
         max_yaw_rate=1.0,
         max_tilt=1.0,
-        sweep_sensors=(LIDAR,),
+        mounts=(Mount("lidar", "lidar", IDEAL_LIDAR_FLOOR),),
     )
 
 

@@ -1,0 +1,29 @@
+"""Which sensors a robot carries and how they are simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class SensorConfig:
+    """Which sensors a robot carries and how they are simulated.
+
+    Attributes:
+        lidar: Name in `DEVICES` of what is mounted as `lidar`; empty: the robot's own.
+        depth: Likewise as `depth`.
+        engine: `tile` is Wayproof's caster; `mujoco` takes MuJoCo's own, which is slower and lets
+            anybody check an episode against it.
+        threads: That a sweep is cast on; results are the same bytes on any number.
+    """
+
+    lidar: str = ""
+    depth: str = ""
+    engine: Literal["tile", "mujoco"] = "tile"
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse fewer threads than one."""
+        if not 1 <= self.threads <= 256:
+            raise ValueError(f"sensors.threads: got {self.threads}, expected 1 to 256")
