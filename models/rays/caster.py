@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from models.beams import beam_directions
 from models.rays.geometry import Geometry
-from models.rays.kernels import approach, cast_sweep
+from models.rays.kernels import approach, cast_blocks
 from models.rays.tiles import cut
 
 
@@ -66,12 +66,18 @@ class TileCaster:
         origin = np.ascontiguousarray(origin, dtype=np.float64)
         R = np.ascontiguousarray(R_world_sensor, dtype=np.float64)
         geoms = self._geometry.geoms
-        approach(origin, geoms, self._local, self._nearest)
-        order = np.argsort(self._nearest, kind="stable")
+        views = np.empty((6, len(geoms.ids)))
+        approach(origin, 0.0, geoms, self._local, views)
+        order = np.argsort(views[0], kind="stable")
+        views = np.ascontiguousarray(views[:, order])
         beams = len(self._pattern.places)
         distance, geom_id = np.empty(beams), np.empty(beams, np.int32)
-        cast_sweep(
-            self._pattern, R, origin, geoms, self._local, self._nearest, order,
-            self._range, distance, geom_id,
+        tile_cones, block_cones = self._pattern.tile_cones.copy(), self._pattern.block_cones.copy()
+        for cones in (tile_cones, block_cones):
+            cones[:, :3] = cones[:, :3] @ R.T
+        self.stats = np.zeros(20, np.int64)
+        cast_blocks(
+            0, 1, self._pattern, tile_cones, block_cones, R[None], 0.0, geoms, self._local,
+            order, views, self._range, distance, geom_id, self.stats,
         )  # fmt: skip
         return distance, geom_id

@@ -40,12 +40,13 @@ class Geometry:
         moving = model.body_weldid[model.geom_bodyid[ids]] != 0
         self._moving_rows = np.flatnonzero(moving)
         self._moving_ids = ids[moving]
+        axes, sides = _bodies(model.geom_type[ids], model.geom_size[ids])
         self.geoms = Geoms(
             ids=ids,
             kinds=model.geom_type[ids].astype(np.int32),
             sizes=model.geom_size[ids],
-            extents=_extents(model.geom_type[ids], model.geom_size[ids]),
-            radii=model.geom_rbound[ids],
+            axes=axes,
+            sides=sides,
             positions=np.empty((len(ids), 3)),
             rotations=np.empty((len(ids), 9)),
         )
@@ -93,15 +94,22 @@ def _refuse_what_is_no_primitive(model: mujoco.MjModel, ids: NDArray[np.int32]) 
             )
 
 
-def _extents(kinds: NDArray[np.int32], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Half sides of the box about each geom, in the geom's frame, (g, 3)."""
-    extents: NDArray[np.float64] = sizes.copy()
-    sphere = kinds == mujoco.mjtGeom.mjGEOM_SPHERE
-    capsule = kinds == mujoco.mjtGeom.mjGEOM_CAPSULE
-    cylinder = kinds == mujoco.mjtGeom.mjGEOM_CYLINDER
-    extents[sphere] = sizes[sphere, :1]
-    round_side = capsule | cylinder
-    extents[round_side] = sizes[round_side][:, [0, 0, 1]]
-    extents[capsule, 2] += sizes[capsule, 0]
-    extents[kinds == mujoco.mjtGeom.mjGEOM_PLANE] = 0.0
-    return extents
+def _bodies(
+    kinds: NDArray[np.int32], sizes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half axes of the ellipsoid and half sides of the box whose sum each geom is, (g, 3) each."""
+    axes, sides = np.zeros_like(sizes), np.zeros_like(sizes)
+    for g, (kind, size) in enumerate(zip(kinds, sizes, strict=True)):
+        if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+            axes[g] = size[0]
+        elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+            axes[g], sides[g, 2] = size[0], size[1]
+        elif kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            axes[g] = size
+        elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+            axes[g, :2], sides[g, 2] = size[0], size[1]
+        elif kind == mujoco.mjtGeom.mjGEOM_BOX:
+            sides[g] = size
+        elif kind == mujoco.mjtGeom.mjGEOM_PLANE:
+            sides[g, :2] = np.where(size[:2] > 0.0, size[:2], 1e10)
+    return axes, sides
