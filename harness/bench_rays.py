@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from models import rays
 from models.beams import DepthCamera, Lidar, SweepSensor, beam_directions, rotate
-from models.rays import TileCaster
+from models.rays import TileCaster, cut_grid
 from models.rays.clutter import clutter
 from models.sensors import MujocoCaster
 
@@ -176,7 +176,8 @@ class _Posed:
         R = np.empty(9)
         mujoco.mju_quat2Mat(R, TILT / np.linalg.norm(TILT))
         self._R_world_sensor = R.reshape(3, 3)
-        self._tile = TileCaster(self._model, *tables, GROUPS, scene.sensor.range)
+        self._pattern = cut_grid(self.directions, *(len(table) for table in tables))
+        self._tile = TileCaster(self._model, GROUPS, scene.sensor.range)
         self._multi_ray = MujocoCaster(self._model, self.directions, GROUPS, scene.sensor.range)
 
     def move(self, rng: np.random.Generator) -> None:
@@ -185,7 +186,7 @@ class _Posed:
         mujoco.mj_kinematics(self._model, self._data)
 
     def tile(self, _: Beams) -> Hits:
-        return self._tile.cast(self._data, ORIGIN, self._R_world_sensor)
+        return self._tile.cast(self._data, self._pattern, ORIGIN, self._R_world_sensor)
 
     def multi_ray(self, _: Beams) -> Hits:
         return self._multi_ray.cast(self._data, ORIGIN, self._R_world_sensor)

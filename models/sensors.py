@@ -21,7 +21,7 @@ from models.beams import (
     quantise,
     rotate,
 )
-from models.rays import TileCaster
+from models.rays import TileCaster, cut_grid
 
 __all__ = [
     "ROBOT_GROUP",
@@ -62,16 +62,21 @@ class SweepCaster:
         self._model = model
         groups = np.ones(mujoco.mjNGROUP, np.uint8)
         groups[ROBOT_GROUP] = 0
-        self._engine: TileCaster | MujocoCaster
+        self._tile: TileCaster | None = None
         if engine == "tile":
-            self._engine = TileCaster(model, *tables, groups, sensor.range)
+            self._tile = TileCaster(model, groups, sensor.range)
+            self._pattern = cut_grid(self.directions, *(len(table) for table in tables))
         else:
-            self._engine = MujocoCaster(model, self.directions, groups, sensor.range)
+            self._mujoco = MujocoCaster(model, self.directions, groups, sensor.range)
 
     def cast(self, data: mujoco.MjData) -> NDArray[np.uint16]:  # (n,)
         """Cast one sweep; call `mujoco.mj_kinematics` first, geom poses lag a step behind."""
         R_world_sensor = data.site_xmat[self._site].reshape(3, 3)
-        distance, _ = self._engine.cast(data, data.site_xpos[self._site], R_world_sensor)
+        origin = data.site_xpos[self._site]
+        if self._tile is not None:
+            distance, _ = self._tile.cast(data, self._pattern, origin, R_world_sensor)
+        else:
+            distance, _ = self._mujoco.cast(data, origin, R_world_sensor)
         return quantise(distance, self.sensor.range)
 
     def mounting(self, base: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -22,7 +22,12 @@ PRIMITIVES = tuple(
 
 
 class Geometry:
-    """The ray-visible geoms of one model, posed where they are now."""
+    """The ray-visible primitives of one model, posed where they are now.
+
+    Attributes:
+        geoms: Tables.
+        left_out: (k,) ids of the ray-visible geoms that are no primitives, ascending.
+    """
 
     def __init__(self, model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> None:
         """Build the tables and pose what never moves.
@@ -32,10 +37,12 @@ class Geometry:
             group_mask: (6,) non-zero for each geom group that beams meet.
 
         Raises:
-            ValueError: A ray-visible geom is a mesh, a height field or an SDF; or the mask's shape.
+            ValueError: The mask's shape.
         """
-        ids = _visible(model, group_mask)
-        _refuse_what_is_no_primitive(model, ids)
+        visible = _visible(model, group_mask)
+        primitive = np.isin(model.geom_type[visible], PRIMITIVES)
+        ids = visible[primitive]
+        self.left_out = visible[~primitive]
         # By a joint or with a mocap body: MuJoCo counts neither as welded to the world.
         moving = model.body_weldid[model.geom_bodyid[ids]] != 0
         self._moving_rows = np.flatnonzero(moving)
@@ -47,6 +54,7 @@ class Geometry:
             sizes=model.geom_size[ids],
             axes=axes,
             sides=sides,
+            radii=_radii(axes, sides),
             positions=np.empty((len(ids), 3)),
             rotations=np.empty((len(ids), 9)),
         )
@@ -82,16 +90,10 @@ def _visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np
     return np.flatnonzero((alpha != 0.0) & (group_mask[group] != 0)).astype(np.int32)
 
 
-def _refuse_what_is_no_primitive(model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
-    for geom in ids:
-        kind = int(model.geom_type[geom])
-        if kind not in PRIMITIVES:
-            name = model.geom(geom).name or f"number {geom}"
-            shape = mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_").lower()
-            raise ValueError(
-                f"geom '{name}': got shape {shape}, expected a primitive for ray engine 'tile'; "
-                "engine 'mujoco' casts it"
-            )
+def shape_name(model: mujoco.MjModel, geom: int) -> str:
+    """What MuJoCo calls the shape of a geom, such as `mesh`."""
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    return str(kind.name.removeprefix("mjGEOM_").lower())
 
 
 def _bodies(
@@ -113,3 +115,8 @@ def _bodies(
         elif kind == mujoco.mjtGeom.mjGEOM_PLANE:
             sides[g, :2] = np.where(size[:2] > 0.0, size[:2], 1e10)
     return axes, sides
+
+
+def _radii(axes: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Radius of the ball about each geom's centre, (g,); exact unless both ellipsoid and box."""
+    return np.asarray(axes.max(axis=1) + np.sqrt((sides**2).sum(axis=1)))

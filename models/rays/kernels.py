@@ -29,17 +29,29 @@ LEAST = 1e-15
 MARGIN = 1e-9
 """Bounds are wider than what they bound by this, m, so that rounding never rules out a hit."""
 
+ANGLE_MARGIN = 1e-12
+"""Likewise for cosines and slopes of directions."""
+
+WIDE = 0.1
+"""Cosine of a cone's half angle from which on there are no planes about its beams."""
+
+FEW = 3
+"""Candidates of a tile that are tried at once: for so few, planes cost more than they save."""
+
 
 class Geoms(NamedTuple):
-    """Tables over the ray-visible geoms, in the order of their ids.
+    """Tables over the ray-visible primitives, in the order of their ids.
+
+    Each is, in its own frame, the Minkowski sum of an ellipsoid and a box, either of which may be
+    flat: a capsule that of a ball and a line, a cylinder that of a disc and a line.
 
     Attributes:
         ids: (g,) geom id in the model.
         kinds: (g,) MuJoCo's `mjtGeom`.
         sizes: (g, 3) MuJoCo's sizes, m.
-        axes: (g, 3) and
-        sides: (g, 3) half axes of an ellipsoid and half sides of a box, m, whose Minkowski sum
-            each geom is, in its own frame; an infinite side is `ENDLESS`.
+        axes: (g, 3) half axes of the ellipsoid, m.
+        sides: (g, 3) half sides of the box, m; those of a plane may be as good as endless.
+        radii: (g,) radius of the ball about each geom, m.
         positions: (g, 3) in the world, m.
         rotations: (g, 9) R_world_geom, row-major; of a sphere the identity, which MuJoCo's caster
             does not turn either.
@@ -50,6 +62,7 @@ class Geoms(NamedTuple):
     sizes: NDArray[np.float64]
     axes: NDArray[np.float64]
     sides: NDArray[np.float64]
+    radii: NDArray[np.float64]
     positions: NDArray[np.float64]
     rotations: NDArray[np.float64]
 
@@ -59,11 +72,13 @@ class Pattern(NamedTuple):
 
     Attributes:
         beams: (3, n) unit directions, sensor frame, in the order of the tiles.
-        places: (n,) row-major place of each beam in the sensor's pattern.
+        places: (n,) place of each beam in the order that the sensor reports.
         tile_starts: (t + 1,) first beam of each tile, and n.
         tile_cones: (t, 5) axis in the sensor frame, cosine and sine of the half angle.
         block_starts: (b + 1,) first tile of each block, and t.
         block_cones: (b, 5) likewise.
+        moments: (n,) which of the sweep's m sensor poses each beam leaves from, in the order of
+            the tiles; 0 when there is one.
     """
 
     beams: NDArray[np.float64]
@@ -72,6 +87,65 @@ class Pattern(NamedTuple):
     tile_cones: NDArray[np.float64]
     block_starts: NDArray[np.int64]
     block_cones: NDArray[np.float64]
+    moments: NDArray[np.int32]
+
+
+class Sweep(NamedTuple):
+    """Where a pattern is cast from, and how the geoms look from there.
+
+    Attributes:
+        origins: (m, 3) in the world, m.
+        rotations: (m, 3, 3) R_world_sensor.
+        spread: Radius of the ball about the first origin that holds them all, m.
+        limit: Longest distance of a hit, m; finite.
+        tile_cones: (t, 5) the pattern's cones in the world, about the beams at their moments.
+        block_cones: (b, 5) likewise.
+        order: (g,) rows of `Geoms` by ascending lower bound of the distance.
+        views: (6, g) in that order, by `look`.
+        local: (g, 3) first origin in each geom's frame, m, in the order of the ids.
+    """
+
+    origins: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    spread: float
+    limit: float
+    tile_cones: NDArray[np.float64]
+    block_cones: NDArray[np.float64]
+    order: NDArray[np.int64]
+    views: NDArray[np.float64]
+    local: NDArray[np.float64]
+
+
+class Room(NamedTuple):
+    """What one thread writes on while it casts tiles of up to w beams against g geoms.
+
+    Attributes:
+        v: (3, w) directions in the world.
+        starts: (3, w) origins in the world, m, and
+        spots: (3, w) in a geom's frame; both only for sweeps from several poses.
+        reach: (w,) distances to one geom, m.
+        best: (w + 1,) nearest ones so far, m, and the farthest of these.
+        best_bits: (w + 1,) the same memory as integers.
+        best_geom: (w,) rows of `Geoms`.
+        walls: (5, 3) normals by `enclose`.
+        slack: (g,) by `list_meeting`.
+        block_views: (6, g) of the geoms that a block may meet, and
+        block_rows: (g,) their rows of `Geoms`.
+        chosen: (g + 1,) by `list_meeting`.
+    """
+
+    v: NDArray[np.float64]
+    starts: NDArray[np.float64]
+    spots: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    best: NDArray[np.float64]
+    best_bits: NDArray[np.int64]
+    best_geom: NDArray[np.int64]
+    walls: NDArray[np.float64]
+    slack: NDArray[np.float64]
+    block_views: NDArray[np.float64]
+    block_rows: NDArray[np.int64]
+    chosen: NDArray[np.int64]
 
 
 @kernel
@@ -201,64 +275,81 @@ def box(
 
 
 @kernel
+def turn(m: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A world direction in the frame whose rotation is m (9,), row-major: m^T v."""
+    return (
+        m[0] * x + m[3] * y + m[6] * z,
+        m[1] * x + m[4] * y + m[7] * z,
+        m[2] * x + m[5] * y + m[8] * z,
+    )
+
+
+@kernel
+def spot(
+    p: tuple[float, float, float], spots: Array | None, i: int
+) -> tuple[float, float, float]:
+    """Where beam i leaves; which of the two it is, is settled as this compiles."""
+    if spots is None:
+        return p
+    return spots[0, i], spots[1, i], spots[2, i]
+
+
+@kernel
 def reach_geom(
-    kind: int, n: int, p: Array, v: Array, m: Array, size: Array, reach: Array
+    n: int, geoms: Geoms, g: int, local: Array, spots: Array | None, v: Array, reach: Array
 ) -> None:
     """Distances of a tile's first n beams to one geom, infinite where they miss it.
 
     Args:
-        kind: MuJoCo's `mjtGeom`.
         n: Number of beams.
-        p: (3,) origin in the geom's frame, m.
+        geoms: Tables over g geoms.
+        g: Row in them.
+        local: (g, 3) origin of all beams in each geom's frame, m; not looked at if there are
+        spots: (3, n or more) origin of each beam in this geom's frame, m.
         v: (3, n or more) directions in the world.
-        m: (9,) R_world_geom, row-major.
-        size: (3,) MuJoCo's sizes, m.
         reach: (n or more,) is written.
     """
-    px, py, pz = p[0], p[1], p[2]
-    sx, sy, sz = size[0], size[1], size[2]
-    m0, m1, m2, m3, m4, m5, m6, m7, m8 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
+    kind = geoms.kinds[g]
+    sx, sy, sz = geoms.sizes[g, 0], geoms.sizes[g, 1], geoms.sizes[g, 2]
+    o = (local[g, 0], local[g, 1], local[g, 2])
+    r = geoms.rotations
+    m = (r[g, 0], r[g, 1], r[g, 2], r[g, 3], r[g, 4], r[g, 5], r[g, 6], r[g, 7], r[g, 8])
     a, b, c = v[0], v[1], v[2]
     if kind == PLANE:
         for i in range(n):
-            x = m0 * a[i] + m3 * b[i] + m6 * c[i]
-            y = m1 * a[i] + m4 * b[i] + m7 * c[i]
-            z = m2 * a[i] + m5 * b[i] + m8 * c[i]
-            reach[i] = plane(px, py, pz, x, y, z, sx, sy)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = plane(px, py, pz, vx, vy, vz, sx, sy)
     elif kind == SPHERE:
         for i in range(n):
-            reach[i] = sphere(px, py, pz, a[i], b[i], c[i], sx)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = sphere(px, py, pz, vx, vy, vz, sx)
     elif kind == CAPSULE:
         for i in range(n):
-            x = m0 * a[i] + m3 * b[i] + m6 * c[i]
-            y = m1 * a[i] + m4 * b[i] + m7 * c[i]
-            z = m2 * a[i] + m5 * b[i] + m8 * c[i]
-            reach[i] = capsule(px, py, pz, x, y, z, sx, sy)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = capsule(px, py, pz, vx, vy, vz, sx, sy)
     elif kind == ELLIPSOID:
         ix, iy, iz = 1.0 / (sx * sx), 1.0 / (sy * sy), 1.0 / (sz * sz)
         for i in range(n):
-            x = m0 * a[i] + m3 * b[i] + m6 * c[i]
-            y = m1 * a[i] + m4 * b[i] + m7 * c[i]
-            z = m2 * a[i] + m5 * b[i] + m8 * c[i]
-            reach[i] = ellipsoid(px, py, pz, x, y, z, ix, iy, iz)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = ellipsoid(px, py, pz, vx, vy, vz, ix, iy, iz)
     elif kind == CYLINDER:
         for i in range(n):
-            x = m0 * a[i] + m3 * b[i] + m6 * c[i]
-            y = m1 * a[i] + m4 * b[i] + m7 * c[i]
-            z = m2 * a[i] + m5 * b[i] + m8 * c[i]
-            reach[i] = cylinder(px, py, pz, x, y, z, sx, sy)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = cylinder(px, py, pz, vx, vy, vz, sx, sy)
     elif kind == BOX:
         for i in range(n):
-            x = m0 * a[i] + m3 * b[i] + m6 * c[i]
-            y = m1 * a[i] + m4 * b[i] + m7 * c[i]
-            z = m2 * a[i] + m5 * b[i] + m8 * c[i]
-            reach[i] = box(px, py, pz, x, y, z, sx, sy, sz)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = box(px, py, pz, vx, vy, vz, sx, sy, sz)
 
 
 @kernel
-def keep_nearest(
-    n: int, reach: Array, geom: int, best: Array, best_geom: NDArray[np.int64]
-) -> None:
+def keep_nearest(n: int, geom: int, reach: Array, best: Array, best_geom: NDArray[np.int64]) -> None:
     """Take over the nearer hits; of equal ones the lower geom id's, whatever the order of tests."""
     for i in range(n):
         equal = (reach[i] == best[i]) & (geom < best_geom[i])
@@ -269,7 +360,10 @@ def keep_nearest(
 
 @kernel
 def greatest(n: int, bits: NDArray[np.int64]) -> int:
-    """Bits of the greatest of n numbers >= 0; integers, as only these make vector instructions."""
+    """Bits of the greatest of n numbers >= 0, which are in the order of the numbers.
+
+    A maximum of integers becomes vector instructions, one of floating-point numbers does not.
+    """
     top = 0
     for i in range(n):
         top = max(top, bits[i])
@@ -277,144 +371,191 @@ def greatest(n: int, bits: NDArray[np.int64]) -> int:
 
 
 @kernel
-def approach(
-    centre: Array, spread: float, geoms: Geoms, local: Array, views: Array
-) -> None:
+def look(origin: Array, spread: float, geoms: Geoms, local: Array, views: Array) -> None:
     """How each geom looks from a ball of origins.
 
     Args:
-        centre: (3,) in the world, m.
-        spread: Radius of the ball, m.
+        origin: (3,) centre of the ball in the world, m.
+        spread: Its radius, m.
         geoms: Tables over g geoms.
-        local: (g, 3) is written: centre in each geom's frame, m.
-        views: (6, g) is written: a lower bound of the distance, m; then a cone that every ray
-            to the geom is in: axis, cosine and sine of the half angle.
+        local: (g, 3) is written: the centre in each geom's frame, m.
+        views: (6, g) is written: a lower bound of the distance to each geom, m; then a cone that
+            holds every direction in which it is met: axis, cosine and sine of the half angle.
     """
     for g in range(len(geoms.kinds)):
-        dx = centre[0] - geoms.positions[g, 0]
-        dy = centre[1] - geoms.positions[g, 1]
-        dz = centre[2] - geoms.positions[g, 2]
-        outside, radius = 0.0, 0.0
+        dx = origin[0] - geoms.positions[g, 0]
+        dy = origin[1] - geoms.positions[g, 1]
+        dz = origin[2] - geoms.positions[g, 2]
+        squared, outside = dx * dx + dy * dy + dz * dz, 0.0
         for axis in range(3):
-            m = geoms.rotations[g]
-            p = m[axis] * dx + m[3 + axis] * dy + m[6 + axis] * dz
+            m = geoms.rotations
+            p = m[g, axis] * dx + m[g, 3 + axis] * dy + m[g, 6 + axis] * dz
             local[g, axis] = p
-            extent = geoms.axes[g, axis] + geoms.sides[g, axis]
-            outside += max(abs(p) - extent, 0.0) ** 2
-            radius += extent**2
-        bound = math.sqrt(outside)
-        radius = math.sqrt(radius)
-        if geoms.kinds[g] == SPHERE:
-            bound = math.sqrt(dx*dx+dy*dy+dz*dz) - geoms.axes[g, 0]
-            radius = geoms.axes[g, 0]
-        elif geoms.kinds[g] == CAPSULE:
-            radius = geoms.axes[g, 0] + geoms.sides[g, 2]
-        elif geoms.kinds[g] == ELLIPSOID:
-            radius = max(geoms.axes[g, 0], geoms.axes[g, 1], geoms.axes[g, 2])
-        radius = (radius + spread) + MARGIN * (1.0 + radius)
-        squared = dx * dx + dy * dy + dz * dz
-        views[1:, g] = 0.0
-        if geoms.kinds[g] == PLANE:  # met from above by what goes down
+            past_side = abs(p) - geoms.axes[g, axis] - geoms.sides[g, axis]
+            outside += max(past_side, 0.0) ** 2
+        length, bound = math.sqrt(squared), math.sqrt(outside)
+        radius = geoms.radii[g] + spread + MARGIN * (1.0 + geoms.radii[g])
+        x, y, z, cosine, sine = 0.0, 0.0, 0.0, -1.0, 1.0  # seen in every direction
+        if geoms.kinds[g] == PLANE:  # met from above, by all that goes down
+            x, y, z = -geoms.rotations[g, 2], -geoms.rotations[g, 5], -geoms.rotations[g, 8]
+            cosine = 0.0
             bound = bound if local[g, 2] >= -spread else math.inf
-            for axis in range(3):
-                views[1 + axis, g] = -geoms.rotations[g, 3 * axis + 2]
-            views[5, g] = 1.0
-        elif squared > radius * radius * 1.000001:
-            length = math.sqrt(squared)
-            views[1, g] = -dx / length
-            views[2, g] = -dy / length
-            views[3, g] = -dz / length
-            views[4, g] = math.sqrt((squared - radius * radius) / squared)
-            views[5, g] = radius / length
         else:
-            views[4, g], views[5, g] = -1.0, 1.0
+            bound = max(bound, length - geoms.radii[g])
+            if length > radius * (1.0 + 1e-6):
+                x, y, z = -dx / length, -dy / length, -dz / length
+                cosine, sine = math.sqrt(1.0 - (radius / length) ** 2), radius / length
         views[0, g] = max(bound - spread - MARGIN * (1.0 + bound), 0.0)
+        views[1, g], views[2, g], views[3, g] = x, y, z
+        views[4, g], views[5, g] = cosine, sine
 
 
 @kernel
 def list_meeting(
-    cone: Array, views: Array, count: int, slack: Array, chosen: NDArray[np.int64]
+    cones: Array, k: int, count: int, views: Array, slack: Array, chosen: NDArray[np.int64]
 ) -> int:
-    """Write which of the first `count` views a cone of beams touches, in order; their number."""
-    ax, ay, az, cosine, sine = cone[0], cone[1], cone[2], cone[3], cone[4]
+    """Which of the first `count` views cone k touches, in their order; their number.
+
+    Two cones touch if the angle between their axes is no wider than both half angles.
+    """
+    ax, ay, az, cosine, sine = cones[k, 0], cones[k, 1], cones[k, 2], cones[k, 3], cones[k, 4]
     x, y, z, c, s = views[1], views[2], views[3], views[4], views[5]
     for i in range(count):
         slack[i] = ax * x[i] + ay * y[i] + az * z[i] - (cosine * c[i] - sine * s[i])
     found = 0
     for i in range(count):
         chosen[found] = i
-        found += (slack[i] >= -1e-12) | (cosine <= 0.0)
+        found += (slack[i] >= -ANGLE_MARGIN) | (cosine <= 0.0)
     return found
 
 
 @kernel
-def frame(n: int, v: Array, cone: Array, up: Array, walls: Array) -> None:
-    """Normals of the four planes about a tile's beams, which are on their inner side, (4, 3)."""
-    ax, ay, az = cone[0], cone[1], cone[2]
+def enclose(n: int, v: Array, cones: Array, k: int, up: Array, walls: Array) -> None:
+    """Five planes through the origin about the n beams of tile k: its beams are on none's back.
+
+    Args:
+        n: Number of beams.
+        v: (3, n or more) their directions.
+        cones: (t, 5) in the same frame.
+        k: Row in them.
+        up: (3,) The beams' columns are about in planes with this direction.
+        walls: (5, 3) normals are written: four that point inwards, and the cone's axis. Without
+            length, and so no bound, where the beams are too far apart.
+    """
+    ax, ay, az = cones[k, 0], cones[k, 1], cones[k, 2]
     ex, ey, ez = up[1] * az - up[2] * ay, up[2] * ax - up[0] * az, up[0] * ay - up[1] * ax
     length = math.sqrt(ex * ex + ey * ey + ez * ez)
-    if (cone[3] < 0.1) | (length < 0.01):
-        walls[:] = 0.0
+    if (cones[k, 3] < WIDE) | (length < WIDE):
+        for wall in range(5):
+            walls[wall, 0] = walls[wall, 1] = walls[wall, 2] = 0.0
         return
     ex, ey, ez = ex / length, ey / length, ez / length
     fx, fy, fz = ay * ez - az * ey, az * ex - ax * ez, ax * ey - ay * ex
-    x, y, z = v[0], v[1], v[2]
     e_low, e_high, f_low, f_high = math.inf, -math.inf, math.inf, -math.inf
     for i in range(n):
-        w = 1.0 / (ax * x[i] + ay * y[i] + az * z[i])
-        e = (ex * x[i] + ey * y[i] + ez * z[i]) * w
-        f = (fx * x[i] + fy * y[i] + fz * z[i]) * w
-        e_low = e if e < e_low else e_low
-        e_high = e if e > e_high else e_high
-        f_low = f if f < f_low else f_low
-        f_high = f if f > f_high else f_high
-    e_low -= 1e-12
-    f_low -= 1e-12
-    e_high += 1e-12
-    f_high += 1e-12
+        x, y, z = v[0, i], v[1, i], v[2, i]
+        along = 1.0 / (ax * x + ay * y + az * z)
+        e, f = (ex * x + ey * y + ez * z) * along, (fx * x + fy * y + fz * z) * along
+        e_low, e_high = min(e, e_low), max(e, e_high)
+        f_low, f_high = min(f, f_low), max(f, f_high)
+    e_low, e_high = e_low - ANGLE_MARGIN, e_high + ANGLE_MARGIN
+    f_low, f_high = f_low - ANGLE_MARGIN, f_high + ANGLE_MARGIN
     walls[0, 0], walls[0, 1], walls[0, 2] = ex - e_low * ax, ey - e_low * ay, ez - e_low * az
     walls[1, 0], walls[1, 1], walls[1, 2] = e_high * ax - ex, e_high * ay - ey, e_high * az - ez
     walls[2, 0], walls[2, 1], walls[2, 2] = fx - f_low * ax, fy - f_low * ay, fz - f_low * az
     walls[3, 0], walls[3, 1], walls[3, 2] = f_high * ax - fx, f_high * ay - fy, f_high * az - fz
+    walls[4, 0], walls[4, 1], walls[4, 2] = ax, ay, az
 
 
 @kernel
-def farthest_along(nx: float, ny: float, nz: float, p: Array, m: Array, axes: Array, sides: Array, spread: float) -> float:
-    """How far a geom reaches along a vector from origins: the support function."""
-    kx = nx * m[0] + ny * m[3] + nz * m[6]
-    ky = nx * m[1] + ny * m[4] + nz * m[7]
-    kz = nx * m[2] + ny * m[5] + nz * m[8]
-    rx, ry, rz = kx * axes[0], ky * axes[1], kz * axes[2]
-    return (
-        math.sqrt(rx * rx + ry * ry + rz * rz)
-        + abs(kx) * sides[0] + abs(ky) * sides[1] + abs(kz) * sides[2]
-        - (kx * p[0] + ky * p[1] + kz * p[2])
-        + spread * (abs(nx) + abs(ny) + abs(nz))
-    )
+def farthest_along(
+    nx: float, ny: float, nz: float, g: int, geoms: Geoms, local: Array, spread: float
+) -> float:
+    """Greatest n . (x - o) over the points x of a geom and the origins o: its support function."""
+    m, axes, sides = geoms.rotations, geoms.axes, geoms.sides
+    x = m[g, 0] * nx + m[g, 3] * ny + m[g, 6] * nz
+    y = m[g, 1] * nx + m[g, 4] * ny + m[g, 7] * nz
+    z = m[g, 2] * nx + m[g, 5] * ny + m[g, 8] * nz
+    ellipsoid = math.sqrt((x * axes[g, 0]) ** 2 + (y * axes[g, 1]) ** 2 + (z * axes[g, 2]) ** 2)
+    box = abs(x) * sides[g, 0] + abs(y) * sides[g, 1] + abs(z) * sides[g, 2]
+    centre = -(x * local[g, 0] + y * local[g, 1] + z * local[g, 2])
+    return centre + ellipsoid + box + spread * (abs(nx) + abs(ny) + abs(nz)) + MARGIN
 
 
 @kernel
 def may_meet(
-    walls: Array, cone: Array, farthest: float, p: Array, m: Array, axes: Array, sides: Array,
-    spread: float,
-) -> bool:  # fmt: skip
-    if -farthest_along(-cone[0], -cone[1], -cone[2], p, m, axes, sides, spread) > farthest + MARGIN:
+    walls: Array, farthest: float, g: int, geoms: Geoms, local: Array, spread: float
+) -> bool:
+    """Whether a geom is on the inner side of a tile's planes, and nearer than its hits so far."""
+    x, y, z = walls[4, 0], walls[4, 1], walls[4, 2]
+    if farthest_along(-x, -y, -z, g, geoms, local, spread) < -farthest:
         return False
     for i in range(4):
-        if farthest_along(walls[i, 0], walls[i, 1], walls[i, 2], p, m, axes, sides, spread) < -MARGIN:
+        x, y, z = walls[i, 0], walls[i, 1], walls[i, 2]
+        if farthest_along(x, y, z, g, geoms, local, spread) < 0.0:
             return False
     return True
 
 
 @kernel
-def aim(pattern: Pattern, start: int, n: int, R: Array, v: Array) -> None:
-    """Directions of the n beams from `start` in the world frame, into v (3, n or more)."""
+def aim(pattern: Pattern, start: int, n: int, sweep: Sweep, room: Room) -> None:
+    """World directions, and with several poses origins, of the n beams from `start`."""
     x, y, z = pattern.beams[0], pattern.beams[1], pattern.beams[2]
+    R = sweep.rotations
     for axis in range(3):
-        component = v[axis]
-        r0, r1, r2 = R[0, axis, 0], R[0, axis, 1], R[0, axis, 2]
+        v, o = room.v[axis], room.starts[axis]
+        if len(R) == 1:
+            r0, r1, r2 = R[0, axis, 0], R[0, axis, 1], R[0, axis, 2]
+            for i in range(n):
+                v[i] = x[start + i] * r0 + y[start + i] * r1 + z[start + i] * r2
+        else:
+            for i in range(n):
+                k = pattern.moments[start + i]
+                r0, r1, r2 = R[k, axis, 0], R[k, axis, 1], R[k, axis, 2]
+                v[i] = x[start + i] * r0 + y[start + i] * r1 + z[start + i] * r2
+                o[i] = sweep.origins[k, axis]
+
+
+@kernel
+def place_spots(n: int, geoms: Geoms, g: int, starts: Array, spots: Array) -> None:
+    """Origin of each of n beams in the frame of geom g, as `look` does it."""
+    x, y, z = geoms.positions[g, 0], geoms.positions[g, 1], geoms.positions[g, 2]
+    m = geoms.rotations
+    for axis in range(3):
+        m0, m3, m6 = m[g, axis], m[g, 3 + axis], m[g, 6 + axis]
         for i in range(n):
-            component[i] = x[start + i] * r0 + y[start + i] * r1 + z[start + i] * r2
+            dx, dy, dz = starts[0, i] - x, starts[1, i] - y, starts[2, i] - z
+            spots[axis, i] = m0 * dx + m3 * dy + m6 * dz
+
+
+@kernel
+def cast_tile(
+    n: int, tile: int, candidates: int, geoms: Geoms, sweep: Sweep, room: Room
+) -> None:
+    """Try the chosen geoms, nearest first, until no beam can meet the next one any nearer."""
+    room.best[:n] = sweep.limit
+    room.best_geom[:n] = len(geoms.ids)
+    farthest = sweep.limit
+    if candidates > FEW:
+        up = sweep.rotations[0, :, 2]
+        enclose(n, room.v, sweep.tile_cones, tile, up, room.walls)
+    for i in range(candidates):
+        c = room.chosen[i]
+        if room.block_views[0, c] > farthest:
+            break
+        g = room.block_rows[c]
+        if candidates > FEW and not may_meet(
+            room.walls, farthest, g, geoms, sweep.local, sweep.spread
+        ):
+            continue
+        if len(sweep.origins) == 1:
+            reach_geom(n, geoms, g, sweep.local, None, room.v, room.reach)
+        else:
+            place_spots(n, geoms, g, room.starts, room.spots)
+            reach_geom(n, geoms, g, sweep.local, room.spots, room.v, room.reach)
+        keep_nearest(n, g, room.reach, room.best, room.best_geom)
+        room.best_bits[-1] = greatest(n, room.best_bits)
+        farthest = room.best[-1]
 
 
 @kernel
@@ -422,78 +563,89 @@ def cast_blocks(
     first: int,
     step: int,
     pattern: Pattern,
-    tile_cones: Array,
-    block_cones: Array,
-    R: Array,
-    spread: float,
     geoms: Geoms,
-    local: Array,
-    order: NDArray[np.int64],
-    views: Array,
-    limit: float,
+    sweep: Sweep,
+    room: Room,
     distance: Array,
     geom_id: NDArray[np.int32],
-    stats: NDArray[np.int64],
 ) -> None:
-    no_geom = len(order)
-    widest = np.max(np.diff(pattern.tile_starts))
-    v = np.empty((3, widest))
-    walls = np.empty((4, 3))
-    reach, best, best_geom = np.empty(widest), np.empty(widest), np.empty(widest, np.int64)
-    bits = best.view(np.int64)
-    as_bits = np.empty(1)
-    as_int = as_bits.view(np.int64)
-    slack = np.empty(no_geom)
-    near = np.empty((6, no_geom))
-    rows = np.empty(no_geom, np.int64)
-    chosen = np.empty(no_geom + 1, np.int64)
-    up = R[0, :, 2].copy()
+    """Cast the beams of every `step`-th block of a pattern from block `first` on.
+
+    Args:
+        first: Block.
+        step: Blocks to the next one.
+        pattern: Beams, tiles and blocks.
+        geoms: Tables over g geoms.
+        sweep: Poses, and views of the geoms.
+        room: To write on, for this thread alone.
+        distance: (n,) is written in the pattern's own order: m, -1 without a hit.
+        geom_id: (n,) likewise, -1 without a hit.
+    """
     within = 0
-    while within < no_geom and views[0, within] <= limit:
+    while within < len(sweep.order) and sweep.views[0, within] <= sweep.limit:
         within += 1
-    for block in range(first, len(block_cones), step):
-        count = list_meeting(block_cones[block], views, within, slack, chosen)
-        stats[0] += within
-        stats[1] += count
-        for k in range(6):
-            for i in range(count):
-                near[k, i] = views[k, chosen[i]]
+    for block in range(first, len(sweep.block_cones), step):
+        count = list_meeting(
+            sweep.block_cones, block, within, sweep.views, room.slack, room.chosen
+        )
         for i in range(count):
-            rows[i] = order[chosen[i]]
+            c = room.chosen[i]
+            room.block_rows[i] = sweep.order[c]
+            for k in range(6):
+                room.block_views[k, i] = sweep.views[k, c]
         for tile in range(pattern.block_starts[block], pattern.block_starts[block + 1]):
             start = pattern.tile_starts[tile]
             n = pattern.tile_starts[tile + 1] - start
-            cone = tile_cones[tile]
-            candidates = list_meeting(cone, near, count, slack, chosen)
-            stats[2] += candidates
+            candidates = list_meeting(
+                sweep.tile_cones, tile, count, room.block_views, room.slack, room.chosen
+            )
             if candidates == 0:
                 for i in range(n):
                     place = pattern.places[start + i]
                     distance[place] = -1.0
                     geom_id[place] = -1
                 continue
-            stats[6] += 1
-            best[:] = limit
-            best_geom[:] = no_geom
-            aim(pattern, start, n, R, v)
-            frame(n, v, cone, up, walls)
-            farthest = limit
-            for i in range(candidates):
-                c = chosen[i]
-                if near[0, c] > farthest:
-                    break
-                g = rows[c]
-                stats[3] += 1
-                p, m = local[g], geoms.rotations[g]
-                if may_meet(walls, cone, farthest, p, m, geoms.axes[g], geoms.sides[g], spread):
-                    stats[4] += 1
-                    stats[10 + geoms.kinds[g]] += 1
-                    reach_geom(geoms.kinds[g], n, p, v, m, geoms.sizes[g], reach)
-                    keep_nearest(n, reach, g, best, best_geom)
-                    as_int[0] = greatest(n, bits)
-                    farthest = as_bits[0]
+            aim(pattern, start, n, sweep, room)
+            cast_tile(n, tile, candidates, geoms, sweep, room)
             for i in range(n):
                 place = pattern.places[start + i]
-                hit = best_geom[i] < no_geom
-                distance[place] = best[i] if hit else -1.0
-                geom_id[place] = geoms.ids[best_geom[i]] if hit else -1
+                hit = room.best_geom[i] < len(geoms.ids)
+                distance[place] = room.best[i] if hit else -1.0
+                geom_id[place] = geoms.ids[room.best_geom[i]] if hit else -1
+
+
+@kernel
+def fit_cones(beams: Array, starts: NDArray[np.int64], cones: Array) -> None:
+    """Cones about the mean direction of each run of beams.
+
+    Args:
+        beams: (3, n) unit directions.
+        starts: (k + 1,) first beam of each run, and n.
+        cones: (k, 5) is written: axis, cosine and sine of the half angle.
+    """
+    for k in range(len(cones)):
+        x, y, z = 0.0, 0.0, 0.0
+        for i in range(starts[k], starts[k + 1]):
+            x, y, z = x + beams[0, i], y + beams[1, i], z + beams[2, i]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 1e-9:
+            x, y, z = x / length, y / length, z / length
+        else:
+            x, y, z = beams[0, starts[k]], beams[1, starts[k]], beams[2, starts[k]]
+        cosine = 1.0
+        for i in range(starts[k], starts[k + 1]):
+            cosine = min(cosine, x * beams[0, i] + y * beams[1, i] + z * beams[2, i])
+        cosine = max(cosine - ANGLE_MARGIN, -1.0)
+        cones[k, 0], cones[k, 1], cones[k, 2] = x, y, z
+        cones[k, 3], cones[k, 4] = cosine, math.sqrt(1.0 - cosine * cosine)
+
+
+@kernel
+def aim_all(pattern: Pattern, rotations: Array, v: Array) -> None:
+    """World direction of every beam at its moment, (3, n)."""
+    for i in range(len(pattern.moments)):
+        x, y, z = pattern.beams[0, i], pattern.beams[1, i], pattern.beams[2, i]
+        k = pattern.moments[i]
+        for axis in range(3):
+            r0, r1, r2 = rotations[k, axis, 0], rotations[k, axis, 1], rotations[k, axis, 2]
+            v[axis, i] = x * r0 + y * r1 + z * r2
