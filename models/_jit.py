@@ -7,4 +7,4 @@ no `fastmath`, because results have to be the same bits on every run.
 
 import numba
 
-kernel = numba.njit(cache=True, error_model="numpy")
+kernel = numba.njit(cache=True, error_model="numpy", nogil=True)

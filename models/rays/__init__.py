@@ -8,10 +8,11 @@ geoms are ruled out for a tile at a time, and the rest is a loop over beams that
 import mujoco
 import numpy as np
 
-from models.beams import DepthCamera
 from models.rays.caster import TileCaster
+from models.rays.kernels import Pattern
+from models.rays.tiles import cut_grid, cut_scattered
 
-__all__ = ["TileCaster", "warm_up"]
+__all__ = ["Pattern", "TileCaster", "cut_grid", "cut_scattered", "warm_up"]
 
 
 def warm_up() -> None:
@@ -21,6 +22,6 @@ def warm_up() -> None:
     )
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    beams = DepthCamera("", "", 2, 2, 1.0, 1.0, range=2.0, rate=1.0, source="").beam_tables()
-    caster = TileCaster(model, *beams, group_mask=np.ones(mujoco.mjNGROUP, np.uint8), range=2.0)
-    caster.cast(data, np.array([0.0, 0.0, 1.0]), np.eye(3))
+    pattern = cut_scattered(np.array([[0.0, 0.0, -1.0]]))
+    caster = TileCaster(model, group_mask=np.ones(mujoco.mjNGROUP, np.uint8), range=2.0)
+    caster.cast(data, pattern, np.array([[0.0, 0.0, 1.0]] * 2), np.eye(3))

@@ -22,7 +22,12 @@ PRIMITIVES = tuple(
 
 
 class Geometry:
-    """The ray-visible geoms of one model, posed where they are now."""
+    """The ray-visible primitives of one model, posed where they are now.
+
+    Attributes:
+        geoms: Tables.
+        left_out: (k,) ids of the ray-visible geoms that are no primitives, ascending.
+    """
 
     def __init__(self, model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> None:
         """Build the tables and pose what never moves.
@@ -32,20 +37,24 @@ class Geometry:
             group_mask: (6,) non-zero for each geom group that beams meet.
 
         Raises:
-            ValueError: A ray-visible geom is a mesh, a height field or an SDF; or the mask's shape.
+            ValueError: The mask's shape.
         """
-        ids = _visible(model, group_mask)
-        _refuse_what_is_no_primitive(model, ids)
+        visible = _visible(model, group_mask)
+        primitive = np.isin(model.geom_type[visible], PRIMITIVES)
+        ids = visible[primitive]
+        self.left_out = visible[~primitive]
         # By a joint or with a mocap body: MuJoCo counts neither as welded to the world.
         moving = model.body_weldid[model.geom_bodyid[ids]] != 0
         self._moving_rows = np.flatnonzero(moving)
         self._moving_ids = ids[moving]
+        axes, sides = _bodies(model.geom_type[ids], model.geom_size[ids])
         self.geoms = Geoms(
             ids=ids,
             kinds=model.geom_type[ids].astype(np.int32),
             sizes=model.geom_size[ids],
-            extents=_extents(model.geom_type[ids], model.geom_size[ids]),
-            radii=model.geom_rbound[ids],
+            axes=axes,
+            sides=sides,
+            radii=_radii(axes, sides),
             positions=np.empty((len(ids), 3)),
             rotations=np.empty((len(ids), 9)),
         )
@@ -81,27 +90,33 @@ def _visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np
     return np.flatnonzero((alpha != 0.0) & (group_mask[group] != 0)).astype(np.int32)
 
 
-def _refuse_what_is_no_primitive(model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
-    for geom in ids:
-        kind = int(model.geom_type[geom])
-        if kind not in PRIMITIVES:
-            name = model.geom(geom).name or f"number {geom}"
-            shape = mujoco.mjtGeom(kind).name.removeprefix("mjGEOM_").lower()
-            raise ValueError(
-                f"geom '{name}': got shape {shape}, expected a primitive for ray engine 'tile'; "
-                "engine 'mujoco' casts it"
-            )
+def shape_name(model: mujoco.MjModel, geom: int) -> str:
+    """What MuJoCo calls the shape of a geom, such as `mesh`."""
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    return str(kind.name.removeprefix("mjGEOM_").lower())
 
 
-def _extents(kinds: NDArray[np.int32], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Half sides of the box about each geom, in the geom's frame, (g, 3)."""
-    extents: NDArray[np.float64] = sizes.copy()
-    sphere = kinds == mujoco.mjtGeom.mjGEOM_SPHERE
-    capsule = kinds == mujoco.mjtGeom.mjGEOM_CAPSULE
-    cylinder = kinds == mujoco.mjtGeom.mjGEOM_CYLINDER
-    extents[sphere] = sizes[sphere, :1]
-    round_side = capsule | cylinder
-    extents[round_side] = sizes[round_side][:, [0, 0, 1]]
-    extents[capsule, 2] += sizes[capsule, 0]
-    extents[kinds == mujoco.mjtGeom.mjGEOM_PLANE] = 0.0
-    return extents
+def _bodies(
+    kinds: NDArray[np.int32], sizes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half axes of the ellipsoid and half sides of the box whose sum each geom is, (g, 3) each."""
+    axes, sides = np.zeros_like(sizes), np.zeros_like(sizes)
+    for g, (kind, size) in enumerate(zip(kinds, sizes, strict=True)):
+        if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+            axes[g] = size[0]
+        elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+            axes[g], sides[g, 2] = size[0], size[1]
+        elif kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            axes[g] = size
+        elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+            axes[g, :2], sides[g, 2] = size[0], size[1]
+        elif kind == mujoco.mjtGeom.mjGEOM_BOX:
+            sides[g] = size
+        elif kind == mujoco.mjtGeom.mjGEOM_PLANE:
+            sides[g, :2] = np.where(size[:2] > 0.0, size[:2], 1e10)
+    return axes, sides
+
+
+def _radii(axes: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Radius of the ball about each geom's centre, (g,); exact unless both ellipsoid and box."""
+    return np.asarray(axes.max(axis=1) + np.sqrt((sides**2).sum(axis=1)))

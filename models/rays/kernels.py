@@ -29,16 +29,29 @@ LEAST = 1e-15
 MARGIN = 1e-9
 """Bounds are wider than what they bound by this, m, so that rounding never rules out a hit."""
 
+ANGLE_MARGIN = 1e-12
+"""Likewise for cosines and slopes of directions."""
+
+WIDE = 0.1
+"""Cosine of a cone's half angle from which on there are no planes about its beams."""
+
+FEW = 3
+"""Candidates of a tile that are tried at once: for so few, planes cost more than they save."""
+
 
 class Geoms(NamedTuple):
-    """Tables over the ray-visible geoms, in the order of their ids.
+    """Tables over the ray-visible primitives, in the order of their ids.
+
+    Each is, in its own frame, the Minkowski sum of an ellipsoid and a box, either of which may be
+    flat: a capsule that of a ball and a line, a cylinder that of a disc and a line.
 
     Attributes:
         ids: (g,) geom id in the model.
         kinds: (g,) MuJoCo's `mjtGeom`.
         sizes: (g, 3) MuJoCo's sizes, m.
-        extents: (g, 3) half sides of the box about each geom in its own frame, m; of a plane 0.
-        radii: (g,) radius of the sphere about each geom, m; of a plane 0.
+        axes: (g, 3) half axes of the ellipsoid, m.
+        sides: (g, 3) half sides of the box, m; those of a plane may be as good as endless.
+        radii: (g,) radius of the ball about each geom, m.
         positions: (g, 3) in the world, m.
         rotations: (g, 9) R_world_geom, row-major; of a sphere the identity, which MuJoCo's caster
             does not turn either.
@@ -47,7 +60,8 @@ class Geoms(NamedTuple):
     ids: NDArray[np.int32]
     kinds: NDArray[np.int32]
     sizes: NDArray[np.float64]
-    extents: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    sides: NDArray[np.float64]
     radii: NDArray[np.float64]
     positions: NDArray[np.float64]
     rotations: NDArray[np.float64]
@@ -58,11 +72,13 @@ class Pattern(NamedTuple):
 
     Attributes:
         beams: (3, n) unit directions, sensor frame, in the order of the tiles.
-        places: (n,) row-major place of each beam in the sensor's pattern.
+        places: (n,) place of each beam in the order that the sensor reports.
         tile_starts: (t + 1,) first beam of each tile, and n.
         tile_cones: (t, 5) axis in the sensor frame, cosine and sine of the half angle.
         block_starts: (b + 1,) first tile of each block, and t.
         block_cones: (b, 5) likewise.
+        moments: (n,) which of the sweep's m sensor poses each beam leaves from, in the order of
+            the tiles; 0 when there is one.
     """
 
     beams: NDArray[np.float64]
@@ -71,6 +87,65 @@ class Pattern(NamedTuple):
     tile_cones: NDArray[np.float64]
     block_starts: NDArray[np.int64]
     block_cones: NDArray[np.float64]
+    moments: NDArray[np.int32]
+
+
+class Sweep(NamedTuple):
+    """Where a pattern is cast from, and how the geoms look from there.
+
+    Attributes:
+        origins: (m, 3) in the world, m.
+        rotations: (m, 3, 3) R_world_sensor.
+        spread: Radius of the ball about the first origin that holds them all, m.
+        limit: Longest distance of a hit, m; finite.
+        tile_cones: (t, 5) the pattern's cones in the world, about the beams at their moments.
+        block_cones: (b, 5) likewise.
+        order: (g,) rows of `Geoms` by ascending lower bound of the distance.
+        views: (6, g) in that order, by `look`.
+        local: (g, 3) first origin in each geom's frame, m, in the order of the ids.
+    """
+
+    origins: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    spread: float
+    limit: float
+    tile_cones: NDArray[np.float64]
+    block_cones: NDArray[np.float64]
+    order: NDArray[np.int64]
+    views: NDArray[np.float64]
+    local: NDArray[np.float64]
+
+
+class Room(NamedTuple):
+    """What one thread writes on while it casts tiles of up to w beams against g geoms.
+
+    Attributes:
+        v: (3, w) directions in the world.
+        starts: (3, w) origins in the world, m, and
+        spots: (3, w) in a geom's frame; both only for sweeps from several poses.
+        reach: (w,) distances to one geom, m.
+        best: (w + 1,) nearest ones so far, m, and the farthest of these.
+        best_bits: (w + 1,) the same memory as integers.
+        best_geom: (w,) rows of `Geoms`.
+        walls: (5, 3) normals by `enclose`.
+        slack: (g,) by `list_meeting`.
+        block_views: (6, g) of the geoms that a block may meet, and
+        block_rows: (g,) their rows of `Geoms`.
+        chosen: (g + 1,) by `list_meeting`.
+    """
+
+    v: NDArray[np.float64]
+    starts: NDArray[np.float64]
+    spots: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    best: NDArray[np.float64]
+    best_bits: NDArray[np.int64]
+    best_geom: NDArray[np.int64]
+    walls: NDArray[np.float64]
+    slack: NDArray[np.float64]
+    block_views: NDArray[np.float64]
+    block_rows: NDArray[np.int64]
+    chosen: NDArray[np.int64]
 
 
 @kernel
@@ -78,9 +153,8 @@ def first_root(a: float, b: float, c: float) -> float:
     """Smallest root >= 0 of a x^2 + 2 b x + c, infinite without one."""
     determinant = b * b - a * c
     root = math.sqrt(determinant)
-    near = (-b - root) / a
-    far = (-b + root) / a
-    x = near if near >= 0.0 else far
+    near = -b - root
+    x = (near if near >= 0.0 else -b + root) / a
     return x if (determinant >= 0.0) & (a >= LEAST) & (x >= 0.0) else math.inf
 
 
@@ -126,80 +200,57 @@ def ellipsoid(
 
 
 @kernel
-def round_side(
+def capsule(
     px: float, py: float, pz: float, vx: float, vy: float, vz: float, radius: float, half: float
 ) -> float:
-    """Distance to the side of a cylinder about z between -half and half."""
-    x = first_root(vx * vx + vy * vy, vx * px + vy * py, px * px + py * py - radius * radius)
-    return x if abs(pz + x * vz) <= half else math.inf
+    """Distance to a capsule about z.
 
-
-@kernel
-def cap(
-    px: float, py: float, pz: float, vx: float, vy: float, vz: float, radius: float, half: float
-) -> float:
-    """Distance to the half sphere that closes a capsule at z = half."""
-    qz = pz - half
+    One of the two caps is enough: the one that the ray's way through the side leads to, or the
+    one that it starts above.
+    """
+    around = px * px + py * py - radius * radius
+    side = first_root(vx * vx + vy * vy, vx * px + vy * py, around)
+    z = pz + side * vz
+    past_end = max(abs(pz) - half, 0.0)
+    inside = around + past_end * past_end < 0.0
+    above_end = (around <= 0.0) & (past_end > 0.0) & (not inside)
+    qz = pz - math.copysign(half, pz if above_end else z)
     a = vx * vx + vy * vy + vz * vz
     b = vx * px + vy * py + vz * qz
     determinant = b * b - a * (px * px + py * py + qz * qz - radius * radius)
     root = math.sqrt(determinant)
-    near = (-b - root) / a
-    far = (-b + root) / a
-    near = near if (near >= 0.0) & (pz + near * vz >= half) else math.inf
-    far = far if (far >= 0.0) & (pz + far * vz >= half) else math.inf
-    x = near if near < far else far
-    return x if determinant >= 0.0 else math.inf
-
-
-@kernel
-def capsule(
-    px: float, py: float, pz: float, vx: float, vy: float, vz: float, radius: float, half: float
-) -> float:
-    """Distance to a capsule about z."""
-    side = round_side(px, py, pz, vx, vy, vz, radius, half)
-    top = cap(px, py, pz, vx, vy, vz, radius, half)
-    bottom = cap(px, py, -pz, vx, vy, -vz, radius, half)
-    end = top if top < bottom else bottom
-    return side if side < end else end
-
-
-@kernel
-def disc(
-    px: float, py: float, pz: float, vx: float, vy: float, vz: float, radius: float, height: float
-) -> float:
-    """Distance to the disc about z at a height, from both sides."""
-    x = (height - pz) / vz
-    qx = px + x * vx
-    qy = py + x * vy
-    hit = (abs(vz) > LEAST) & (x >= 0.0) & (qx * qx + qy * qy <= radius * radius)
-    return x if hit else math.inf
+    near = -b - root
+    cap = (near if (near >= 0.0) & (not inside) else -b + root) / a
+    cap = cap if (determinant >= 0.0) & (cap >= 0.0) else math.inf
+    return side if (abs(z) <= half) & (not above_end) else cap
 
 
 @kernel
 def cylinder(
     px: float, py: float, pz: float, vx: float, vy: float, vz: float, radius: float, half: float
 ) -> float:
-    """Distance to a cylinder about z."""
-    side = round_side(px, py, pz, vx, vy, vz, radius, half)
-    top = disc(px, py, pz, vx, vy, vz, radius, half)
-    bottom = disc(px, py, pz, vx, vy, vz, radius, -half)
-    end = top if top < bottom else bottom
-    return side if side < end else end
+    """Distance to a cylinder about z; of its discs the one that can be entered, or left."""
+    around = px * px + py * py - radius * radius
+    side = first_root(vx * vx + vy * vy, vx * px + vy * py, around)
+    side = side if abs(pz + side * vz) <= half else math.inf
+    inside = (around < 0.0) & (abs(pz) < half)
+    disc = (math.copysign(half, vz if inside else pz) - pz) / vz
+    qx = px + disc * vx
+    qy = py + disc * vy
+    met = (abs(vz) > LEAST) & (disc >= 0.0) & (qx * qx + qy * qy <= radius * radius)
+    disc = disc if met else math.inf
+    return side if side < disc else disc
 
 
 @kernel
-def slab(p: float, v: float, half: float) -> tuple[float, float]:
-    """Where a ray enters and leaves -half..half on one axis; never, or always, if parallel."""
-    low = (-half - p) / v
-    high = (half - p) / v
-    enter = low if low < high else high
-    leave = high if low < high else low
-    parallel = abs(v) <= LEAST
-    within = abs(p) <= half
-    enter = (-math.inf if within else math.inf) if parallel else enter
-    leave = (math.inf if within else -math.inf) if parallel else leave
-    return enter, leave
+def face(
+    p: float, q: float, r: float, v: float, w: float, u: float, s: float, sq: float, sr: float,
+    inside: bool,
+) -> float:  # fmt: skip
+    """Distance to the face of a box that a ray can enter, or leave, across its first axis."""
+    x = (math.copysign(s, v if inside else p) - p) / v
+    met = (abs(v) > LEAST) & (x >= 0.0) & (abs(q + x * w) <= sq) & (abs(r + x * u) <= sr)
+    return x if met else math.inf
 
 
 @kernel
@@ -214,75 +265,91 @@ def box(
     sy: float,
     sz: float,
 ) -> float:
-    """Distance to a box by its three slabs (Kay & Kajiya 1986)."""
-    enter, leave = slab(px, vx, sx)
-    enter_y, leave_y = slab(py, vy, sy)
-    enter_z, leave_z = slab(pz, vz, sz)
-    enter = enter if enter > enter_y else enter_y
-    enter = enter if enter > enter_z else enter_z
-    leave = leave if leave < leave_y else leave_y
-    leave = leave if leave < leave_z else leave_z
-    x = enter if enter >= 0.0 else leave
-    return x if (enter <= leave) & (leave >= 0.0) else math.inf
+    """Distance to a box."""
+    inside = (abs(px) < sx) & (abs(py) < sy) & (abs(pz) < sz)
+    x = face(px, py, pz, vx, vy, vz, sx, sy, sz, inside)
+    y = face(py, pz, px, vy, vz, vx, sy, sz, sx, inside)
+    z = face(pz, px, py, vz, vx, vy, sz, sx, sy, inside)
+    x = x if x < y else y
+    return x if x < z else z
 
 
 @kernel
-def turn(n: int, v: Array, m: Array, u: Array) -> None:
-    """Directions (3, n) in the frame whose rotation in that of `v` is m (9,): u = m^T v."""
-    m0, m1, m2, m3, m4, m5, m6, m7, m8 = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
-    vx, vy, vz = v[0], v[1], v[2]
-    ux, uy, uz = u[0], u[1], u[2]
-    for i in range(n):
-        ux[i] = m0 * vx[i] + m3 * vy[i] + m6 * vz[i]
-        uy[i] = m1 * vx[i] + m4 * vy[i] + m7 * vz[i]
-        uz[i] = m2 * vx[i] + m5 * vy[i] + m8 * vz[i]
+def turn(m: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A world direction in the frame whose rotation is m (9,), row-major: m^T v."""
+    return (
+        m[0] * x + m[3] * y + m[6] * z,
+        m[1] * x + m[4] * y + m[7] * z,
+        m[2] * x + m[5] * y + m[8] * z,
+    )
+
+
+@kernel
+def spot(
+    p: tuple[float, float, float], spots: Array | None, i: int
+) -> tuple[float, float, float]:
+    """Where beam i leaves; which of the two it is, is settled as this compiles."""
+    if spots is None:
+        return p
+    return spots[0, i], spots[1, i], spots[2, i]
 
 
 @kernel
 def reach_geom(
-    kind: int, n: int, p: Array, v: Array, m: Array, size: Array, u: Array, reach: Array
+    n: int, geoms: Geoms, g: int, local: Array, spots: Array | None, v: Array, reach: Array
 ) -> None:
     """Distances of a tile's first n beams to one geom, infinite where they miss it.
 
     Args:
-        kind: MuJoCo's `mjtGeom`.
         n: Number of beams.
-        p: (3,) origin in the geom's frame, m.
+        geoms: Tables over g geoms.
+        g: Row in them.
+        local: (g, 3) origin of all beams in each geom's frame, m; not looked at if there are
+        spots: (3, n or more) origin of each beam in this geom's frame, m.
         v: (3, n or more) directions in the world.
-        m: (9,) R_world_geom, row-major.
-        size: (3,) MuJoCo's sizes, m.
-        u: (3, n or more) room for the directions in the geom's frame.
         reach: (n or more,) is written.
     """
-    turn(n, v, m, u)
-    px, py, pz = p[0], p[1], p[2]
-    sx, sy, sz = size[0], size[1], size[2]
-    x, y, z = u[0], u[1], u[2]
+    kind = geoms.kinds[g]
+    sx, sy, sz = geoms.sizes[g, 0], geoms.sizes[g, 1], geoms.sizes[g, 2]
+    o = (local[g, 0], local[g, 1], local[g, 2])
+    r = geoms.rotations
+    m = (r[g, 0], r[g, 1], r[g, 2], r[g, 3], r[g, 4], r[g, 5], r[g, 6], r[g, 7], r[g, 8])
+    a, b, c = v[0], v[1], v[2]
     if kind == PLANE:
         for i in range(n):
-            reach[i] = plane(px, py, pz, x[i], y[i], z[i], sx, sy)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = plane(px, py, pz, vx, vy, vz, sx, sy)
     elif kind == SPHERE:
         for i in range(n):
-            reach[i] = sphere(px, py, pz, x[i], y[i], z[i], sx)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = sphere(px, py, pz, vx, vy, vz, sx)
     elif kind == CAPSULE:
         for i in range(n):
-            reach[i] = capsule(px, py, pz, x[i], y[i], z[i], sx, sy)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = capsule(px, py, pz, vx, vy, vz, sx, sy)
     elif kind == ELLIPSOID:
         ix, iy, iz = 1.0 / (sx * sx), 1.0 / (sy * sy), 1.0 / (sz * sz)
         for i in range(n):
-            reach[i] = ellipsoid(px, py, pz, x[i], y[i], z[i], ix, iy, iz)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = ellipsoid(px, py, pz, vx, vy, vz, ix, iy, iz)
     elif kind == CYLINDER:
         for i in range(n):
-            reach[i] = cylinder(px, py, pz, x[i], y[i], z[i], sx, sy)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = cylinder(px, py, pz, vx, vy, vz, sx, sy)
     elif kind == BOX:
         for i in range(n):
-            reach[i] = box(px, py, pz, x[i], y[i], z[i], sx, sy, sz)
+            vx, vy, vz = turn(m, a[i], b[i], c[i])
+            px, py, pz = spot(o, spots, i)
+            reach[i] = box(px, py, pz, vx, vy, vz, sx, sy, sz)
 
 
 @kernel
-def keep_nearest(
-    n: int, reach: Array, geom: int, best: Array, best_geom: NDArray[np.int64]
-) -> None:
+def keep_nearest(n: int, geom: int, reach: Array, best: Array, best_geom: NDArray[np.int64]) -> None:
     """Take over the nearer hits; of equal ones the lower geom id's, whatever the order of tests."""
     for i in range(n):
         equal = (reach[i] == best[i]) & (geom < best_geom[i])
@@ -292,173 +359,293 @@ def keep_nearest(
 
 
 @kernel
-def count_beyond(n: int, best: Array, distance: float) -> int:
-    """How many beams could still be met at a distance or farther."""
-    count = 0
+def greatest(n: int, bits: NDArray[np.int64]) -> int:
+    """Bits of the greatest of n numbers >= 0, which are in the order of the numbers.
+
+    A maximum of integers becomes vector instructions, one of floating-point numbers does not.
+    """
+    top = 0
     for i in range(n):
-        count += best[i] > distance
-    return count
+        top = max(top, bits[i])
+    return top
 
 
 @kernel
-def approach(origin: Array, geoms: Geoms, local: Array, nearest: Array) -> None:
-    """Origin in each geom's frame, (g, 3), and a lower bound on the distance to it, (g,)."""
+def look(origin: Array, spread: float, geoms: Geoms, local: Array, views: Array) -> None:
+    """How each geom looks from a ball of origins.
+
+    Args:
+        origin: (3,) centre of the ball in the world, m.
+        spread: Its radius, m.
+        geoms: Tables over g geoms.
+        local: (g, 3) is written: the centre in each geom's frame, m.
+        views: (6, g) is written: a lower bound of the distance to each geom, m; then a cone that
+            holds every direction in which it is met: axis, cosine and sine of the half angle.
+    """
     for g in range(len(geoms.kinds)):
         dx = origin[0] - geoms.positions[g, 0]
         dy = origin[1] - geoms.positions[g, 1]
         dz = origin[2] - geoms.positions[g, 2]
-        m = geoms.rotations[g]
-        squared = 0.0
+        squared, outside = dx * dx + dy * dy + dz * dz, 0.0
         for axis in range(3):
-            p = m[axis] * dx + m[3 + axis] * dy + m[6 + axis] * dz
+            m = geoms.rotations
+            p = m[g, axis] * dx + m[g, 3 + axis] * dy + m[g, 6 + axis] * dz
             local[g, axis] = p
-            squared += max(abs(p) - geoms.extents[g, axis], 0.0) ** 2
-        bound = math.sqrt(squared)
-        if geoms.kinds[g] == PLANE:  # seen from above only
-            bound = local[g, 2] if local[g, 2] >= 0.0 else math.inf
-        nearest[g] = max(bound - MARGIN * (1.0 + bound), 0.0)
+            past_side = abs(p) - geoms.axes[g, axis] - geoms.sides[g, axis]
+            outside += max(past_side, 0.0) ** 2
+        length, bound = math.sqrt(squared), math.sqrt(outside)
+        radius = geoms.radii[g] + spread + MARGIN * (1.0 + geoms.radii[g])
+        x, y, z, cosine, sine = 0.0, 0.0, 0.0, -1.0, 1.0  # seen in every direction
+        if geoms.kinds[g] == PLANE:  # met from above, by all that goes down
+            x, y, z = -geoms.rotations[g, 2], -geoms.rotations[g, 5], -geoms.rotations[g, 8]
+            cosine = 0.0
+            bound = bound if local[g, 2] >= -spread else math.inf
+        else:
+            bound = max(bound, length - geoms.radii[g])
+            if length > radius * (1.0 + 1e-6):
+                x, y, z = -dx / length, -dy / length, -dz / length
+                cosine, sine = math.sqrt(1.0 - (radius / length) ** 2), radius / length
+        views[0, g] = max(bound - spread - MARGIN * (1.0 + bound), 0.0)
+        views[1, g], views[2, g], views[3, g] = x, y, z
+        views[4, g], views[5, g] = cosine, sine
 
 
 @kernel
-def may_meet(cone: Array, R: Array, origin: Array, geoms: Geoms, g: int) -> bool:
-    """Whether a cone of beams from the origin touches the sphere about a geom.
+def list_meeting(
+    cones: Array, k: int, count: int, views: Array, slack: Array, chosen: NDArray[np.int64]
+) -> int:
+    """Which of the first `count` views cone k touches, in their order; their number.
+
+    Two cones touch if the angle between their axes is no wider than both half angles.
+    """
+    ax, ay, az, cosine, sine = cones[k, 0], cones[k, 1], cones[k, 2], cones[k, 3], cones[k, 4]
+    x, y, z, c, s = views[1], views[2], views[3], views[4], views[5]
+    for i in range(count):
+        slack[i] = ax * x[i] + ay * y[i] + az * z[i] - (cosine * c[i] - sine * s[i])
+    found = 0
+    for i in range(count):
+        chosen[found] = i
+        found += (slack[i] >= -ANGLE_MARGIN) | (cosine <= 0.0)
+    return found
+
+
+@kernel
+def enclose(n: int, v: Array, cones: Array, k: int, up: Array, walls: Array) -> None:
+    """Five planes through the origin about the n beams of tile k: its beams are on none's back.
 
     Args:
-        cone: (5,) axis in the sensor frame, cosine and sine of the half angle.
-        R: (3, 3) R_world_sensor.
-        origin: (3,) in the world, m.
-        geoms: Tables.
-        g: Row in them.
+        n: Number of beams.
+        v: (3, n or more) their directions.
+        cones: (t, 5) in the same frame.
+        k: Row in them.
+        up: (3,) The beams' columns are about in planes with this direction.
+        walls: (5, 3) normals are written: four that point inwards, and the cone's axis. Without
+            length, and so no bound, where the beams are too far apart.
     """
-    cosine, sine = cone[3], cone[4]
-    if cosine <= 0.0:
-        return True
-    ax = R[0, 0] * cone[0] + R[0, 1] * cone[1] + R[0, 2] * cone[2]
-    ay = R[1, 0] * cone[0] + R[1, 1] * cone[1] + R[1, 2] * cone[2]
-    az = R[2, 0] * cone[0] + R[2, 1] * cone[1] + R[2, 2] * cone[2]
-    m = geoms.rotations[g]
-    if geoms.kinds[g] == PLANE:  # met by beams that go down on it
-        return bool(ax * m[2] + ay * m[5] + az * m[8] <= sine + MARGIN)
-    cx = geoms.positions[g, 0] - origin[0]
-    cy = geoms.positions[g, 1] - origin[1]
-    cz = geoms.positions[g, 2] - origin[2]
-    radius = geoms.radii[g] + MARGIN * (1.0 + geoms.radii[g])
-    squared = cx * cx + cy * cy + cz * cz
-    if squared <= radius * radius:
-        return True
-    along = cx * ax + cy * ay + cz * az
-    across = math.sqrt(max(squared - along * along, 0.0))
-    return bool(
-        (across * cosine - along * sine <= radius) & (along * cosine + across * sine >= 0.0)
-    )
+    ax, ay, az = cones[k, 0], cones[k, 1], cones[k, 2]
+    ex, ey, ez = up[1] * az - up[2] * ay, up[2] * ax - up[0] * az, up[0] * ay - up[1] * ax
+    length = math.sqrt(ex * ex + ey * ey + ez * ez)
+    if (cones[k, 3] < WIDE) | (length < WIDE):
+        for wall in range(5):
+            walls[wall, 0] = walls[wall, 1] = walls[wall, 2] = 0.0
+        return
+    ex, ey, ez = ex / length, ey / length, ez / length
+    fx, fy, fz = ay * ez - az * ey, az * ex - ax * ez, ax * ey - ay * ex
+    e_low, e_high, f_low, f_high = math.inf, -math.inf, math.inf, -math.inf
+    for i in range(n):
+        x, y, z = v[0, i], v[1, i], v[2, i]
+        along = 1.0 / (ax * x + ay * y + az * z)
+        e, f = (ex * x + ey * y + ez * z) * along, (fx * x + fy * y + fz * z) * along
+        e_low, e_high = min(e, e_low), max(e, e_high)
+        f_low, f_high = min(f, f_low), max(f, f_high)
+    e_low, e_high = e_low - ANGLE_MARGIN, e_high + ANGLE_MARGIN
+    f_low, f_high = f_low - ANGLE_MARGIN, f_high + ANGLE_MARGIN
+    walls[0, 0], walls[0, 1], walls[0, 2] = ex - e_low * ax, ey - e_low * ay, ez - e_low * az
+    walls[1, 0], walls[1, 1], walls[1, 2] = e_high * ax - ex, e_high * ay - ey, e_high * az - ez
+    walls[2, 0], walls[2, 1], walls[2, 2] = fx - f_low * ax, fy - f_low * ay, fz - f_low * az
+    walls[3, 0], walls[3, 1], walls[3, 2] = f_high * ax - fx, f_high * ay - fy, f_high * az - fz
+    walls[4, 0], walls[4, 1], walls[4, 2] = ax, ay, az
+
+
+@kernel
+def farthest_along(
+    nx: float, ny: float, nz: float, g: int, geoms: Geoms, local: Array, spread: float
+) -> float:
+    """Greatest n . (x - o) over the points x of a geom and the origins o: its support function."""
+    m, axes, sides = geoms.rotations, geoms.axes, geoms.sides
+    x = m[g, 0] * nx + m[g, 3] * ny + m[g, 6] * nz
+    y = m[g, 1] * nx + m[g, 4] * ny + m[g, 7] * nz
+    z = m[g, 2] * nx + m[g, 5] * ny + m[g, 8] * nz
+    ellipsoid = math.sqrt((x * axes[g, 0]) ** 2 + (y * axes[g, 1]) ** 2 + (z * axes[g, 2]) ** 2)
+    box = abs(x) * sides[g, 0] + abs(y) * sides[g, 1] + abs(z) * sides[g, 2]
+    centre = -(x * local[g, 0] + y * local[g, 1] + z * local[g, 2])
+    return centre + ellipsoid + box + spread * (abs(nx) + abs(ny) + abs(nz)) + MARGIN
+
+
+@kernel
+def may_meet(
+    walls: Array, farthest: float, g: int, geoms: Geoms, local: Array, spread: float
+) -> bool:
+    """Whether a geom is on the inner side of a tile's planes, and nearer than its hits so far."""
+    x, y, z = walls[4, 0], walls[4, 1], walls[4, 2]
+    if farthest_along(-x, -y, -z, g, geoms, local, spread) < -farthest:
+        return False
+    for i in range(4):
+        x, y, z = walls[i, 0], walls[i, 1], walls[i, 2]
+        if farthest_along(x, y, z, g, geoms, local, spread) < 0.0:
+            return False
+    return True
+
+
+@kernel
+def aim(pattern: Pattern, start: int, n: int, sweep: Sweep, room: Room) -> None:
+    """World directions, and with several poses origins, of the n beams from `start`."""
+    x, y, z = pattern.beams[0], pattern.beams[1], pattern.beams[2]
+    R = sweep.rotations
+    for axis in range(3):
+        v, o = room.v[axis], room.starts[axis]
+        if len(R) == 1:
+            r0, r1, r2 = R[0, axis, 0], R[0, axis, 1], R[0, axis, 2]
+            for i in range(n):
+                v[i] = x[start + i] * r0 + y[start + i] * r1 + z[start + i] * r2
+        else:
+            for i in range(n):
+                k = pattern.moments[start + i]
+                r0, r1, r2 = R[k, axis, 0], R[k, axis, 1], R[k, axis, 2]
+                v[i] = x[start + i] * r0 + y[start + i] * r1 + z[start + i] * r2
+                o[i] = sweep.origins[k, axis]
+
+
+@kernel
+def place_spots(n: int, geoms: Geoms, g: int, starts: Array, spots: Array) -> None:
+    """Origin of each of n beams in the frame of geom g, as `look` does it."""
+    x, y, z = geoms.positions[g, 0], geoms.positions[g, 1], geoms.positions[g, 2]
+    m = geoms.rotations
+    for axis in range(3):
+        m0, m3, m6 = m[g, axis], m[g, 3 + axis], m[g, 6 + axis]
+        for i in range(n):
+            dx, dy, dz = starts[0, i] - x, starts[1, i] - y, starts[2, i] - z
+            spots[axis, i] = m0 * dx + m3 * dy + m6 * dz
 
 
 @kernel
 def cast_tile(
-    n: int,
-    v: Array,
-    u: Array,
-    reach: Array,
-    best: Array,
-    best_geom: NDArray[np.int64],
-    cone: Array,
-    R: Array,
-    origin: Array,
-    geoms: Geoms,
-    local: Array,
-    nearest: Array,
-    candidates: NDArray[np.int64],
+    n: int, tile: int, candidates: int, geoms: Geoms, sweep: Sweep, room: Room
 ) -> None:
-    """Walk the candidates, nearest first, until no beam of the tile can meet the next one."""
-    for g in candidates:
-        if count_beyond(n, best, nearest[g]) == 0:
+    """Try the chosen geoms, nearest first, until no beam can meet the next one any nearer."""
+    room.best[:n] = sweep.limit
+    room.best_geom[:n] = len(geoms.ids)
+    farthest = sweep.limit
+    if candidates > FEW:
+        up = sweep.rotations[0, :, 2]
+        enclose(n, room.v, sweep.tile_cones, tile, up, room.walls)
+    for i in range(candidates):
+        c = room.chosen[i]
+        if room.block_views[0, c] > farthest:
             break
-        if may_meet(cone, R, origin, geoms, g):
-            m, size = geoms.rotations[g], geoms.sizes[g]
-            reach_geom(geoms.kinds[g], n, local[g], v, m, size, u, reach)
-            keep_nearest(n, reach, g, best, best_geom)
+        g = room.block_rows[c]
+        if candidates > FEW and not may_meet(
+            room.walls, farthest, g, geoms, sweep.local, sweep.spread
+        ):
+            continue
+        if len(sweep.origins) == 1:
+            reach_geom(n, geoms, g, sweep.local, None, room.v, room.reach)
+        else:
+            place_spots(n, geoms, g, room.starts, room.spots)
+            reach_geom(n, geoms, g, sweep.local, room.spots, room.v, room.reach)
+        keep_nearest(n, g, room.reach, room.best, room.best_geom)
+        room.best_bits[-1] = greatest(n, room.best_bits)
+        farthest = room.best[-1]
 
 
 @kernel
-def aim(pattern: Pattern, start: int, n: int, R: Array, v: Array) -> None:
-    """Directions of the n beams from `start` in the world frame, into v (3, n or more)."""
-    x, y, z = pattern.beams[0], pattern.beams[1], pattern.beams[2]
-    for axis in range(3):
-        component = v[axis]
-        r0, r1, r2 = R[axis, 0], R[axis, 1], R[axis, 2]
-        for i in range(n):
-            component[i] = x[start + i] * r0 + y[start + i] * r1 + z[start + i] * r2
-
-
-@kernel
-def list_candidates(
-    cone: Array,
-    R: Array,
-    origin: Array,
-    geoms: Geoms,
-    nearest: Array,
-    order: NDArray[np.int64],
-    limit: float,
-    candidates: NDArray[np.int64],
-) -> int:
-    """Write the geoms within range that a block's cone may meet, nearest first; their number."""
-    count = 0
-    for g in order:
-        if nearest[g] > limit:
-            break
-        if may_meet(cone, R, origin, geoms, g):
-            candidates[count] = g
-            count += 1
-    return count
-
-
-@kernel
-def cast_sweep(
+def cast_blocks(
+    first: int,
+    step: int,
     pattern: Pattern,
-    R: Array,
-    origin: Array,
     geoms: Geoms,
-    local: Array,
-    nearest: Array,
-    order: NDArray[np.int64],
-    limit: float,
+    sweep: Sweep,
+    room: Room,
     distance: Array,
     geom_id: NDArray[np.int32],
 ) -> None:
-    """Cast every beam of a pattern.
+    """Cast the beams of every `step`-th block of a pattern from block `first` on.
 
     Args:
+        first: Block.
+        step: Blocks to the next one.
         pattern: Beams, tiles and blocks.
-        R: (3, 3) R_world_sensor.
-        origin: (3,) in the world, m.
         geoms: Tables over g geoms.
-        local: (g, 3) and
-        nearest: (g,) by `approach`.
-        order: (g,) rows by ascending `nearest`.
-        limit: Longest distance, m; finite.
-        distance: (n,) is written in the pattern's row-major order: m, -1 without a hit.
+        sweep: Poses, and views of the geoms.
+        room: To write on, for this thread alone.
+        distance: (n,) is written in the pattern's own order: m, -1 without a hit.
         geom_id: (n,) likewise, -1 without a hit.
     """
-    no_geom = len(order)
-    widest = np.max(np.diff(pattern.tile_starts))
-    v, u = np.empty((3, widest)), np.empty((3, widest))
-    reach, best, best_geom = np.empty(widest), np.empty(widest), np.empty(widest, np.int64)
-    candidates = np.empty(no_geom, np.int64)
-    for block in range(len(pattern.block_cones)):
-        cone = pattern.block_cones[block]
-        count = list_candidates(cone, R, origin, geoms, nearest, order, limit, candidates)
+    within = 0
+    while within < len(sweep.order) and sweep.views[0, within] <= sweep.limit:
+        within += 1
+    for block in range(first, len(sweep.block_cones), step):
+        count = list_meeting(
+            sweep.block_cones, block, within, sweep.views, room.slack, room.chosen
+        )
+        for i in range(count):
+            c = room.chosen[i]
+            room.block_rows[i] = sweep.order[c]
+            for k in range(6):
+                room.block_views[k, i] = sweep.views[k, c]
         for tile in range(pattern.block_starts[block], pattern.block_starts[block + 1]):
             start = pattern.tile_starts[tile]
             n = pattern.tile_starts[tile + 1] - start
-            aim(pattern, start, n, R, v)
-            best[:] = limit
-            best_geom[:] = no_geom
-            cast_tile(
-                n, v, u, reach, best, best_geom, pattern.tile_cones[tile], R, origin, geoms, local,
-                nearest, candidates[:count],
-            )  # fmt: skip
+            candidates = list_meeting(
+                sweep.tile_cones, tile, count, room.block_views, room.slack, room.chosen
+            )
+            if candidates == 0:
+                for i in range(n):
+                    place = pattern.places[start + i]
+                    distance[place] = -1.0
+                    geom_id[place] = -1
+                continue
+            aim(pattern, start, n, sweep, room)
+            cast_tile(n, tile, candidates, geoms, sweep, room)
             for i in range(n):
                 place = pattern.places[start + i]
-                hit = best_geom[i] < no_geom
-                distance[place] = best[i] if hit else -1.0
-                geom_id[place] = geoms.ids[best_geom[i]] if hit else -1
+                hit = room.best_geom[i] < len(geoms.ids)
+                distance[place] = room.best[i] if hit else -1.0
+                geom_id[place] = geoms.ids[room.best_geom[i]] if hit else -1
+
+
+@kernel
+def fit_cones(beams: Array, starts: NDArray[np.int64], cones: Array) -> None:
+    """Cones about the mean direction of each run of beams.
+
+    Args:
+        beams: (3, n) unit directions.
+        starts: (k + 1,) first beam of each run, and n.
+        cones: (k, 5) is written: axis, cosine and sine of the half angle.
+    """
+    for k in range(len(cones)):
+        x, y, z = 0.0, 0.0, 0.0
+        for i in range(starts[k], starts[k + 1]):
+            x, y, z = x + beams[0, i], y + beams[1, i], z + beams[2, i]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 1e-9:
+            x, y, z = x / length, y / length, z / length
+        else:
+            x, y, z = beams[0, starts[k]], beams[1, starts[k]], beams[2, starts[k]]
+        cosine = 1.0
+        for i in range(starts[k], starts[k + 1]):
+            cosine = min(cosine, x * beams[0, i] + y * beams[1, i] + z * beams[2, i])
+        cosine = max(cosine - ANGLE_MARGIN, -1.0)
+        cones[k, 0], cones[k, 1], cones[k, 2] = x, y, z
+        cones[k, 3], cones[k, 4] = cosine, math.sqrt(1.0 - cosine * cosine)
+
+
+@kernel
+def aim_all(pattern: Pattern, rotations: Array, v: Array) -> None:
+    """World direction of every beam at its moment, (3, n)."""
+    for i in range(len(pattern.moments)):
+        x, y, z = pattern.beams[0, i], pattern.beams[1, i], pattern.beams[2, i]
+        k = pattern.moments[i]
+        for axis in range(3):
+            r0, r1, r2 = rotations[k, axis, 0], rotations[k, axis, 1], rotations[k, axis, 2]
+            v[axis, i] = x * r0 + y * r1 + z * r2

@@ -1,11 +1,12 @@
-"""A pattern of beams cut into tiles of neighbours, each inside a cone that is found once."""
+"""A pattern of beams cut into tiles of neighbours, each inside a cone."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.rays.kernels import Pattern
+from models._jit import kernel
+from models.rays.kernels import Pattern, fit_cones
 
 TILE = 8
 """Beams along each side of a tile: enough to fill vector registers, few enough to be narrow."""
@@ -13,33 +14,97 @@ TILE = 8
 BLOCK = 4
 """Tiles along each side of a block, which rules geoms out for all its tiles at once."""
 
-CONE_MARGIN = 1e-12
-"""Taken off the cosine, so that rounding never puts a beam outside its cone."""
+CURVE_BITS = 8
+"""The sphere of directions is cut into 2^8 x 2^8 cells: as many as 16 bits number, which numpy
+sorts fastest, and far smaller than a tile of any sensor."""
 
 
-def cut(directions: NDArray[np.float64], rows: int, columns: int) -> Pattern:
-    """Cut a row-major grid of unit directions (rows * columns, 3) into tiles and blocks.
+def cut_grid(
+    directions: NDArray[np.float64],
+    rows: int,
+    columns: int,
+    moments: NDArray[np.int32] | None = None,
+) -> Pattern:
+    """Cut a grid of beams into square tiles and blocks.
+
+    Args:
+        directions: (rows * columns, 3) unit vectors, sensor frame, row-major.
+        rows: Of the grid.
+        columns: Likewise.
+        moments: (rows * columns,) which of the sweep's sensor poses each beam leaves from; all
+            from one if left out.
 
     Raises:
         ValueError: There is no beam, or one is no unit vector; MuJoCo ends the process on a ray
-            without length.
+            without length. Or a shape is wrong, or a moment negative.
     """
     if rows * columns == 0:
         raise ValueError(f"beams: got {rows} rows x {columns} columns, expected at least one each")
-    length = np.linalg.norm(directions, axis=1)
-    if not (np.abs(length - 1.0) < 1e-9).all():
-        worst = int(np.argmax(np.abs(length - 1.0)))
-        raise ValueError(f"beam {worst}: got length {length[worst]:g}, expected 1")
+    if len(directions) != rows * columns:
+        raise ValueError(f"beams: got {len(directions)}, expected {rows} rows x {columns} columns")
     places, tile_starts, block_starts = _order(rows, columns)
-    beams = directions[places]
+    return _pattern(directions, moments, places, tile_starts, block_starts)
+
+
+def cut_scattered(
+    directions: NDArray[np.float64], moments: NDArray[np.int32] | None = None
+) -> Pattern:
+    """Cut beams in any order into tiles of neighbours; cheap enough to do it for every sweep.
+
+    Beams are sorted along a Hilbert curve, on which what is near is near on the sphere, and cut
+    into runs.
+
+    Args:
+        directions: (n, 3) unit vectors, sensor frame.
+        moments: (n,) as for `cut_grid`.
+
+    Raises:
+        ValueError: As for `cut_grid`.
+    """
+    if len(directions) == 0:
+        raise ValueError("beams: got 0, expected at least one")
+    cells = np.empty(len(directions), np.uint16)
+    number_cells(np.ascontiguousarray(directions, np.float64), cells)
+    places = np.argsort(cells, kind="stable")
+    tile_starts = _runs(len(places), TILE * TILE)
+    return _pattern(directions, moments, places, tile_starts, _runs(len(tile_starts) - 1, BLOCK**2))
+
+
+def _pattern(
+    directions: NDArray[np.float64],
+    moments: NDArray[np.int32] | None,
+    places: NDArray[np.int64],
+    tile_starts: NDArray[np.int64],
+    block_starts: NDArray[np.int64],
+) -> Pattern:
+    _check(directions, moments)
+    if moments is None:
+        moments = np.zeros(len(places), np.int32)
+    beams = np.ascontiguousarray(np.asarray(directions, np.float64)[places].T)
+    tile_cones, block_cones = np.empty((len(tile_starts) - 1, 5)), np.empty((len(block_starts) - 1, 5))
+    fit_cones(beams, tile_starts, tile_cones)
+    fit_cones(beams, tile_starts[block_starts], block_cones)
     return Pattern(
-        beams=np.ascontiguousarray(beams.T),
+        beams=beams,
         places=places,
         tile_starts=tile_starts,
-        tile_cones=_cones(beams, tile_starts),
+        tile_cones=tile_cones,
         block_starts=block_starts,
-        block_cones=_cones(beams, tile_starts[block_starts]),
+        block_cones=block_cones,
+        moments=np.asarray(moments, np.int32)[places],
     )
+
+
+def _check(directions: NDArray[np.float64], moments: NDArray[np.int32] | None) -> None:
+    squared = np.einsum("ij,ij->i", directions, directions)
+    if not (np.abs(squared - 1.0) < 2e-9).all():
+        worst = int(np.argmax(np.abs(squared - 1.0)))
+        raise ValueError(f"beam {worst}: got length {np.sqrt(squared[worst]):g}, expected 1")
+    if moments is not None:
+        if np.shape(moments) != (len(directions),):
+            raise ValueError(f"moments: got shape {np.shape(moments)}, expected one a beam")
+        if np.min(moments) < 0:
+            raise ValueError(f"moments: got {np.min(moments)}, expected none below 0")
 
 
 def _order(
@@ -65,14 +130,35 @@ def _squares(grid: NDArray[np.int64], side: int) -> list[NDArray[np.int64]]:
     ]
 
 
-def _cones(beams: NDArray[np.float64], starts: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Cone about the mean direction of each run of beams, (len(starts) - 1, 5)."""
-    cones = np.empty((len(starts) - 1, 5))
-    for cone, start, stop in zip(cones, starts[:-1], starts[1:], strict=True):
-        run = beams[start:stop]
-        axis = run.sum(axis=0)
-        length = np.linalg.norm(axis)
-        axis = axis / length if length > 1e-9 else run[0]
-        cosine = max(float((run @ axis).min()) - CONE_MARGIN, -1.0)
-        cone[:] = *axis, cosine, np.sqrt(1.0 - cosine**2)
-    return cones
+def _runs(count: int, length: int) -> NDArray[np.int64]:
+    """Starts of runs of `length`, the last one shorter, and the count."""
+    return np.append(np.arange(0, count, length), count)
+
+
+@kernel
+def number_cells(directions: NDArray[np.float64], cells: NDArray[np.uint16]) -> None:
+    """Place of each direction's cell on a Hilbert curve over the octahedral map of the sphere.
+
+    The map (Cigolle et al. 2014, "A survey of efficient representations for independent unit
+    vectors") has its seam behind the sensor. The walk down the curve is that of Hilbert 1891.
+    """
+    side = 1 << CURVE_BITS
+    for i in range(len(directions)):
+        x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
+        total = abs(x) + abs(y) + abs(z)
+        e, f = y / total, z / total
+        if x < 0.0:
+            e, f = np.copysign(1.0 - abs(f), e), np.copysign(1.0 - abs(e), f)
+        column = min(int((e + 1.0) * 0.5 * side), side - 1)
+        row = min(int((f + 1.0) * 0.5 * side), side - 1)
+        place = 0
+        half = side >> 1
+        while half > 0:
+            right, upper = (column & half) > 0, (row & half) > 0
+            place += half * half * ((3 * right) ^ upper)
+            if not upper:
+                if right:
+                    column, row = ~column, ~row
+                column, row = row, column
+            half >>= 1
+        cells[i] = place
