@@ -127,9 +127,7 @@ def triangles(
     return np.concatenate(vertices), np.concatenate(faces), np.concatenate(owners)
 
 
-def _tessellate(
-    model: mujoco.MjModel, geom: int
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _tessellate(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices (v, 3) in the geom's frame and corners (f, 3)."""
     from trimesh import creation
 

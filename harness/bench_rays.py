@@ -38,8 +38,8 @@ class Grid:
     range: float
 
 
-def _cos_sin(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+def _cos_sin(angle: NDArray[np.floating]) -> NDArray[np.float64]:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1, dtype=np.float64)
 
 
 LIDAR = Grid(

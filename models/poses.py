@@ -36,7 +36,7 @@ class Trail:
             raise ValueError(f"trail: got a period of {self.period:g} s, expected more than 0")
 
     def before_now(
-        self, ages: NDArray[np.float64]
+        self, ages: NDArray[np.floating]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Positions (m, 3) and rotations (m, 3, 3) at ages (m,) >= 0 before now, s.
 
@@ -64,12 +64,6 @@ class Trail:
             self.quaternions[::-1][::stride][::-1],
             self.period * stride,
         )
-
-
-def moment_ages(moments: int, period: float) -> NDArray[np.float64]:  # (moments,)
-    """How long before a sweep's end each of its moments was, s; the last one is the end."""
-    ages: NDArray[np.float64] = np.arange(moments - 1, -1, -1) * (period / moments)
-    return ages
 
 
 def rotation_matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:  # (m, 3, 3)

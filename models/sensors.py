@@ -161,7 +161,10 @@ class MujocoEngine:
         return distance, geom_id
 
 
-ENGINES = {"tile": TileEngine, "mujoco": MujocoEngine}
+ENGINES: dict[str, type[TileEngine] | type[MujocoEngine]] = {
+    "tile": TileEngine,
+    "mujoco": MujocoEngine,
+}
 """Ray engines by name."""
 
 

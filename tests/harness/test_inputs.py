@@ -5,9 +5,19 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harness.errors import InputError
-from harness.inputs import CODEC, decode_ranges, encode_ranges, rotation_matrix
+from harness.inputs import (
+    CODEC,
+    Beams,
+    Pose,
+    SweepInput,
+    beams_from_info,
+    decode_ranges,
+    encode_ranges,
+    inputs_from_messages,
+)
 from harness.schema import wayproof_pb2 as pb
-from models.beams import DepthCamera, Lidar, beam_directions, quantise, rotate
+from models.beams import BeamTable, quantise
+from models.poses import Trail
 
 
 @given(arrays(np.uint16, st.tuples(st.integers(1, 5), st.integers(1, 9))))
@@ -36,23 +46,112 @@ def test_quantise_marks_misses_and_what_is_out_of_range():
     assert quantise(ranges, 10.0).tolist() == [65535, 1, 1, 1235, 10000, 65535, 65535]
 
 
-def test_lidar_directions_by_hand():
-    lidar = Lidar("l", "s", 3, 4, -np.pi / 4, np.pi / 4, 10.0, 10.0, "test")
-    directions = beam_directions(*lidar.beam_tables()).reshape(3, 4, 3)
-    np.testing.assert_allclose(directions[1, 2], [1, 0, 0], atol=1e-15)
-    np.testing.assert_allclose(directions[1, 3], [0, 1, 0], atol=1e-15)
-    np.testing.assert_allclose(directions[2, 2], np.array([1, 0, 1]) / np.sqrt(2), atol=1e-15)
+HALF = np.sqrt(0.5)
+QUARTER_TURN = np.array([HALF, 0.0, 0.0, HALF])  # to the left
+AHEAD = np.array([[1.0, 0.0]])  # cos, sin
+AROUND = np.array([[1.0, 0.0], [0.0, 1.0]])
 
 
-def test_depth_camera_directions_by_hand():
-    camera = DepthCamera("c", "s", 2, 2, np.pi / 2, np.pi / 2, 5.0, 10.0, "test")
-    directions = beam_directions(*camera.beam_tables())
-    expected = np.array([[1, 0.5, 0.5], [1, -0.5, 0.5], [1, 0.5, -0.5], [1, -0.5, -0.5]])
-    np.testing.assert_allclose(directions, expected / np.sqrt(1.5), rtol=1e-15)
+def beams(moments=1, **table):
+    table = {"rows": AHEAD, "columns": AROUND, "beams": 2, "moments": moments, **table}
+    return Beams(BeamTable(**table), 10.0, 10.0, np.array([0.2, 0.0, 0.1]), np.eye(3))
 
 
-def test_rotation_matrix_is_a_quarter_turn():
-    half = np.sqrt(0.5)
-    R = rotation_matrix(np.array([half, 0, 0, half]))
-    np.testing.assert_allclose(R @ [1, 0, 0], [0, 1, 0], atol=1e-15)
-    np.testing.assert_allclose(rotate(R, np.array([[0.0, 1.0, 2.0]])), [[-1, 0, 2]], atol=1e-15)
+def test_a_sweep_is_placed_where_the_body_believes_to_be():
+    pose = Pose(np.array([1.0, 2.0, 0.5]), QUARTER_TURN, 0.0)
+    placed = beams().place(SweepInput("lidar", np.array([700, 65535], np.uint16)), pose, 3)
+    np.testing.assert_allclose(placed.origins, [[1.0, 2.2, 0.6]], atol=1e-15)
+    np.testing.assert_allclose(placed.directions, [[0, 1, 0], [-1, 0, 0]], atol=1e-15)
+    assert placed.ranges_mm.tolist() == [700, 65535]
+    assert placed.moments.tolist() == [0, 0]
+
+
+def test_a_rolling_sweep_leaves_from_where_the_body_was():
+    """Ten hertz, two moments: the first beam left 50 ms before the second, half a trail ago."""
+    trail = Trail(
+        np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 4.0, 0.0]]),
+        np.stack([np.array([1.0, 0, 0, 0]), np.array([1.0, 0, 0, 0]), QUARTER_TURN]),
+        0.05,
+    )
+    pose = Pose(trail.positions[-1], trail.quaternions[-1], 0.0, trail)
+    placed = beams(2).place(SweepInput("lidar", np.array([700, 800], np.uint16)), pose, 0)
+    np.testing.assert_allclose(placed.origins, [[1.2, 0.0, 0.1], [1.0, 4.2, 0.1]], atol=1e-15)
+    np.testing.assert_allclose(placed.directions, [[1, 0, 0], [-1, 0, 0]], atol=1e-15)
+    assert placed.moments.tolist() == [0, 1]
+
+
+def test_beams_that_never_repeat_follow_the_sequence():
+    table = {"order": "pairs", "beams": 1, "row_step": 1, "column_step": 1}
+    sensor = beams(**table)
+    pose = Pose(np.zeros(3), np.array([1.0, 0, 0, 0]), 0.0)
+    sweep = SweepInput("lidar", np.array([700], np.uint16))
+    assert sensor.place(sweep, pose, 0).directions.tolist() == [[1.0, 0.0, 0.0]]
+    assert sensor.place(sweep, pose, 1).directions.tolist() == [[0.0, 1.0, 0.0]]
+    assert sensor.place(sweep, pose, 2).directions.tolist() == [[1.0, 0.0, 0.0]]
+
+
+def test_a_depth_becomes_a_range_along_the_ray():
+    slopes = {"rows": np.array([[0.0]]), "columns": np.array([[0.75], [0.0]]), "measures": "depth"}
+    pose = Pose(np.zeros(3), np.array([1.0, 0, 0, 0]), 0.0)
+    placed = beams(**slopes).place(SweepInput("d", np.array([400, 0], np.uint16)), pose, 0)
+    assert placed.ranges_mm.tolist() == [500, 0]
+
+
+def test_a_sweep_of_another_size_is_refused():
+    pose = Pose(np.zeros(3), np.array([1.0, 0, 0, 0]), 0.0)
+    with pytest.raises(InputError, match="sweep of 'lidar': 3 beams, expected 2"):
+        beams().place(SweepInput("lidar", np.ones(3, np.uint16)), pose, 0)
+
+
+def test_a_rolling_sweep_without_a_trail_is_refused():
+    pose = Pose(np.zeros(3), np.array([1.0, 0, 0, 0]), 0.0)
+    with pytest.raises(InputError, match="without a trail"):
+        beams(2).place(SweepInput("lidar", np.ones(2, np.uint16)), pose, 0)
+
+
+def info(**changes):
+    fields = {
+        "name": "lidar",
+        "range_m": 10.0,
+        "rate_hz": 10.0,
+        "row_width": 2,
+        "rows": AHEAD.ravel().tolist(),
+        "columns": AROUND.ravel().tolist(),
+        "beams": 2,
+        "order": "grid",
+        "moments": 1,
+        "measures": "range",
+        "position_base_sensor": [0.0, 0.0, 0.0],
+        "rotation_base_sensor": np.eye(3).ravel().tolist(),
+    }
+    return pb.SensorInfo(**{**fields, **changes})
+
+
+def test_a_logged_sensor_is_rebuilt():
+    table = beams_from_info(info()).table
+    assert (table.rows == AHEAD).all()
+    assert (table.columns == AROUND).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"row_width": 3}, "width 3"),
+        ({"rate_hz": 0.0}, "rate 0 Hz"),
+        ({"beams": 3}, "beams: got 3"),
+        ({"order": "spiral"}, "order: got 'spiral'"),
+        ({"moments": 0}, "moments: got 0"),
+        ({"measures": "colour"}, "measures: got 'colour'"),
+        ({"rows": [2.0, 0.0]}, "rows: expected"),
+        ({"rotation_base_sensor": [1.0]}, "no mounting"),
+    ],
+)
+def test_what_is_no_sensor_is_refused(changes, said):
+    with pytest.raises(InputError, match=f"sensor 'lidar': .*{said}"):
+        beams_from_info(info(**changes))
+
+
+def test_a_broken_trail_is_refused():
+    pose = pb.Pose(position=[0.0] * 3, quaternion=[1.0, 0, 0, 0], trail_period_s=0.01)
+    with pytest.raises(InputError, match="pose: trail"):
+        inputs_from_messages(pose, [])

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.poses import Trail, moment_ages, rotation_matrices
+from models.poses import Trail, rotation_matrices
 
 
 def turned(angle):
@@ -36,7 +36,7 @@ def test_poses_between_samples_by_hand(age, position, heading):
 
 def test_one_pose_is_a_body_at_rest():
     still = Trail(np.array([[1.0, 2.0, 3.0]]), turned(0.5)[None], 0.01)
-    positions, rotations = still.before_now(moment_ages(7, 0.1))
+    positions, rotations = still.before_now(np.linspace(0.1, 0.0, 7))
     assert (positions == [1.0, 2.0, 3.0]).all()
     assert (rotations == rotations[0]).all()
 
@@ -45,10 +45,6 @@ def test_every_keeps_the_pose_that_is_now():
     sparse = trail().every(2)
     assert sparse.period == pytest.approx(0.2)
     assert sparse.positions.tolist() == [[0.0, 0.0, 0.0], [1.0, 2.0, 0.0]]
-
-
-def test_moments_end_with_the_sweep():
-    np.testing.assert_allclose(moment_ages(4, 0.1), [0.075, 0.05, 0.025, 0.0])
 
 
 def test_rotations_are_mujocos():

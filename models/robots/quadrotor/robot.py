@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import mujoco
@@ -16,6 +15,7 @@ from models.robots.quadrotor.controller import QuadrotorController
 from models.robots.quadrotor.model import BOTTOM, TOP, circumscribed_radius, quadrotor_mjcf
 from models.robots.quadrotor.parameters import Parameters
 from models.robots.robot import RobotSpec, Setpoint
+
 
 def _spec(parameters: Parameters) -> RobotSpec:
     """Limits well inside what the controller tracks, so that navigation leaves it room."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import mujoco
@@ -14,6 +13,7 @@ from models.robots.quadruped.controller import QuadrupedController
 from models.robots.quadruped.model import LIDAR_SITE, quadruped_mjcf
 from models.robots.quadruped.parameters import Parameters
 from models.robots.robot import RobotSpec
+
 
 def _spec(parameters: Parameters) -> RobotSpec:
     """Limits well inside what the controller tracks, so that navigation leaves it room.
