@@ -23,6 +23,9 @@ MILLIMETRES = 1000.0
 LONGEST_RANGE = 65.534
 """Longest distance that a report can hold, m."""
 
+MOST_BEAMS = 1 << 24
+"""In one sweep: what a table says is checked before anything of that size is made."""
+
 Order = Literal["grid", "pairs"]
 Measures = Literal["range", "depth"]
 
@@ -97,6 +100,8 @@ def _check_order(table: BeamTable) -> None:
             f"beams, row_step, column_step: got {table.beams}, {table.row_step}, "
             f"{table.column_step}, expected each >= 1"
         )
+    if table.beams > MOST_BEAMS:
+        raise ValueError(f"beams: got {table.beams}, expected at most {MOST_BEAMS}")
     most = len(table.columns) if table.order == "grid" else table.beams
     if not 1 <= table.moments <= most:
         raise ValueError(f"moments: got {table.moments}, expected 1 to {most}")

@@ -68,7 +68,7 @@ class Mount:
 
     Attributes:
         name: Topic name, unique on the robot; a rangefinder's is its MJCF sensor's name.
-        site: MJCF site that the beams leave from; x forward, z up.
+        site: MJCF site that the beams leave from; x forward, z up. A rangefinder looks along z.
         device: What is mounted there.
     """
 

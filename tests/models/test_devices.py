@@ -466,6 +466,7 @@ def test_what_no_lidar_is_is_refused(changes, said):
         ("livox-mid360", {"elevation_low": 1.0}, "elevation_low, elevation_high: got 1"),
         ("livox-mid360", {"azimuth_low": -4.0}, "azimuth_low, azimuth_high: got -4"),
         ("livox-mid360", {"columns": 0}, "rows, columns: got 591 and 0"),
+        ("livox-mid360", {"beams": 1 << 40}, "beams: got 1099511627776, expected at most"),
         ("ideal-depth-camera", {"height": 0}, "height, width: got 0 and 64"),
         ("ideal-depth-camera", {"field_of_view_vertical": pi}, "field_of_view_vertical: got 3.14"),
     ],
