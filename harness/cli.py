@@ -79,6 +79,7 @@ def replay(options: argparse.Namespace, console: Console) -> tuple[int, Document
 def list_registered(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Tell what is registered."""
     from maps import MAPS
+    from models.devices import DEVICES
     from models.robots import ROBOTS
     from models.worlds import WORLDS
     from planners import PLANNERS
@@ -86,6 +87,7 @@ def list_registered(options: argparse.Namespace, console: Console) -> tuple[int,
     document = {
         "worlds": sorted(WORLDS),
         "robots": sorted(ROBOTS),
+        "sensors": sorted(DEVICES),
         "maps": sorted(MAPS),
         "planners": sorted(PLANNERS),
         "settings": setting_names(),
@@ -137,6 +139,8 @@ def _run_one(config: Config, path: Path, console: Console) -> Any:
     from harness.warm_up import warm_up
 
     scenario = build(config)
+    for warning in scenario.warnings:
+        print(f"wayproof: warning: {warning}", file=sys.stderr)
     check_folder(path.parent)
     with console.status("compiling kernels (a minute the first time, then cached)"):
         warm_up(config.robot)

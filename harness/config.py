@@ -13,7 +13,7 @@ import msgspec
 from harness.errors import InputError, unknown_name
 from harness.view import BehaviourConfig
 from maps import MAPS, MapConfig
-from models.devices import DEVICES, SensorConfig
+from models.devices import DEVICES, OWN, SensorConfig
 from planners import PLANNERS, PlannerConfig
 
 
@@ -138,8 +138,8 @@ def _expect(name: str, got: float, low: float, high: float, unit: str) -> None:
 NAMED: dict[str, Iterable[str]] = {
     "map.kind": MAPS,
     "planner.name": PLANNERS,
-    "sensors.lidar": DEVICES,
-    "sensors.depth": DEVICES,
+    "sensors.lidar": (OWN, *DEVICES),
+    "sensors.depth": (OWN, *DEVICES),
 }
 """Settings whose values are names in a registry."""
 

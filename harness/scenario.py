@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 
 from harness.config import Config
 from harness.errors import InputError, unknown_name
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
+from models.checks import check
 from models.devices import DepthCamera, Device, Rangefinder
 from models.robots import ROBOTS, RobotSpec
-from models.scene import Scene, compose, device_name, resolve
+from models.scene import PREFIX, Scene, compose, device_name, resolve
 from models.sensors import Caster
 from models.worlds import WORLDS, World
 
@@ -32,6 +34,7 @@ class Scenario:
         scene: World and robot, compiled.
         mission: What the navigation stack is told.
         spec: The robot's body.
+        warnings: What the model check says that does not keep the episode from running.
     """
 
     config: Config
@@ -39,6 +42,7 @@ class Scenario:
     scene: Scene
     mission: Mission
     spec: RobotSpec
+    warnings: tuple[str, ...]
 
 
 def build(config: Config) -> Scenario:
@@ -46,7 +50,7 @@ def build(config: Config) -> Scenario:
 
     Raises:
         InputError: Unknown world or robot; a start or goal outside the geofence or inside an
-            obstacle; a scene that cannot be compiled or cast.
+            obstacle; a scene that cannot be compiled or cast, or whose sensors would see wrongly.
     """
     for kind, name, registry in (("world", config.world, WORLDS), ("robot", config.robot, ROBOTS)):
         if name not in registry:
@@ -62,12 +66,14 @@ def build(config: Config) -> Scenario:
     except ValueError as error:
         raise InputError(f"robot '{config.robot}': {error}") from None
     config = replace(config, start=start, goal=goal, sensors=sensors)
+    scene = _compose(world, config)
     return Scenario(
         config=config,
         world=world,
-        scene=_compose(world, config),
+        scene=scene,
         mission=_mission(world, spec, start, goal),
         spec=spec,
+        warnings=_inspect(scene, world, config),
     )
 
 
@@ -76,6 +82,19 @@ def _compose(world: World, config: Config) -> Scene:
         return compose(world, ROBOTS[config.robot], config.sensors)
     except ValueError as error:  # a scene that the chosen ray engine cannot cast, for one
         raise InputError(f"world '{config.world}' with robot '{config.robot}': {error}") from None
+
+
+def _inspect(scene: Scene, world: World, config: Config) -> tuple[str, ...]:
+    """Check the model with the robot at its start: refuse what is wrong, return the rest."""
+    data = mujoco.MjData(scene.model)
+    scene.controller.reset(data, np.array(config.start), world.start_heading)
+    mujoco.mj_kinematics(scene.model, data)
+    mounts = [caster.mount for caster in scene.casters]
+    findings = check(scene.model, data, mounts, scene.base, config.sensors.engine, PREFIX)
+    errors = [finding.text for finding in findings if finding.severity == "error"]
+    if errors:
+        raise InputError(f"world '{config.world}' with robot '{config.robot}': {errors[0]}")
+    return tuple(finding.text for finding in findings)
 
 
 def sensor_info(caster: Caster) -> pb.SensorInfo:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 
-from models.devices import DEVICES, Device, Mount, Rangefinder, SensorConfig
+from models.devices import DEVICES, OWN, Device, Mount, Rangefinder, SensorConfig
 from models.robots import Controller, Robot
 from models.sensors import Caster, make_caster
 from models.worlds import World
@@ -71,7 +71,7 @@ def equip(mounts: tuple[Mount, ...], sensors: SensorConfig) -> tuple[Mount, ...]
     wanted = {name: getattr(sensors, name) for name in ("lidar", "depth")}
     own = {mount.name: mount for mount in mounts}
     for name, device in wanted.items():
-        if not device:
+        if device == OWN:
             continue
         if name not in own:
             raise ValueError(
@@ -91,9 +91,9 @@ def equip(mounts: tuple[Mount, ...], sensors: SensorConfig) -> tuple[Mount, ...]
 def resolve(mounts: tuple[Mount, ...], sensors: SensorConfig) -> SensorConfig:
     """The config with the names of the devices that stand where it left the robot's own."""
     names = {mount.name: device_name(mount.device) for mount in equip(mounts, sensors)}
-    return replace(sensors, lidar=names.get("lidar", ""), depth=names.get("depth", ""))
+    return replace(sensors, lidar=names.get("lidar", OWN), depth=names.get("depth", OWN))
 
 
 def device_name(device: Device) -> str:
-    """What `DEVICES` calls a device; empty if it is not in there."""
-    return next((name for name, known in DEVICES.items() if known == device), "")
+    """What `DEVICES` calls a device; `own` if it is not in there."""
+    return next((name for name, known in DEVICES.items() if known == device), OWN)

@@ -8,7 +8,7 @@ are lost, so presets lose none.
 from __future__ import annotations
 
 from models.devices.benewake_tfmini_s import BENEWAKE_TFMINI_S
-from models.devices.config import SensorConfig
+from models.devices.config import OWN, SensorConfig
 from models.devices.depth_camera import DepthCamera
 from models.devices.device import Device, Mount
 from models.devices.ideal_altimeter import IDEAL_ALTIMETER
@@ -39,6 +39,7 @@ DEVICES: dict[str, Device] = {
 
 __all__ = [
     "DEVICES",
+    "OWN",
     "DepthCamera",
     "Device",
     "Mount",

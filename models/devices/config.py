@@ -5,21 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+OWN = "own"
+"""In place of a device's name: what the robot carries by itself."""
+
 
 @dataclass(frozen=True)
 class SensorConfig:
     """Which sensors a robot carries and how they are simulated.
 
     Attributes:
-        lidar: Name in `DEVICES` of what is mounted as `lidar`; empty: the robot's own.
+        lidar: Name in `DEVICES` of what is mounted as `lidar`, or `own` for the robot's own.
         depth: Likewise as `depth`.
         engine: `tile` is Wayproof's caster; `mujoco` takes MuJoCo's own, which is slower and lets
             anybody check an episode against it.
         threads: That a sweep is cast on; results are the same bytes on any number.
     """
 
-    lidar: str = ""
-    depth: str = ""
+    lidar: str = OWN
+    depth: str = OWN
     engine: Literal["tile", "mujoco"] = "tile"
     threads: int = 1
 

@@ -1,13 +1,17 @@
 """World and robot in one model: what the sensors see, and what is true."""
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
 
-from models.beams import NO_RETURN
+from models.beams import NO_RETURN, directions, moments
+from models.devices import DEVICES, Mount, SensorConfig
+from models.poses import Trail
 from models.robots import ROBOTS, Setpoint
-from models.scene import compose
-from models.sensors import ROBOT_GROUP
+from models.scene import PREFIX, compose, equip, resolve
+from models.sensors import ROBOT_GROUP, SweepCaster
 from models.truth import Truth
 from models.worlds import WORLDS
 
@@ -24,21 +28,26 @@ def placed(request):
     return scene, data
 
 
+def at_rest(scene, data):
+    return Trail(data.xpos[scene.base][None].copy(), data.xquat[scene.base][None].copy(), 0.002)
+
+
 def test_every_beam_is_what_mj_ray_says(placed):
     scene, data = placed
     groups = np.ones(mujoco.mjNGROUP, np.uint8)
     groups[ROBOT_GROUP] = 0
     geom = np.zeros(1, np.int32)
     for caster in scene.casters:
-        ranges = caster.cast(data)
-        position, R_base_sensor = caster.mounting(scene.base)
+        ranges = caster.cast(data, at_rest(scene, data), 0, 0)
+        position, R_base_sensor = caster.mounting
+        beams = directions(caster.table, 0)
         R_world_base = data.xmat[scene.base].reshape(3, 3)
         origin = data.xpos[scene.base] + R_world_base @ position
         for beam in range(0, len(ranges), max(len(ranges) // 200, 1)):
-            ray = R_world_base @ R_base_sensor @ caster.directions[beam]
+            ray = R_world_base @ R_base_sensor @ beams[beam]
             args = (scene.model, data, origin, ray, groups, 1, -1, geom)
             distance = mujoco.mj_ray(*args)
-            if distance < 0 or distance > caster.sensor.range:
+            if distance < 0 or distance > caster.mount.device.range:
                 assert ranges[beam] == NO_RETURN
             else:
                 assert abs(int(ranges[beam]) - 1000 * distance) <= 0.5 + 1e-6
@@ -48,11 +57,85 @@ def test_a_moved_robot_sees_from_where_it_is_now(placed):
     """Raised by 5 cm, a beam 45 degrees down to the floor grows by 5 cm times the root of 2."""
     scene, data = placed
     caster = scene.casters[0]
-    before = caster.cast(data)
+    before = caster.cast(data, at_rest(scene, data), 0, 0)
     data.qpos[2] += 0.05
     mujoco.mj_kinematics(scene.model, data)
-    growth = caster.cast(data).astype(int) - before
+    growth = caster.cast(data, at_rest(scene, data), 0, 1).astype(int) - before
     assert abs(growth[0] - 50.0 * np.sqrt(2.0)) <= 1.0
+
+
+def rolling_trail(scene, data):
+    """A tenth of a second at 2 m/s and 1.5 rad/s that ends where the robot is."""
+    times = np.arange(-50, 1) * 0.002
+    turned = np.stack([np.cos(0.75 * times), *(2 * [0.0 * times]), np.sin(0.75 * times)], axis=1)
+    quaternions = np.empty((51, 4))
+    for quaternion, turn in zip(quaternions, turned, strict=True):
+        mujoco.mju_mulQuat(quaternion, turn, data.xquat[scene.base])
+    along = np.array([2.0, 0.5, 0.1])
+    return Trail(data.xpos[scene.base] + times[:, None] * along, quaternions, 0.002)
+
+
+@pytest.mark.parametrize("engine", ["tile", "mujoco"])
+def test_a_rolling_shutter_sees_from_where_the_sensor_was(placed, engine):
+    """Each beam against mj_ray from the pose of its own moment, found here by hand."""
+    scene, data = placed
+    device = dataclasses.replace(DEVICES["ideal-lidar-floor"], azimuths=40, moments=40)
+    mount = Mount("lidar", "lidar", device)
+    config = SensorConfig(engine=engine)
+    caster = SweepCaster(scene.model, mount, scene.base, PREFIX, config)
+    trail = rolling_trail(scene, data)
+    ranges = caster.cast(data, trail, 0, 0)
+    position, R_base_sensor = caster.mounting
+    groups = np.ones(mujoco.mjNGROUP, np.uint8)
+    groups[ROBOT_GROUP] = 0
+    beams, when, geom, R = (
+        directions(caster.table, 0),
+        moments(caster.table),
+        np.zeros(1, np.int32),
+        np.empty(9),
+    )
+    differs = 0
+    for beam in range(0, len(ranges), 7):
+        pose = 50 - 50 * (39 - when[beam]) / 40  # of the trail's 51
+        early, late = int(np.floor(pose)), int(np.ceil(pose))
+        share = pose - early
+        at = (1 - share) * trail.positions[early] + share * trail.positions[late]
+        quaternion = (1 - share) * trail.quaternions[early] + share * trail.quaternions[late]
+        mujoco.mju_quat2Mat(R, quaternion / np.linalg.norm(quaternion))
+        R_world_base = R.reshape(3, 3)
+        origin, ray = at + R_world_base @ position, R_world_base @ R_base_sensor @ beams[beam]
+        distance = mujoco.mj_ray(scene.model, data, origin, ray, groups, 1, -1, geom)
+        if distance < 0 or distance > device.range:
+            assert ranges[beam] == NO_RETURN
+            continue
+        assert abs(int(ranges[beam]) - 1000 * distance) <= 0.5 + 1e-6
+        frozen = data.xpos[scene.base] + data.xmat[scene.base].reshape(3, 3) @ position
+        still = mujoco.mj_ray(scene.model, data, frozen, ray, groups, 1, -1, geom)
+        differs += abs(still - distance) > 0.01
+    assert differs > 20  # the motion is no matter of millimetres
+
+
+def test_devices_are_mounted_by_name():
+    mounts = ROBOTS["drone"].spec.mounts
+    fitted = equip(mounts, SensorConfig(lidar="ouster-os1-64"))
+    assert [mount.name for mount in fitted] == [mount.name for mount in mounts]
+    assert fitted[0].device is DEVICES["ouster-os1-64"]
+    assert fitted[1:] == mounts[1:]
+    resolved = resolve(mounts, SensorConfig(lidar="ouster-os1-64"))
+    assert (resolved.lidar, resolved.depth) == ("ouster-os1-64", "ideal-depth-camera")
+
+
+@pytest.mark.parametrize(
+    ("robot", "config", "said"),
+    [
+        ("quadruped", SensorConfig(depth="intel-realsense-d435"), "no mount 'depth'"),
+        ("drone", SensorConfig(lidar="benewake-tfmini-s"), "expected a lidar or a camera"),
+        ("drone", SensorConfig(lidar="radar"), "got 'radar', expected a lidar or a camera"),
+    ],
+)
+def test_devices_that_do_not_fit_are_refused(robot, config, said):
+    with pytest.raises(ValueError, match=said):
+        equip(ROBOTS[robot].spec.mounts, config)
 
 
 def test_clearance_is_the_least_over_all_pairs(placed):
