@@ -1,8 +1,9 @@
-"""Ray casting against MuJoCo's primitives, for sweeps whose beams all leave one point.
+"""Ray casting against MuJoCo's primitives, a sweep of beams at a time.
 
 MuJoCo's own caster takes every ray alone through every body and geom. A sweep has structure that
 it cannot know: neighbouring beams meet the same few geoms. Here beams are grouped in tiles, whole
-geoms are ruled out for a tile at a time, and the rest is a loop over beams that vectorises.
+geoms are ruled out for a tile at a time, and the rest is a loop over beams that vectorises. Beams
+form a grid or lie scattered, and leave from one pose or, of a rolling sweep, each from its own.
 """
 
 import mujoco
@@ -24,4 +25,5 @@ def warm_up() -> None:
     mujoco.mj_kinematics(model, data)
     pattern = cut_scattered(np.array([[0.0, 0.0, -1.0]]))
     caster = TileCaster(model, group_mask=np.ones(mujoco.mjNGROUP, np.uint8), range=2.0)
-    caster.cast(data, pattern, np.array([[0.0, 0.0, 1.0]] * 2), np.eye(3))
+    for poses in (1, 2):
+        caster.cast(data, pattern, np.array([[0.0, 0.0, 1.0]] * poses), np.eye(3))

@@ -20,6 +20,9 @@ PRIMITIVES = tuple(
     )
 )
 
+ENDLESS = 1e10
+"""Half side of an infinite plane, m, for bounds: farther than any beam, and no 0 * infinity."""
+
 
 class Geometry:
     """The ray-visible primitives of one model, posed where they are now.
@@ -54,7 +57,7 @@ class Geometry:
             sizes=model.geom_size[ids],
             axes=axes,
             sides=sides,
-            radii=_radii(axes, sides),
+            radii=model.geom_rbound[ids],
             positions=np.empty((len(ids), 3)),
             rotations=np.empty((len(ids), 9)),
         )
@@ -113,10 +116,5 @@ def _bodies(
         elif kind == mujoco.mjtGeom.mjGEOM_BOX:
             sides[g] = size
         elif kind == mujoco.mjtGeom.mjGEOM_PLANE:
-            sides[g, :2] = np.where(size[:2] > 0.0, size[:2], 1e10)
+            sides[g, :2] = np.where(size[:2] > 0.0, size[:2], ENDLESS)
     return axes, sides
-
-
-def _radii(axes: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Radius of the ball about each geom's centre, (g,); exact unless both ellipsoid and box."""
-    return np.asarray(axes.max(axis=1) + np.sqrt((sides**2).sum(axis=1)))
