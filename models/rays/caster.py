@@ -1,14 +1,15 @@
-"""A sweep of beams against MuJoCo's primitives, a tile of neighbouring beams at a time."""
+"""A sweep of beams against MuJoCo's geoms, a tile of neighbouring beams at a time."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.rays.geometry import Geometry, shape_name
+from models.rays.geometry import Geometry
 from models.rays.kernels import (
     Geoms,
     Pattern,
@@ -18,10 +19,12 @@ from models.rays.kernels import (
     look,
     turn_cones,
 )
+from models.rays.normals import surface_normals
+from models.rays.surfaces import Surfaces
 
 
 class TileCaster:
-    """Casts patterns of beams against a model's planes, boxes and round primitives.
+    """Casts patterns of beams against a model's primitives, meshes and height fields.
 
     Distances and geom ids are those of `mujoco.mj_ray`. Beams start anywhere, inside geoms too.
     The same inputs give the same bits, on any number of threads.
@@ -37,21 +40,21 @@ class TileCaster:
         """Build the tables of geoms once.
 
         Args:
-            model: Its static geoms must stay where they are.
+            model: Its static geoms and its heights must stay as they are.
             group_mask: (6,) non-zero for each geom group that beams meet.
             range: Longest distance of a hit, m.
             threads: That a sweep is cast on.
 
         Raises:
-            ValueError: A ray-visible geom is a mesh, a height field or an SDF, which only MuJoCo's
-                caster can do; the range is not finite and positive; there is no thread.
+            ValueError: A ray-visible geom is an SDF, which only MuJoCo's caster can do; the range
+                is not finite and positive; there is no thread.
         """
         if not 0.0 < range < np.inf:
             raise ValueError(f"range: got {range:g}, expected a finite length > 0 m")
         if threads < 1:
             raise ValueError(f"threads: got {threads}, expected at least 1")
         self._geometry = Geometry(model, group_mask)
-        _refuse(model, self._geometry.left_out)
+        self._surfaces = Surfaces(model, group_mask)
         self._range = float(range)
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1, "rays") if threads > 1 else None
@@ -79,33 +82,75 @@ class TileCaster:
         Raises:
             ValueError: Numbers of origins, rotations and moments do not fit each other.
         """
-        self._geometry.refresh(data)
-        geoms = self._geometry.geoms
-        sweep = _survey(geoms, pattern, *_poses(pattern, origins, R_world_sensor), self._range)
-        beams = len(pattern.places)
-        distance, geom_id = np.full(beams, -1.0), np.full(beams, -1, np.int32)
-
-        def share(first: int) -> None:
-            room = _room(pattern, geoms)
-            cast_blocks(first, self._threads, pattern, geoms, sweep, room, distance, geom_id)
-
-        # Neighbouring blocks take about as long: each thread gets every so many of them.
-        others = []
-        if self._pool is not None:
-            others = [self._pool.submit(share, first) for first in range(1, self._threads)]
-        share(0)
-        for other in others:
-            other.result()
+        distance, geom_id, _ = self._cast(data, pattern, *_poses(pattern, origins, R_world_sensor))
         return distance, geom_id
 
+    def cast_with_normals(
+        self,
+        data: mujoco.MjData,
+        pattern: Pattern,
+        origins: NDArray[np.float64],
+        R_world_sensor: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+        """Cast a sweep as `cast` does, and tell the surfaces' attitude where they are met.
 
-def _refuse(model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
-    for geom in ids:
-        name = model.geom(geom).name or f"number {geom}"
-        raise ValueError(
-            f"geom '{name}': got shape {shape_name(model, geom)}, expected a primitive for ray "
-            "engine 'tile'; engine 'mujoco' casts it"
-        )
+        Returns:
+            Distances (n,), geom ids (n,) and unit normals (n, 3) in the world, zeros for a miss;
+            see `surface_normals`.
+        """
+        starts, rotations = _poses(pattern, origins, R_world_sensor)
+        distance, geom_id, face = self._cast(data, pattern, starts, rotations)
+        moment = np.empty(len(distance), np.int32)
+        moment[pattern.places] = pattern.moments if len(starts) > 1 else 0
+        beams = np.empty((len(distance), 3))
+        beams[pattern.places] = pattern.beams.T
+        directions = np.einsum("nij,nj->ni", rotations[moment], beams)
+        points = starts[moment] + distance[:, None] * directions
+        normals = surface_normals(data, self._surfaces, geom_id, face, points)
+        return distance, geom_id, normals
+
+    def _cast(
+        self,
+        data: mujoco.MjData,
+        pattern: Pattern,
+        origins: NDArray[np.float64],
+        rotations: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
+        """Hits on primitives first, then what of meshes and height fields is nearer."""
+        self._geometry.refresh(data)
+        self._surfaces.refresh(data)
+        geoms, surfaces = self._geometry.geoms, self._surfaces
+        sweep = _survey(geoms, pattern, origins, rotations, self._range)
+        beams = len(pattern.places)
+        distance, geom_id = np.full(beams, -1.0), np.full(beams, -1, np.int32)
+        face = np.full(beams if len(surfaces) else 0, -1, np.int32)
+
+        def meet_primitives(share: int) -> None:
+            # Neighbouring blocks take about as long: each thread gets every so many of them.
+            room = _room(pattern, geoms)
+            cast_blocks(share, self._threads, pattern, geoms, sweep, room, distance, geom_id)
+
+        def meet_surfaces(share: int) -> None:
+            tiles = len(pattern.tile_starts) - 1
+            first, last = (tiles * k // self._threads for k in (share, share + 1))
+            surfaces.meet(
+                pattern, pattern.moments, origins, rotations, self._range,
+                distance, geom_id, face, first, last,
+            )  # fmt: skip
+
+        self._share(meet_primitives)
+        if len(surfaces):
+            self._share(meet_surfaces)
+        return distance, geom_id, face
+
+    def _share(self, work: Callable[[int], None]) -> None:
+        """Do each thread's share of some work."""
+        others = []
+        if self._pool is not None:
+            others = [self._pool.submit(work, share) for share in range(1, self._threads)]
+        work(0)
+        for other in others:
+            other.result()
 
 
 def _poses(

@@ -29,7 +29,6 @@ class Geometry:
 
     Attributes:
         geoms: Tables.
-        left_out: (k,) ids of the ray-visible geoms that are no primitives, ascending.
     """
 
     def __init__(self, model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> None:
@@ -42,10 +41,8 @@ class Geometry:
         Raises:
             ValueError: The mask's shape.
         """
-        visible = _visible(model, group_mask)
-        primitive = np.isin(model.geom_type[visible], PRIMITIVES)
-        ids = visible[primitive]
-        self.left_out = visible[~primitive]
+        seen = visible(model, group_mask)
+        ids = seen[np.isin(model.geom_type[seen], PRIMITIVES)]
         # By a joint or with a mocap body: MuJoCo counts neither as welded to the world.
         moving = model.body_weldid[model.geom_bodyid[ids]] != 0
         self._moving_rows = np.flatnonzero(moving)
@@ -76,7 +73,7 @@ class Geometry:
         self.geoms.rotations[self._spheres] = np.eye(3).ravel()
 
 
-def _visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np.int32]:
+def visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np.int32]:
     """Ids of the geoms that `mj_ray` would consider.
 
     Groups outside 0..5 count as the nearest of these, and a material's alpha replaces the geom's

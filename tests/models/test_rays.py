@@ -5,28 +5,59 @@ import numpy as np
 import pytest
 
 from models import rays
-from models.beams import DepthCamera, Lidar, SensorConfig, beam_directions, rotate
+from models.beams import directions as beams_of
+from models.beams import rotate
+from models.devices import DepthCamera, Device, SensorConfig, SpinningLidar, evenly
+from models.poses import Trail
 from models.rays import TileCaster, cut_grid, cut_scattered, kernels, tiles
 from models.rays.geometry import Geometry
 from models.robots import ROBOTS
 from models.scene import compose
-from models.sensors import MujocoCaster, SweepCaster
+from models.sensors import Firing, MujocoEngine, RangefinderCaster
 from models.worlds import WORLDS
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
-LIDAR = Lidar("lidar", "eye", 21, 130, -0.9, 0.9, range=8.0, rate=10.0, source="")
-CAMERA = DepthCamera("camera", "eye", 45, 61, 1.5, 1.2, range=8.0, rate=10.0, source="")
+
+
+def lidar(rings: int, azimuths: int, low: float, high: float, range: float) -> Device:
+    elevations = evenly(low, high, rings)
+    kept = {"range": range, "rate": 10.0, "no_return_is_free": True, "source": "test"}
+    return SpinningLidar(elevations=elevations, azimuths=azimuths, **kept)
+
+
+def camera(height: int, width: int, horizontal: float, vertical: float, range: float) -> Device:
+    return DepthCamera(
+        height=height,
+        width=width,
+        field_of_view_horizontal=horizontal,
+        field_of_view_vertical=vertical,
+        range=range,
+        rate=10.0,
+        no_return_is_free=True,
+        measures="range",
+        source="test",
+    )
+
+
+LIDAR = lidar(21, 130, -0.9, 0.9, range=8.0)
+CAMERA = camera(45, 61, 1.5, 1.2, range=8.0)
 SINGLE = cut_grid(np.array([[1.0, 0.0, 0.0]]), 1, 1)
 SHAPES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 KINDS = {name: int(getattr(mujoco.mjtGeom, f"mjGEOM_{name.upper()}")) for name in SHAPES}
 
 
 def directions_of(sensor):
-    return beam_directions(*sensor.beam_tables())
+    return beams_of(sensor.beam_table(), 0)
+
+
+def own_hits(model, data, directions, range, origin, R):
+    firing = Firing(directions, np.zeros(len(directions), np.int32), cut_scattered(directions))
+    return MujocoEngine(model, ALL, range, 1).cast(data, firing, origin[None], R[None])[:2]
 
 
 def pattern_of(sensor, moments=None):
-    rows, columns = map(len, sensor.beam_tables())
+    table = sensor.beam_table()
+    rows, columns = len(table.rows), len(table.columns)
     return cut_grid(directions_of(sensor), rows, columns, moments)
 
 
@@ -169,7 +200,7 @@ def test_a_plane_by_hand(size, origin, direction, expected):
     assert found[0] == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("sensor", [LIDAR, CAMERA], ids=lambda sensor: sensor.name)
+@pytest.mark.parametrize("sensor", [LIDAR, CAMERA], ids=["lidar", "camera"])
 def test_mixed_scenes_agree_with_mj_ray(sensor):
     """Sixty primitives about the sensor, which is inside some of them; patterns fill no tile."""
     kinds = set()
@@ -325,7 +356,7 @@ def test_threads_do_not_change_a_bit(poses):
 @pytest.mark.parametrize("pattern", ["grid", "scattered"])
 def test_no_bound_rules_out_a_hit(pattern):
     """Splinters, plates and balls of any size, many to a tile: all bits as of `mj_multiRay`."""
-    dense = Lidar("", "", 40, 200, -0.5, 0.5, range=30.0, rate=1.0, source="")
+    dense = lidar(40, 200, -0.5, 0.5, range=30.0)
     for seed in range(8):
         rng = np.random.default_rng([31, seed])
         model, data = posed(random_geoms(rng, 300, spread=10.0, sizes=(0.003, 3.0)))
@@ -333,7 +364,7 @@ def test_no_bound_rules_out_a_hit(pattern):
         cut = pattern_of(dense) if pattern == "grid" else cut_scattered(directions)
         origin, R = rng.uniform(-5.0, 5.0, 3), random_rotation(rng)
         distance, ids = TileCaster(model, ALL, dense.range).cast(data, cut, origin, R)
-        own, own_ids = MujocoCaster(model, directions, ALL, dense.range).cast(data, origin, R)
+        own, own_ids = own_hits(model, data, directions, dense.range, origin, R)
         beyond = own > dense.range
         np.testing.assert_array_equal(distance, np.where(beyond, -1.0, own))
         np.testing.assert_array_equal(ids, np.where(beyond, -1, own_ids))
@@ -424,7 +455,7 @@ def test_compiled_kernels_are_their_python(moments, monkeypatch):
     """The interpreter runs the same source, callees included, beam by beam."""
     rng = np.random.default_rng(5)
     model, data = posed(random_geoms(rng, 12, spread=2.0))
-    sensor = DepthCamera("", "", 5, 9, 2.0, 1.0, range=5.0, rate=1.0, source="")
+    sensor = camera(5, 9, 2.0, 1.0, range=5.0)
     origins = [0.3, -0.2, 0.1] + 0.05 * rng.normal(size=(moments, 3))
     rotations = np.stack([random_rotation(rng)] * moments)
 
@@ -472,7 +503,7 @@ def test_the_nearest_possible_distance_is_a_lower_bound():
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (8, 8), (33, 32), (16, 100), (3, 65)])
 def test_tiles_hold_each_beam_once_and_their_cones_hold_the_beams(rows, columns):
-    sensor = Lidar("", "", rows, columns, -0.4, 0.7, range=1.0, rate=1.0, source="")
+    sensor = lidar(rows, columns, -0.4, 0.7, range=1.0)
     directions = directions_of(sensor)
     pattern = cut_grid(directions, rows, columns)
     assert sorted(pattern.places) == list(range(rows * columns))
@@ -488,18 +519,37 @@ def test_tiles_hold_each_beam_once_and_their_cones_hold_the_beams(rows, columns)
 
 MESH = (
     '<asset><mesh name="wedge" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
-    '<hfield name="hills" nrow="2" ncol="2" size="1 1 1 1"/></asset>'
+    '<hfield name="hills" nrow="3" ncol="3" size="2 2 1 1" elevation="0 1 0 2 0 1 0 1 3"/></asset>'
 )
+MIXED = """<geom type="mesh" mesh="wedge" pos="1 -2 -.2" euler="20 30 40"/>
+    <geom type="hfield" hfield="hills" pos="-3 0 -1"/><geom type="box" size=".3 .3 .3" pos="2 0 0"/>
+    <geom type="plane" size="0 0 1" pos="0 0 -2"/>
+    <body mocap="true" pos="0 3 0"><geom type="mesh" mesh="wedge"/></body>"""
 
 
-@pytest.mark.parametrize("shape", ['type="mesh" mesh="wedge"', 'type="hfield" hfield="hills"'])
-def test_shapes_that_only_mujoco_casts_are_refused_by_name(shape):
-    model, data = posed(f'<site name="eye"/><geom name="rock" {shape}/>', MESH)
-    with pytest.raises(ValueError, match=r"geom 'rock': got shape (mesh|hfield).*'mujoco'"):
-        SweepCaster(model, CAMERA, engine="tile")
-    assert len(SweepCaster(model, CAMERA, engine="mujoco").cast(data)) == 45 * 61
-    hidden, _ = posed(f'<site name="eye"/><geom name="rock" {shape} group="3"/>', MESH)
-    SweepCaster(hidden, CAMERA, engine="tile")
+@pytest.mark.parametrize("moments", [1, 26])
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_triangles_and_primitives_in_one_scene(moments, threads):
+    """Distances, ids and normals of MuJoCo's own caster, from one pose and from many."""
+    model, data = posed(MIXED, MESH)
+    rng = np.random.default_rng(moments)
+    directions = directions_of(LIDAR)
+    moment = np.tile(np.arange(130) * moments // 130, 21).astype(np.int32)
+    origins = np.array([0.1, 0.2, 0.3]) + rng.normal(0.0, 0.05, (moments, 3))
+    rotations = np.stack([random_rotation(rng) for _ in range(moments)])
+    caster = TileCaster(model, ALL, LIDAR.range, threads)
+    got = caster.cast_with_normals(data, pattern_of(LIDAR, moment), origins, rotations)
+    plain = caster.cast(data, pattern_of(LIDAR, moment), origins, rotations)
+    assert all((one == other).all() for one, other in zip(plain, got, strict=False))
+    firing = Firing(directions, moment, pattern_of(LIDAR, moment))
+    own = MujocoEngine(model, ALL, LIDAR.range, 1)
+    expected = own.cast(data, firing, origins, rotations, normals=True)
+    hit = (expected.distance >= 0.0) & (expected.distance <= LIDAR.range)
+    assert set(np.unique(expected.geom_id[hit])) == {0, 1, 2, 3, 4}
+    np.testing.assert_array_equal(got[1], np.where(hit, expected.geom_id, -1))
+    np.testing.assert_allclose(got[0], np.where(hit, expected.distance, -1.0), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(got[2][hit], expected.normals[hit], rtol=0, atol=1e-9)
+    assert (got[2][~hit] == 0.0).all()
 
 
 X = np.array([[1.0, 0.0, 0.0]])
@@ -559,7 +609,7 @@ def test_both_engines_give_the_same_warehouse(robot):
     world, robot = WORLDS["warehouse"](4), ROBOTS[robot]
     sweeps = []
     for engine in ("tile", "mujoco"):
-        scene = compose(world, robot, SensorConfig(engine))
+        scene = compose(world, robot, SensorConfig(engine=engine))
         data = mujoco.MjData(scene.model)
         start = np.array([*world.start[:2], robot.spec.rest_height])
         scene.controller.reset(data, start, world.start_heading)
@@ -567,8 +617,9 @@ def test_both_engines_give_the_same_warehouse(robot):
             data.qpos[:3] += (0.1234, -0.0567, 0.031)
             data.qpos[3:7] = np.array(quaternion) / np.linalg.norm(quaternion)
             mujoco.mj_kinematics(scene.model, data)
-            casters = scene.casters[: len(robot.spec.sweep_sensors)]
-            sweeps.append((engine, [caster.cast(data) for caster in casters]))
+            casters = [c for c in scene.casters if not isinstance(c, RangefinderCaster)]
+            trail = Trail(data.qpos[None, :3].copy(), data.qpos[None, 3:7].copy(), 0.002)
+            sweeps.append((engine, [caster.cast(data, trail, 0, 0) for caster in casters]))
     for (_, tile), (_, own) in zip(sweeps[:2], sweeps[2:], strict=True):
         for one, other in zip(tile, own, strict=True):
             np.testing.assert_array_equal(one, other)
@@ -579,8 +630,8 @@ def test_both_engines_give_the_same_sweep():
     model, data = posed(random_geoms(np.random.default_rng(1), 10))
     caster = TileCaster(model, ALL, LIDAR.range)
     tile = caster.cast(data, pattern_of(LIDAR), np.zeros(3), np.eye(3))
-    own = MujocoCaster(model, directions_of(LIDAR), ALL, LIDAR.range)
-    distance, ids = own.cast(data, np.zeros(3), np.eye(3))
+    directions = directions_of(LIDAR)
+    distance, ids = own_hits(model, data, directions, LIDAR.range, np.zeros(3), np.eye(3))
     beyond = distance > LIDAR.range
     np.testing.assert_allclose(tile[0], np.where(beyond, -1.0, distance), rtol=0, atol=1e-9)
     np.testing.assert_array_equal(tile[1], np.where(beyond, -1, ids))
