@@ -35,6 +35,8 @@ def fade(magnitude: int, tick: int, until: int, losses: NDArray[np.uint64]) -> t
     """
     while magnitude > 0:
         loss = losses[magnitude]
+        if loss == 0:
+            break
         behind = (np.uint64(tick) * loss) & (UNIT - np.uint64(1))  # wraps, the fraction stays
         if loss < UNIT:  # straight to the tick that takes one unit
             ticks = np.int64((UNIT - behind + loss - np.uint64(1)) // loss)

@@ -178,10 +178,10 @@ class SweepWindow:
         cells = sweep.sensors >> beams.SUBCELL_BITS
         boxes = np.empty((self._team.size, 2, 3), np.int64)
         boxes[:, 0], boxes[:, 1] = cells.min(axis=0), cells.max(axis=0)
-        refused = np.full(self._team.size, -1)
+        refused: list[int] = []
 
         def place(member: int, part: tuple[int, int]) -> None:
-            refused[member] = beams.place_ends(
+            beam = beams.place_ends(
                 sweep.origins,
                 sweep.moments,
                 sweep.directions,
@@ -193,11 +193,13 @@ class SweepWindow:
                 fates,
                 boxes[member],
             )
+            if beam >= 0:
+                refused.append(beam)
 
         self._team.share(place, count)
-        if np.any(refused >= 0):
-            beam = int(refused[refused >= 0][0])
-            raise ValueError(f"directions: got {sweep.directions[beam]}, expected unit length")
+        if refused:
+            direction = sweep.directions[min(refused)]
+            raise ValueError(f"directions: got {direction}, expected unit length")
         box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
         _, shape = _window(box)
         if np.prod(shape) > MAX_WINDOW_WORDS:

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
+PARTS = 6
+"""Parts of a piece of work to each thread: the beams of one part may take longer than others."""
+
+Work = Callable[[int, tuple[int, int]], None]
+
 
 class Team:
-    """A fixed number of threads; with one there is none but the caller's."""
+    """A fixed number of threads; with one there is none but the caller's.
+
+    Which thread does which part is left to chance: what they do must not depend on it.
+    """
 
     def __init__(self, threads: int) -> None:
         """Start them.
@@ -20,16 +29,20 @@ class Team:
         self.size = threads
         self._pool = ThreadPoolExecutor(threads - 1, "maps") if threads > 1 else None
 
-    def share(self, work: Callable[[int, tuple[int, int]], None], count: int) -> None:
-        """Call `work(member, (first, end))` for equal parts of `count` items, and wait."""
+    def share(self, work: Work, count: int) -> None:
+        """Call `work(member, (first, end))` for all parts of `count` items, and wait."""
         if self._pool is None:
             work(0, (0, count))
             return
-        edges = [count * member // self.size for member in range(self.size + 1)]
-        others = [
-            self._pool.submit(work, member, (edges[member], edges[member + 1]))
-            for member in range(1, self.size)
-        ]
-        work(0, (0, edges[1]))
+        parts = PARTS * self.size
+        edges = [count * part // parts for part in range(parts + 1)]
+        queue = itertools.count()
+
+        def help_out(member: int) -> None:
+            while (part := next(queue)) < parts:
+                work(member, (edges[part], edges[part + 1]))
+
+        others = [self._pool.submit(help_out, member) for member in range(1, self.size)]
+        help_out(0)
         for other in others:
             other.result()
