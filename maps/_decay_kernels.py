@@ -1,9 +1,12 @@
 """Compiled kernels of decay: what many ticks make of a value, and of a brick that lies in wait.
 
-A tick takes d = floor((n + 1) r) - floor(n r) units from a magnitude v, where n is the number of
-ticks before it and r the exact loss of v in one tick: rounding is spread over the ticks (error
-diffusion), so the half-life holds even where a tick takes less than one unit. That is a pure
-function of value and tick, so a brick can be left alone and brought up to date later.
+Tick n takes floor(r + u) units from a magnitude v, where r is the exact loss of v in one tick and
+u = n phi mod 1 with the golden ratio phi: a rounding threshold that is spread evenly over the ticks
+and is the same for all values. So the half-life holds even where a tick takes less than one unit:
+between two losses of a unit lie 1 / r ticks on average, since u returns to an interval of length r
+that often (Kac 1947). That is a pure function of value and tick, so a brick can be left alone and
+brought up to date later. Tried: floor((n + 1) r) - floor(n r), whose phase differs from value to
+value; small values then fade up to twice too fast.
 """
 
 from __future__ import annotations
@@ -14,8 +17,10 @@ from numpy.typing import NDArray
 from maps._jit import kernel
 
 LOSS_BITS = 40
-UNIT = np.uint64(1 << LOSS_BITS)
+FRACTION = np.uint64((1 << LOSS_BITS) - 1)
+GOLDEN = np.uint64(0x9E3779B97F)  # (sqrt(5) - 1) / 2, in 2^-40
 NEVER = 1 << 62  # a tick
+HORIZON = 1 << 12  # ticks after which a brick is looked at in any case
 BYTE = np.uint64(0xFF)
 EDGE_VALUES = 256
 
@@ -31,23 +36,14 @@ def fade(magnitude: int, tick: int, until: int, losses: NDArray[np.uint64]) -> t
         losses: (128,) loss in one tick by magnitude, in 2^-40 units.
 
     Returns:
-        The magnitude, and the tick of its last loss.
+        The magnitude, and the number of ticks that it has seen then.
     """
-    while magnitude > 0:
-        loss = losses[magnitude]
-        if loss == 0:
-            break
-        behind = (np.uint64(tick) * loss) & (UNIT - np.uint64(1))  # wraps, the fraction stays
-        if loss < UNIT:  # straight to the tick that takes one unit
-            ticks = np.int64((UNIT - behind + loss - np.uint64(1)) // loss)
-            taken = 1
-        else:
-            ticks = 1
-            taken = np.int64((behind + loss) >> np.uint64(LOSS_BITS))
-        if ticks > until - tick:
-            break
-        tick += ticks
-        magnitude = max(magnitude - taken, 0)
+    threshold = (np.uint64(tick) * GOLDEN) & FRACTION
+    while magnitude > 0 and tick < until:
+        loss = np.int64((losses[magnitude] + threshold) >> np.uint64(LOSS_BITS))
+        magnitude = max(magnitude - loss, 0)
+        threshold = (threshold + GOLDEN) & FRACTION
+        tick += 1
     return magnitude, tick
 
 
@@ -124,7 +120,7 @@ def fade_brick(
     kept = np.uint64(0)
     for column in range(fresh.shape[0]):
         kept |= fresh[column]
-    turned, alive, due = False, False, NEVER
+    turned, alive, due = False, False, until + HORIZON
     for byte in range(EDGE_VALUES):
         value = byte if byte < 128 else byte - 256
         if not present[byte] or value == 0:
@@ -137,7 +133,7 @@ def fade_brick(
         for magnitude in (left, abs(value) if kept != 0 else 0):
             if magnitude > 0:
                 alive = True
-                due = min(due, fade(magnitude, until, NEVER, losses)[1])
+                due = fade(magnitude, until, due, losses)[1]
     replace_values(cells, eights, fresh, table)
     for column in range(fresh.shape[0]):
         settled[column] &= fresh[column]

@@ -101,9 +101,11 @@ def prepare_sweep(
             raise ValueError(f"moments: got none for {len(starts)} origins, expected one each beam")
         moments = np.empty(0, np.int32)
     else:
-        if moments.shape != ranges_mm.shape or np.any((moments < 0) | (moments >= len(starts))):
+        named = moments.dtype.kind in "iu" and moments.shape == ranges_mm.shape
+        if not named or np.any((moments < 0) | (moments >= len(starts))):
             raise ValueError(
-                f"moments: got {moments.shape}, expected {ranges_mm.shape} in 0 to {len(starts) - 1}"
+                f"moments: got {moments.dtype} {moments.shape}, "
+                f"expected whole numbers {ranges_mm.shape} in 0 to {len(starts) - 1}"
             )
         if np.any(np.diff(moments) < 0):
             order = np.argsort(moments, kind="stable")
