@@ -151,31 +151,31 @@ def carve_in_word(
     low_base, high_base = low_middle << WAY_BITS, high_middle << WAY_BITS
     way_x, way_y = halves
     pitch_x, pitch_y = 2 * halves[0], 2 * halves[1]
-    at, jump_y, turn = np.uint64(place), np.uint64(jumps[1]), np.uint64(jumps[0] - jumps[1])
-    if low == high:
+    turn = jumps[0] - jumps[1]
+    # Through x: all ones if the next face is along x. Masks, as a branch is mispredicted.
+    if low == high:  # one beam, half the work
         for _ in range(steps):
             ahead = way_x - way_y
             through_x = (ahead - 1) >> 63
             way = way_y + (ahead & through_x)
             next_low = (low_base + way * low_rise) >> (WAY_BITS + HALVES_BITS)
             first, last = np.uint64(min(low, next_low)), np.uint64(63 - max(low, next_low))
-            free[at] |= (FULL << first) & (FULL >> last) & keep
+            free[np.uint64(place)] |= (FULL << first) & (FULL >> last) & keep
             low = next_low
-            at += jump_y + (turn & np.uint64(through_x))
+            place += jumps[1] + (turn & through_x)
             way_x += pitch_x & through_x
             way_y += pitch_y & ~through_x
         return low, low
     for _ in range(steps):
-        # Through x: all ones if the next face is along x. Masks, as a branch is mispredicted.
         ahead = way_x - way_y
         through_x = (ahead - 1) >> 63
         way = way_y + (ahead & through_x)
         next_low = (low_base + way * low_rise) >> (WAY_BITS + HALVES_BITS)
         next_high = (high_base + way * high_rise) >> (WAY_BITS + HALVES_BITS)
         first, last = np.uint64(min(low, next_low)), np.uint64(63 - max(high, next_high))
-        free[at] |= (FULL << first) & (FULL >> last) & keep
+        free[np.uint64(place)] |= (FULL << first) & (FULL >> last) & keep
         low, high = next_low, next_high
-        at += jump_y + (turn & np.uint64(through_x))
+        place += jumps[1] + (turn & through_x)
         way_x += pitch_x & through_x
         way_y += pitch_y & ~through_x
     return low, high
@@ -246,9 +246,7 @@ def carve_run(
         )
         low, high = low + bottom, high + bottom
     else:
-        low, high = carve_across_words(
-            column, steps, ends, top, least, halves, jumps, words, free
-        )
+        low, high = carve_across_words(column, steps, ends, top, least, halves, jumps, words, free)
     mark_run(free, target * words, max(min(low, inner), least), max(high, inner))
 
 

@@ -85,6 +85,4 @@ class MapConfig:
     def _check_choice(self, field: str, choices: tuple[str, ...]) -> None:
         value = getattr(self, field)
         if value not in choices:
-            raise ValueError(
-                f"map.{field}: got {value!r}, expected one of {', '.join(choices)}"
-            )
+            raise ValueError(f"map.{field}: got {value!r}, expected one of {', '.join(choices)}")

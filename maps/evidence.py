@@ -50,9 +50,7 @@ class Evidence:
 
         units = min(range(finest, finest // 2, -1), key=error)
         span = round(units * high) - round(units * low)
-        hit, miss = (
-            min(max(round(units * step), 1), span) for step in (config.hit, config.miss)
-        )
+        hit, miss = (min(max(round(units * step), 1), span) for step in (config.hit, config.miss))
         return cls(units, hit, miss, round(units * low), round(units * high))
 
     @property

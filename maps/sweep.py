@@ -289,7 +289,7 @@ class SweepWindow:
         blocks = np.argwhere(touched)  # (k, 3)
         rows = blocks * [bricks.EDGE, bricks.EDGE, 1]
         places = (rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]
-        keys = (blocks + brick_of(corner)).astype(np.int32)
+        keys = (blocks + brick_of(corner)).astype(np.int32, order="C")
         return Marks(keys, places, (ny * words, words), self._hits[0], self._free[0])
 
 

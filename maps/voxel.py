@@ -300,7 +300,9 @@ class VoxelMap:
         )
         if state == FREE:
             return None
-        return RayEnd(state, distance * self.resolution, start + distance * self.resolution * toward)
+        return RayEnd(
+            state, distance * self.resolution, start + distance * self.resolution * toward
+        )
 
     def is_free_along(self, start: ArrayLike, end: ArrayLike) -> bool:
         """Whether every cell on the line between two points (3,), m, world, is free."""

@@ -101,9 +101,7 @@ def test_a_thousand_sweeps_equal_the_definition_cell_by_cell(threads):
         rng = np.random.default_rng(seed)
         resolution = float(rng.choice([0.05, 0.1, 0.2]))
         guard = "floor" if seed % 2 else "none"
-        config = MapConfig(
-            resolution=resolution, half_life=0.0, surface_guard=guard, memory_mib=16
-        )
+        config = MapConfig(resolution=resolution, half_life=0.0, surface_guard=guard, memory_mib=16)
         voxel_map, log_odds = VoxelMap(config, threads), {}
         place = rng.choice([0.0, -50.0, 9e5], 3) * [1.0, 1.0, seed % 3 == 0]
         for k in range(8):

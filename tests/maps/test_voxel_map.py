@@ -204,7 +204,10 @@ def test_a_free_sphere_holds_the_centres_within_its_radius(voxel_map):
 def test_a_standing_body_tells_of_the_floor_unless_a_beam_went_through(voxel_map):
     voxel_map.mark_free((1.0, 1.0, -0.1), (1.1, 1.1, 0.0), 0)
     voxel_map.mark_floor((1.0, 1.0), (1.2, 1.2), 0)
-    assert voxel_map.states_in((1.0, 1.0, -0.07), (1.2, 1.2, 0.02))[:, :, 0].tolist() == [[1, 2], [2, 2]]
+    assert voxel_map.states_in((1.0, 1.0, -0.07), (1.2, 1.2, 0.02))[:, :, 0].tolist() == [
+        [1, 2],
+        [2, 2],
+    ]
     assert voxel_map.counts()["occupied"] == 3
 
 
@@ -264,7 +267,9 @@ def test_rounding_tells_what_was_asked_and_what_is_in_effect(settings):
     }
     look(voxel_map, 2000)
     seen = voxel_map.probability_at([*CELL, *BEFORE])
-    np.testing.assert_allclose(np.log(seen / (1 - seen)), [rounding["hit"][1], -rounding["miss"][1]])
+    np.testing.assert_allclose(
+        np.log(seen / (1 - seen)), [rounding["hit"][1], -rounding["miss"][1]]
+    )
     for _ in range(60):
         look(voxel_map, 2000)
     clamps = [rounding["clamp_high"][1], rounding["clamp_low"][1]]
