@@ -1,6 +1,6 @@
 """Compiled kernels of a sweep: where its beams end, and which cells they cross.
 
-Cells are marked in a dense window around the sweep, a word of 64 bits for 64 cells of a column along
+Cells are marked in a dense window around the sweep: a word of 64 bits is 64 cells of a column along
 z. All kernels that call each other live in this file because a cached kernel is not recompiled when
 another file changes.
 
@@ -99,17 +99,17 @@ def place_ends(
 
 
 @kernel
-def first_bit(word: int) -> int:
+def first_bit(word: np.uint64) -> int:
     """Index of the lowest set bit of a word that is not 0."""
     bits = (word & (~word + ONE)) - ONE  # as many ones as there are zeros below it
     bits = bits - ((bits >> ONE) & B55)
     bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
     bits = (bits + (bits >> np.uint64(4))) & B0F
-    return np.int64((bits * B01) >> np.uint64(56))
+    return int((bits * B01) >> np.uint64(56))
 
 
 @kernel
-def next_run(bits: int) -> tuple[int, int]:
+def next_run(bits: np.uint64) -> tuple[int, int]:
     """First and last of the lowest run of set bits in a word that is not 0."""
     low = first_bit(bits)
     clear = ~(bits >> np.uint64(low))
@@ -135,7 +135,7 @@ def carve_in_word(
     steps: int,  # columns to the sensor's
     ends: tuple[int, int],  # lowest and highest cell of the run, 0 to 63
     top: int,  # height of the sensor in the word, 1/1024 of a cell
-    keep: int,  # bits that may be marked
+    keep: np.uint64,  # bits that may be marked
     halves: tuple[int, int],  # way from the end to the first face along x and y
     jumps: tuple[int, int],  # words from column to column along x and y
     free: NDArray[np.uint64],
@@ -264,7 +264,7 @@ def carve_column(
     _, ny, words = shape
     x, y = column // ny, column % ny
     to_x, to_y = sensor[0] - x * HALVES - SUBCELLS, sensor[1] - y * HALVES - SUBCELLS  # both odd
-    halves = (np.int64(HALF_PITCH / abs(to_x)), np.int64(HALF_PITCH / abs(to_y)))
+    halves = (int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y)))
     jumps = (ny if to_x > 0 else -ny, 1 if to_y > 0 else -1)
     target_x, target_y = sensor[0] >> HALVES_BITS, sensor[1] >> HALVES_BITS
     steps, target = abs(target_x - x) + abs(target_y - y), target_x * ny + target_y

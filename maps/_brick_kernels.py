@@ -1,7 +1,7 @@
 """Compiled kernels of bricks: where each is held, and what a sweep does to its cells.
 
-A brick is 16 x 16 columns of 64 cells: a column is one cache line of int8 log-odds and one bit per
-cell in a 64-bit word. Eight cells are updated at once in an integer register, so a brick's cells are
+A brick is 16 x 16 columns of 64 cells. The log-odds of a column are one cache line, and a bit for
+each of its cells is one word. Eight cells are updated at once in a register, so a brick's cells are
 also seen as words; the byte order is little-endian, as on every processor that numba knows.
 
 All kernels that call each other live in this file because a cached kernel is not recompiled when
@@ -55,9 +55,9 @@ def find(
     z: int,
 ) -> int:
     """The slot of a brick, or -1."""
-    slot = np.int64(heads[bucket_of(x, y, z, heads.shape[0])])
+    slot = int(heads[bucket_of(x, y, z, heads.shape[0])])
     while slot >= 0 and not (keys[slot, 0] == x and keys[slot, 1] == y and keys[slot, 2] == z):
-        slot = np.int64(links[slot])
+        slot = int(links[slot])
     return slot
 
 
@@ -135,22 +135,22 @@ def gather(
 
 
 @kernel
-def count_bits(bits: int) -> int:
+def count_bits(bits: np.uint64) -> int:
     """Number of set bits of a word."""
     bits = bits - ((bits >> ONE) & B55)
     bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
     bits = (bits + (bits >> np.uint64(4))) & B0F
-    return np.int64((bits * B01) >> np.uint64(56))
+    return int((bits * B01) >> np.uint64(56))
 
 
 @kernel
-def positive(eight: int) -> int:
+def positive(eight: np.uint64) -> np.uint64:
     """The top bit of each of eight int8: whether it is more than 0."""
     return (((eight & B7F) + B7F) | eight) & ~eight & B80
 
 
 @kernel
-def lowered(eight: int, floor: int, miss: int) -> int:
+def lowered(eight: np.uint64, floor: np.uint64, miss: np.uint64) -> np.uint64:
     """max(value, low + miss) - miss of eight int8 at once.
 
     `floor` holds low + miss + 128 and `miss` the miss in every byte. Compared are the values plus
@@ -167,11 +167,11 @@ def lowered(eight: int, floor: int, miss: int) -> int:
 def update_column(
     cells: NDArray[np.int8],  # (64,)
     eights: NDArray[np.uint64],  # (8,) the same memory
-    settled: int,  # cells known to lie at the lower clamp
-    hits: int,
-    free: int,
+    settled: np.uint64,  # cells known to lie at the lower clamp
+    hits: np.uint64,
+    free: np.uint64,
     steps: tuple[int, int, int, int],  # (hit, miss, low, high)
-) -> tuple[int, int]:
+) -> tuple[np.uint64, int]:
     """Raise the cells that were hit and lower those that were crossed.
 
     Returns:
@@ -200,7 +200,7 @@ def update_column(
         bit = hits & (~hits + ONE)
         hits ^= bit
         z = count_bits(bit - ONE)
-        before = np.int64(cells[z])
+        before = int(cells[z])
         after = min(before + hit, high)
         cells[z] = after
         differ |= np.uint64(before != after)
@@ -255,7 +255,7 @@ def update_bricks(
 
 
 @kernel
-def column_states(eights: NDArray[np.uint64]) -> tuple[int, int]:
+def column_states(eights: NDArray[np.uint64]) -> tuple[np.uint64, np.uint64]:
     """The occupied and the free cells of a column, a bit each."""
     occupied, free = np.uint64(0), np.uint64(0)
     shift = np.uint64(0)

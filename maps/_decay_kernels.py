@@ -40,7 +40,7 @@ def fade(magnitude: int, tick: int, until: int, losses: NDArray[np.uint64]) -> t
     """
     threshold = (np.uint64(tick) * GOLDEN) & FRACTION
     while magnitude > 0 and tick < until:
-        loss = np.int64((losses[magnitude] + threshold) >> np.uint64(LOSS_BITS))
+        loss = int((losses[magnitude] + threshold) >> np.uint64(LOSS_BITS))
         magnitude = max(magnitude - loss, 0)
         threshold = (threshold + GOLDEN) & FRACTION
         tick += 1
@@ -56,8 +56,8 @@ def fade_values(
 ) -> None:
     """Bring single values up to date."""
     for i in range(values.shape[0]):
-        value = np.int64(values[i])
-        left, _ = fade(abs(value), ticks[i], until, losses)
+        value = int(values[i])
+        left, _ = fade(abs(value), int(ticks[i]), until, losses)
         values[i] = left if value > 0 else -left
 
 

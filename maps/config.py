@@ -28,7 +28,7 @@ class MapConfig:
             0 means no decay.
         decay_period: Time between two decay ticks, s of simulated time.
         minimum_range: Nearer returns are dropped, m: they are mostly the sensor's own housing.
-        surface_guard: `floor`: a beam that ends in the floor's layer does not take evidence from that
+        surface_guard: `floor`: a beam that ends in the floor's layer takes no evidence from that
             layer, as it would at grazing angles; `none`: it does.
         memory_mib: Bound on the memory of the map's bricks, MiB; beyond it the bricks observed
             longest ago are dropped.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,7 +60,8 @@ class Sweep:
     def sensors(self) -> NDArray[np.int64]:
         """(m, 3) sub-cells that beams start in."""
         scaled = self.origins * (beams.SUBCELLS / self.resolution)
-        return np.floor(scaled + [0.0, 0.0, beams.FLOOR_SUBCELLS]).astype(np.int64)
+        shifted: NDArray[np.float64] = scaled + np.array([0.0, 0.0, beams.FLOOR_SUBCELLS])
+        return np.floor(shifted).astype(np.int64)
 
     @property
     def groups(self) -> NDArray[np.int64]:
@@ -119,10 +121,9 @@ def prepare_sweep(
     )
 
 
-def _plain(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
+def _plain(array: NDArray[Any], dtype: type[Any]) -> NDArray[Any]:
     """The array, or a copy: to the compiler a read-only one, as a log yields, is another type."""
-    needs = ["C_CONTIGUOUS", "WRITEABLE", "ALIGNED"]
-    return np.require(array, dtype, needs)
+    return np.require(array, dtype, ["C", "W", "A"])
 
 
 @dataclass(frozen=True)
@@ -257,7 +258,7 @@ class SweepWindow:
         return self._collect(corner, shape)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:
-        """Mark the cells of an array (nx, ny, nz) whose least cell is `first`, as hit or as free."""
+        """Mark cells of an array (nx, ny, nz), whose least one is `first`, as hit or as free."""
         corner, shape = _window(np.stack([first, first + np.maximum(cells.shape, 1) - 1]))
         nx, ny, words = shape
         self._reserve(nx * ny, words)
@@ -287,8 +288,8 @@ class SweepWindow:
 
         self._team.share(gather, len(touched))
         blocks = np.argwhere(touched)  # (k, 3)
-        rows = blocks * [bricks.EDGE, bricks.EDGE, 1]
-        places = (rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]
+        rows = blocks * np.array([bricks.EDGE, bricks.EDGE, 1])
+        places = ((rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]).astype(np.int64)
         keys = (blocks + brick_of(corner)).astype(np.int32, order="C")
         return Marks(keys, places, (ny * words, words), self._hits[0], self._free[0])
 
@@ -302,7 +303,8 @@ def brick_of(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 def brick_cells(keys: NDArray[np.integer]) -> NDArray[np.int64]:
     """Least cells (..., 3) of bricks."""
     size = np.array([bricks.EDGE, bricks.EDGE, bricks.HEIGHT])
-    return keys.astype(np.int64) * size - [0, 0, bricks.BELOW_FLOOR]
+    low: NDArray[np.int64] = keys.astype(np.int64) * size - [0, 0, bricks.BELOW_FLOOR]
+    return low
 
 
 def pack_bits(cells: NDArray[np.bool_]) -> NDArray[np.uint64]:

@@ -26,7 +26,6 @@ from maps.sweep import (
     SweepStatistics,
     SweepWindow,
     brick_cells,
-    brick_of,
     prepare_sweep,
     unpack_bits,
 )
@@ -163,7 +162,7 @@ class VoxelMap:
         """
         middle = finite_vector("centre", centre)
         first, end = cell_box(middle - radius, middle + radius, self.resolution)
-        cells = np.stack(np.indices(end - first), axis=-1) + first  # (nx, ny, nz, 3)
+        cells = np.moveaxis(np.indices(tuple(end - first)), 0, -1) + first  # (nx, ny, nz, 3)
         squared = ((centres(cells, self.resolution) - middle) ** 2).sum(axis=-1)
         self._mark(first, squared <= radius * radius, OCCUPIED, time_ns)
 
@@ -259,7 +258,7 @@ class VoxelMap:
         return self._bricks.changed(since), self._stamp
 
     def states_in(self, low: ArrayLike, high: ArrayLike) -> NDArray[np.uint8]:
-        """The states (nx, ny, nz) of the cells whose centres lie in a box, corners (3,) m, world."""
+        """States (nx, ny, nz) of the cells whose centres lie in a box, corners (3,) m, world."""
         first, end = cell_box(low, high, self.resolution)
         nx, ny, nz = (int(n) for n in end - first)
         occupied, free = self.columns(first, (nx, ny, -(-nz // 64)))
@@ -309,7 +308,7 @@ class VoxelMap:
         way = finite_vector("end", end) - finite_vector("start", start)
         length = math.sqrt(float(way @ way))
         if length == 0.0:
-            return bool(self.state_at([start])[0] == FREE)
+            return bool(self.state_at(np.reshape(start, (1, 3)))[0] == FREE)
         return self.cast_ray(start, way, length, stop_at_unknown=True) is None
 
     def occupied_centres(self) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
 from maps import _brick_kernels as kernels
 from maps.bricks import BYTES_IN_BRICK, Bricks
 
+MIDDLE = np.array([0.5, 0.5, -0.25])
 FORWARD = np.array([[1.0, 0.0, 0.0]])
 
 
@@ -86,7 +87,7 @@ def test_columns_are_the_states_bit_by_bit():
     for low in ([-9, -7, -62], [0, 0, -2], [-16, 5, -65], [900, 0, 0]):
         occupied, free = voxel_map.columns(low, shape)
         cells = np.stack(np.indices((21, 33, 128)), axis=-1).reshape(-1, 3) + low
-        states = voxel_map.state_at((cells + [0.5, 0.5, -0.25]) * 0.1).reshape(21, 33, 128)
+        states = voxel_map.state_at((cells + MIDDLE) * 0.1).reshape(21, 33, 128)
         for words, state in ((occupied, OCCUPIED), (free, FREE)):
             bits = (words[..., None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
             np.testing.assert_array_equal(bits.reshape(states.shape), states == state)

@@ -12,10 +12,15 @@ HALVES = 1024
 WAYS = 2**40
 
 
+def from_middle(sensor, end):
+    """The way from the middle of the end cell to the sensor, in 1/1024 of a cell."""
+    return [q - (HALVES * c + HALVES // 2) for q, c in zip(sensor, end, strict=True)]
+
+
 def naive_cells(sensor, end, returned, guard):
     """The cells that a beam crosses, from its end cell to the sensor (in 1/1024 of a cell)."""
     cell = [q // HALVES for q in sensor]
-    way = [q - (HALVES * c + HALVES // 2) for q, c in zip(sensor, end, strict=True)]
+    way = from_middle(sensor, end)
     faces = []
     for axis in range(2):
         half = 2**49 // abs(way[axis])
@@ -39,7 +44,7 @@ def naive_cells(sensor, end, returned, guard):
 
 def exact_columns(sensor, end):
     """The columns on the straight line, by fractions, where it meets no edge."""
-    way = [q - (HALVES * c + HALVES // 2) for q, c in zip(sensor, end, strict=True)]
+    way = from_middle(sensor, end)
     columns, x, y = {(end[0], end[1])}, end[0], end[1]
     faces = []
     for axis in range(2):
@@ -64,7 +69,7 @@ def naive_integrate(log_odds, evidence, config, origins, moments, beams, limit_m
         returned = millimetres <= limit_mm
         length = min(int(millimetres), limit_mm) / 1000.0
         sensor = [2 * int(q) + 1 for q in np.floor(origin * scale + shift)]
-        at = np.floor((origin + direction * length) * scale).astype(int) + [0, 0, 384]
+        at = np.floor((origin + direction * length) * scale).astype(int) + shift.astype(int)
         end = tuple(int(q) for q in at // 512)
         crossed |= naive_cells(sensor, end, returned, config.surface_guard == "floor")
         if returned:
@@ -89,7 +94,7 @@ def random_sweep(rng, count, reach_mm):
 
 def units_of(voxel_map, cells):
     """Log-odds of cells in units, by way of the probabilities."""
-    middles = (np.array(cells) + [0.5, 0.5, -0.25]) * voxel_map.resolution
+    middles = (np.array(cells) + np.array([0.5, 0.5, -0.25])) * voxel_map.resolution
     odds = voxel_map.probability_at(middles)
     return np.rint(np.log(odds / (1.0 - odds)) * voxel_map.evidence.units).astype(int)
 
@@ -199,7 +204,7 @@ def test_the_longest_beam_does_not_overflow():
         voxel_map = VoxelMap(config)
         beam, clear = np.array([direction]), np.array([65535], np.uint16)
         voxel_map.integrate((0.05, 0.05, 0.0), beam, clear, reach * config.resolution, 0)
-        middles = np.outer(np.arange(0.0, 204.0, 5.0), direction) + [0.05, 0.05, 0.0]
+        middles = np.outer(np.arange(0.0, 204.0, 5.0), direction) + np.array([0.05, 0.05, 0.0])
         near = np.array([[x, y, z] for x in (-0.1, 0, 0.1) for y in (-0.1, 0, 0.1) for z in (0.0,)])
         states = [voxel_map.state_at(middle + near) for middle in middles]
         assert np.any(np.array(states) == 1, axis=1).all()
