@@ -105,7 +105,7 @@ def first_bit(word: np.uint64) -> int:
     bits = bits - ((bits >> ONE) & B55)
     bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
     bits = (bits + (bits >> np.uint64(4))) & B0F
-    return int((bits * B01) >> np.uint64(56))
+    return int(np.int64((bits * B01) >> np.uint64(56)))
 
 
 @kernel

@@ -40,7 +40,7 @@ def fade(magnitude: int, tick: int, until: int, losses: NDArray[np.uint64]) -> t
     """
     threshold = (np.uint64(tick) * GOLDEN) & FRACTION
     while magnitude > 0 and tick < until:
-        loss = int((losses[magnitude] + threshold) >> np.uint64(LOSS_BITS))
+        loss = int(np.int64((losses[magnitude] + threshold) >> np.uint64(LOSS_BITS)))
         magnitude = max(magnitude - loss, 0)
         threshold = (threshold + GOLDEN) & FRACTION
         tick += 1
