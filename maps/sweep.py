@@ -144,6 +144,15 @@ class Marks:
     hits: NDArray[np.uint64]
     free: NDArray[np.uint64]
 
+    def take_free(self) -> NDArray[np.uint64]:
+        """The cells to be lowered, (k, 256) words by brick and column; they are marked no more."""
+        row = np.arange(bricks.EDGE)
+        columns = row[:, None] * self.strides[0] + row * self.strides[1]  # (16, 16)
+        words = self.places[:, None] + columns.reshape(-1)  # (k, 256)
+        bits = self.free[words]
+        self.free[words] = 0
+        return bits
+
 
 class SweepWindow:
     """A dense window of columns that follows the sensor; its memory is used again.

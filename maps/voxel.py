@@ -183,6 +183,32 @@ class VoxelMap:
         first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
         self._mark(first, np.ones(end - first, np.bool_), FREE, time_ns)
 
+    def hold(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+        """Spare the cells whose centres lie in a box from the next decay tick.
+
+        For what a standing body's sensors cannot see, under it and around it: called between ticks,
+        it is not forgotten. Nothing is learnt by it either.
+
+        Args:
+            low: (3,) least corner, m, world.
+            high: (3,) greatest corner, m, world.
+            time_ns: Simulated time, ns.
+
+        Raises:
+            ValueError: A corner is not finite.
+        """
+        first, end = cell_box(low, high, self.resolution)
+        self.advance(time_ns)
+        if self.config.half_life == 0.0 or np.any(end <= first):
+            return
+        marks = self._window.fill(first, np.ones(end - first, np.bool_), raised=False)
+        bits = marks.take_free()
+        slots = self._bricks.find(marks.bricks)
+        known = slots[slots >= 0]
+        self._fade(known, to_now=True)
+        self._bricks.fresh[known] |= bits[slots >= 0]
+        self._bricks.dues[known] = self._ticks + 1
+
     def advance(self, time_ns: int) -> None:
         """Apply every decay tick due up to and at `time_ns`.
 
