@@ -46,7 +46,7 @@ UNIT_TOLERANCE = 1e-6
 LISTED = np.uint8(1)
 GRAZED = np.uint8(2)  # a beam ends in its guarded layer
 
-ONE = np.uint64(1)
+ONE, TWO = np.uint64(1), np.uint64(2)
 FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 B01, B55, B33, B0F = (np.uint64(0x0101010101010101 * byte) for byte in (0x01, 0x55, 0x33, 0x0F))
 
@@ -159,8 +159,8 @@ def carve_in_word(
             through_x = (ahead - 1) >> 63
             way = way_y + (ahead & through_x)
             next_low = (low_base + way * low_rise) >> (WAY_BITS + HALVES_BITS)
-            first, last = np.uint64(min(low, next_low)), np.uint64(63 - max(low, next_low))
-            free[np.uint64(place)] |= (FULL << first) & (FULL >> last) & keep
+            first, last = np.uint64(min(low, next_low)), np.uint64(max(low, next_low))
+            free[np.uint64(place)] |= ((TWO << last) - (ONE << first)) & keep
             low = next_low
             place += jumps[1] + (turn & through_x)
             way_x += pitch_x & through_x
@@ -172,8 +172,8 @@ def carve_in_word(
         way = way_y + (ahead & through_x)
         next_low = (low_base + way * low_rise) >> (WAY_BITS + HALVES_BITS)
         next_high = (high_base + way * high_rise) >> (WAY_BITS + HALVES_BITS)
-        first, last = np.uint64(min(low, next_low)), np.uint64(63 - max(high, next_high))
-        free[np.uint64(place)] |= (FULL << first) & (FULL >> last) & keep
+        first, last = np.uint64(min(low, next_low)), np.uint64(max(high, next_high))
+        free[np.uint64(place)] |= ((TWO << last) - (ONE << first)) & keep
         low, high = next_low, next_high
         place += jumps[1] + (turn & through_x)
         way_x += pitch_x & through_x

@@ -67,7 +67,8 @@ def find_values(
     present: NDArray[np.bool_],  # (256,) out: by the value's byte
 ) -> None:
     """Find the values that a brick holds; runs of equal words are looked at once."""
-    present[:] = False
+    for byte in range(EDGE_VALUES):
+        present[byte] = False
     last = np.uint64(0)
     present[0] = True
     for column in range(eights.shape[0]):

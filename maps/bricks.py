@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps import _brick_kernels as kernels
+from maps import _update_kernels as update
 from maps._decay_kernels import NEVER
 from maps.sweep import brick_cells
 from maps.team import Team
@@ -155,7 +156,7 @@ class Bricks:
         lanes, held = np.empty((len(slots), 8), np.uint64), np.empty(len(slots), np.bool_)
 
         def digest(_: int, part: tuple[int, int]) -> None:
-            kernels.digest_bricks(slots, part, self.eights, lanes, held)
+            update.digest_bricks(slots, part, self.eights, lanes, held)
 
         team.share(digest, len(slots))
         contents = lanes.astype("<u8", copy=False)

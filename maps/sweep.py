@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maps import _beam_kernels as beams
 from maps import _brick_kernels as bricks
+from maps import _update_kernels as update
 from maps.grid import FLOOR_LAYER, MAX_COORDINATE
 from maps.team import Team
 
@@ -293,7 +294,7 @@ class SweepWindow:
         touched = np.zeros((nx // bricks.EDGE, ny // bricks.EDGE, words), np.bool_)
 
         def gather(_: int, rows: tuple[int, int]) -> None:
-            bricks.gather(self._hits, self._free, shape, rows, touched)
+            update.gather(self._hits, self._free, shape, rows, touched)
 
         self._team.share(gather, len(touched))
         blocks = np.argwhere(touched)  # (k, 3)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from maps import _beam_kernels as beams
 from maps import _brick_kernels as kernels
 from maps import _decay_kernels as decay
+from maps import _update_kernels as updates
 from maps import storage
 from maps.bricks import Bricks
 from maps.config import MapConfig
@@ -430,7 +431,7 @@ class VoxelMap:
         changes, updated = np.zeros(count, np.uint8), np.zeros(count, np.int64)
 
         def update(_: int, part: tuple[int, int]) -> None:
-            kernels.update_bricks(
+            updates.update_bricks(
                 slots,
                 marks.places,
                 part,
@@ -448,8 +449,8 @@ class VoxelMap:
 
         self._team.share(update, count)
         bricks.observed_ns[known] = np.maximum(bricks.observed_ns[known], time_ns)
-        bricks.dirty[slots[(changes & kernels.CONTENT_CHANGED > 0) & (slots >= 0)]] = True
-        turned = (changes & kernels.STATES_CHANGED > 0) & (slots >= 0)
+        bricks.dirty[slots[(changes & updates.CONTENT_CHANGED > 0) & (slots >= 0)]] = True
+        turned = (changes & updates.STATES_CHANGED > 0) & (slots >= 0)
         bricks.stamps[slots[turned]] = self._stamp
         if self.config.half_life > 0.0:
             bricks.dues[known] = self._ticks + 1

@@ -5,6 +5,7 @@ import pytest
 
 from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
 from maps import _brick_kernels as kernels
+from maps import _update_kernels as updates
 from maps.bricks import BYTES_IN_BRICK, Bricks
 
 MIDDLE = np.array([0.5, 0.5, -0.25])
@@ -174,12 +175,12 @@ def both(kernel):
 STEPS = [(27, 12, -60, 104), (29, 13, -64, 111), (100, 120, -127, 127), (1, 1, -2, 1)]
 
 
-@both(kernels.update_column)
+@both(updates.update_column)
 @pytest.mark.parametrize("steps", STEPS)
 def test_update_column(run, steps):
     hit, miss, low, high = steps
     rng = np.random.default_rng(hit)
-    for _ in range(60 if run is kernels.update_column else 8):
+    for _ in range(60 if run is updates.update_column else 8):
         old = rng.integers(low, high + 1, 64).astype(np.int8)
         old[rng.random(64) < 0.2] = 0
         old[rng.random(64) < 0.2] = low
@@ -227,7 +228,7 @@ def test_column_states(run):
         assert [int(free) >> z & 1 for z in range(64)] == (cells < 0).tolist()
 
 
-@both(kernels.digest_bricks)
+@both(updates.digest_bricks)
 def test_digests_tell_single_words_apart(run):
     rng = np.random.default_rng(5)
     eights = np.repeat(rng.integers(0, 2**63, (1, 256, 8)).astype(np.uint64), 6, axis=0)
@@ -242,8 +243,8 @@ def test_digests_tell_single_words_apart(run):
     assert lanes[0].tolist() == lanes[5].tolist()
     assert held.tolist() == [True, True, True, True, False, True]
     with np.errstate(over="ignore"):
-        again = np.array(kernels.SEEDS)
+        again = np.array(updates.SEEDS)
         for column in eights[0]:
-            again = (again ^ column) * kernels.FACTOR
+            again = (again ^ column) * updates.FACTOR
             again ^= again >> np.uint64(32)
     assert again.tolist() == lanes[0].tolist()
