@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from maps import _brick_kernels as kernels
 from maps import _update_kernels as update
 from maps._decay_kernels import NEVER
-from maps.sweep import brick_cells
+from maps.marks import brick_cells
 from maps.team import Team
 
 CELLS_IN_BRICK = kernels.COLUMNS * kernels.HEIGHT

@@ -21,15 +21,9 @@ from maps.bricks import Bricks
 from maps.config import MapConfig
 from maps.evidence import Evidence, tick_losses
 from maps.grid import FLOOR_LAYER, cell_box, cells_at, centres, finite_vector
+from maps.marks import Marks, SweepWindow, brick_cells, unpack_bits
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from maps.sweep import (
-    Marks,
-    SweepStatistics,
-    SweepWindow,
-    brick_cells,
-    prepare_sweep,
-    unpack_bits,
-)
+from maps.sweep import SweepStatistics, prepare_sweep
 from maps.team import Team
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maps.grid import FLOOR_HEIGHT_IN_CELL, FLOOR_LAYER, ROUNDING, finite_vector
+from maps.marks import unpack_bits
 from maps.states import FREE, OCCUPIED
-from maps.sweep import unpack_bits
 from maps.voxel import VoxelMap
 
 MAX_CELLS = 200_000_000
