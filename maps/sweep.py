@@ -82,8 +82,13 @@ def prepare_sweep(
             outside the origins, or a range limit that is not within 0 to 2047 cells.
     """
     starts = np.array(origins, np.float64, ndmin=2)
-    if starts.ndim != 2 or starts.shape[1] != 3 or not np.all(np.abs(starts) <= MAX_COORDINATE):
-        raise ValueError(f"origins: got {origins!r}, expected finite coordinates within 1e6 m")
+    if starts.ndim != 2 or starts.shape[1] != 3:
+        raise ValueError(f"origins: got shape {np.shape(origins)}, expected (3,) or (m, 3)")
+    strange = ~np.all(np.abs(starts) <= MAX_COORDINATE, axis=1)
+    if strange.any():
+        raise ValueError(
+            f"origins: got {starts[strange][0].tolist()}, expected finite coordinates within 1e6 m"
+        )
     if ranges_mm.dtype != np.uint16 or directions.shape != (*ranges_mm.shape, 3):
         raise ValueError(
             f"beams: got directions {directions.shape} and ranges {ranges_mm.dtype} "

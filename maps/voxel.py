@@ -274,7 +274,8 @@ class VoxelMap:
 
         Returns:
             Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), one for each brick, and `now`. A box
-            may also hold a state that changed and changed back.
+            may also hold a state that changed and changed back. One box of all space is told if
+            since then more bricks were given up than are remembered (65536).
         """
         return self._bricks.changed(since), self._stamp
 

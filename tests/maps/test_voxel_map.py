@@ -216,7 +216,8 @@ def test_a_standing_body_tells_of_the_floor_unless_a_beam_went_through(voxel_map
     [
         ((np.nan, 0, 0), FORWARD, [1], 3.0, "origins: got"),
         ((np.inf, 0, 0), FORWARD, [1], 3.0, "origins: got"),
-        ((0, 2e6, 0), FORWARD, [1], 3.0, "origins: got"),
+        ((0, 2e6, 0), FORWARD, [1], 3.0, r"origins: got \[0.0, 2000000.0, 0.0\], expected"),
+        ((0, 0), FORWARD, [1], 3.0, r"origins: got shape \(2,\), expected \(3,\) or"),
         ([EYE, EYE], FORWARD, [1], 3.0, "moments: got none for 2 origins"),
         (EYE, [[np.nan, 0.0, 0.0]], [1], 3.0, "unit length"),
         (EYE, [[np.inf, 0.0, 0.0]], [1], 3.0, "unit length"),
