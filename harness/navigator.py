@@ -20,7 +20,7 @@ from harness.inputs import Beams, Inputs
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.view import Choice, Memory, View
-from maps import INSCRIBED_COST, MAPS, Costmap
+from maps import INSCRIBED_COST, MAPS, Costmap, Window
 from planners import FreeSpace, MotionLimits, Trajectory, hold
 
 Array = NDArray[np.float64]
@@ -49,10 +49,10 @@ class Navigator:
         self._config = config
         self._mission = mission
         self._beams = dict(beams)
-        self.map = MAPS[config.map.kind](config.map, np.array(mission.low), np.array(mission.high))
+        self.map = MAPS[config.map.kind](config.map)
         self.costmap = Costmap(
             config.map,
-            self.map,
+            Window(self.map, mission.low, mission.high),
             mission.motion,
             mission.radius,
             mission.height,

@@ -8,7 +8,8 @@ from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
-from maps.voxel import VoxelMap
+from maps.voxel import RayEnd, VoxelMap
+from maps.window import Window
 
 MAPS = {"voxel": VoxelMap}
 """Representations by name. Each answers the methods of VoxelMap."""
@@ -22,21 +23,26 @@ __all__ = [
     "UNKNOWN",
     "Costmap",
     "MapConfig",
+    "RayEnd",
     "SweepStatistics",
     "UnknownPolicy",
     "VoxelMap",
+    "Window",
     "warm_up",
 ]
 
 
 def warm_up() -> None:
     """Compile every kernel of the package, so that nothing timed pays for it."""
-    config = MapConfig()
-    tiny = VoxelMap(config, (0.0, 0.0, -0.2), (1.0, 1.0, 1.0))
+    config = MapConfig(memory_mib=1)
+    tiny = VoxelMap(config)
     beams = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     tiny.integrate((0.5, 0.5, 0.5), beams, np.array([400, 65535], np.uint16), 1.0, 0)
     tiny.advance(round(2e9 * config.decay_period))
-    tiny.state_at([[0.5, 0.5, 0.5]])
+    tiny.probability_at([[0.5, 0.5, 0.5]])
+    tiny.cast_ray((0.5, 0.5, 0.5), (1.0, 0.0, 0.0), 1.0)
     tiny.version()
-    Costmap(config, tiny, "ground", radius=0.1, height=0.5, step_height=0.15)
-    Costmap(config, tiny, "air", radius=0.1, height=0.2, step_height=0.0)
+    tiny.advance(round(1e4 * 1e9 * config.decay_period))  # forgets its bricks
+    window = Window(tiny, (0.0, 0.0, -0.2), (1.0, 1.0, 1.0))
+    Costmap(config, window, "ground", radius=0.1, height=0.5, step_height=0.15)
+    Costmap(config, window, "air", radius=0.1, height=0.2, step_height=0.0)

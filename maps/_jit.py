@@ -2,6 +2,7 @@
 
 import numba
 
-# error_model="numpy" leaves division without a branch; no fastmath, because it would let the
-# compiler reorder arithmetic and two machines could then build two maps.
-kernel = numba.njit(cache=True, error_model="numpy")
+# error_model="numpy" leaves division without a branch; nogil lets Python's own threads run kernels
+# side by side. No fastmath: it would let the compiler reorder arithmetic, and two machines could
+# then build two maps.
+kernel = numba.njit(cache=True, error_model="numpy", nogil=True)

@@ -8,6 +8,9 @@ from typing import Literal, get_args
 UnknownPolicy = Literal["forbid", "penalize", "allow"]
 """What a planner may do with a cell that nobody has observed."""
 
+SurfaceGuard = Literal["none", "floor"]
+"""Which surfaces a beam spares that ends in them."""
+
 
 @dataclass(frozen=True)
 class MapConfig:
@@ -25,6 +28,10 @@ class MapConfig:
             0 means no decay.
         decay_period: Time between two decay ticks, s of simulated time.
         minimum_range: Nearer returns are dropped, m: they are mostly the sensor's own housing.
+        surface_guard: `floor`: a beam that ends in the floor's layer takes no evidence from that
+            layer, as it would at grazing angles; `none`: it does.
+        memory_mib: Bound on the memory of the map's bricks, MiB; beyond it the bricks observed
+            longest ago are dropped.
         inflation_margin: Localization margin that is added to the body's radius, m.
         cost_scaling_factor: Rate of the cost's fall with distance, 1/m. The law is that of Nav2's
             inflation layer, whose default of 10 lets paths run along every corner.
@@ -45,6 +52,8 @@ class MapConfig:
     half_life: float = 30.0
     decay_period: float = 1.0
     minimum_range: float = 0.3
+    surface_guard: SurfaceGuard = "floor"
+    memory_mib: int = 512
     inflation_margin: float = 0.1
     cost_scaling_factor: float = 4.0
     cost_range: float = 0.6
@@ -55,22 +64,25 @@ class MapConfig:
         self._check("resolution", 0.01, 0.5, " m")
         self._check("hit", 0.01, 10.0)
         self._check("miss", 0.01, 10.0)
-        # Within these, a step from a clamp stays inside 16 bits at 1000 units per log-odds.
+        # Within these, 8 bits hold at least 18 units to one of log-odds.
         self._check("clamp_low", 0.001, 0.499)
         self._check("clamp_high", 0.501, 0.999)
         self._check("half_life", 0.0, 1e6, " s")
         self._check("decay_period", 0.01, 3600.0, " s")
         self._check("minimum_range", 0.0, 60.0, " m")
+        self._check("memory_mib", 1, 65536, " MiB")
         self._check("inflation_margin", 0.0, 5.0, " m")
         self._check("cost_scaling_factor", 0.1, 1000.0, " 1/m")
         self._check("cost_range", 0.0, 10.0, " m")
-        if self.unknown_policy not in get_args(UnknownPolicy):
-            raise ValueError(
-                f"map.unknown_policy: got {self.unknown_policy!r}, "
-                f"expected one of {', '.join(get_args(UnknownPolicy))}"
-            )
+        self._check_choice("surface_guard", get_args(SurfaceGuard))
+        self._check_choice("unknown_policy", get_args(UnknownPolicy))
 
     def _check(self, field: str, low: float, high: float, unit: str = "") -> None:
         value = getattr(self, field)
         if not low <= value <= high:  # also refuses NaN
             raise ValueError(f"map.{field}: got {value:g}, expected {low:g} to {high:g}{unit}")
+
+    def _check_choice(self, field: str, choices: tuple[str, ...]) -> None:
+        value = getattr(self, field)
+        if value not in choices:
+            raise ValueError(f"map.{field}: got {value!r}, expected one of {', '.join(choices)}")

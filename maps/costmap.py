@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from maps import _field_kernels as kernels
 from maps.config import MapConfig
 from maps.states import FREE, OCCUPIED
-from maps.voxel import VoxelMap
+from maps.window import Window
 
 MAX_REACH = 181  # cells; twice its square still fits 16 bits
 INSCRIBED_COST = 252.0
@@ -51,7 +51,7 @@ class Costmap:
     def __init__(
         self,
         config: MapConfig,
-        voxel_map: VoxelMap,
+        voxel_map: Window,
         motion: str,
         radius: float,
         height: float,
@@ -170,7 +170,7 @@ class Costmap:
         )
 
 
-def _body_band(voxel_map: VoxelMap, height: float, step_height: float) -> tuple[int, int]:
+def _body_band(voxel_map: Window, height: float, step_height: float) -> tuple[int, int]:
     """First and one past the last layer whose cells reach between the step height and height."""
     if not 0.0 <= step_height < height:
         raise ValueError(
@@ -191,7 +191,7 @@ def _body_band(voxel_map: VoxelMap, height: float, step_height: float) -> tuple[
     return first, end
 
 
-def _altitude_window(voxel_map: VoxelMap, floor: float, ceiling: float) -> tuple[int, int]:
+def _altitude_window(voxel_map: Window, floor: float, ceiling: float) -> tuple[int, int]:
     """First and one past the last layer that lie wholly between floor and ceiling."""
     bottom, layers = voxel_map.origin[2], voxel_map.shape[2]
     top = bottom + layers * voxel_map.resolution

@@ -1,13 +1,15 @@
-"""A sweep of beams: what the map demands of one, and what became of it."""
+"""A sweep of beams: what it demands, and what became of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from maps._voxel_kernels import MAX_BEAM_CELLS
+from maps import _beam_kernels as beams
+from maps.grid import MAX_COORDINATE
 
 
 @dataclass(frozen=True)
@@ -29,32 +31,96 @@ class SweepStatistics:
     cells_updated: int
 
 
-def check_beams(
+@dataclass(frozen=True)
+class Sweep:
+    """Beams as the kernels take them.
+
+    Attributes:
+        origins: (m, 3) where beams start, m, world.
+        moments: (n,) origin of each beam, ascending; (0,) if all start at the first.
+        directions: (n, 3) unit vectors, world.
+        ranges_mm: (n,) measured ranges, mm.
+        limits_mm: Nearest return that counts, and range up to which no return clears.
+        resolution: Edge of a cell, m.
+    """
+
+    origins: NDArray[np.float64]
+    moments: NDArray[np.int32]
+    directions: NDArray[np.float64]
+    ranges_mm: NDArray[np.uint16]
+    limits_mm: tuple[int, int]
+    resolution: float
+
+    @property
+    def sensors(self) -> NDArray[np.int64]:
+        """(m, 3) sub-cells that beams start in."""
+        scaled = self.origins * (beams.SUBCELLS / self.resolution)
+        shifted: NDArray[np.float64] = scaled + np.array([0.0, 0.0, beams.FLOOR_SUBCELLS])
+        return np.floor(shifted).astype(np.int64)
+
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """(m + 1,) first beam of each origin, and the end."""
+        if len(self.moments) == 0:
+            return np.array([0, len(self.ranges_mm)])
+        return np.searchsorted(self.moments, np.arange(len(self.origins) + 1))
+
+
+def prepare_sweep(
+    origins: ArrayLike,
+    moments: NDArray[np.int32] | None,
     directions: NDArray[np.float64],
     ranges_mm: NDArray[np.uint16],
     range_limit: float,
+    minimum_range: float,
     resolution: float,
-) -> None:
-    """Refuse beams that the kernels must not see.
-
-    Args:
-        directions: (n, 3) world.
-        ranges_mm: (n,) mm.
-        range_limit: m.
-        resolution: Edge of a cell, m.
+) -> Sweep:
+    """Check the arguments of a sweep, apart from the length of its directions.
 
     Raises:
-        ValueError: Wrong shapes or types, directions that are not of unit length, or a range limit
-            that is not within 0 to 2047 cells.
+        ValueError: Wrong shapes or types, an origin that is not finite and within 1000 km, moments
+            outside the origins, or a range limit that is not within 0 to 2047 cells.
     """
+    starts = np.array(origins, np.float64, ndmin=2)
+    if starts.ndim != 2 or starts.shape[1] != 3:
+        raise ValueError(f"origins: got shape {np.shape(origins)}, expected (3,) or (m, 3)")
+    strange = ~np.all(np.abs(starts) <= MAX_COORDINATE, axis=1)
+    if strange.any():
+        raise ValueError(
+            f"origins: got {starts[strange][0].tolist()}, expected finite coordinates within 1e6 m"
+        )
     if ranges_mm.dtype != np.uint16 or directions.shape != (*ranges_mm.shape, 3):
         raise ValueError(
             f"beams: got directions {directions.shape} and ranges {ranges_mm.dtype} "
             f"{ranges_mm.shape}, expected (n, 3) and uint16 (n,)"
         )
-    squared = np.einsum("ij,ij->i", directions, directions)
-    if not np.all(np.abs(squared - 1.0) < 1e-6):  # also refuses NaN
-        raise ValueError("directions: got a vector that is not of unit length")
-    longest = MAX_BEAM_CELLS * resolution
+    longest = beams.MAX_BEAM_CELLS * resolution
     if not 0.0 < range_limit <= longest:
         raise ValueError(f"range_limit: got {range_limit:g}, expected up to {longest:g} m")
+    order: slice | NDArray[np.intp] = slice(None)
+    if moments is None:
+        if len(starts) != 1:
+            raise ValueError(f"moments: got none for {len(starts)} origins, expected one each beam")
+        moments = np.empty(0, np.int32)
+    else:
+        named = moments.dtype.kind in "iu" and moments.shape == ranges_mm.shape
+        if not named or np.any((moments < 0) | (moments >= len(starts))):
+            raise ValueError(
+                f"moments: got {moments.dtype} {moments.shape}, "
+                f"expected whole numbers {ranges_mm.shape} in 0 to {len(starts) - 1}"
+            )
+        if np.any(np.diff(moments) < 0):
+            order = np.argsort(moments, kind="stable")
+    return Sweep(
+        starts,
+        _plain(moments[order] if len(moments) else moments, np.int32),
+        _plain(directions[order], np.float64),
+        _plain(ranges_mm[order], np.uint16),
+        (round(minimum_range * 1000), round(range_limit * 1000)),
+        resolution,
+    )
+
+
+def _plain(array: NDArray[Any], dtype: type[Any]) -> NDArray[Any]:
+    """The array, or a copy: to the compiler a read-only one, as a log yields, is another type."""
+    return np.require(array, dtype, ["C", "W", "A"])

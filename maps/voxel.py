@@ -1,72 +1,84 @@
-"""A bounded voxel map of log-odds: exact in integers, three states, decay and a version."""
+"""An unbounded voxel map of log-odds: exact in integers, three states, decay and a version."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-from typing import Any
+import struct
+from dataclasses import dataclass
+from os import PathLike
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps import _voxel_kernels as kernels
+from maps import _beam_kernels as beams
+from maps import _brick_kernels as kernels
+from maps import _decay_kernels as decay
+from maps import _update_kernels as updates
+from maps import storage
+from maps.bricks import Bricks
 from maps.config import MapConfig
-from maps.grid import Grid, finite_vector
-from maps.states import STATE_NAMES, UNKNOWN
-from maps.sweep import SweepStatistics, check_beams
+from maps.evidence import Evidence, tick_losses
+from maps.grid import FLOOR_LAYER, cell_box, cells_at, centres, finite_vector
+from maps.marks import Marks, SweepWindow, brick_cells, unpack_bits
+from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
+from maps.sweep import SweepStatistics, prepare_sweep
+from maps.team import Team
 
-UNITS = 1000
-"""Fixed point: log-odds are held in thousandths."""
 
-WHOLE = 1 << 16
-"""Fixed point of the decay factor: what remains of a cell after one tick, in 1/65536."""
+@dataclass(frozen=True)
+class RayEnd:
+    """Where a ray through the map ends.
+
+    Attributes:
+        state: Of the cell that stopped it: occupied or unknown.
+        distance: To where it enters that cell, m.
+        point: (3,) that place, m, world.
+    """
+
+    state: int
+    distance: float
+    point: NDArray[np.float64]
 
 
 class VoxelMap:
-    """A bounded grid of cells, each with the log-odds that it is occupied.
+    """Cells over all space, each with the log-odds that it is occupied.
 
     A cell's update is l += logit P(m|z) - l0 with l0 = 0, clamped (Hornung et al. 2013, "OctoMap",
-    eq. 2 and 4), in thousandths as integers: the same sweeps give the same map on every machine.
-    The sign of l is the state. Cells lie in blocks of 16 x 16 x 16, which carry the time of their
-    last observation and a digest.
+    eq. 2 and 4), in whole units as integers: the same sweeps give the same map on every machine and
+    for any number of threads. The sign of l is the state. A point lies in the cell
+    (floor(x / resolution), floor(y / resolution), floor(z / resolution + 0.75)).
+
+    Cells are held in bricks of 16 x 16 x 64, made where something is observed and given up once all
+    of it is forgotten, or when the memory is full: see `Bricks`. What is not held is unknown.
 
     Attributes:
         config: The settings.
-        grid: Where the cells lie.
         resolution: Edge of a cell, m.
-        origin: (3,) corner of the first cell, m, world.
-        shape: (nx, ny, nz) cells.
-        log_odds: (nx, ny, nz) int16, thousandths, z contiguous. Others only read it.
+        evidence: Steps and clamps in units.
     """
 
-    def __init__(self, config: MapConfig, low: ArrayLike, high: ArrayLike) -> None:
+    def __init__(self, config: MapConfig, threads: int = 1) -> None:
         """Make an unknown map.
 
         Args:
             config: The settings.
-            low: (3,) least corner, m, world. In x and y cells start here; in z less than a cell
-                below, such that z = 0 lies at 0.75 of its layer's height.
-            high: (3,) greatest corner, m, world; the cells reach at least this far.
+            threads: Number of threads that share the work of a sweep.
 
         Raises:
-            ValueError: The bounds are not finite or empty, or hold too many cells.
+            ValueError: Not 1 to 64 threads.
         """
         self.config = config
-        self.grid = Grid.covering(low, high, config.resolution)
         self.resolution = config.resolution
-        self.origin = self.grid.origin
-        self.shape = self.grid.shape
-        self.log_odds = np.zeros(self.shape, np.int16)
-        self._marks = np.zeros(self.shape, np.uint8)
-        blocks = tuple(-(-cells // kernels.BLOCK) for cells in self.shape)
-        self._observed_ns = np.full(blocks, -1, np.int64)
-        self._dirty = np.zeros(blocks, np.bool_)
-        self._alive = np.zeros(blocks, np.bool_)  # holds a cell that is not unknown
-        self._digests = np.zeros((*blocks, 16), np.uint8)  # zeros: nothing but unknown
-        self._steps = _steps(config)
-        self._remains = _remains(config)
+        self.evidence = Evidence.of(config)
+        self._team = Team(threads)
+        self._window = SweepWindow(self._team)
+        self._bricks = Bricks(config.memory_mib)
+        self._losses = tick_losses(config)
         self._tick_ns = round(config.decay_period * 1e9)
         self._ticks = 0
+        self._stamp = 1
 
     def integrate(
         self,
@@ -81,50 +93,37 @@ class VoxelMap:
 
         Cells before a return decrease and its own cell increases; a beam without return (65535, or
         beyond `range_limit`) decreases every cell up to the limit; a dropped one (0) tells nothing.
-        A beam that ends in the floor's layer does not decrease that layer: at grazing angles it
-        would take away the floor that it is about to hit. Decay ticks due are applied first.
+        Beams that end in the same cell count as one. With the surface guard, a beam that ends in
+        the floor's layer does not decrease that layer: at grazing angles it would take away the
+        floor that it is about to hit. Decay ticks due are applied first.
 
         Args:
-            origins: (3,) or (m, 3) where the beams start, m, world; may lie outside the map.
+            origins: (3,) where the beams start, m, world; or (m, 3), for a sensor that moves.
             directions: (n, 3) unit vectors, world.
             ranges_mm: (n,) measured ranges, mm.
             range_limit: Range up to which a beam without return is evidence of free space, m.
             time_ns: Simulated time of the sweep, ns.
-            moments: (n,) which origin each beam leaves from; the first if left out.
+            moments: (n,) index of each beam's origin, if there are several.
 
         Raises:
-            ValueError: A position or direction is not finite, an array has another shape, or the
-                range limit is not within 0 to 2047 cells.
+            ValueError: A position or direction is not finite, an array has another shape, the
+                range limit is not within 0 to 2047 cells, the beams span more than 2^32 cells, or
+                the time is negative. The map is then as before.
         """
-        starts = np.stack([finite_vector("origin", o) for o in np.reshape(origins, (-1, 3))])
-        starts -= self.origin
-        if moments is None:
-            moments = np.zeros(len(ranges_mm), np.int32)
-        # Copies: to the compiler a read-only array, as a log yields, is another type.
-        directions = np.array(directions, np.float64, order="C")
-        ranges_mm = np.array(ranges_mm, order="C")
-        check_beams(directions, ranges_mm, range_limit, self.resolution)
-        self.advance(time_ns)
-        ends = np.empty((len(ranges_mm), 3), np.int64)
-        fates = np.empty(len(ranges_mm), np.uint8)
-        nearest_mm = round(self.config.minimum_range * 1000)
-        farthest_mm = round(range_limit * 1000)
-        sensor = np.floor(starts * (kernels.SUBCELLS / self.resolution)).astype(np.int64)
-        kernels.place_beams(
-            starts,
+        config = self.config
+        sweep = prepare_sweep(
+            origins,
             moments,
             directions,
             ranges_mm,
-            nearest_mm,
-            farthest_mm,
+            range_limit,
+            config.minimum_range,
             self.resolution,
-            self._marks,
-            ends,
-            fates,
         )
-        kernels.cross_beams(self._marks, sensor, moments, ends, fates, self.grid.floor_layer)
-        told = np.vstack([sensor, ends[fates <= kernels.CLEARED]]) >> kernels.SUBCELL_BITS
-        updated = self._apply(told.min(axis=0), told.max(axis=0) + 1, time_ns)
+        ends, fates, box = self._window.place(sweep)
+        self.advance(time_ns)
+        marks = self._window.carve(sweep, ends, fates, box, config.surface_guard == "floor")
+        updated = self._apply(marks, time_ns)
         count = np.bincount(fates, minlength=4)
         return SweepStatistics(int(count[0]), int(count[1]), int(count[2]), int(count[3]), updated)
 
@@ -142,8 +141,8 @@ class VoxelMap:
         Raises:
             ValueError: A corner is not finite.
         """
-        first, end = self.grid.box(low, high)
-        self._mark(first, end, np.True_, kernels.CROSSED, time_ns)
+        first, end = cell_box(low, high, self.resolution)
+        self._mark(first, np.ones(end - first, np.bool_), OCCUPIED, time_ns)
 
     def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
         """Lower the cells whose centres lie in a sphere by one miss, except occupied ones.
@@ -157,10 +156,10 @@ class VoxelMap:
             ValueError: The sphere is not finite.
         """
         middle = finite_vector("centre", centre)
-        first, end = self.grid.box(middle - radius, middle + radius)
-        x, y, z = np.ix_(*self.grid.centres(first, end))
-        squared = (x - middle[0]) ** 2 + (y - middle[1]) ** 2 + (z - middle[2]) ** 2
-        self._mark(first, end, squared <= radius * radius, kernels.CROSSED, time_ns)
+        first, end = cell_box(middle - radius, middle + radius, self.resolution)
+        cells = np.moveaxis(np.indices(tuple(end - first)), 0, -1) + first  # (nx, ny, nz, 3)
+        squared = ((centres(cells, self.resolution) - middle) ** 2).sum(axis=-1)
+        self._mark(first, squared <= radius * radius, OCCUPIED, time_ns)
 
     def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Raise the floor's cells whose centres lie in a rectangle by one hit, except free ones.
@@ -175,19 +174,43 @@ class VoxelMap:
         Raises:
             ValueError: A corner is not finite.
         """
-        middle = self.origin[2] + (self.grid.floor_layer + 0.5) * self.resolution
-        half = 0.25 * self.resolution  # the floor's layer and no other
-        first, end = self.grid.box(
-            [*np.ravel(low), middle - half], [*np.ravel(high), middle + half]
-        )
-        self._mark(first, end, np.True_, kernels.HIT, time_ns)
+        first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], self.resolution)
+        first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
+        self._mark(first, np.ones(end - first, np.bool_), FREE, time_ns)
+
+    def hold(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+        """Spare the cells whose centres lie in a box from the next decay tick.
+
+        For what a standing body's sensors cannot see, under it and around it: called between ticks,
+        it is not forgotten. Nothing is learnt by it either.
+
+        Args:
+            low: (3,) least corner, m, world.
+            high: (3,) greatest corner, m, world.
+            time_ns: Simulated time, ns.
+
+        Raises:
+            ValueError: A corner is not finite.
+        """
+        first, end = cell_box(low, high, self.resolution)
+        self.advance(time_ns)
+        if self.config.half_life == 0.0 or np.any(end <= first):
+            return
+        marks = self._window.fill(first, np.ones(end - first, np.bool_), raised=False)
+        bits = marks.take_free()
+        slots = self._bricks.find(marks.bricks)
+        known = slots[slots >= 0]
+        self._fade(known, to_now=True)
+        self._bricks.fresh[known] |= bits[slots >= 0]
+        self._bricks.dues[known] = self._ticks + 1
 
     def advance(self, time_ns: int) -> None:
         """Apply every decay tick due up to and at `time_ns`.
 
         The schedule is fixed: one tick at each multiple of the decay period since time 0. A tick
         leaves what was updated since the one before, and moves the rest toward unknown by the
-        half-life, rounded toward zero. A time before the latest does nothing.
+        half-life. A brick is touched only at ticks that change one of its states; all others are
+        made up for when it is updated or asked. A time before the latest does nothing.
 
         Args:
             time_ns: Simulated time, ns.
@@ -197,105 +220,268 @@ class VoxelMap:
         """
         if time_ns < 0:
             raise ValueError(f"time_ns: got {time_ns}, expected 0 or more")
-        due = time_ns // self._tick_ns
-        while self._ticks < due and self._remains < WHOLE and self._alive.any():
-            kernels.decay_cells(self.log_odds, self._marks, self._remains, self._dirty, self._alive)
-            self._ticks += 1
-        self._ticks = max(self._ticks, due)
-
-    def states(self) -> NDArray[np.uint8]:
-        """The state of every cell, (nx, ny, nz): 0 unknown, 1 free, 2 occupied."""
-        states = np.empty(self.shape, np.uint8)
-        kernels.cell_states(self.log_odds.reshape(-1), states.reshape(-1))
-        return states
+        if self.config.half_life == 0.0:
+            return
+        self._ticks = max(self._ticks, time_ns // self._tick_ns)
+        live = self._bricks.live()
+        due = live[self._bricks.dues[live] <= self._ticks]
+        if len(due):
+            self._stamp += 1
+            self._fade(due, to_now=False)
 
     def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
-        """The state at points (n, 3), m, world: (n,); unknown outside the bounds."""
-        cells, inside = self.grid.indices(points)
-        states = np.empty(len(cells), np.uint8)
-        kernels.cell_states(self.log_odds[tuple(cells.T)], states)
-        return np.where(inside, states, np.uint8(UNKNOWN))
+        """The state at points (n, 3), m, world: (n,)."""
+        return _states(self._values_at(points)[0])
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """The probability of occupancy at points (n, 3), m, world: (n,); 0.5 outside."""
-        cells, inside = self.grid.indices(points)
-        log_odds = self.log_odds[tuple(cells.T)] / UNITS
-        return np.where(inside, 1.0 / (1.0 + np.exp(-log_odds)), 0.5)
+        """The probability of occupancy at points (n, 3), m, world: (n,); 0.5 where unknown."""
+        values, slots = self._values_at(points)
+        ticks = np.where(slots >= 0, self._bricks.ticks[slots], self._ticks)
+        decay.fade_values(values, ticks, self._ticks, self._losses)
+        return self.evidence.probability(values)
 
     def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
-        """When the blocks of points (n, 3), m, world, were last observed: (n,) ns; -1 never."""
-        cells, inside = self.grid.indices(points)
-        return np.where(inside, self._observed_ns[tuple(cells.T // kernels.BLOCK)], -1)
+        """When the bricks of points (n, 3), m, world, were last observed: (n,) ns; -1 never."""
+        _, slots = self._values_at(points)
+        return np.where(slots >= 0, self._bricks.observed_ns[slots], -1)
+
+    def columns(
+        self, low_cell: ArrayLike, shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The states of a window of cells, a bit each.
+
+        Args:
+            low_cell: (3,) least cell of the window.
+            shape: (nx, ny, words) columns and words of 64 cells along z.
+
+        Returns:
+            Occupied and free cells, (nx, ny, words) each: bit k of word w is the cell
+            low_z + 64 w + k. One that is neither is unknown.
+        """
+        occupied, free = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
+        x, y, z = (int(cell) for cell in np.ravel(low_cell))
+        if occupied.size:
+            kernels.write_columns(
+                *self._bricks.directory, self._bricks.eights, (x, y, z), occupied, free
+            )
+        return occupied, free
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Where states changed since an earlier call.
+
+        Args:
+            since: What that call returned as `now`; 0 for everything that is held.
+
+        Returns:
+            Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), one for each brick, and `now`. A box
+            may also hold a state that changed and changed back. One box of all space is told if
+            since then more bricks were given up than are remembered (65536).
+        """
+        return self._bricks.changed(since), self._stamp
+
+    def states_in(self, low: ArrayLike, high: ArrayLike) -> NDArray[np.uint8]:
+        """States (nx, ny, nz) of the cells whose centres lie in a box, corners (3,) m, world."""
+        first, end = cell_box(low, high, self.resolution)
+        nx, ny, nz = (int(n) for n in end - first)
+        occupied, free = self.columns(first, (nx, ny, -(-nz // 64)))
+        states = unpack_bits(free) * np.uint8(FREE) + unpack_bits(occupied) * np.uint8(OCCUPIED)
+        return np.ascontiguousarray(states[:, :, :nz])
+
+    def cast_ray(
+        self,
+        origin: ArrayLike,
+        direction: ArrayLike,
+        max_range: float,
+        stop_at_unknown: bool = False,
+    ) -> RayEnd | None:
+        """Follow a ray to the first occupied cell, or the first that is unknown as well.
+
+        Args:
+            origin: (3,) m, world.
+            direction: (3,) of any length but 0, world.
+            max_range: m.
+            stop_at_unknown: Whether an unknown cell stops it.
+
+        Returns:
+            Where it ends; None if nothing stops it within the range.
+
+        Raises:
+            ValueError: The ray is not finite, or the range is not more than 0 and at most 1e6 m.
+        """
+        start, toward = finite_vector("origin", origin), finite_vector("direction", direction)
+        length = math.sqrt(float(toward @ toward))
+        if length == 0.0 or not 0.0 < max_range <= 1e6:
+            raise ValueError(f"ray: got length {length:g} and range {max_range:g}, expected more")
+        toward /= length
+        scaled = start / self.resolution + [0.0, 0.0, beams.FLOOR_SUBCELLS / beams.SUBCELLS]
+        bricks = self._bricks
+        reach = max_range / self.resolution
+        distance, state = kernels.walk(
+            *bricks.directory, bricks.cells, scaled, toward, reach, stop_at_unknown
+        )
+        if state == FREE:
+            return None
+        return RayEnd(
+            state, distance * self.resolution, start + distance * self.resolution * toward
+        )
+
+    def is_free_along(self, start: ArrayLike, end: ArrayLike) -> bool:
+        """Whether every cell on the line between two points (3,), m, world, is free."""
+        way = finite_vector("end", end) - finite_vector("start", start)
+        length = math.sqrt(float(way @ way))
+        if length == 0.0:
+            return bool(self.state_at(np.reshape(start, (1, 3)))[0] == FREE)
+        return self.cast_ray(start, way, length, stop_at_unknown=True) is None
+
+    def occupied_centres(self) -> NDArray[np.float64]:
+        """Centres of all occupied cells, (n, 3) m, world, by brick and then by cell."""
+        bricks = self._bricks
+        live = bricks.live()
+        live = live[np.lexsort(bricks.keys[live].T[::-1])]
+        parts = [np.empty((0, 3), np.int64)]
+        for slot in live:
+            column, z = np.nonzero(bricks.cells[slot] > 0)
+            cells = np.stack([column >> kernels.EDGE_BITS, column & (kernels.EDGE - 1), z], axis=1)
+            parts.append(cells + brick_cells(bricks.keys[slot]))
+        return centres(np.concatenate(parts), self.resolution)
 
     def version(self) -> str:
-        """Digest of geometry and log-odds, 32 hex digits: maps of equal content share it."""
-        self._digests[self._dirty & ~self._alive] = 0
-        blocks = np.ascontiguousarray(np.argwhere(self._dirty & self._alive))  # (k, 3)
-        packed = np.empty(len(blocks) * (kernels.BLOCK + 1) * kernels.BLOCK**2, np.int16)
-        ends = np.empty(len(blocks), np.int64)
-        kernels.pack_blocks(self.log_odds, blocks, packed, ends)
-        content = packed.astype("<i2", copy=False)  # the same bytes on every machine
-        start = 0
-        for block, end in zip(blocks.tolist(), ends.tolist(), strict=True):
-            digest = hashlib.blake2b(content[start:end].data, digest_size=16).digest()
-            self._digests[tuple(block)] = np.frombuffer(digest, np.uint8)
-            start = end
-        self._dirty[:] = False
-        whole = self.grid.header() + self._digests.tobytes()
-        return hashlib.blake2b(whole, digest_size=16).hexdigest()
+        """Digest of the content, 32 hex digits: the same sweeps and ticks give the same one.
+
+        Of each brick it holds what the last update or change of a state left, and at which tick;
+        what decay made of it since follows from the number of ticks, which is in as well.
+        """
+        total = self._bricks.digest(self._team)
+        ticks = self._ticks if self.config.half_life > 0.0 and total else 0
+        head = struct.pack("<dqq", self.resolution, self.evidence.units, ticks)
+        whole = hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16)
+        return whole.hexdigest()
 
     def counts(self) -> dict[str, int]:
-        """Number of cells by the name of their state."""
-        count = np.bincount(self.states().reshape(-1), minlength=len(STATE_NAMES))
-        return {name: int(count[state]) for state, name in STATE_NAMES.items()}
+        """Number of free and of occupied cells by the name of their state."""
+        live = self._bricks.live()
+        cells = self._bricks.cells
+        free = sum(int(np.count_nonzero(cells[slot] < 0)) for slot in live)
+        occupied = sum(int(np.count_nonzero(cells[slot] > 0)) for slot in live)
+        return {STATE_NAMES[FREE]: free, STATE_NAMES[OCCUPIED]: occupied}
+
+    def rounding(self) -> dict[str, tuple[float, float]]:
+        """What whole units make of the settings: by name the value asked and the one in effect."""
+        return self.evidence.rounding(self.config)
 
     def memory_bytes(self) -> int:
-        """Bytes that the map's arrays hold."""
-        return sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
+        """Bytes of the bricks in use and of the masks of a sweep."""
+        return self._bricks.nbytes + self._window.nbytes
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the map to a file, first under a temporary name.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        storage.write(path, self.config, self._ticks, self._bricks)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str], threads: int = 1) -> Self:
+        """Read a map with its settings from a file that `save` wrote.
+
+        Raises:
+            ValueError: The file is not such a one, or was cut or changed.
+            OSError: The file cannot be read.
+        """
+        config, ticks, records = storage.read(path)
+        loaded = cls(config, threads)
+        loaded._ticks = ticks
+        storage.restore(records, loaded._bricks, loaded._stamp)
+        return loaded
+
+    def _values_at(self, points: ArrayLike) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
+        """Log-odds at points (n, 3) as their bricks hold them, and the slots of these."""
+        cells, inside = cells_at(points, self.resolution)
+        values, slots = np.empty(len(cells), np.int8), np.empty(len(cells), np.int64)
+        kernels.look_up(*self._bricks.directory, self._bricks.cells, cells, slots, values)
+        values[~inside], slots[~inside] = 0, -1
+        return values, slots
 
     def _mark(
-        self,
-        first: NDArray[np.int64],
-        end: NDArray[np.int64],
-        where: Any,  # booleans that broadcast to the box
-        mark: int,
-        time_ns: int,
+        self, first: NDArray[np.int64], cells: NDArray[np.bool_], except_for: int, time_ns: int
     ) -> None:
-        """Mark cells of a box, but none whose state contradicts the mark, and update them."""
+        """Mark cells (nx, ny, nz) of a box, but none whose state is `except_for`, and update."""
         self.advance(time_ns)
-        box = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
-        log_odds = self.log_odds[box]
-        agrees = log_odds <= 0 if mark == kernels.CROSSED else log_odds >= 0
-        self._marks[box][where & agrees] |= np.uint8(mark)
-        self._apply(first, end, time_ns)
+        if cells.size == 0:
+            return
+        nx, ny, nz = cells.shape
+        occupied, free = self.columns(first, (nx, ny, -(-nz // 64)))
+        spared = unpack_bits(occupied if except_for == OCCUPIED else free)[:, :, :nz]
+        marks = self._window.fill(first, cells & ~spared, raised=except_for == FREE)
+        self._apply(marks, time_ns)
 
-    def _apply(self, first: NDArray[np.int64], end: NDArray[np.int64], time_ns: int) -> int:
-        """Update the marked cells, all within a box of cells; return their number."""
-        low = np.clip(first, 0, self.shape) // kernels.BLOCK
-        high = -(-np.clip(end, 0, self.shape) // kernels.BLOCK)
-        updated = kernels.apply_marks(
-            self.log_odds,
-            self._marks,
-            self._steps,
-            np.stack([low, high]),
-            time_ns,
-            self._observed_ns,
-            self._dirty,
-            self._alive,
-        )
-        return int(updated)
+    def _apply(self, marks: Marks, time_ns: int) -> int:
+        """Update the marked cells; return their number."""
+        bricks, count = self._bricks, len(marks.bricks)
+        self._stamp += 1
+        slots = bricks.reserve(marks.bricks, self._ticks, self._stamp)
+        known = slots[slots >= 0]
+        self._fade(known, to_now=True)
+        changes, updated = np.zeros(count, np.uint8), np.zeros(count, np.int64)
+
+        def update(_: int, part: tuple[int, int]) -> None:
+            updates.update_bricks(
+                slots,
+                marks.places,
+                part,
+                marks.strides,
+                marks.hits,
+                marks.free,
+                self.evidence.steps,
+                bricks.cells,
+                bricks.eights,
+                bricks.fresh,
+                bricks.settled,
+                changes,
+                updated,
+            )
+
+        self._team.share(update, count)
+        bricks.observed_ns[known] = np.maximum(bricks.observed_ns[known], time_ns)
+        bricks.dirty[slots[(changes & updates.CONTENT_CHANGED > 0) & (slots >= 0)]] = True
+        turned = (changes & updates.STATES_CHANGED > 0) & (slots >= 0)
+        bricks.stamps[slots[turned]] = self._stamp
+        if self.config.half_life > 0.0:
+            bricks.dues[known] = self._ticks + 1
+        return int(updated[slots >= 0].sum())
+
+    def _fade(self, slots: NDArray[np.int64], to_now: bool) -> None:
+        """Bring bricks up to date with the ticks, and give up those that are all unknown."""
+        bricks = self._bricks
+        behind = slots[bricks.ticks[slots] < self._ticks]
+        turned, alive = (np.zeros(len(behind), np.bool_) for _ in range(2))
+
+        def fade(_: int, part: tuple[int, int]) -> None:
+            decay.fade_bricks(
+                behind,
+                part,
+                self._ticks,
+                to_now,
+                bricks.cells,
+                bricks.eights,
+                bricks.fresh,
+                bricks.settled,
+                bricks.ticks,
+                bricks.dues,
+                self._losses,
+                turned,
+                alive,
+            )
+
+        self._team.share(fade, len(behind))
+        bricks.dirty[behind] = True
+        bricks.stamps[behind[turned]] = self._stamp
+        if not to_now:
+            bricks.release(behind[~alive], self._stamp)
 
 
-def _steps(config: MapConfig) -> NDArray[np.int32]:
-    """(hit, miss, low, high) in thousandths."""
-    low, high = (np.log(p / (1.0 - p)) for p in (config.clamp_low, config.clamp_high))
-    return np.array(
-        [round(UNITS * step) for step in (config.hit, config.miss, low, high)], np.int32
-    )
-
-
-def _remains(config: MapConfig) -> int:
-    """What one decay tick leaves of a cell: 2^(-period / half-life), in 1/65536."""
-    if config.half_life == 0.0:
-        return WHOLE
-    return round(WHOLE * math.exp2(-config.decay_period / config.half_life))
+def _states(values: NDArray[np.int8]) -> NDArray[np.uint8]:
+    """The sign of the log-odds is the state: 0 unknown, 1 free, 2 occupied."""
+    states: NDArray[np.uint8] = np.where(values < 0, FREE, np.where(values > 0, OCCUPIED, UNKNOWN))
+    return states.astype(np.uint8)

@@ -88,9 +88,12 @@ def test_every_trajectory_ends_at_rest_and_starts_where_the_last_one_is(recorded
     before = None
     for record in open_log(Path(result.log)).records():
         trajectory = record.decision.trajectory
-        assert trajectory.arc_length[-1] == pytest.approx(
-            record.decision.committed_length_m, abs=1e-3
-        )
+        if record.decision.action == "stop_and_wait":  # may stop on its path
+            assert trajectory.arc_length[-1] <= record.decision.committed_length_m + 1e-3
+        else:
+            assert trajectory.arc_length[-1] == pytest.approx(
+                record.decision.committed_length_m, abs=1e-3
+            )
         start = np.array([trajectory.path[0].x, trajectory.path[0].y, trajectory.path[0].z])
         if before is not None and record.decision.action in DRIVING:
             elapsed = (trajectory.start.ToNanoseconds() - before.start.ToNanoseconds()) * 1e-9

@@ -1,7 +1,12 @@
+import math
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
 from maps import OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from maps import _decay_kernels as kernels
+from maps.evidence import tick_losses
 
 SECOND = 10**9
 EYE = (0.55, 0.55, 0.475)
@@ -11,8 +16,7 @@ FORWARD, LEFT = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
 def make(half_life=30.0, **settings):
-    config = MapConfig(half_life=half_life, **settings)
-    return VoxelMap(config, (0.0, 0.0, -0.075), (3.0, 3.0, 0.925))
+    return VoxelMap(MapConfig(half_life=half_life, **settings))
 
 
 def look(voxel_map, direction, time_ns):
@@ -21,32 +25,104 @@ def look(voxel_map, direction, time_ns):
 
 
 def log_odds(voxel_map, point):
-    return int(voxel_map.log_odds[tuple(voxel_map.grid.indices(point)[0][0])])
+    """In units of 1/30, by way of the probability."""
+    odds = float(voxel_map.probability_at(point)[0])
+    return round(30.0 * math.log(odds / (1.0 - odds)))
+
+
+def naive_tick(values, tick, share):
+    """One tick of every magnitude, in fractions."""
+    threshold = Fraction(tick * 0x9E3779B97F % 2**40, 2**40)
+    return [max(v - int(Fraction(round(v * share * 2**40), 2**40) + threshold), 0) for v in values]
+
+
+@pytest.mark.parametrize(("half_life", "period"), [(30.0, 1.0), (1.0, 1.0), (2.0, 0.5), (7.0, 3.0)])
+def test_values_fade_as_tick_by_tick(half_life, period):
+    config = MapConfig(half_life=half_life, decay_period=period)
+    share = 1.0 - 2.0 ** (-period / half_life)
+    for start in (0, 5, 1000):
+        expected = list(range(128))
+        for tick in range(start, start + 60):
+            expected = naive_tick(expected, tick, share)
+        for sign in (1, -1):
+            values = (sign * np.arange(128)).astype(np.int8)
+            ticks = np.full(128, start)
+            kernels.fade_values(values, ticks, start + 60, tick_losses(config))
+            assert (sign * values).tolist() == expected
+
+
+@pytest.mark.parametrize("value", [3, 12, 27, 60, 104])
+def test_the_half_life_holds_for_every_value(value):
+    """Averaged over when it starts: where a tick takes less than a unit, that decides when."""
+    starts = np.arange(0, 3000, 7)
+    losses = tick_losses(MapConfig(half_life=30.0, decay_period=1.0))
+    left = np.concatenate([faded(value, start, start + 30, losses) for start in starts])
+    # A loss of one unit comes early by half a unit on average: the first threshold is anywhere.
+    assert left.mean() == pytest.approx(value / 2 - 0.25, rel=0.02, abs=0.25)
+
+
+def faded(value, tick, until, losses):
+    values = np.array([value], np.int8)
+    kernels.fade_values(values, np.array([tick]), until, losses)
+    return values
+
+
+@pytest.mark.parametrize("half_life", [1.0, 4.0, 30.0])
+def test_lazy_decay_is_eager_decay(half_life):
+    """Asked only at the end, or after every tick: the same; and cell by cell what ticks make."""
+    share = 1.0 - 2.0 ** (-1.0 / half_life)
+    rng = np.random.default_rng(2)
+    lazy, eager = make(half_life), make(half_life)
+    naive, fresh = {}, set()
+    tick = 0
+    for k in range(60):
+        time_ns = k * 700_000_000
+        for now in range(tick + 1, time_ns // SECOND + 1):
+            eager.advance(now * SECOND)
+            eager.state_at(WALL)
+            for cell in set(naive) - fresh:
+                value = naive_tick([abs(naive[cell])], now - 1, share)[0]
+                naive[cell] = value if naive[cell] > 0 else -value
+            fresh, tick = set(), now
+        if k % 13 < 4:
+            direction = (FORWARD, LEFT)[int(rng.integers(0, 2))]
+            look(lazy, direction, time_ns)
+            look(eager, direction, time_ns)
+            for step in range(21):
+                cell = tuple(5 + step * int(d) for d in direction[:2])
+                fresh.add(cell)
+                old = naive.get(cell, 0)
+                naive[cell] = min(old + 27, 104) if step == 20 else max(old - 12, -60)
+        lazy.advance(time_ns)
+        eager.advance(time_ns)
+        cells = sorted(naive)
+        points = [[0.05 + 0.1 * x, 0.05 + 0.1 * y, 0.475] for x, y in cells]
+        expected = [naive[cell] for cell in cells]
+        if k % 7 == 0:
+            assert [log_odds(eager, [point]) for point in points] == expected
+            signs = [0 if v == 0 else (1 if v < 0 else 2) for v in expected]
+            assert eager.state_at(points).tolist() == signs
+        if k % 20 == 19:
+            assert [log_odds(lazy, [point]) for point in points] == expected
+            assert lazy.version() == eager.version()
+            known = {"free": sum(v < 0 for v in expected), "occupied": sum(v > 0 for v in expected)}
+            assert lazy.counts() == known
 
 
 def test_a_tick_leaves_the_fresh_and_fades_the_rest_by_hand():
     voxel_map = make(half_life=1.0)  # halves with every tick
     look(voxel_map, FORWARD, 100)
     voxel_map.advance(SECOND)  # fresh: seen since the tick before
-    assert log_odds(voxel_map, WALL) == 900
+    assert log_odds(voxel_map, WALL) == 27
     seen = []
-    for k in range(2, 12):
+    for k in range(2, 10):
         voxel_map.advance(k * SECOND)
-        seen.append((log_odds(voxel_map, WALL), int(voxel_map.log_odds.min())))
-    # Toward zero on both sides: 225 / 2 is 112, and -25 / 2 is -12.
-    assert [hit for hit, _ in seen] == [450, 225, 112, 56, 28, 14, 7, 3, 1, 0]
-    assert [miss for _, miss in seen] == [-200, -100, -50, -25, -12, -6, -3, -1, 0, 0]
-    assert voxel_map.counts()["unknown"] == voxel_map.log_odds.size
-
-
-def test_the_half_life_holds_within_rounding():
-    voxel_map = make()
-    for _ in range(4):
-        look(voxel_map, FORWARD, 0)
-    before = log_odds(voxel_map, WALL)
-    voxel_map.advance(31 * SECOND)  # one tick while fresh, then thirty
-    assert before == 3476
-    assert log_odds(voxel_map, WALL) == pytest.approx(before / 2, rel=0.02)
+        seen.append((log_odds(voxel_map, WALL), log_odds(voxel_map, [EYE])))
+    # Half of 27 is 13.5, and n phi mod 1 is 0.618 for n = 1: it takes floor(14.118). Then 0.236,
+    # 0.854, 0.472, 0.090, 0.708.
+    assert [hit for hit, _ in seen] == [13, 7, 3, 2, 1, 0, 0, 0]
+    assert [miss for _, miss in seen] == [-6, -3, -1, -1, -1, 0, 0, 0]
+    assert voxel_map.counts() == {"free": 0, "occupied": 0}
 
 
 def test_decay_reaches_unknown():
@@ -63,7 +139,7 @@ def test_what_is_seen_between_ticks_does_not_decay():
     look(voxel_map, LEFT, 0)
     for k in range(200):
         look(voxel_map, FORWARD, k * SECOND + SECOND // 2)
-    assert log_odds(voxel_map, WALL) == 3476
+    assert log_odds(voxel_map, WALL) == 104
     assert voxel_map.state_at([*WALL, *SIDE]).tolist() == [OCCUPIED, UNKNOWN]
 
 
@@ -88,7 +164,7 @@ def test_the_schedule_does_not_depend_on_the_calls():
     for k in range(40 * 4 + 1):
         often.advance(k * SECOND // 4)
     assert once.version() == often.version()
-    assert once.log_odds.any()
+    assert once.counts()["free"] > 0
 
 
 def test_a_tick_lies_at_the_multiple_of_its_period():
@@ -96,9 +172,9 @@ def test_a_tick_lies_at_the_multiple_of_its_period():
     look(voxel_map, FORWARD, 0)
     voxel_map.advance(SECOND // 2)  # fresh
     voxel_map.advance(SECOND - 1)
-    assert log_odds(voxel_map, WALL) == 900
+    assert log_odds(voxel_map, WALL) == 27
     voxel_map.advance(SECOND)
-    assert log_odds(voxel_map, WALL) == 636  # 900 / sqrt(2)
+    assert log_odds(voxel_map, WALL) == 27 - 8  # floor(27 - 27 / sqrt(2) + 0.618)
 
 
 def test_a_long_silence_costs_nothing_once_all_is_forgotten():
@@ -106,9 +182,42 @@ def test_a_long_silence_costs_nothing_once_all_is_forgotten():
     look(voxel_map, FORWARD, 0)
     voxel_map.advance(10**18)  # thirty years
     look(voxel_map, FORWARD, 10**18 + 1)
-    assert log_odds(voxel_map, WALL) == 900
+    assert log_odds(voxel_map, WALL) == 27
 
 
 def test_time_starts_at_zero():
     with pytest.raises(ValueError, match="time_ns: got -1"):
         make().advance(-1)
+
+
+def test_a_change_of_state_by_decay_is_told():
+    voxel_map = make(half_life=1.0)
+    look(voxel_map, FORWARD, 0)
+    boxes, now = voxel_map.changed(0)
+    assert len(boxes) == 2
+    told = []
+    for k in range(1, 12):
+        voxel_map.advance(k * SECOND)
+        boxes, now = voxel_map.changed(now)
+        told.append(len(boxes))
+    assert told[:2] == [0, 0]
+    assert sum(told) >= 2
+    assert told[-1] == 0
+
+
+def test_what_is_held_is_not_forgotten_and_nothing_else():
+    voxel_map = make(half_life=3.0)
+    look(voxel_map, FORWARD, 0)
+    look(voxel_map, LEFT, 0)
+    seen = voxel_map.counts()
+    for k in range(1, 60):
+        voxel_map.hold((2.0, 0.4, 0.4), (2.7, 0.7, 0.5), k * SECOND + 1)
+    assert log_odds(voxel_map, WALL) == 27
+    assert log_odds(voxel_map, [[2.05, 0.55, 0.475]]) == -12
+    assert voxel_map.state_at([*SIDE, EYE]).tolist() == [UNKNOWN] * 2
+    assert seen["free"] == 39
+    assert voxel_map.counts() == {"free": 5, "occupied": 1}
+    voxel_map.hold((50.0, 0.0, 0.0), (51.0, 1.0, 1.0), 60 * SECOND)  # nothing is known there
+    for k in range(61, 120):
+        voxel_map.advance(k * SECOND)
+    assert voxel_map.counts() == {"free": 0, "occupied": 0}

@@ -1,41 +1,56 @@
 import numpy as np
 import pytest
 
-from maps import MapConfig, VoxelMap
-from maps.grid import Grid, grid_shape
-
-ROOM = ((0.0, 0.0, 0.0), (10.0, 10.0, 3.0))
+from maps import MapConfig, VoxelMap, Window
+from maps.grid import cell_box, cells_at, centres
 
 
-def test_a_room_has_2_4_million_cells_at_5_cm_and_125_times_as_many_at_1_cm():
-    assert np.prod(grid_shape(*ROOM, 0.05)) == 2_400_000
-    assert np.prod(grid_shape(*ROOM, 0.01)) == 125 * 2_400_000
+def test_points_find_their_cells():
+    points = [[0.05, 0.95, 0.1], [-0.01, 0.5, 0.5], [np.nan, 0.5, 0.5], [0.0, 1e7, 0.0]]
+    cells, inside = cells_at(points, 0.1)
+    assert inside.tolist() == [True, True, False, False]
+    assert cells[:2].tolist() == [[0, 9, 1], [-1, 5, 5]]  # the floor's layer is [-0.075, 0.025)
 
 
 @pytest.mark.parametrize("resolution", [0.02, 0.05, 0.1, 0.2, 0.5])
 def test_the_floor_lies_at_three_quarters_of_its_layer(resolution):
-    grid = Grid.covering((-1.0, 2.0, -0.3), (4.0, 5.0, 2.0), resolution)
-    bottom = grid.origin[2] + grid.floor_layer * resolution
-    assert bottom == pytest.approx(-0.75 * resolution)
-    assert grid.origin[:2].tolist() == [-1.0, 2.0]
-    assert -0.3 - resolution < grid.origin[2] <= -0.3 + 1e-9
-    assert np.all(
-        grid.origin + np.array(grid.shape) * resolution >= np.array([4.0, 5.0, 2.0]) - 1e-6
-    )
+    layers = cells_at([[0.0, 0.0, z * resolution] for z in (-0.76, -0.74, 0.24, 0.26)], resolution)
+    assert layers[0][:, 2].tolist() == [-1, 0, 0, 1]
 
 
-def test_points_find_their_cells():
-    grid = Grid.covering((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.1)
-    cells, inside = grid.indices([[0.05, 0.95, 0.1], [-0.01, 0.5, 0.5], [np.nan, 0.5, 0.5]])
-    assert inside.tolist() == [True, False, False]
-    assert cells[0].tolist() == [0, 9, 1]  # z: the layer of the floor is [-0.075, 0.025)
+def test_the_middle_of_a_cell_lies_in_it():
+    cells = np.random.default_rng(0).integers(-1000, 1000, (50, 3))
+    found, inside = cells_at(centres(cells, 0.05), 0.05)
+    np.testing.assert_array_equal(found, cells)
+    assert inside.all()
 
 
 def test_a_box_holds_the_cells_whose_centres_it_holds():
-    grid = Grid.covering((0.0, 0.0, -0.075), (1.0, 1.0, 1.0), 0.1)
-    first, end = grid.box((0.04, 0.06, -9.0), (0.26, 0.26, 9.0))
+    first, end = cell_box((0.04, 0.06, -0.12), (0.26, 0.26, 0.08), 0.1)
     assert first.tolist() == [0, 1, 0]
-    assert end.tolist() == [3, 3, grid.shape[2]]
+    assert end.tolist() == [3, 3, 2]
+    first, end = cell_box((0.0, 0.0, 0.0), (0.01, 1.0, 1.0), 0.1)
+    assert end[0] == first[0]  # none
+
+
+@pytest.mark.parametrize("corner", [(np.nan, 0, 0), (0, np.inf, 0), (0, 0), (0, 0, 2e6)])
+def test_a_corner_must_be_finite(corner):
+    with pytest.raises(ValueError, match="low: got"):
+        cell_box(corner, (1, 1, 1), 0.1)
+
+
+def test_a_window_has_the_states_of_its_cells():
+    voxel_map = VoxelMap(MapConfig(half_life=0.0))
+    voxel_map.mark_free((0.0, 0.0, 0.2), (0.3, 0.3, 0.4), 0)
+    voxel_map.mark_floor((0.0, 0.0), (0.3, 0.1), 0)
+    window = Window(voxel_map, (-0.2, 0.0, -0.175), (0.4, 0.5, 0.825))
+    assert window.shape == (6, 5, 10)
+    assert window.grid.floor_layer == 1
+    np.testing.assert_allclose(window.origin, [-0.2, 0.0, -0.175])
+    states = window.states()
+    signs = (states == 2).astype(int) - (states == 1)
+    assert np.argwhere(states == 2).tolist() == [[2, 0, 1], [3, 0, 1], [4, 0, 1]]
+    np.testing.assert_array_equal(np.sign(window.log_odds), signs)
 
 
 @pytest.mark.parametrize(
@@ -50,4 +65,4 @@ def test_a_box_holds_the_cells_whose_centres_it_holds():
 )
 def test_bad_bounds_are_refused(low, high, message):
     with pytest.raises(ValueError, match=message):
-        VoxelMap(MapConfig(), low, high)
+        Window(VoxelMap(MapConfig(memory_mib=1)), low, high)

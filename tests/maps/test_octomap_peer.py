@@ -4,6 +4,7 @@ import numpy as np
 import pyoctomap
 
 from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from maps.grid import cell_box
 
 LOW, HIGH = np.array([0.0, 0.0, 1.0]), np.array([8.0, 6.0, 4.0])
 SWEEPS, BEAMS = 6, 3000
@@ -22,8 +23,8 @@ def sweeps():
 
 
 def test_states_agree_with_octomap():
-    config = MapConfig(half_life=0.0)
-    ours = VoxelMap(config, LOW, HIGH)
+    config = MapConfig(half_life=0.0, surface_guard="none")
+    ours = VoxelMap(config)
     peer = pyoctomap.OcTree(config.resolution)
     peer.setProbHit(1.0 / (1.0 + np.exp(-config.hit)))
     peer.setProbMiss(1.0 / (1.0 + np.exp(config.miss)))
@@ -32,12 +33,14 @@ def test_states_agree_with_octomap():
     for time, (origin, directions, ranges) in enumerate(sweeps()):
         ours.integrate(origin, directions, ranges, 20.0, time)
         ends = origin + directions * (ranges / 1000.0)[:, None]
-        # OctoMap's cells begin at multiples of the resolution, ours at the map's own corner.
-        peer.insertPointCloud(ends - ours.origin, origin - ours.origin, -1.0, False, False)
-    states = ours.states()
+        # OctoMap's cells begin at multiples of the resolution, ours along z a quarter below.
+        shift = np.array([0.0, 0.0, 0.75 * config.resolution])
+        peer.insertPointCloud(ends + shift, origin + shift, -1.0, False, True)
+    states = ours.states_in(LOW, HIGH)
+    first, _ = cell_box(LOW, HIGH, config.resolution)
     theirs = np.full(states.shape, UNKNOWN, np.uint8)
     for cell in np.ndindex(states.shape):
-        node = peer.search((np.array(cell) + 0.5) * config.resolution)
+        node = peer.search((np.array(cell) + first + 0.5) * config.resolution)
         if node is not None:
             theirs[cell] = OCCUPIED if peer.isNodeOccupied(node) else FREE
     assert (theirs == OCCUPIED).sum() > 1000

@@ -2,11 +2,9 @@ import numpy as np
 
 from maps import MapConfig, VoxelMap
 
-LOW, HIGH = (0.0, 0.0, -0.2), (4.0, 3.0, 2.0)
 
-
-def make(low=LOW, high=HIGH, **settings):
-    return VoxelMap(MapConfig(half_life=0.0, **settings), low, high)
+def make(**settings):
+    return VoxelMap(MapConfig(**({"half_life": 0.0} | settings)))
 
 
 def sweep(voxel_map, seed, time_ns=0):
@@ -34,13 +32,14 @@ def test_asking_in_between_changes_nothing():
 
 
 def test_every_cell_counts():
-    voxel_map = make(high=(0.5, 0.4, 0.3))
+    voxel_map = make()
     versions = {voxel_map.version()}
-    for x, y, z in np.ndindex(voxel_map.shape):
-        low = voxel_map.origin + (np.array([x, y, z]) + 0.4) * 0.1
+    for x, y, z in np.ndindex(5, 4, 70):
+        low = (np.array([x, y, z - 5.0]) + 0.4) * 0.1 - [0.0, 0.0, 0.075]
         voxel_map.mark_free(low, low + 0.02, 0)
         versions.add(voxel_map.version())
-    assert len(versions) == 1 + voxel_map.log_odds.size
+    assert len(versions) == 1 + 5 * 4 * 70
+    assert voxel_map.counts()["free"] == 5 * 4 * 70
 
 
 def test_equal_content_has_equal_versions_whatever_the_history():
@@ -53,32 +52,50 @@ def test_equal_content_has_equal_versions_whatever_the_history():
     assert straight.version() == detour.version()
 
 
-def test_a_block_that_is_empty_again_is_as_one_never_touched():
-    config = MapConfig(half_life=1.0)
-    faded = VoxelMap(config, LOW, HIGH)
+def test_the_order_in_which_bricks_are_made_does_not_matter():
+    there, back = make(), make()
+    boxes = [((x, 0.0, 0.5), (x + 0.5, 0.5, 0.6)) for x in (-40.0, 0.0, 7.0, 300.0)]
+    for box in boxes:
+        there.mark_free(*box, 0)
+    for box in boxes[::-1]:
+        back.mark_free(*box, 0)
+        back.version()
+    assert there.version() == back.version() != make().version()
+
+
+def test_what_is_all_unknown_again_is_as_if_never_touched():
+    faded = make(half_life=1.0)
     sweep(faded, 1)
     used = faded.version()
     faded.advance(100 * 10**9)
-    assert faded.version() == VoxelMap(config, LOW, HIGH).version() != used
+    assert faded.version() == make(half_life=1.0).version() != used
+    risen = make()
+    for _ in range(4):
+        risen.mark_floor((0.0, 0.0), (0.1, 0.1), 0)  # 4 hits are 108 units, at the clamp of 104
+    before = risen.version()
+    assert before != make().version()
+    even = make(hit=0.4, miss=0.4)
+    beam = np.array([[1.0, 0.0, 0.0]])
+    for k in (500, 600, 400):  # the cells up to 0.4 m are lowered three times
+        even.integrate((0.05, 0.05, 0.5), beam, np.array([k], np.uint16), 1.0, 0)
+    assert even.version() != make(hit=0.4, miss=0.4).version()
 
 
-def test_geometry_counts():
-    maps = [
-        make(),
-        make(low=(0.1, 0.0, -0.2)),
-        make(high=(4.1, 3.0, 2.0)),
-        make(resolution=0.2, high=(8.0, 6.0, 4.0)),
-    ]
-    assert len({voxel_map.version() for voxel_map in maps}) == len(maps)
+def test_a_tick_is_in_the_version_as_it_is_in_the_content():
+    voxel_map, other = make(half_life=30.0), make(half_life=30.0)
+    sweep(voxel_map, 1)
+    sweep(other, 1)
+    versions = []
+    for k in range(5):
+        voxel_map.advance(k * 10**9)
+        versions.append(voxel_map.version())
+    assert len(set(versions)) == 5
+    other.advance(4 * 10**9)
+    assert other.version() == versions[-1]
 
 
-def test_negative_zero_is_zero():
-    assert make(low=(-0.0, 0.0, -0.2)).version() == make().version()
-
-
-def test_uniform_runs_of_cells_are_told_from_others():
-    """One run along z is packed by its value alone: two such contents must still differ."""
-    column, cell = make(), make()
-    column.mark_free((1.0, 1.0, -9.0), (1.1, 1.1, 9.0), 0)
-    cell.mark_free((1.0, 1.0, 0.0), (1.1, 1.1, 0.1), 0)
-    assert len({column.version(), cell.version(), make().version()}) == 3
+def test_resolution_and_units_count():
+    voxel_maps = [make(), make(resolution=0.2), make(hit=0.85)]
+    for voxel_map in voxel_maps:
+        voxel_map.mark_free((0.0, 0.0, 0.1), (0.2, 0.2, 0.3), 0)
+    assert len({voxel_map.version() for voxel_map in voxel_maps}) == 3

@@ -1,4 +1,4 @@
-"""The beams of a sweep, cell by cell against a slow walk in exact fractions."""
+"""The beams of a sweep, cell by cell against slow walks straight from the definition."""
 
 from fractions import Fraction
 
@@ -6,122 +6,233 @@ import numpy as np
 import pytest
 
 from maps import MapConfig, VoxelMap
-from maps import _voxel_kernels as kernels
+from maps import _beam_kernels as kernels
 
-SUBCELLS = 512
-NO_FLOOR = 10**6
+HALVES = 1024
+WAYS = 2**40
 
 
-def naive_cells(start, end):
-    """Cells along a beam between the middles of two sub-cells, in order."""
-    cell = [q // SUBCELLS for q in start]
+def from_middle(sensor, end):
+    """The way from the middle of the end cell to the sensor, in 1/1024 of a cell."""
+    return [q - (HALVES * c + HALVES // 2) for q, c in zip(sensor, end, strict=True)]
+
+
+def naive_cells(sensor, end, returned, guard):
+    """The cells that a beam crosses, from its end cell to the sensor (in 1/1024 of a cell)."""
+    cell = [q // HALVES for q in sensor]
+    way = from_middle(sensor, end)
     faces = []
-    for axis in range(3):
-        extent = end[axis] - start[axis]
-        first, last = cell[axis], end[axis] // SUBCELLS
-        for face in range(first + 1, last + 1) if extent > 0 else range(first, last, -1):
-            distance = face * SUBCELLS - start[axis] - Fraction(1, 2)
-            faces.append((distance / extent, axis, 1 if extent > 0 else -1))
-    cells = [tuple(cell)]
-    for _, axis, step in sorted(faces):
-        cell[axis] += step
-        cells.append(tuple(cell))
-    return cells
+    for axis in range(2):
+        half = 2**49 // abs(way[axis])
+        for k in range(abs(cell[axis] - end[axis])):
+            faces.append(((2 * k + 1) * half, axis))
+    x, y, z = end
+    crossed = set()
+    for fraction, axis in [*sorted(faces), (None, None)]:
+        leave = cell[2]
+        if fraction is not None:
+            middle = HALVES * end[2] + HALVES // 2
+            leave = int((middle + Fraction(fraction, WAYS) * way[2]) // HALVES)
+        crossed |= {(x, y, height) for height in range(min(z, leave), max(z, leave) + 1)}
+        z = leave
+        x += (axis == 0) * (1 if way[0] > 0 else -1)
+        y += (axis == 1) * (1 if way[1] > 0 else -1)
+    if guard and returned and end[2] == 0 and cell[2] > 0:
+        crossed = {c for c in crossed if c[2] != 0}
+    return crossed
 
 
-def naive_crossed(shape, start, end, returned, floor_layer):
-    """The cells that one beam takes evidence from."""
-    cells = naive_cells(start, end)
-    onto_floor = returned and cells[-1][2] == floor_layer and cells[0][2] > floor_layer
-    return {
-        cell
-        for cell in (cells[:-1] if returned else cells)
-        if all(0 <= index < size for index, size in zip(cell, shape, strict=True))
-        and not (onto_floor and cell[2] == floor_layer)
-    }
+def exact_columns(sensor, end):
+    """The columns on the straight line, by fractions, where it meets no edge."""
+    way = from_middle(sensor, end)
+    columns, x, y = {(end[0], end[1])}, end[0], end[1]
+    faces = []
+    for axis in range(2):
+        for k in range(abs(sensor[axis] // HALVES - end[axis])):
+            faces.append((Fraction((2 * k + 1) * HALVES, 2 * abs(way[axis])), axis))
+    for _, axis in sorted(faces):
+        x += (axis == 0) * (1 if way[0] > 0 else -1)
+        y += (axis == 1) * (1 if way[1] > 0 else -1)
+        columns.add((x, y))
+    return columns
 
 
-def random_beams(shape, count, seed):
-    """Ends within and around the map; every third beam is along axes or diagonals, to meet ties."""
-    rng = np.random.default_rng(seed)
-    size = np.array(shape) * SUBCELLS
-    start = rng.integers(-size, 2 * size, (count, 3))
-    start[::2] = rng.integers(0, size, (len(start[::2]), 3))
-    end = rng.integers(-size, 2 * size, (count, 3))
-    length = rng.integers(1, 6 * SUBCELLS, (len(end[::3]), 1))
-    end[::3] = start[::3] + rng.integers(-1, 2, (len(end[::3]), 3)) * length
-    return start, end
-
-
-@pytest.mark.parametrize("cross", [kernels.cross_cells, kernels.cross_cells.py_func])
-@pytest.mark.parametrize("shape", [(9, 7, 5), (1, 12, 3), (2, 1, 1)])
-def test_each_beam_crosses_the_cells_of_the_exact_walk(cross, shape):
-    starts, ends = random_beams(shape, 400, seed=3)
-    crossed_any = 0
-    for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
-        returned, floor_layer = bool(i % 2), (1 if i % 5 else NO_FLOOR)
-        marks = np.zeros(shape, np.uint8)
-        cross(marks, start, end, returned, floor_layer)
-        expected = naive_crossed(shape, start.tolist(), end.tolist(), returned, floor_layer)
-        assert {tuple(cell) for cell in np.argwhere(marks).tolist()} == expected
-        crossed_any += bool(expected)
-    assert crossed_any > 100
-
-
-def test_the_longest_beam_does_not_overflow():
-    reach = kernels.MAX_BEAM_CELLS * SUBCELLS
-    marks = np.zeros((2048, 1, 1), np.uint8)
-    for end in ([reach, 0, 0], [reach, reach, reach], [reach, 5, 5]):
-        marks[:] = 0
-        kernels.cross_cells(marks, np.zeros(3, np.int64), np.array(end), False, NO_FLOOR)
-        assert marks.sum() == (2048 if end[1] < SUBCELLS else 2)  # through edges x goes first
-
-
-def naive_integrate(log_odds, grid, config, origin, directions, ranges_mm, limit_mm):
-    """One sweep, straight from the definition."""
-    resolution, corner = grid.resolution, grid.origin
-    start = [int(np.floor(q)) for q in (origin - corner) * (SUBCELLS / resolution)]
+def naive_integrate(log_odds, evidence, config, origins, moments, beams, limit_mm):
+    """One sweep, straight from the definition; `log_odds` is a dictionary by cell."""
+    scale = 512 / config.resolution
+    shift = np.array([0.0, 0.0, 384.0])
     hits, crossed = set(), set()
-    for direction, millimetres in zip(directions, ranges_mm.tolist(), strict=True):
+    for i, (direction, millimetres) in enumerate(zip(*beams, strict=True)):
+        origin = origins[moments[i]]
         if millimetres == 0 or millimetres < 1000 * config.minimum_range:
             continue
         returned = millimetres <= limit_mm
-        length = min(millimetres, limit_mm) / 1000.0
-        end = (origin - corner + direction * length) * (SUBCELLS / resolution)
-        end = [int(np.floor(q)) for q in end]
-        crossed |= naive_crossed(log_odds.shape, start, end, returned, grid.floor_layer)
-        cell = tuple(q // SUBCELLS for q in end)
-        if returned and all(0 <= c < n for c, n in zip(cell, log_odds.shape, strict=True)):
-            hits.add(cell)
+        length = min(int(millimetres), limit_mm) / 1000.0
+        sensor = [2 * int(q) + 1 for q in np.floor(origin * scale + shift)]
+        at = np.floor((origin + direction * length) * scale).astype(int) + shift.astype(int)
+        end = tuple(int(q) for q in at // 512)
+        crossed |= naive_cells(sensor, end, returned, config.surface_guard == "floor")
+        if returned:
+            hits.add(end)
     for cell in hits:
-        log_odds[cell] = min(log_odds[cell] + 900, 3476)
+        log_odds[cell] = min(log_odds.get(cell, 0) + evidence.hit, evidence.high)
     for cell in crossed - hits:
-        log_odds[cell] = max(log_odds[cell] - 400, -1992)
+        log_odds[cell] = max(log_odds.get(cell, 0) - evidence.miss, evidence.low)
     return len(hits | crossed)
 
 
-def random_sweep(rng, count):
+def random_sweep(rng, count, reach_mm):
     directions = rng.normal(size=(count, 3))
     directions[::7] = np.eye(3)[rng.integers(0, 3, len(directions[::7]))]
+    directions[3::7] = rng.choice([-1.0, 1.0], (len(directions[3::7]), 3)) * [1.0, 1.0, 0.0]
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    ranges_mm = rng.integers(1, 4000, count).astype(np.uint16)
+    ranges_mm = rng.integers(1, reach_mm, count).astype(np.uint16)
     ranges_mm[::5] = 65535
     ranges_mm[::11] = 0
     return directions, ranges_mm
 
 
-def test_sweeps_equal_the_definition_cell_by_cell():
-    rng = np.random.default_rng(5)
-    config = MapConfig(half_life=0.0)
-    voxel_map = VoxelMap(config, (0.0, 0.0, -0.3), (2.3, 1.7, 1.2))
-    log_odds = np.zeros(voxel_map.shape, np.int64)
-    for k in range(8):
-        origin = rng.uniform((-0.5, -0.5, -0.5), (2.8, 2.2, 1.6))
-        directions, ranges_mm = random_sweep(rng, 150)
-        statistics = voxel_map.integrate(origin, directions, ranges_mm, 3.0, k)
-        updated = naive_integrate(
-            log_odds, voxel_map.grid, config, origin, directions, ranges_mm, 3000
+def units_of(voxel_map, cells):
+    """Log-odds of cells in units, by way of the probabilities."""
+    middles = (np.array(cells) + np.array([0.5, 0.5, -0.25])) * voxel_map.resolution
+    odds = voxel_map.probability_at(middles)
+    return np.rint(np.log(odds / (1.0 - odds)) * voxel_map.evidence.units).astype(int)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_thousand_sweeps_equal_the_definition_cell_by_cell(threads):
+    sweeps = 0
+    for seed in range(125 if threads == 1 else 15):
+        rng = np.random.default_rng(seed)
+        resolution = float(rng.choice([0.05, 0.1, 0.2]))
+        guard = "floor" if seed % 2 else "none"
+        config = MapConfig(resolution=resolution, half_life=0.0, surface_guard=guard, memory_mib=16)
+        voxel_map, log_odds = VoxelMap(config, threads), {}
+        place = rng.choice([0.0, -50.0, 9e5], 3) * [1.0, 1.0, seed % 3 == 0]
+        for k in range(8):
+            count = int(rng.integers(1, 4)) if k % 2 else 1
+            origins = place + rng.uniform(-0.4, 0.9, (count, 3))
+            beams = random_sweep(rng, 24, round(resolution * 20e3))
+            moments = rng.integers(0, count, 24).astype(np.int32)
+            limit = 16 * resolution
+            statistics = voxel_map.integrate(
+                origins if k % 2 else origins[0], *beams, limit, k, moments if k % 2 else None
+            )
+            updated = naive_integrate(
+                log_odds, voxel_map.evidence, config, origins, moments, beams, round(limit * 1000)
+            )
+            assert statistics.cells_updated == updated
+            sweeps += 1
+        cells = sorted(log_odds)
+        values = np.array([log_odds[cell] for cell in cells])
+        np.testing.assert_array_equal(units_of(voxel_map, cells), values)
+        expected = {"free": np.count_nonzero(values < 0), "occupied": np.count_nonzero(values > 0)}
+        assert voxel_map.counts() == expected
+    assert sweeps >= (1000 if threads == 1 else 100)
+
+
+def carve(run, sensor, ends, shape, guarded=-1, hit=True):
+    """Cells of the free marks for beams to the given ends."""
+    ends = np.array(ends, np.int32)
+    nx, ny, words = shape
+    hits, free, aims = (np.zeros(nx * ny * words, np.uint64) for _ in range(3))
+    flags = np.zeros(nx * ny, np.uint8)
+    fates = np.full(len(ends), 0 if hit else 1, np.uint8)
+    with np.errstate(over="ignore"):
+        run(
+            ends,
+            fates,
+            np.array([0, len(ends)]),
+            np.array([sensor]),
+            (0, len(ends)),
+            (0, 0, 0),
+            guarded,
+            shape,
+            hits,
+            free,
+            aims,
+            flags,
+            np.empty(len(ends), np.int32),
         )
-        assert statistics.cells_updated == updated
-        np.testing.assert_array_equal(voxel_map.log_odds, log_odds)
-    assert {*np.unique(voxel_map.states())} == {0, 1, 2}
+    assert not aims.any()
+    assert not flags.any()
+
+    def cells(words_):
+        bits = np.unpackbits(words_.view(np.uint8).reshape(nx, ny, -1), axis=2, bitorder="little")
+        return {tuple(cell) for cell in np.argwhere(bits).tolist()}
+
+    return cells(free), cells(hits)
+
+
+@pytest.mark.parametrize("run", [kernels.carve, kernels.carve.py_func], ids=["compiled", "python"])
+@pytest.mark.parametrize("shape", [(16, 16, 1), (16, 32, 3)])
+def test_runs_of_ends_cross_what_each_of_their_beams_crosses(run, shape):
+    rng = np.random.default_rng(3)
+    size = np.array([shape[0], shape[1], 64 * shape[2]])
+    rounds = 40 if run is kernels.carve else 4
+    for k in range(rounds):
+        sensor = (2 * rng.integers(0, size * 512) + 1).tolist()
+        ends = rng.integers(0, size, (6, 3))
+        run_of_ends = np.repeat(ends[:1], 9, axis=0)
+        run_of_ends[:, 2] = np.arange(9) + rng.integers(0, size[2] - 9)
+        ends = np.vstack([ends, run_of_ends]).tolist()
+        hit = bool(k % 2)
+        guarded = int(run_of_ends[4, 2]) if k % 3 else -1
+        free, hits = carve(run, sensor, ends, shape, guarded, hit)
+        expected = set()
+        for end in ends:
+            shifted = [*sensor[:2], sensor[2] - HALVES * guarded]  # the floor's layer is layer 0
+            crossed = naive_cells(shifted, (*end[:2], end[2] - guarded), hit, guarded >= 0)
+            expected |= {(x, y, z + guarded) for x, y, z in crossed}
+        assert free == expected
+        assert hits == ({tuple(end) for end in ends} if hit else set())
+
+
+def test_columns_are_those_of_the_straight_line():
+    rng = np.random.default_rng(8)
+    for _ in range(300):
+        sensor = (2 * rng.integers(0, 40 * 512, 3) + 1).tolist()
+        end = tuple(rng.integers(0, 40, 3).tolist())
+        crossed = naive_cells(sensor, end, False, False)
+        assert {(x, y) for x, y, _ in crossed} == exact_columns(sensor, end)
+
+
+def test_the_longest_beam_does_not_overflow():
+    reach = kernels.MAX_BEAM_CELLS
+    config = MapConfig(half_life=0.0, memory_mib=64)
+    for direction in ([1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.36, 0.48, 0.8]):
+        voxel_map = VoxelMap(config)
+        beam, clear = np.array([direction]), np.array([65535], np.uint16)
+        voxel_map.integrate((0.05, 0.05, 0.0), beam, clear, reach * config.resolution, 0)
+        middles = np.outer(np.arange(0.0, 204.0, 5.0), direction) + np.array([0.05, 0.05, 0.0])
+        near = np.array([[x, y, z] for x in (-0.1, 0, 0.1) for y in (-0.1, 0, 0.1) for z in (0.0,)])
+        states = [voxel_map.state_at(middle + near) for middle in middles]
+        assert np.any(np.array(states) == 1, axis=1).all()
+
+
+@pytest.mark.parametrize("run", [kernels.place_ends, kernels.place_ends.py_func])
+def test_place_ends(run):
+    directions = np.repeat([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], 3, axis=0)
+    ranges_mm = np.array([0, 100, 1000, 65535, 2001, 2000], np.uint16)
+    ends, fates = np.zeros((6, 3), np.int32), np.full(6, 9, np.uint8)
+    box = np.array([[0, 1, 3], [0, 1, 3]])
+    origin, alone = np.array([[0.05, 0.15, 0.25]]), np.empty(0, np.int32)
+    args = (origin, alone, directions, ranges_mm, (300, 2000), 0.1, (0, 6), ends, fates, box)
+    assert run(*args) == -1
+    assert fates.tolist() == [2, 3, 0, 1, 1, 0]
+    assert ends[2].tolist() == [10, 1, 3]
+    assert ends[3:].tolist() == [[0, 1, -17]] * 3  # -1.75 m is 16.75 cells below the floor's layer
+    assert box.tolist() == [[0, 1, -17], [10, 1, 3]]
+    directions[4, 1] = 1e-2
+    assert run(*args) == 4
+
+
+@pytest.mark.parametrize("run", [kernels.next_run, kernels.next_run.py_func])
+def test_next_run(run):
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        low = int(rng.integers(0, 64))
+        high = int(rng.integers(low, 64))
+        bits = (2 ** (high + 1) - 2**low) | int(rng.integers(0, 2**20)) << (high + 2)
+        with np.errstate(over="ignore"):
+            assert run(np.uint64(bits & (2**64 - 1))) == (low, high)

@@ -5,7 +5,6 @@ import pytest
 
 from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, SweepStatistics, VoxelMap
 
-LOW, HIGH = (0.0, 0.0, -0.075), (4.0, 2.0, 1.925)
 FORWARD = np.array([[1.0, 0.0, 0.0]])
 EYE = (0.55, 1.05, 0.475)  # the middle of a cell
 CELL = [[2.55, 1.05, 0.475]]  # what a beam of 2 m forward meets
@@ -15,13 +14,24 @@ BEYOND = [[2.65, 1.05, 0.475]]
 
 @pytest.fixture
 def voxel_map():
-    return VoxelMap(MapConfig(half_life=0.0), LOW, HIGH)
+    return VoxelMap(MapConfig(half_life=0.0))
 
 
 def look(voxel_map, *ranges_mm, directions=None, origin=EYE, time_ns=0):
     directions = np.repeat(FORWARD, len(ranges_mm), 0) if directions is None else directions
     ranges_mm = np.array(ranges_mm, np.uint16)
     return voxel_map.integrate(origin, np.array(directions, float), ranges_mm, 3.0, time_ns)
+
+
+def log_odds(voxel_map, points):
+    """In units of 1/30, by way of the probabilities."""
+    odds = voxel_map.probability_at(points)
+    return np.rint(30.0 * np.log(odds / (1.0 - odds))).astype(int).tolist()
+
+
+def along_x(count):
+    """Centres of the cells ahead of the eye, from its own on."""
+    return np.array(EYE) + np.arange(count)[:, None] * [0.1, 0.0, 0.0]
 
 
 def probability(voxel_map, point):
@@ -51,21 +61,23 @@ def test_evidence_is_clamped_on_both_sides(voxel_map):
         look(voxel_map, 2000)
     assert probability(voxel_map, CELL) == 0.97
     assert probability(voxel_map, BEFORE) == 0.12
-    assert voxel_map.log_odds.max() == round(1000 * math.log(0.97 / 0.03))
-    assert voxel_map.log_odds.min() == round(1000 * math.log(0.12 / 0.88))
+    assert log_odds(voxel_map, [*CELL, *BEFORE]) == [
+        round(30 * math.log(0.97 / 0.03)),
+        round(30 * math.log(0.12 / 0.88)),
+    ]
 
 
 def test_a_cell_is_updated_once_in_a_sweep(voxel_map):
     statistics = look(voxel_map, 2000, 2001, 2002)
     assert statistics == SweepStatistics(3, 0, 0, 0, cells_updated=21)
-    assert sorted(np.unique(voxel_map.log_odds)) == [-400, 0, 900]
+    assert log_odds(voxel_map, along_x(22)) == [-12] * 20 + [27, 0]
 
 
 def test_occupied_wins_over_free_whatever_the_order(voxel_map):
     look(voxel_map, 2000, 2500)
     look(voxel_map, 2500, 2000)
     assert voxel_map.state_at([*CELL, *BEFORE, *BEYOND]).tolist() == [OCCUPIED, FREE, FREE]
-    assert voxel_map.log_odds.max() == 1800
+    assert log_odds(voxel_map, [*CELL, *BEFORE, *BEYOND]) == [54, -24, -24]
 
 
 def test_a_beam_without_return_clears_up_to_the_limit(voxel_map):
@@ -77,12 +89,12 @@ def test_a_beam_without_return_clears_up_to_the_limit(voxel_map):
 
 def test_a_return_beyond_the_limit_is_no_evidence_of_an_obstacle(voxel_map):
     assert look(voxel_map, 3200).clears == 1
-    assert voxel_map.counts() == {"unknown": 4 * 2 * 2 * 1000 - 31, "free": 31, "occupied": 0}
+    assert voxel_map.counts() == {"free": 31, "occupied": 0}
 
 
 def test_dropped_and_near_beams_tell_nothing(voxel_map):
     assert look(voxel_map, 0, 299) == SweepStatistics(0, 0, 1, 1, cells_updated=0)
-    assert not voxel_map.log_odds.any()
+    assert voxel_map.counts() == {"free": 0, "occupied": 0}
     assert voxel_map.observed_ns_at(CELL).tolist() == [-1]
 
 
@@ -91,26 +103,46 @@ def test_no_beams_at_all(voxel_map):
     assert empty == SweepStatistics(0, 0, 0, 0, 0)
 
 
-def test_a_beam_enters_from_outside_and_leaves_again(voxel_map):
-    look(voxel_map, 65535, origin=(-0.95, 1.05, 0.475))
-    assert voxel_map.state_at([[0.05, 1.05, 0.475], [1.95, 1.05, 0.475]]).tolist() == [FREE, FREE]
-    look(voxel_map, 65535, origin=(3.05, 1.05, 0.475))
-    assert voxel_map.counts()["free"] == 31  # 21 from the left, 10 to the right border
-
-
-def test_outside_is_unknown(voxel_map):
+def test_what_was_never_seen_is_unknown(voxel_map):
     look(voxel_map, 65535)
-    outside = [[-0.1, 1.0, 0.5], [5.0, 1.0, 0.5], [np.nan, 0.0, 0.0]]
-    assert voxel_map.state_at(outside).tolist() == [UNKNOWN] * 3
-    assert voxel_map.probability_at(outside).tolist() == [0.5] * 3
-    assert voxel_map.observed_ns_at(outside).tolist() == [-1] * 3
+    elsewhere = [[-0.1, 1.0, 0.5], [5.0, 1.0, 0.5], [-9e5, 9e5, 1e5], [np.nan, 0.0, 0.0]]
+    assert voxel_map.state_at(elsewhere).tolist() == [UNKNOWN] * 4
+    assert voxel_map.probability_at(elsewhere).tolist() == [0.5] * 4
+    assert voxel_map.observed_ns_at([*elsewhere[1:]]).tolist() == [-1] * 3
 
 
-def test_a_block_knows_when_it_was_last_observed(voxel_map):
+@pytest.mark.parametrize("place", [(0.0, 0.0), (-777.7, 12.3), (9.9e5, -9.9e5)])
+def test_a_robot_may_be_anywhere(voxel_map, place):
+    origin = (*place, 0.475)
+    look(voxel_map, 2000, origin=origin)
+    at = np.array([[1.9, 0.0, 0.0], [2.0, 0.0, 0.0]]) + origin
+    assert voxel_map.state_at(at).tolist() == [FREE, OCCUPIED]
+
+
+def test_a_rolling_sweep_starts_each_beam_where_the_sensor_was(voxel_map):
+    origins = np.array([EYE, (0.55, 1.55, 0.475)])
+    moments = np.array([1, 0, 1], np.int32)
+    ranges_mm = np.array([2000, 1500, 1000], np.uint16)
+    statistics = voxel_map.integrate(
+        origins, np.repeat(FORWARD, 3, 0), ranges_mm, 3.0, 0, moments=moments
+    )
+    assert statistics == SweepStatistics(3, 0, 0, 0, cells_updated=16 + 21)
+    at = [[2.55, 1.55, 0.475], [2.05, 1.05, 0.475], [1.55, 1.55, 0.475], [2.45, 1.55, 0.475]]
+    assert voxel_map.state_at(at).tolist() == [OCCUPIED, OCCUPIED, OCCUPIED, FREE]
+
+
+def test_beams_that_end_in_one_cell_count_as_one(voxel_map):
+    tilt = math.asin(0.03 / 2.0)  # ends in the same cell by another way
+    directions = [[1.0, 0.0, 0.0], [math.cos(tilt), math.sin(tilt), 0.0]]
+    statistics = look(voxel_map, 2000, 2000, directions=directions)
+    assert statistics.cells_updated == 21
+
+
+def test_a_brick_knows_when_it_was_last_observed(voxel_map):
     look(voxel_map, 1000, time_ns=5)
     look(voxel_map, 1000, time_ns=9)
     look(voxel_map, 1000, time_ns=7)  # a late sweep does not make it older
-    at = [[1.55, 1.05, 0.4], [1.65, 1.05, 0.4]]  # blocks 0 and 1 along x
+    at = [[1.55, 1.05, 0.4], [1.65, 1.05, 0.4]]  # bricks 0 and 1 along x
     assert voxel_map.observed_ns_at(at).tolist() == [9, -1]
 
 
@@ -119,7 +151,7 @@ def test_a_beam_onto_the_floor_spares_the_floor_before_its_end(voxel_map, slope)
     direction = np.array([[1.0, 0.0, -slope]]) / math.hypot(1.0, slope)
     origin = (0.55, 1.05, slope * 2.0)
     look(voxel_map, round(2000 * math.hypot(1.0, slope)), directions=direction, origin=origin)
-    floor = voxel_map.states()[:, 10, 0]
+    floor = voxel_map.states_in((0.0, 1.0, -0.07), (4.0, 1.1, 0.02))[:, 0, 0]
     assert np.flatnonzero(floor == OCCUPIED).tolist() == [25]
     assert np.count_nonzero(floor == FREE) == 0
     assert voxel_map.counts()["free"] > 15
@@ -141,12 +173,13 @@ def test_a_flat_floor_seen_while_walking_stays_whole(height):
     with np.errstate(divide="ignore"):
         ranges = np.where(directions[:, 2] < 0.0, -height / directions[:, 2], np.inf)
     ranges_mm = np.where(ranges > 8.0, 65535, np.round(1000.0 * ranges)).astype(np.uint16)
-    voxel_map = VoxelMap(MapConfig(), (-9.0, -9.0, -0.2), (9.0, 9.0, 1.0))
-    ever_hit = np.zeros(voxel_map.shape[:2], bool)
+    voxel_map = VoxelMap(MapConfig())
+    floor_box = ((-9.0, -9.0, -0.07), (9.0, 9.0, 0.02))
+    ever_hit = np.zeros((180, 180), bool)
     for k in range(11):
         voxel_map.integrate((0.1 * k, 0.0, height), directions, ranges_mm, 8.0, k * 10**8)
-        ever_hit |= voxel_map.states()[:, :, voxel_map.grid.floor_layer] == OCCUPIED
-    floor = voxel_map.states()[:, :, voxel_map.grid.floor_layer]
+        ever_hit |= voxel_map.states_in(*floor_box)[:, :, 0] == OCCUPIED
+    floor = voxel_map.states_in(*floor_box)[:, :, 0]
     assert ever_hit.sum() > 2000
     assert np.all(floor[ever_hit] == OCCUPIED)
 
@@ -155,8 +188,8 @@ def test_presence_frees_unknown_space_but_no_obstacle(voxel_map):
     look(voxel_map, 2000)
     voxel_map.mark_free((2.4, 0.9, 0.4), (2.8, 1.2, 0.6), 3)
     assert voxel_map.state_at([*CELL, *BEYOND]).tolist() == [OCCUPIED, FREE]
-    assert voxel_map.log_odds[27, 10, 5] == -400
-    assert voxel_map.log_odds[28, 10, 5] == 0  # its centre is outside the box
+    inside, beside = [2.75, 1.05, 0.475], [2.85, 1.05, 0.475]
+    assert log_odds(voxel_map, [inside, beside]) == [-12, 0]  # its centre is outside the box
     assert voxel_map.observed_ns_at(CELL).tolist() == [3]
 
 
@@ -164,23 +197,30 @@ def test_a_free_sphere_holds_the_centres_within_its_radius(voxel_map):
     voxel_map.mark_free_sphere((2.05, 1.05, 0.975), 0.21, 0)
     # Centres at offsets of whole cells with i^2 + j^2 + k^2 <= 4: 33 of them.
     assert voxel_map.counts()["free"] == 33
-    voxel_map.mark_free_sphere((9.0, 9.0, 9.0), 0.2, 0)
+    voxel_map.mark_free_sphere((2.05, 1.05, 0.975), 0.001, 0)
     assert voxel_map.counts()["free"] == 33
 
 
 def test_a_standing_body_tells_of_the_floor_unless_a_beam_went_through(voxel_map):
     voxel_map.mark_free((1.0, 1.0, -0.1), (1.1, 1.1, 0.0), 0)
     voxel_map.mark_floor((1.0, 1.0), (1.2, 1.2), 0)
-    assert voxel_map.states()[10:12, 10:12, 0].tolist() == [[1, 2], [2, 2]]
+    assert voxel_map.states_in((1.0, 1.0, -0.07), (1.2, 1.2, 0.02))[:, :, 0].tolist() == [
+        [1, 2],
+        [2, 2],
+    ]
     assert voxel_map.counts()["occupied"] == 3
 
 
 @pytest.mark.parametrize(
     ("origin", "directions", "ranges_mm", "limit", "message"),
     [
-        ((np.nan, 0, 0), FORWARD, [1], 3.0, "origin: got"),
-        ((np.inf, 0, 0), FORWARD, [1], 3.0, "origin: got"),
+        ((np.nan, 0, 0), FORWARD, [1], 3.0, "origins: got"),
+        ((np.inf, 0, 0), FORWARD, [1], 3.0, "origins: got"),
+        ((0, 2e6, 0), FORWARD, [1], 3.0, r"origins: got \[0.0, 2000000.0, 0.0\], expected"),
+        ((0, 0), FORWARD, [1], 3.0, r"origins: got shape \(2,\), expected \(3,\) or"),
+        ([EYE, EYE], FORWARD, [1], 3.0, "moments: got none for 2 origins"),
         (EYE, [[np.nan, 0.0, 0.0]], [1], 3.0, "unit length"),
+        (EYE, [[np.inf, 0.0, 0.0]], [1], 3.0, "unit length"),
         (EYE, [[2.0, 0.0, 0.0]], [1], 3.0, "unit length"),
         (EYE, FORWARD, [1, 2], 3.0, "beams: got"),
         (EYE, FORWARD, [1], 0.0, "range_limit: got 0, expected up to 204.7 m"),
@@ -204,6 +244,68 @@ def test_ranges_must_be_16_bit_millimetres(voxel_map):
         voxel_map.integrate(EYE, FORWARD, np.array([1.0]), 3.0, 0)
 
 
-def test_memory_is_three_bytes_a_cell_and_little_more(voxel_map):
-    cells = voxel_map.log_odds.size
-    assert 3 * cells < voxel_map.memory_bytes() < 3.1 * cells
+@pytest.mark.parametrize("moments", [[0, 1], [2], [-1], [0.0]])
+def test_moments_must_name_an_origin_for_each_beam(voxel_map, moments):
+    with pytest.raises(ValueError, match="moments: got"):
+        voxel_map.integrate(
+            [EYE, EYE], FORWARD, np.array([900], np.uint16), 3.0, 0, np.array(moments)
+        )
+
+
+def test_a_read_only_sweep_as_a_log_yields_it(voxel_map):
+    directions, ranges_mm = FORWARD.copy(), np.array([2000], np.uint16)
+    directions.flags.writeable = ranges_mm.flags.writeable = False
+    assert voxel_map.integrate(EYE, directions, ranges_mm, 3.0, 0).cells_updated == 21
+
+
+@pytest.mark.parametrize("settings", [{}, {"clamp_low": 0.001, "clamp_high": 0.999, "hit": 0.85}])
+def test_rounding_tells_what_was_asked_and_what_is_in_effect(settings):
+    config = MapConfig(half_life=0.0, **settings)
+    voxel_map = VoxelMap(config)
+    rounding = voxel_map.rounding()
+    assert {name: asked for name, (asked, _) in rounding.items()} == {
+        name: getattr(config, name) for name in ("hit", "miss", "clamp_low", "clamp_high")
+    }
+    look(voxel_map, 2000)
+    seen = voxel_map.probability_at([*CELL, *BEFORE])
+    np.testing.assert_allclose(
+        np.log(seen / (1 - seen)), [rounding["hit"][1], -rounding["miss"][1]]
+    )
+    for _ in range(60):
+        look(voxel_map, 2000)
+    clamps = [rounding["clamp_high"][1], rounding["clamp_low"][1]]
+    np.testing.assert_allclose(voxel_map.probability_at([*CELL, *BEFORE]), clamps)
+    np.testing.assert_allclose(clamps, [config.clamp_high, config.clamp_low], atol=0.004)
+
+
+def test_the_default_steps_are_whole_units():
+    rounding = VoxelMap(MapConfig()).rounding()
+    assert rounding["hit"] == (0.9, 0.9)
+    assert rounding["miss"] == (0.4, 0.4)
+
+
+def room_sweep(count=4000):
+    """Beams from the middle of a room of 8 x 6 x 4 m."""
+    directions = np.random.default_rng(0).normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    half = np.array([4.0, 3.0, 2.0])
+    ranges = (half / np.abs(directions)).min(axis=1)
+    return directions, np.rint(1000.0 * ranges).astype(np.uint16)
+
+
+@pytest.mark.parametrize("threads", [2, 5])
+def test_any_number_of_threads_makes_the_same_map(threads):
+    alone, team = VoxelMap(MapConfig()), VoxelMap(MapConfig(), threads)
+    for k in range(8):
+        for voxel_map in (alone, team):
+            origin = (0.1 * k, 0.05 * k, 0.5)
+            statistics = voxel_map.integrate(origin, *room_sweep(), 10.0, k * 400_000_000)
+            assert statistics.cells_updated > 10_000
+        assert alone.version() == team.version()
+    assert alone.counts() == team.counts()
+
+
+def test_threads_are_1_to_64():
+    for threads in (0, 65):
+        with pytest.raises(ValueError, match=f"threads: got {threads}, expected 1 to 64"):
+            VoxelMap(MapConfig(), threads)

@@ -1,0 +1,217 @@
+"""Compiled kernels of bricks: where each is held, and what it tells of its cells.
+
+A brick is 16 x 16 columns of 64 cells. The log-odds of a column are one cache line, and a bit for
+each of its cells is one word. Eight cells are often looked at together, so a brick's cells are also
+seen as words; the byte order is little-endian, as on every processor that numba knows.
+
+All kernels that call each other live in this file because a cached kernel is not recompiled when
+another file changes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps._jit import kernel
+from maps.states import FREE, OCCUPIED, UNKNOWN
+
+EDGE_BITS = 4
+EDGE = 1 << EDGE_BITS  # columns along a brick's edge
+HEIGHT = 64  # cells
+COLUMNS = EDGE * EDGE
+BELOW_FLOOR = 2  # layers: else the noise of the floor's returns would open a second brick
+
+B7F = np.uint64(0x7F7F7F7F7F7F7F7F)
+B80 = np.uint64(0x8080808080808080)
+GATHER = np.uint64(0x0102040810204080)  # times eight bytes of 0 or 1: their bits, in the top byte
+
+
+@kernel
+def bucket_of(x: int, y: int, z: int, buckets: int) -> int:
+    """Spatial hash (Teschner et al. 2003, "Optimized spatial hashing"); `buckets` is 2^k."""
+    return ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & (buckets - 1)
+
+
+@kernel
+def find(
+    heads: NDArray[np.int32],  # (2^k,) first slot of each bucket, or -1
+    links: NDArray[np.int32],  # (slots,) next one in the bucket, or -1
+    keys: NDArray[np.int32],  # (slots, 3)
+    x: int,
+    y: int,
+    z: int,
+) -> int:
+    """The slot of a brick, or -1."""
+    slot = int(heads[bucket_of(x, y, z, heads.shape[0])])
+    while slot >= 0 and not (keys[slot, 0] == x and keys[slot, 1] == y and keys[slot, 2] == z):
+        slot = int(links[slot])
+    return slot
+
+
+@kernel
+def find_all(
+    heads: NDArray[np.int32],
+    links: NDArray[np.int32],
+    keys: NDArray[np.int32],
+    wanted: NDArray[np.int32],  # (k, 3)
+    slots: NDArray[np.int64],  # (k,) out: -1 where there is none
+) -> None:
+    """Find the slots of bricks."""
+    for i in range(wanted.shape[0]):
+        slots[i] = find(heads, links, keys, wanted[i, 0], wanted[i, 1], wanted[i, 2])
+
+
+@kernel
+def enter(
+    heads: NDArray[np.int32],
+    links: NDArray[np.int32],
+    keys: NDArray[np.int32],
+    slots: NDArray[np.int64],  # (k,) keys already written
+) -> None:
+    """Enter bricks into the directory."""
+    for i in range(slots.shape[0]):
+        slot = slots[i]
+        bucket = bucket_of(keys[slot, 0], keys[slot, 1], keys[slot, 2], heads.shape[0])
+        links[slot] = heads[bucket]
+        heads[bucket] = slot
+
+
+@kernel
+def strike_out(
+    heads: NDArray[np.int32],
+    links: NDArray[np.int32],
+    keys: NDArray[np.int32],
+    slots: NDArray[np.int64],  # (k,)
+) -> None:
+    """Take bricks out of the directory."""
+    for i in range(slots.shape[0]):
+        slot = slots[i]
+        bucket = bucket_of(keys[slot, 0], keys[slot, 1], keys[slot, 2], heads.shape[0])
+        at = np.int64(heads[bucket])
+        if at == slot:
+            heads[bucket] = links[slot]
+            continue
+        while links[at] != slot:
+            at = np.int64(links[at])
+        links[at] = links[slot]
+
+
+@kernel
+def column_states(eights: NDArray[np.uint64]) -> tuple[np.uint64, np.uint64]:
+    """The occupied and the free cells of a column, a bit each."""
+    occupied, free = np.uint64(0), np.uint64(0)
+    shift = np.uint64(0)
+    for k in range(8):
+        eight = eights[k]
+        if eight != 0:
+            above = ((((eight & B7F) + B7F) | eight) & ~eight & B80) >> np.uint64(7)
+            below = (eight & B80) >> np.uint64(7)
+            occupied |= ((above * GATHER) >> np.uint64(56)) << shift
+            free |= ((below * GATHER) >> np.uint64(56)) << shift
+        shift += np.uint64(8)
+    return occupied, free
+
+
+@kernel
+def write_columns(
+    heads: NDArray[np.int32],
+    links: NDArray[np.int32],
+    keys: NDArray[np.int32],
+    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    low: tuple[int, int, int],  # cell
+    occupied: NDArray[np.uint64],  # (nx, ny, words) out, zero before
+    free: NDArray[np.uint64],  # (nx, ny, words) out, zero before
+) -> None:
+    """Write the states of a window of cells, whose bottom may lie anywhere in a brick."""
+    nx, ny, words = occupied.shape
+    bottom = low[2] + BELOW_FLOOR
+    first_z, shift = bottom >> 6, np.uint64(bottom & 63)
+    back = np.uint64(64) - shift
+    for bx in range(low[0] >> EDGE_BITS, ((low[0] + nx - 1) >> EDGE_BITS) + 1):
+        for by in range(low[1] >> EDGE_BITS, ((low[1] + ny - 1) >> EDGE_BITS) + 1):
+            for k in range(words + (1 if shift != 0 else 0)):
+                slot = find(heads, links, keys, bx, by, first_z + k)
+                if slot < 0:
+                    continue
+                for x in range(max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)):
+                    for y in range(max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)):
+                        column = (x - bx * EDGE) * EDGE + y - by * EDGE
+                        held, clear = column_states(eights[slot, column])
+                        i, j = x - low[0], y - low[1]
+                        if k < words:
+                            occupied[i, j, k] |= held >> shift
+                            free[i, j, k] |= clear >> shift
+                        if k > 0 and shift != 0:
+                            occupied[i, j, k - 1] |= held << back
+                            free[i, j, k - 1] |= clear << back
+
+
+@kernel
+def column_of(x: int, y: int) -> int:
+    """Index of a column of cells in its brick."""
+    return ((x & (EDGE - 1)) << EDGE_BITS) + (y & (EDGE - 1))
+
+
+@kernel
+def look_up(
+    heads: NDArray[np.int32],
+    links: NDArray[np.int32],
+    keys: NDArray[np.int32],
+    cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
+    wanted: NDArray[np.int64],  # (n, 3) cells
+    slots: NDArray[np.int64],  # (n,) out: -1 where nothing is held
+    values: NDArray[np.int8],  # (n,) out, 0 there
+) -> None:
+    """The log-odds of cells as their bricks hold them."""
+    for i in range(wanted.shape[0]):
+        x, y, z = wanted[i, 0], wanted[i, 1], wanted[i, 2] + BELOW_FLOOR
+        slot = find(heads, links, keys, x >> EDGE_BITS, y >> EDGE_BITS, z >> 6)
+        slots[i] = slot
+        values[i] = cells[slot, column_of(x, y), z & 63] if slot >= 0 else 0
+
+
+@kernel
+def walk(
+    heads: NDArray[np.int32],
+    links: NDArray[np.int32],
+    keys: NDArray[np.int32],
+    cells: NDArray[np.int8],
+    origin: NDArray[np.float64],  # (3,) in cells
+    direction: NDArray[np.float64],  # (3,) unit
+    reach: float,  # cells
+    stop_at_unknown: bool,
+) -> tuple[float, int]:
+    """Follow a ray from cell to cell up to an occupied (or unknown) one.
+
+    Amanatides & Woo (1987), "A fast voxel traversal algorithm for ray tracing".
+
+    Returns:
+        How far along the ray that cell begins, in cells, and its state; `reach` and FREE if none.
+    """
+    cell, step = np.empty(3, np.int64), np.empty(3, np.int64)
+    times, pitches = np.empty(3), np.empty(3)
+    for axis in range(3):
+        times[axis] = pitches[axis] = np.inf
+        cell[axis] = np.int64(np.floor(origin[axis]))
+        step[axis] = 1 if direction[axis] > 0.0 else -1
+        if direction[axis] != 0.0:
+            face = cell[axis] + (1 if direction[axis] > 0.0 else 0)
+            times[axis] = (face - origin[axis]) / direction[axis]
+            pitches[axis] = abs(1.0 / direction[axis])
+    distance = 0.0
+    while distance <= reach:
+        z = cell[2] + BELOW_FLOOR
+        slot = find(heads, links, keys, cell[0] >> EDGE_BITS, cell[1] >> EDGE_BITS, z >> 6)
+        value = np.int64(cells[slot, column_of(cell[0], cell[1]), z & 63]) if slot >= 0 else 0
+        if value > 0:
+            return distance, OCCUPIED
+        if value == 0 and stop_at_unknown:
+            return distance, UNKNOWN
+        axis = 0 if times[0] <= times[1] and times[0] <= times[2] else 1
+        if times[2] < times[axis]:
+            axis = 2
+        distance = times[axis]
+        times[axis] += pitches[axis]
+        cell[axis] += step[axis]
+    return reach, FREE

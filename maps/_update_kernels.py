@@ -1,0 +1,199 @@
+"""Compiled kernels of an update: from marks in a sweep's window to the log-odds of bricks.
+
+Eight cells are updated at once in an integer register. All kernels that call each other live in
+this file because a cached kernel is not recompiled when another file changes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps._brick_kernels import B7F, B80, COLUMNS, EDGE, EDGE_BITS, GATHER
+from maps._jit import kernel
+
+ONE = np.uint64(1)
+BYTE = np.uint64(0xFF)
+B01, B55, B33, B0F = (np.uint64(0x0101010101010101 * byte) for byte in (0x01, 0x55, 0x33, 0x0F))
+SPREAD = np.array(
+    [sum(0xFF << (8 * k) for k in range(8) if byte >> k & 1) for byte in range(256)], np.uint64
+)
+SEEDS = np.array([0x9E3779B97F4A7C15 * k % 2**64 for k in range(1, 9)], np.uint64)
+FACTOR = np.uint64(0xD6E8FEB86659FD93)  # odd, so that multiplying by it loses nothing
+
+CONTENT_CHANGED = 1
+STATES_CHANGED = 2
+
+
+@kernel
+def gather(
+    hits: NDArray[np.uint64],  # (threads, nx * ny * words)
+    free: NDArray[np.uint64],  # (threads, nx * ny * words)
+    shape: tuple[int, int, int],  # (nx, ny, words)
+    rows: tuple[int, int],  # first and one past the last row of bricks along x
+    touched: NDArray[np.bool_],  # (nx / 16, ny / 16, words) out
+) -> None:
+    """Merge the marks of all threads into the first one's, and tell which bricks have any."""
+    _, ny, words = shape
+    for x in range(rows[0] * EDGE, rows[1] * EDGE):
+        for block in range(ny // EDGE):
+            for word in range(words):
+                base = np.uint64((x * ny + block * EDGE) * words + word)
+                found = np.uint64(0)
+                for y in range(EDGE):
+                    at = base + np.uint64(y * words)
+                    for thread in range(1, hits.shape[0]):
+                        hits[0, at] |= hits[thread, at]
+                        free[0, at] |= free[thread, at]
+                        hits[thread, at] = 0
+                        free[thread, at] = 0
+                    found |= hits[0, at] | free[0, at]
+                if found != 0:
+                    touched[x >> EDGE_BITS, block, word] = True
+
+
+@kernel
+def count_bits(bits: np.uint64) -> int:
+    """Number of set bits of a word."""
+    bits = bits - ((bits >> ONE) & B55)
+    bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
+    bits = (bits + (bits >> np.uint64(4))) & B0F
+    return int(np.int64((bits * B01) >> np.uint64(56)))
+
+
+@kernel
+def positive(eight: np.uint64) -> np.uint64:
+    """The top bit of each of eight int8: whether it is more than 0."""
+    return (((eight & B7F) + B7F) | eight) & ~eight & B80
+
+
+@kernel
+def lowered(eight: np.uint64, floor: np.uint64, miss: np.uint64) -> np.uint64:
+    """max(value, low + miss) - miss of eight int8 at once.
+
+    `floor` holds low + miss + 128 and `miss` the miss in every byte. Compared are the values plus
+    128, which are not negative: first their upper bits, and where these agree the lower seven.
+    """
+    raised = eight ^ B80
+    lower_bits = (raised | B80) - (floor & B7F)
+    above = ((raised & ~floor) | (~(raised ^ floor) & lower_bits)) & B80
+    chosen = (above >> np.uint64(7)) * BYTE
+    return (((raised & chosen) | (floor & ~chosen)) - miss) ^ B80
+
+
+@kernel
+def update_column(
+    cells: NDArray[np.int8],  # (64,)
+    eights: NDArray[np.uint64],  # (8,) the same memory
+    settled: np.uint64,  # cells known to lie at the lower clamp
+    hits: np.uint64,
+    free: np.uint64,
+    steps: tuple[int, int, int, int],  # (hit, miss, low, high)
+) -> tuple[np.uint64, int]:
+    """Raise the cells that were hit and lower those that were crossed.
+
+    Returns:
+        The settled cells, and flags of what changed.
+    """
+    hit, miss, low, high = steps
+    floor, fall = np.uint64(low + miss + 128) * B01, np.uint64(miss) * B01
+    bottom = np.uint64(low & 0xFF) * B01
+    differ, turned = np.uint64(0), np.uint64(0)
+    todo = free & ~settled
+    shift = np.uint64(0)
+    for k in range(8):
+        byte = (todo >> shift) & BYTE
+        if byte != 0:
+            old, mask = eights[k], SPREAD[byte]
+            new = (old & ~mask) | (lowered(old, floor, fall) & mask)
+            eights[k] = new
+            differ |= old ^ new
+            turned |= ((old ^ new) & B80) | (positive(old) ^ positive(new))
+            apart = new ^ bottom
+            same = ~(((apart & B7F) + B7F) | apart | B7F)
+            settled |= ((((same >> np.uint64(7)) * GATHER) >> np.uint64(56)) & byte) << shift
+        shift += np.uint64(8)
+    settled &= ~hits
+    while hits != 0:
+        bit = hits & (~hits + ONE)
+        hits ^= bit
+        z = count_bits(bit - ONE)
+        before = int(cells[z])
+        after = min(before + hit, high)
+        cells[z] = after
+        differ |= np.uint64(before != after)
+        turned |= np.uint64((before > 0) != (after > 0))
+    changed = CONTENT_CHANGED if differ != 0 else 0
+    return settled, changed | (STATES_CHANGED if turned != 0 else 0)
+
+
+@kernel
+def update_bricks(
+    slots: NDArray[np.int64],  # (k,) -1: there was no room
+    places: NDArray[np.int64],  # (k,) first word of each brick in the window
+    part: tuple[int, int],  # first and one past the last of them to update
+    strides: tuple[int, int],  # words from column to column along x and y
+    hits: NDArray[np.uint64],  # (nx * ny * words,) zero after
+    free: NDArray[np.uint64],  # (nx * ny * words,) zero after
+    steps: tuple[int, int, int, int],
+    cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
+    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8) the same memory
+    fresh: NDArray[np.uint64],  # (slots, COLUMNS)
+    settled: NDArray[np.uint64],  # (slots, COLUMNS)
+    changes: NDArray[np.uint8],  # (k,) out
+    updated: NDArray[np.int64],  # (k,) out: cells
+) -> None:
+    """Update each marked cell once; a hit comes before a crossing."""
+    for i in range(part[0], part[1]):
+        slot = slots[i]
+        flags, seen = 0, 0
+        for column in range(COLUMNS):
+            x, y = column >> EDGE_BITS, column & (EDGE - 1)
+            at = np.uint64(places[i] + x * strides[0] + y * strides[1])
+            hit = hits[at]
+            crossed = free[at] & ~hit
+            hits[at] = 0
+            free[at] = 0
+            if hit | crossed == 0 or slot < 0:
+                continue
+            seen += count_bits(hit | crossed)
+            fresh[slot, column] |= hit | crossed
+            if hit != 0 or crossed & ~settled[slot, column] != 0:
+                settled[slot, column], changed = update_column(
+                    cells[slot, column],
+                    eights[slot, column],
+                    settled[slot, column],
+                    hit,
+                    crossed,
+                    steps,
+                )
+                flags |= changed
+        changes[i] = flags
+        updated[i] = seen
+
+
+@kernel
+def digest_bricks(
+    slots: NDArray[np.int64],  # (k,)
+    part: tuple[int, int],
+    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    lanes: NDArray[np.uint64],  # (k, 8) out
+    held: NDArray[np.bool_],  # (k,) out: whether any cell is not 0
+) -> None:
+    """Eight 64-bit digests of each brick, of every eighth word.
+
+    A lane is a chain of steps that lose nothing, so contents that differ in one word never share
+    their digests; others do by a chance of 2^-64 a lane.
+    """
+    for i in range(part[0], part[1]):
+        slot = slots[i]
+        any_bit = np.uint64(0)
+        for k in range(8):
+            lanes[i, k] = SEEDS[k]
+        for column in range(COLUMNS):
+            for k in range(8):
+                word = eights[slot, column, k]
+                any_bit |= word
+                mixed = (lanes[i, k] ^ word) * FACTOR
+                lanes[i, k] = mixed ^ (mixed >> np.uint64(32))
+        held[i] = any_bit != 0

@@ -1,0 +1,94 @@
+"""The log-odds of a cell in whole units, and how they fade."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps import _decay_kernels as kernels
+from maps.config import MapConfig
+
+MOST = 127  # units that an int8 holds on either side of 0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A configuration's steps and clamps in whole units of log-odds.
+
+    Attributes:
+        units: Units to one of log-odds.
+        hit: What a return adds.
+        miss: What a crossing takes.
+        low: Lower clamp.
+        high: Upper clamp.
+    """
+
+    units: int
+    hit: int
+    miss: int
+    low: int
+    high: int
+
+    @classmethod
+    def of(cls, config: MapConfig) -> Evidence:
+        """Choose the units that meet hit and miss best among those that still hold the clamps.
+
+        Tried are the finer half of the possible ones; with equal errors the finest wins. The
+        defaults come to 30 units, in which 0.9 and 0.4 are whole.
+        """
+        low, high = _log_odds(config.clamp_low), _log_odds(config.clamp_high)
+        finest = math.floor(MOST / max(-low, high))
+
+        def error(units: int) -> float:
+            return max(
+                abs(max(round(units * step), 1) / units - step) / step
+                for step in (config.hit, config.miss)
+            )
+
+        units = min(range(finest, finest // 2, -1), key=error)
+        span = round(units * high) - round(units * low)
+        hit, miss = (min(max(round(units * step), 1), span) for step in (config.hit, config.miss))
+        return cls(units, hit, miss, round(units * low), round(units * high))
+
+    @property
+    def steps(self) -> tuple[int, int, int, int]:
+        """Hit, miss, low, high."""
+        return self.hit, self.miss, self.low, self.high
+
+    def probability(self, units: NDArray[np.int8] | int) -> NDArray[np.float64]:
+        """Probability of occupancy that log-odds in units stand for."""
+        odds = np.exp(np.asarray(units, np.float64) / self.units)
+        return np.asarray(odds / (1.0 + odds))
+
+    def rounding(self, config: MapConfig) -> dict[str, tuple[float, float]]:
+        """What whole units make of a configuration.
+
+        Returns:
+            By name the value asked for and the one in effect: `hit` and `miss` as log-odds,
+            `clamp_low` and `clamp_high` as probabilities.
+        """
+        return {
+            "hit": (config.hit, self.hit / self.units),
+            "miss": (config.miss, self.miss / self.units),
+            "clamp_low": (config.clamp_low, float(self.probability(self.low))),
+            "clamp_high": (config.clamp_high, float(self.probability(self.high))),
+        }
+
+
+def tick_losses(config: MapConfig) -> NDArray[np.uint64]:
+    """(128,) what a decay tick takes from each magnitude, in 2^-40 units.
+
+    That is v (1 - 2^(-period / half-life)); nothing if the half-life is 0.
+    """
+    share = 0.0
+    if config.half_life > 0.0:
+        share = -math.expm1(-math.log(2.0) * config.decay_period / config.half_life)
+    unit = float(1 << kernels.LOSS_BITS)
+    return np.array([round(v * share * unit) for v in range(MOST + 1)], np.uint64)
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability / (1.0 - probability))

@@ -1,0 +1,226 @@
+"""The cells that a sweep or a shape marks, in a dense window of columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps import _beam_kernels as beams
+from maps import _brick_kernels as bricks
+from maps import _update_kernels as update
+from maps.grid import FLOOR_LAYER
+from maps.sweep import Sweep
+from maps.team import Team
+
+MAX_WINDOW_WORDS = 1 << 26
+NO_GUARD = -1
+
+
+@dataclass(frozen=True)
+class Marks:
+    """The cells that a sweep or a shape marks, in a dense window of whole bricks.
+
+    Attributes:
+        bricks: (k, 3) indices of the bricks that hold any.
+        places: (k,) first word of each in the window.
+        strides: Words from column to column along x and y.
+        hits: (words,) a bit for each cell to be raised.
+        free: (words,) a bit for each cell to be lowered, where it is not to be raised.
+    """
+
+    bricks: NDArray[np.int32]
+    places: NDArray[np.int64]
+    strides: tuple[int, int]
+    hits: NDArray[np.uint64]
+    free: NDArray[np.uint64]
+
+    def take_free(self) -> NDArray[np.uint64]:
+        """The cells to be lowered, (k, 256) words by brick and column; they are marked no more."""
+        row = np.arange(bricks.EDGE)
+        columns = row[:, None] * self.strides[0] + row * self.strides[1]  # (16, 16)
+        words = self.places[:, None] + columns.reshape(-1)  # (k, 256)
+        bits = self.free[words]
+        self.free[words] = 0
+        return bits
+
+
+class SweepWindow:
+    """A dense window of columns that follows the sensor; its memory is used again.
+
+    Each thread carves its own share of the beams into its own masks. These are merged by OR, which
+    does not depend on the order: the marks are the same for any number of threads.
+    """
+
+    def __init__(self, team: Team) -> None:
+        """Make one without extent."""
+        self._team = team
+        self._hits = np.zeros((team.size, 0), np.uint64)
+        self._free = np.zeros((team.size, 0), np.uint64)
+        self._aims = np.zeros((team.size, 0), np.uint64)
+        self._flags = np.zeros((team.size, 0), np.uint8)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the masks hold."""
+        masks = (self._hits, self._free, self._aims, self._flags)
+        return sum(mask.nbytes for mask in masks)
+
+    def place(self, sweep: Sweep) -> tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int64]]:
+        """Find where the beams end; nothing is marked.
+
+        Returns:
+            Cell of each end (n, 3), fate of each beam (n,), least and greatest cell (2, 3) of all
+            beams.
+
+        Raises:
+            ValueError: A direction is not of unit length, or the beams span too much space.
+        """
+        count = len(sweep.ranges_mm)
+        ends, fates = np.empty((count, 3), np.int32), np.empty(count, np.uint8)
+        cells = sweep.sensors >> beams.SUBCELL_BITS
+        boxes = np.empty((self._team.size, 2, 3), np.int64)
+        boxes[:, 0], boxes[:, 1] = cells.min(axis=0), cells.max(axis=0)
+        refused: list[int] = []
+
+        def place(member: int, part: tuple[int, int]) -> None:
+            beam = beams.place_ends(
+                sweep.origins,
+                sweep.moments,
+                sweep.directions,
+                sweep.ranges_mm,
+                sweep.limits_mm,
+                sweep.resolution,
+                part,
+                ends,
+                fates,
+                boxes[member],
+            )
+            if beam >= 0:
+                refused.append(beam)
+
+        self._team.share(place, count)
+        if refused:
+            direction = sweep.directions[min(refused)]
+            raise ValueError(f"directions: got {direction}, expected unit length")
+        box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+        _, shape = _window(box)
+        if np.prod(shape) > MAX_WINDOW_WORDS:
+            raise ValueError(
+                f"beams: got {64 * np.prod(shape)} cells around them, "
+                f"expected at most {64 * MAX_WINDOW_WORDS}: a shorter range or coarser cells"
+            )
+        return ends, fates, box
+
+    def carve(
+        self,
+        sweep: Sweep,
+        ends: NDArray[np.int32],
+        fates: NDArray[np.uint8],
+        box: NDArray[np.int64],
+        guard: bool,
+    ) -> Marks:
+        """Mark the cells that the beams hit and cross.
+
+        Args:
+            sweep: The beams.
+            ends: (n, 3) cells that they end in.
+            fates: (n,) what became of them.
+            box: (2, 3) least and greatest cell of all beams.
+            guard: Whether a beam that ends in the floor's layer spares that layer.
+        """
+        corner, shape = _window(box)
+        nx, ny, words = shape
+        self._reserve(nx * ny, words)
+        layer = FLOOR_LAYER - int(corner[2])
+        guarded = layer if guard and 0 <= layer < 64 * words else NO_GUARD
+        sensors = 2 * (sweep.sensors - (corner << beams.SUBCELL_BITS)) + 1
+        groups, first = sweep.groups, (int(corner[0]), int(corner[1]), int(corner[2]))
+
+        def carve(member: int, part: tuple[int, int]) -> None:
+            beams.carve(
+                ends,
+                fates,
+                groups,
+                sensors,
+                part,
+                first,
+                guarded,
+                shape,
+                self._hits[member],
+                self._free[member],
+                self._aims[member],
+                self._flags[member],
+                np.empty(part[1] - part[0], np.int32),
+            )
+
+        self._team.share(carve, len(fates))
+        return self._collect(corner, shape)
+
+    def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:
+        """Mark cells of an array (nx, ny, nz), whose least one is `first`, as hit or as free."""
+        corner, shape = _window(np.stack([first, first + np.maximum(cells.shape, 1) - 1]))
+        nx, ny, words = shape
+        self._reserve(nx * ny, words)
+        dense = np.zeros((nx, ny, 64 * words), np.bool_)
+        inside = tuple(
+            slice(int(a), int(a) + n) for a, n in zip(first - corner, cells.shape, strict=True)
+        )
+        dense[inside] = cells
+        masks = self._hits if raised else self._free
+        masks[0, : nx * ny * words] = pack_bits(dense).reshape(-1)
+        return self._collect(corner, shape)
+
+    def _reserve(self, columns: int, words: int) -> None:
+        if self._hits.shape[1] < columns * words:
+            size = (self._team.size, columns * words)
+            self._hits, self._free, self._aims = (np.zeros(size, np.uint64) for _ in range(3))
+        if self._flags.shape[1] < columns:
+            self._flags = np.zeros((self._team.size, columns), np.uint8)
+
+    def _collect(self, corner: NDArray[np.int64], shape: tuple[int, int, int]) -> Marks:
+        """Merge what the threads marked, and list the bricks that hold any."""
+        nx, ny, words = shape
+        touched = np.zeros((nx // bricks.EDGE, ny // bricks.EDGE, words), np.bool_)
+
+        def gather(_: int, rows: tuple[int, int]) -> None:
+            update.gather(self._hits, self._free, shape, rows, touched)
+
+        self._team.share(gather, len(touched))
+        blocks = np.argwhere(touched)  # (k, 3)
+        rows = blocks * np.array([bricks.EDGE, bricks.EDGE, 1])
+        places = ((rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]).astype(np.int64)
+        keys = (blocks + brick_of(corner)).astype(np.int32, order="C")
+        return Marks(keys, places, (ny * words, words), self._hits[0], self._free[0])
+
+
+def brick_of(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Indices of the bricks that cells (..., 3) lie in."""
+    x, y, z = cells[..., 0], cells[..., 1], cells[..., 2] + bricks.BELOW_FLOOR
+    return np.stack([x >> bricks.EDGE_BITS, y >> bricks.EDGE_BITS, z >> 6], axis=-1)
+
+
+def brick_cells(keys: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Least cells (..., 3) of bricks."""
+    size = np.array([bricks.EDGE, bricks.EDGE, bricks.HEIGHT])
+    low: NDArray[np.int64] = keys.astype(np.int64) * size - [0, 0, bricks.BELOW_FLOOR]
+    return low
+
+
+def pack_bits(cells: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    """Cells (nx, ny, 64 words) as words (nx, ny, words); bit k of word w is cell 64 w + k."""
+    return np.packbits(cells, axis=2, bitorder="little").view(np.uint64)
+
+
+def unpack_bits(words: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """The reverse: cells (nx, ny, 64 words)."""
+    bits = np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=2, bitorder="little")
+    return bits.view(np.bool_)
+
+
+def _window(box: NDArray[np.int64]) -> tuple[NDArray[np.int64], tuple[int, int, int]]:
+    """Least cell (3,) and size (nx, ny, words) of the whole bricks around a box of cells."""
+    first, last = brick_of(box)
+    nx, ny, words = (int(n) for n in last - first + 1)
+    return brick_cells(first), (nx * bricks.EDGE, ny * bricks.EDGE, words)

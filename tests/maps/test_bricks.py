@@ -1,0 +1,250 @@
+"""The bricks of a map: found, dropped when memory is full, told when their states change."""
+
+import numpy as np
+import pytest
+
+from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from maps import _brick_kernels as kernels
+from maps import _update_kernels as updates
+from maps.bricks import BYTES_IN_BRICK, Bricks
+
+MIDDLE = np.array([0.5, 0.5, -0.25])
+FORWARD = np.array([[1.0, 0.0, 0.0]])
+
+
+def make(memory_mib=4, **settings):
+    return VoxelMap(MapConfig(memory_mib=memory_mib, **({"half_life": 0.0} | settings)))
+
+
+def step_along(voxel_map, count, pitch=20.0, start=0):
+    """One short beam every 20 m: two bricks each at most."""
+    for k in range(start, start + count):
+        origin = (pitch * k + 0.05, 0.05, 0.5)
+        voxel_map.integrate(origin, FORWARD, np.array([500], np.uint16), 1.0, k)
+
+
+def test_memory_stays_below_its_bound_and_the_oldest_bricks_go_first():
+    voxel_map = make(memory_mib=1)
+    capacity = 2**20 // BYTES_IN_BRICK
+    step_along(voxel_map, 3 * capacity)
+    at = np.array([[20.0 * k + 0.15, 0.05, 0.5] for k in range(3 * capacity)])
+    known = np.flatnonzero(voxel_map.state_at(at) == FREE)
+    assert len(known) >= capacity * 0.9
+    assert known.tolist() == list(range(3 * capacity - len(known), 3 * capacity))
+    bricks = voxel_map.memory_bytes() - voxel_map._window.nbytes
+    assert bricks <= 1.01 * 2**20
+    assert voxel_map.counts() == {"free": 5 * len(known), "occupied": len(known)}
+
+
+def test_dropping_is_the_same_every_time_and_for_any_threads():
+    config = MapConfig(memory_mib=1)
+    versions = set()
+    for threads in (1, 1, 3):
+        voxel_map = VoxelMap(config, threads)
+        step_along(voxel_map, 150)
+        versions.add(voxel_map.version())
+    assert len(versions) == 1
+
+
+def test_what_is_seen_again_is_not_the_oldest():
+    voxel_map = make(memory_mib=1)
+    for k in range(120):
+        step_along(voxel_map, 1, start=k)
+        voxel_map.integrate((0.05, 0.05, 0.5), FORWARD, np.array([500], np.uint16), 1.0, k)
+    assert voxel_map.state_at([[0.15, 0.05, 0.5]]).tolist() == [FREE]
+
+
+def test_a_sweep_larger_than_the_memory_takes_what_fits():
+    voxel_map = make(memory_mib=1)
+    angles = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    directions = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    ranges_mm = np.full(720, 20000, np.uint16)
+    for time_ns in range(3):
+        statistics = voxel_map.integrate((0.0, 0.0, 0.5), directions, ranges_mm, 30.0, time_ns)
+        assert statistics.cells_updated == sum(voxel_map.counts().values()) > 0
+
+
+def test_a_version_forgets_what_was_dropped():
+    voxel_map, fresh = make(memory_mib=1), make(memory_mib=1)
+    capacity = 2**20 // BYTES_IN_BRICK
+    step_along(voxel_map, 10)
+    before = voxel_map.version()
+    step_along(voxel_map, capacity + 5, start=10)
+    assert voxel_map.version() != before
+    held = sum(voxel_map.counts().values()) // 6
+    step_along(fresh, held, start=capacity + 15 - held)
+    assert fresh.version() == voxel_map.version()
+
+
+def test_columns_are_the_states_bit_by_bit():
+    rng = np.random.default_rng(6)
+    voxel_map = make()
+    for k in range(3):
+        directions = rng.normal(size=(300, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        ranges_mm = rng.integers(300, 4000, 300).astype(np.uint16)
+        voxel_map.integrate(rng.uniform(-1, 1, 3), directions, ranges_mm, 5.0, k)
+    shape = (21, 33, 2)
+    for low in ([-9, -7, -62], [0, 0, -2], [-16, 5, -65], [900, 0, 0]):
+        occupied, free = voxel_map.columns(low, shape)
+        cells = np.stack(np.indices((21, 33, 128)), axis=-1).reshape(-1, 3) + low
+        states = voxel_map.state_at((cells + MIDDLE) * 0.1).reshape(21, 33, 128)
+        for words, state in ((occupied, OCCUPIED), (free, FREE)):
+            bits = (words[..., None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
+            np.testing.assert_array_equal(bits.reshape(states.shape), states == state)
+    assert not (occupied | free).any()
+
+
+def inside(boxes, cell):
+    return any(np.all(box[:3] <= cell) and np.all(cell < box[3:]) for box in boxes)
+
+
+def test_the_change_set_holds_every_cell_whose_state_changed():
+    voxel_map = make(half_life=2.0, memory_mib=1)
+    rng = np.random.default_rng(0)
+    low, shape = [-50, -50, -40], (100, 100, 2)
+    before = voxel_map.columns(low, shape)
+    now, quiet = 0, 0
+    for k in range(60):
+        if k % 4 == 0:
+            origin = rng.uniform(-2, 2, 3)
+            directions = rng.normal(size=(10, 3))
+            directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+            ranges_mm = rng.integers(300, 2000, 10).astype(np.uint16)
+            voxel_map.integrate(origin, directions, ranges_mm, 3.0, k * 500_000_000)
+        else:
+            voxel_map.advance(k * 500_000_000)
+        after = voxel_map.columns(low, shape)
+        differ = (before[0] ^ after[0]) | (before[1] ^ after[1])
+        boxes, now = voxel_map.changed(now)
+        for x, y, word in np.argwhere(differ)[::7]:
+            bit = int(differ[x, y, word]) & -int(differ[x, y, word])
+            cell = np.array([x, y, 64 * word + bit.bit_length() - 1]) + low
+            assert inside(boxes, cell)
+        quiet += len(boxes) == 0
+        before = after
+    assert 5 < quiet < 60
+    assert len(voxel_map.changed(now)[0]) == 0
+
+
+def test_everything_is_told_to_one_who_asks_first():
+    voxel_map = make()
+    step_along(voxel_map, 3)
+    boxes, _ = voxel_map.changed(0)
+    assert sorted(boxes[:, 0].tolist()) == [0, 192, 400]
+    assert np.all(boxes[:, 3:] - boxes[:, :3] == [16, 16, 64])
+    assert inside(boxes, [201, 0, 5])
+
+
+def test_bricks_that_are_given_up_are_told():
+    voxel_map = make(half_life=1.0)
+    step_along(voxel_map, 1)
+    _, now = voxel_map.changed(0)
+    voxel_map.advance(10**12)
+    boxes, _ = voxel_map.changed(now)
+    assert boxes.tolist() == [[0, 0, -2, 16, 16, 62]]
+    assert len(voxel_map.changed(0)[0]) == 0
+
+
+def test_the_directory_finds_what_was_entered_and_not_struck_out():
+    rng = np.random.default_rng(1)
+    bricks, held = Bricks(memory_mib=2), {}
+    for turn in range(200):
+        key = tuple(rng.integers(-3, 4, 3).tolist())
+        if key in held and turn % 2:
+            bricks.release(np.array([held.pop(key)]), stamp=1)
+        elif len(held) < bricks.capacity - 1:
+            slot = int(bricks.reserve(np.array([key], np.int32), 0, 1)[0])
+            assert held.setdefault(key, slot) == slot
+        keys = np.stack(np.indices((7, 7, 7)), axis=-1).reshape(-1, 3) - 3
+        expected = [held.get(tuple(key), -1) for key in keys.tolist()]
+        assert bricks.find(keys.astype(np.int32)).tolist() == expected
+    assert len(set(held.values())) == len(held) > 20
+
+
+def test_unknown_is_what_no_brick_holds():
+    voxel_map = make()
+    step_along(voxel_map, 1)
+    assert voxel_map.state_at([[0.05, 0.05, 50.0], [0.05, -3.0, 0.5]]).tolist() == [UNKNOWN] * 2
+
+
+def both(kernel):
+    return pytest.mark.parametrize("run", [kernel, kernel.py_func], ids=["compiled", "python"])
+
+
+STEPS = [(27, 12, -60, 104), (29, 13, -64, 111), (100, 120, -127, 127), (1, 1, -2, 1)]
+
+
+@both(updates.update_column)
+@pytest.mark.parametrize("steps", STEPS)
+def test_update_column(run, steps):
+    hit, miss, low, high = steps
+    rng = np.random.default_rng(hit)
+    for _ in range(60 if run is updates.update_column else 8):
+        old = rng.integers(low, high + 1, 64).astype(np.int8)
+        old[rng.random(64) < 0.2] = 0
+        old[rng.random(64) < 0.2] = low
+        hits, free = (
+            int.from_bytes(np.packbits(rng.random(64) < p, bitorder="little").tobytes(), "little")
+            for p in (0.1, rng.random())
+        )
+        free &= ~hits
+        known = np.packbits((old == low) & (rng.random(64) < 0.5), bitorder="little")
+        settled = int(known.view(np.uint64)[0])
+        cells = old.copy()
+        with np.errstate(over="ignore"):
+            left, flags = run(
+                cells,
+                cells.view(np.uint64),
+                np.uint64(settled),
+                np.uint64(hits),
+                np.uint64(free),
+                steps,
+            )
+        new = old.astype(int)
+        for z in range(64):
+            if hits >> z & 1:
+                new[z] = min(new[z] + hit, high)
+            elif free >> z & 1:
+                new[z] = max(new[z] - miss, low)
+        np.testing.assert_array_equal(cells, new)
+        bits = [int(left) >> z & 1 for z in range(64)]
+        assert all(new[z] == low for z in range(64) if bits[z])
+        crossed = [z for z in range(64) if free >> z & 1]
+        assert all(bits[z] == (new[z] == low) for z in crossed)
+        assert flags & 1 == np.any(new != old)
+        assert flags >> 1 == np.any(np.sign(new) != np.sign(old))
+
+
+@both(kernels.column_states)
+def test_column_states(run):
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        cells = rng.integers(-128, 128, 64).astype(np.int8)
+        cells[rng.random(64) < 0.4] = 0
+        with np.errstate(over="ignore"):
+            occupied, free = run(cells.view(np.uint64))
+        assert [int(occupied) >> z & 1 for z in range(64)] == (cells > 0).tolist()
+        assert [int(free) >> z & 1 for z in range(64)] == (cells < 0).tolist()
+
+
+@both(updates.digest_bricks)
+def test_digests_tell_single_words_apart(run):
+    rng = np.random.default_rng(5)
+    eights = np.repeat(rng.integers(0, 2**63, (1, 256, 8)).astype(np.uint64), 6, axis=0)
+    eights[1, 0, 0] ^= np.uint64(1)
+    eights[2, 255, 7] ^= np.uint64(1 << 63)
+    eights[3, [0, 1]] = eights[3, [1, 0]]
+    eights[4] = 0
+    lanes, held = np.zeros((6, 8), np.uint64), np.zeros(6, np.bool_)
+    with np.errstate(over="ignore"):
+        run(np.arange(6), (0, 6), eights, lanes, held)
+    assert len({lane.tobytes() for lane in lanes}) == 5
+    assert lanes[0].tolist() == lanes[5].tolist()
+    assert held.tolist() == [True, True, True, True, False, True]
+    with np.errstate(over="ignore"):
+        again = np.array(updates.SEEDS)
+        for column in eights[0]:
+            again = (again ^ column) * updates.FACTOR
+            again ^= again >> np.uint64(32)
+    assert again.tolist() == lanes[0].tolist()
