@@ -4,4 +4,4 @@ import numba
 
 # error_model="numpy" leaves division without a branch; no fastmath, because it would let the
 # compiler reorder arithmetic and two machines could then build two maps.
-kernel = numba.njit(cache=True, error_model="numpy")
+kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
