@@ -88,12 +88,34 @@ def copy_block(target: NDArray[np.uint16], source: NDArray[np.uint16]) -> int:
 
 
 @kernel
+def fill(target: NDArray[np.uint16], value: int) -> None:
+    """Set every element; a slice assignment does the same and takes a second to compile."""
+    for k in range(target.shape[0]):
+        target[k] = value
+
+
+@kernel
+def note_result(
+    result: NDArray[np.uint16],  # (n,)
+    kept: NDArray[np.uint16],  # (n,) in, out
+) -> tuple[int, int]:
+    """Keep a result; its least element, and the least that it brought or took away."""
+    least = change = np.uint16(NO_CHANGE)
+    for k in range(result.shape[0]):
+        lesser = min(result[k], kept[k])
+        change = min(change, lesser if result[k] != kept[k] else np.uint16(NO_CHANGE))
+        least = min(least, result[k])
+        kept[k] = result[k]
+    return int(least), int(change)
+
+
+@kernel
 def measure_rows(
-    blocked: NDArray[np.uint64],  # (rows, words)
+    blocked: NDArray[np.uint64],  # (rows, words); rows of the block that are missing hold nothing
     reach: int,
     row_cells: int,
-    work: NDArray[np.uint16],  # (2, pad + rows * (row_cells + reach) + pad) scratch
-    squared: NDArray[np.uint16],  # (rows * row_cells,) out
+    work: NDArray[np.uint16],  # (2, pad + block_rows * (row_cells + reach) + pad) scratch
+    squared: NDArray[np.uint16],  # (block_rows * row_cells,) out
 ) -> bool:
     """Squared distance along z to the nearest blocked cell; whether there is any.
 
@@ -101,20 +123,21 @@ def measure_rows(
     nearest within 2^(m+1) - 1. All rows are done as one line, kept apart by `reach` cells.
     """
     rows, words = blocked.shape
+    block_rows = squared.shape[0] // row_cells
     any_bit = np.uint64(0)
     for row in range(rows):
         for w in range(words):
             any_bit |= blocked[row, w]
     if any_bit == 0:
-        squared[:] = reach * reach
+        fill(squared, reach * reach)
         return False
 
     pitch = row_cells + reach
-    pad = (work.shape[1] - rows * pitch) // 2
+    pad = (work.shape[1] - block_rows * pitch) // 2
     end = work.shape[1] - pad
     source, target = work[0], work[1]
-    source[:] = reach
-    target[:] = reach
+    fill(source, reach)
+    fill(target, reach)
     for row in range(rows):
         for w in range(words):
             word = blocked[row, w]
@@ -132,7 +155,7 @@ def measure_rows(
             lowered[k] = min(middle[k], through)
         source, target = target, source
         step *= 2
-    for row in range(rows):
+    for row in range(block_rows):
         distances = source[pad + row * pitch : pad + row * pitch + row_cells]
         squares = squared[row * row_cells : (row + 1) * row_cells]
         for k in range(row_cells):
@@ -154,60 +177,48 @@ def update_sections(
     least_change: NDArray[np.uint16],  # (nx, blocks) out: least value that came or went
 ) -> None:
     """The squared distance within planes of constant x, in their stale blocks."""
-    _, ny, words = known.shape
+    ny = known.shape[1]
     blocks, cells = sections.shape[1:]
     around = -(-(reach + 1) // block_rows)  # blocks on either side that sources may lie in
-    along = np.empty((blocks + 2 * around) * cells, np.uint16)
-    along[: around * cells] = reach * reach
-    along[(blocks + around) * cells :] = reach * reach
-    measured = np.empty(blocks, np.bool_)
-    holds_any = np.zeros(blocks + 2 * around, np.bool_)
+    # Beyond the window nothing is blocked: its border comes at the end.
+    along = np.full((blocks + 2 * around) * cells, np.uint16(reach * reach), np.uint16)
+    holds_any = np.zeros(blocks, np.bool_)
+    measured = np.empty(blocks, np.int64)  # the plane that each block of `along` belongs to
+    for b in range(blocks):
+        measured[b] = -1
     work = np.empty((2, 2 * LONGEST_STEP + block_rows * (row_cells + reach)), np.uint16)
-    rows = np.zeros((block_rows, words), np.uint64)
     result = np.empty(cells, np.uint16)
     for x in planes:
-        measured[:] = False
         for b in range(blocks):
             if not stale[x, b]:
                 continue
             stale[x, b] = False
+            any_near = False
             for c in range(max(0, b - around), min(blocks, b + around + 1)):
-                if measured[c]:
-                    continue
-                measured[c] = True
-                rows[:] = 0  # beyond the window nothing is blocked; its border comes at the end
-                last = min(ny, (c + 1) * block_rows)
-                rows[: last - c * block_rows] = known[x, c * block_rows : last]
-                first = (c + around) * cells
-                holds_any[c + around] = measure_rows(
-                    rows, reach, row_cells, work, along[first : first + cells]
-                )
+                if measured[c] != x:
+                    measured[c] = x
+                    first = (c + around) * cells
+                    rows = known[x, c * block_rows : min(ny, (c + 1) * block_rows)]
+                    holds_any[c] = measure_rows(
+                        rows, reach, row_cells, work, along[first : first + cells]
+                    )
+                any_near |= holds_any[c]
             first = (b + around) * cells
             greatest = copy_block(result, along[first : first + cells])
-            if holds_any[b : b + 2 * around + 1].any():
-                j = 1
-                while j < reach and j * j < greatest:
-                    near, far = j * row_cells, (j + 1) * row_cells
-                    greatest = lower(
-                        result,
-                        along[first - near : first - near + cells],
-                        along[first + near : first + near + cells],
-                        along[first - far : first - far + cells],
-                        along[first + far : first + far + cells],
-                        j,
-                    )
-                    j += 2
-            before = sections[x, b]
-            least = np.uint16(NO_CHANGE)
-            change = np.uint16(NO_CHANGE)
-            for k in range(cells):
-                lesser = min(result[k], before[k])
-                change = min(change, lesser if result[k] != before[k] else np.uint16(NO_CHANGE))
-                least = min(least, result[k])
-                before[k] = result[k]
+            j = 1 if any_near else reach
+            while j < reach and j * j < greatest:
+                near, far = j * row_cells, (j + 1) * row_cells
+                greatest = lower(
+                    result,
+                    along[first - near : first - near + cells],
+                    along[first + near : first + near + cells],
+                    along[first - far : first - far + cells],
+                    along[first + far : first + far + cells],
+                    j,
+                )
+                j += 2
             farthest[x, b] = greatest
-            nearest[x, b] = least
-            least_change[x, b] = change
+            nearest[x, b], least_change[x, b] = note_result(result, sections[x, b])
 
 
 @kernel

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 from numpy.typing import NDArray
 
 from maps import _field_kernels as kernels
-from maps._field_kernels import MAX_REACH, WORD_BITS
+from maps._field_kernels import MAX_REACH
+from maps.window import layer_bits
+from maps.workers import Workers
 
 BLOCK_ROWS = 8
 """Rows along y that are recomputed together; fewer cost more calls, more cost idle work."""
 
 ROW_MULTIPLE = 16  # cells: rows in whole vectors of 256 bits
-SHARES = 4  # pieces of work per thread: their costs differ
+SHARES = 4  # parts per thread: blocks differ in cost
 
 
 class DistanceField:
@@ -35,7 +34,7 @@ class DistanceField:
     """
 
     def __init__(
-        self, shape: tuple[int, int, int], reach: int, workers: ThreadPoolExecutor | None = None
+        self, shape: tuple[int, int, int], reach: int, workers: Workers | None = None
     ) -> None:
         """Make the field of a window without blocked cells.
 
@@ -55,11 +54,11 @@ class DistanceField:
         nx, ny, nz = self.shape = shape
         self.reach = reach
         self.squared = np.empty(shape, np.uint16)
-        self._workers = workers
+        self._workers = workers or Workers()
         self._block_rows = min(BLOCK_ROWS, ny)
         self._row_cells = -(-nz // ROW_MULTIPLE) * ROW_MULTIPLE
         blocks, most = -(-ny // self._block_rows), reach * reach
-        self._inside = window_bits(nz)
+        self._inside = layer_bits(0, nz, nz)
         self._blocked = np.zeros((nx, ny, len(self._inside)), np.uint64)
         block_cells = self._block_rows * self._row_cells
         # One plane more than there are: it stands for those outside, which hold nothing.
@@ -105,10 +104,11 @@ class DistanceField:
 
     def _refresh(self) -> None:
         """Recompute the stale sections, then what their changes reach."""
-        self._share(self._update_sections, np.flatnonzero(self._stale_sections.any(axis=1)))
+        planes = np.flatnonzero(self._stale_sections.any(axis=1))
+        self._workers.share(self._update_sections, planes, SHARES)
         kernels.spread_changes(self._least_change, self.reach, self._farthest, self._stale)
         # Block by block along x: neighbours share most of the planes that they look at.
-        self._share(self._update_field, np.argwhere(self._stale.T))
+        self._workers.share(self._update_field, np.argwhere(self._stale.T), SHARES)
         self._stale[:] = False
 
     def _update_sections(self, planes: NDArray[np.int64]) -> None:
@@ -136,23 +136,3 @@ class DistanceField:
             self._farthest,
             self.squared,
         )
-
-    def _share(
-        self, work: Callable[[NDArray[np.int64]], None], pieces: NDArray[np.int64]
-    ) -> None:
-        """Do the pieces, each of which writes a part of its own."""
-        if len(pieces) == 0:
-            return
-        if self._workers is None:
-            work(pieces)
-            return
-        shares = min(len(pieces), SHARES * self._workers._max_workers)
-        for _ in self._workers.map(work, np.array_split(pieces, shares)):
-            pass
-
-
-def window_bits(cells: int) -> NDArray[np.uint64]:
-    """Words (words,) whose set bits are the first `cells`."""
-    words = -(-cells // WORD_BITS)
-    bits = np.arange(words * WORD_BITS) < cells
-    return np.packbits(bits, bitorder="little").view("<u8").astype(np.uint64)
