@@ -113,6 +113,7 @@ def note_result(
 def measure_rows(
     blocked: NDArray[np.uint64],  # (rows, words); rows of the block that are missing hold nothing
     reach: int,
+    nz: int,
     row_cells: int,
     work: NDArray[np.uint16],  # (2, pad + block_rows * (row_cells + reach) + pad) scratch
     squared: NDArray[np.uint16],  # (block_rows * row_cells,) out
@@ -124,11 +125,11 @@ def measure_rows(
     """
     rows, words = blocked.shape
     block_rows = squared.shape[0] // row_cells
-    any_bit = np.uint64(0)
+    united = np.uint64(0)
     for row in range(rows):
         for w in range(words):
-            any_bit |= blocked[row, w]
-    if any_bit == 0:
+            united |= blocked[row, w]
+    if united == 0:
         fill(squared, reach * reach)
         return False
 
@@ -158,8 +159,10 @@ def measure_rows(
     for row in range(block_rows):
         distances = source[pad + row * pitch : pad + row * pitch + row_cells]
         squares = squared[row * row_cells : (row + 1) * row_cells]
-        for k in range(row_cells):
+        for k in range(nz):
             squares[k] = np.uint16(distances[k] * distances[k])
+        for k in range(nz, row_cells):  # no cells: they must not hold a value of their own
+            squares[k] = squares[nz - 1]
     return True
 
 
@@ -168,6 +171,7 @@ def update_sections(
     planes: NDArray[np.int64],  # (m,) indices along x
     known: NDArray[np.uint64],  # (nx, ny, words)
     reach: int,
+    nz: int,
     block_rows: int,
     row_cells: int,
     stale: NDArray[np.bool_],  # (nx, blocks) in; false afterwards
@@ -200,7 +204,7 @@ def update_sections(
                     first = (c + around) * cells
                     rows = known[x, c * block_rows : min(ny, (c + 1) * block_rows)]
                     holds_any[c] = measure_rows(
-                        rows, reach, row_cells, work, along[first : first + cells]
+                        rows, reach, nz, row_cells, work, along[first : first + cells]
                     )
                 any_near |= holds_any[c]
             first = (b + around) * cells

@@ -116,6 +116,7 @@ class DistanceField:
             planes,
             self._blocked,
             self.reach,
+            self.shape[2],
             self._block_rows,
             self._row_cells,
             self._stale_sections,
