@@ -67,19 +67,23 @@ def look_up(
 
 
 @kernel
-def distance_at(
-    squared: NDArray[np.uint16],  # (nx, ny, nz)
-    table: NDArray[np.float64],  # m, by squared distance
-    x: int,
-    y: int,
-    z: int,
-) -> float:
-    """The distance at a cell: 0 outside; an axis of one cell does not count."""
-    nx, ny, nz = squared.shape
-    x, y, z = (x if nx > 1 else 0), (y if ny > 1 else 0), (z if nz > 1 else 0)
-    if 0 <= x < nx and 0 <= y < ny and 0 <= z < nz:
-        return float(table[squared[x, y, z]])
-    return 0.0
+def neighbours(place: float, cells: int) -> tuple[int, int, float, float, float]:
+    """The two cells along an axis whose centres enclose a place, and how much each counts.
+
+    Args:
+        place: In cells from the window's corner, within it.
+        cells: Of the window along this axis.
+
+    Returns:
+        Both indices, clipped to the window; whether each is within it, 1 or 0; the second's share.
+        On an axis of one cell both are that cell.
+    """
+    first = int(np.floor(place - 0.5))
+    share = place - 0.5 - first
+    if cells == 1:
+        return 0, 0, 1.0, 1.0, share
+    before, after = max(first, 0), min(first + 1, cells - 1)
+    return before, after, 1.0 * (before == first), 1.0 * (after == first + 1), share
 
 
 @kernel
@@ -101,17 +105,19 @@ def interpolate(
         distances[n] = gradients[n, 0] = gradients[n, 1] = gradients[n, 2] = 0.0
         if not (0.0 <= u < nx and 0.0 <= v < ny and 0.0 <= w < nz):  # also if not finite
             continue
-        x, y, z = int(np.floor(u - 0.5)), int(np.floor(v - 0.5)), int(np.floor(w - 0.5))
-        u, v, w = u - 0.5 - x, v - 0.5 - y, w - 0.5 - z  # shares of the next cell
-        a = distance_at(squared, table, x, y, z)
-        b = distance_at(squared, table, x, y, z + 1)
-        c = distance_at(squared, table, x, y + 1, z)
-        d = distance_at(squared, table, x, y + 1, z + 1)
+        x, next_x, in_x, in_next_x, u = neighbours(u, nx)
+        y, next_y, in_y, in_next_y, v = neighbours(v, ny)
+        z, next_z, in_z, in_next_z, w = neighbours(w, nz)
+        # At the window's border the outer cells are outside, at distance 0.
+        a = table[squared[x, y, z]] * (in_x * in_y * in_z)
+        b = table[squared[x, y, next_z]] * (in_x * in_y * in_next_z)
+        c = table[squared[x, next_y, z]] * (in_x * in_next_y * in_z)
+        d = table[squared[x, next_y, next_z]] * (in_x * in_next_y * in_next_z)
         # What each grows by towards the next cell along x.
-        da = distance_at(squared, table, x + 1, y, z) - a
-        db = distance_at(squared, table, x + 1, y, z + 1) - b
-        dc = distance_at(squared, table, x + 1, y + 1, z) - c
-        dd = distance_at(squared, table, x + 1, y + 1, z + 1) - d
+        da = table[squared[next_x, y, z]] * (in_next_x * in_y * in_z) - a
+        db = table[squared[next_x, y, next_z]] * (in_next_x * in_y * in_next_z) - b
+        dc = table[squared[next_x, next_y, z]] * (in_next_x * in_next_y * in_z) - c
+        dd = table[squared[next_x, next_y, next_z]] * (in_next_x * in_next_y * in_next_z) - d
         a, b, c, d = a + u * da, b + u * db, c + u * dc, d + u * dd
         along_y = (1.0 - w) * (c - a) + w * (d - b)
         distances[n] = (1.0 - w) * a + w * b + v * along_y

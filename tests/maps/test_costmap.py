@@ -355,7 +355,7 @@ def test_compiled_kernels_equal_their_python(voxel_map, monkeypatch):
         return answers
 
     compiled = everything()
-    for name in ("project_columns", "look_up", "interpolate", "distance_at"):
+    for name in ("project_columns", "look_up", "interpolate", "neighbours"):
         monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
     for ours, theirs in zip(compiled, everything(), strict=True):
         np.testing.assert_array_equal(ours, theirs)
