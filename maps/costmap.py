@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from maps import _column_kernels as kernels
 from maps._field_kernels import MAX_REACH
+from maps.columns import Window, unpack
 from maps.config import MapConfig
 from maps.field import DistanceField
 from maps.projection import Airspace, ColumnMap, Ground
 from maps.states import FREE, OCCUPIED
-from maps.window import Window, unpack
-from maps.workers import Workers
+from maps.team import Team
 
 INSCRIBED_COST = 252.0
 """Cost at the edge of what is forbidden; Nav2 keeps 253 and 254 for what is inside."""
@@ -90,7 +90,7 @@ class Costmap:
         self.radius = radius
         self.resolution = voxel_map.resolution
         self._map = voxel_map
-        self._workers = Workers(threads)
+        self._team = Team(threads)
         window = Window.covering(low, high, self.resolution)
         self._cells = (
             Ground(window, height, step_height)
@@ -115,7 +115,7 @@ class Costmap:
         cells = self._cells
         changed = cells.read(self._map)
         if not self._fields or self._fields[0].reach < reach:
-            self._fields = [DistanceField(cells.rows, reach, self._workers) for _ in range(2)]
+            self._fields = [DistanceField(cells.rows, reach, self._team) for _ in range(2)]
             changed = slice(0, cells.rows[0]), slice(0, cells.rows[1])
         if changed is not None:
             x0, y0 = changed[0].start, changed[1].start

@@ -7,14 +7,13 @@ from numpy.typing import NDArray
 
 from maps import _field_kernels as kernels
 from maps._field_kernels import MAX_REACH
-from maps.window import layer_bits
-from maps.workers import Workers
+from maps.columns import layer_bits
+from maps.team import Team
 
 BLOCK_ROWS = 8
 """Rows along y that are recomputed together; fewer cost more calls, more cost idle work."""
 
 ROW_MULTIPLE = 16  # cells: rows in whole vectors of 256 bits
-SHARES = 4  # parts per thread: blocks differ in cost
 
 
 class DistanceField:
@@ -33,16 +32,14 @@ class DistanceField:
         squared: (nx, ny, nz) uint16, squared distances in cells. Others only read it.
     """
 
-    def __init__(
-        self, shape: tuple[int, int, int], reach: int, workers: Workers | None = None
-    ) -> None:
+    def __init__(self, shape: tuple[int, int, int], reach: int, team: Team | None = None) -> None:
         """Make the field of a window without blocked cells.
 
         Args:
             shape: (nx, ny, nz) cells.
             reach: Greatest distance that is told, cells.
-            workers: What the work is shared among; None does it in the caller's thread. The result
-                does not depend on it.
+            team: Threads that share the work; None for the caller's alone. The result does not
+                depend on them.
 
         Raises:
             ValueError: The window is empty, or the reach is not within 1 to 181 cells.
@@ -54,7 +51,7 @@ class DistanceField:
         nx, ny, nz = self.shape = shape
         self.reach = reach
         self.squared = np.empty(shape, np.uint16)
-        self._workers = workers or Workers()
+        self._team = team or Team(1)
         self._block_rows = min(BLOCK_ROWS, ny)
         self._row_cells = -(-nz // ROW_MULTIPLE) * ROW_MULTIPLE
         blocks, most = -(-ny // self._block_rows), reach * reach
@@ -105,10 +102,11 @@ class DistanceField:
     def _refresh(self) -> None:
         """Recompute the stale sections, then what their changes reach."""
         planes = np.flatnonzero(self._stale_sections.any(axis=1))
-        self._workers.share(self._update_sections, planes, SHARES)
+        self._team.share(lambda _, part: self._update_sections(planes[slice(*part)]), len(planes))
         kernels.spread_changes(self._least_change, self.reach, self._farthest, self._stale)
         # Block by block along x: neighbours share most of the planes that they look at.
-        self._workers.share(self._update_field, np.argwhere(self._stale.T), SHARES)
+        blocks = np.argwhere(self._stale.T)
+        self._team.share(lambda _, part: self._update_field(blocks[slice(*part)]), len(blocks))
         self._stale[:] = False
 
     def _update_sections(self, planes: NDArray[np.int64]) -> None:

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps import _inflation_kernels as kernels
-from maps.workers import Workers
+from maps.team import Team
 
 MAX_SQUARED_RADIUS = 181 * 181  # cells^2, as far as the distance field tells
 
 
 def inflate(
-    blocked: NDArray[np.uint64], squared_radius: int, workers: Workers | None = None
+    blocked: NDArray[np.uint64], squared_radius: int, team: Team | None = None
 ) -> NDArray[np.uint64]:
     """The cells whose squared distance to a blocked one is at most `squared_radius`.
 
@@ -25,8 +25,8 @@ def inflate(
         blocked: (nx, ny, words) bits: bit k of word w is cell 64 w + k along z. What lies outside
             holds nothing.
         squared_radius: cells^2.
-        workers: What the work is shared among; None does it in the caller's thread. The result
-            does not depend on it.
+        team: Threads that share the work; None for the caller's alone. The result does not depend
+            on them.
 
     Returns:
         (nx, ny, words) bits.
@@ -41,10 +41,10 @@ def inflate(
     heights = _half_heights(squared_radius)
     inflated = np.empty_like(blocked)
 
-    def work(planes: NDArray[np.int64]) -> None:
-        kernels.inflate_planes(blocked, heights, planes[0], planes[-1] + 1, inflated)
+    def work(_: int, planes: tuple[int, int]) -> None:
+        kernels.inflate_planes(blocked, heights, *planes, inflated)
 
-    (workers or Workers()).share(work, np.arange(len(blocked)))
+    (team or Team(1)).share(work, len(blocked))
     return inflated
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps import _column_kernels as kernels
-from maps.window import WORD_BITS, Window, layer_bits
+from maps.columns import WORD_BITS, Window, layer_bits
 
 ROUNDING = 1e-6  # of a cell
 

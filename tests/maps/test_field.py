@@ -6,7 +6,7 @@ from scipy.ndimage import distance_transform_edt
 
 from maps import _field_kernels as kernels
 from maps.field import DistanceField
-from maps.workers import Workers
+from maps.team import Team
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
 
@@ -78,7 +78,7 @@ def test_the_distances_around_one_cell():
 def test_a_field_kept_up_to_date_equals_a_new_one(reach, threads):
     shape = (60, 45, 50)
     rng = np.random.default_rng(reach)
-    field = DistanceField(shape, reach, Workers(threads))
+    field = DistanceField(shape, reach, Team(threads))
     blocked = np.zeros(shape, np.bool_)
     for step in range(12):
         x, y, z = (rng.integers(0, n) for n in shape)
@@ -176,16 +176,3 @@ def test_the_greatest_distances_fit_their_16_bits(reach):
     field.update(packed(blocked))
     np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
     assert field.squared.max() == reach * reach
-
-
-def test_there_is_at_least_one_thread():
-    with pytest.raises(ValueError, match="threads: got 0"):
-        Workers(0)
-
-
-def test_what_a_thread_raises_is_raised():
-    def work(pieces):
-        raise ValueError(f"piece {pieces[0]}")
-
-    with pytest.raises(ValueError, match="piece 0"):
-        Workers(2).share(work, np.arange(4))
