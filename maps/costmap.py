@@ -90,7 +90,8 @@ class Costmap:
         self.radius = radius
         self.resolution = voxel_map.resolution
         self._map = voxel_map
-        self._team = Team(threads)
+        # A plane is done before a second thread has woken up.
+        self._team = Team(threads if motion == "air" else 1)
         window = Window.covering(low, high, self.resolution)
         self._cells = (
             Ground(window, height, step_height)
