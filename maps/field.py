@@ -87,7 +87,7 @@ class DistanceField:
                 f"blocked: got {blocked.shape} at ({x0}, {y0}), expected within {(nx, ny, words)}"
             )
         kernels.note_changes(
-            blocked,
+            np.ascontiguousarray(blocked),  # another layout would be compiled anew
             x0,
             y0,
             self._inside,
@@ -105,7 +105,7 @@ class DistanceField:
         self._team.share(lambda _, part: self._update_sections(planes[slice(*part)]), len(planes))
         kernels.spread_changes(self._least_change, self.reach, self._farthest, self._stale)
         # Block by block along x: neighbours share most of the planes that they look at.
-        blocks = np.argwhere(self._stale.T)
+        blocks = np.ascontiguousarray(np.argwhere(self._stale.T))
         self._team.share(lambda _, part: self._update_field(blocks[slice(*part)]), len(blocks))
         self._stale[:] = False
 

@@ -39,6 +39,7 @@ def inflate(
             f"squared_radius: got {squared_radius}, expected 0 to {MAX_SQUARED_RADIUS} cells^2"
         )
     heights = _half_heights(squared_radius)
+    blocked = np.ascontiguousarray(blocked)  # another layout would be compiled anew
     inflated = np.empty_like(blocked)
 
     def work(_: int, planes: tuple[int, int]) -> None:

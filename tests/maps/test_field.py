@@ -176,3 +176,14 @@ def test_the_greatest_distances_fit_their_16_bits(reach):
     field.update(packed(blocked))
     np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
     assert field.squared.max() == reach * reach
+
+
+def test_no_kernel_is_compiled_again_for_another_part_of_the_window():
+    blocked = np.zeros((30, 40, 20), np.bool_)
+    field = DistanceField(blocked.shape, 4)
+    field.update(packed(blocked))
+    blocked[12, 20, 9] = True
+    field.update(packed(blocked)[10:15, 18:25], 10, 18)  # no contiguous array
+    np.testing.assert_array_equal(field.squared, scipy_squared(blocked, 4))
+    for kernel in (kernels.note_changes, kernels.update_sections, kernels.update_field):
+        assert len(kernel.signatures) == 1
