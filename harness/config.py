@@ -16,6 +16,8 @@ from maps import MAPS, MapConfig
 from models.devices import DEVICES, OWN, SensorConfig
 from planners import PLANNERS, PlannerConfig
 
+MOST_THREADS = 64
+
 
 @dataclass(frozen=True)
 class LatencyConfig:
@@ -105,6 +107,7 @@ class Config:
         seed: Seed of the world and of every random stream; never random itself.
         goal: (x, y) or (x, y, z) in place of the world's own goal, m.
         start: Likewise.
+        threads: That rays, map and costmap share; decisions are the same on any number.
     """
 
     world: str
@@ -112,6 +115,7 @@ class Config:
     seed: int
     goal: tuple[float, ...] | None = None
     start: tuple[float, ...] | None = None
+    threads: int = 1
     sensors: SensorConfig = field(default_factory=SensorConfig)
     map: MapConfig = field(default_factory=MapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
@@ -128,6 +132,8 @@ class Config:
                 raise ValueError(f"{name}: got {len(point)} numbers, expected x,y or x,y,z in m")
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
+        if not 1 <= self.threads <= MOST_THREADS:
+            raise ValueError(f"threads: got {self.threads}, expected 1 to {MOST_THREADS}")
 
 
 def _expect(name: str, got: float, low: float, high: float, unit: str) -> None:

@@ -6,6 +6,7 @@ its own; the same inputs give the same decisions, bit by bit.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 
@@ -20,7 +21,7 @@ from harness.inputs import Beams, Inputs
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.view import Choice, Memory, View
-from maps import INSCRIBED_COST, MAPS, Costmap, Window
+from maps import INSCRIBED_COST, MAPS, Costmap
 from planners import FreeSpace, MotionLimits, Trajectory, hold
 
 Array = NDArray[np.float64]
@@ -49,15 +50,18 @@ class Navigator:
         self._config = config
         self._mission = mission
         self._beams = dict(beams)
-        self.map = MAPS[config.map.kind](config.map)
+        self.map = MAPS[config.map.kind](config.map, config.threads)
         self.costmap = Costmap(
             config.map,
-            Window(self.map, mission.low, mission.high),
+            self.map,
+            mission.low,
+            mission.high,
             mission.motion,
             mission.radius,
             mission.height,
             mission.step_height,
             *_altitude_window(config, mission),
+            threads=config.threads,
         )
         self._declare_start_free()
         start = self._planning_point(np.array(mission.start))
@@ -245,9 +249,9 @@ class Navigator:
         self.map.mark_free((*low, self.costmap.origin[2]), (*high, top), 0)
 
 
-def _altitude_window(config: Config, mission: Mission) -> tuple[float, float] | tuple[()]:
+def _altitude_window(config: Config, mission: Mission) -> tuple[float, float]:
     if mission.motion == "ground":
-        return ()
+        return -math.inf, math.inf
     return config.motion.altitude_low, config.motion.altitude_high
 
 

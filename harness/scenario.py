@@ -79,7 +79,7 @@ def build(config: Config) -> Scenario:
 
 def _compose(world: World, config: Config) -> Scene:
     try:
-        return compose(world, ROBOTS[config.robot], config.sensors)
+        return compose(world, ROBOTS[config.robot], config.sensors, config.threads)
     except ValueError as error:  # a scene that the chosen ray engine cannot cast, for one
         raise InputError(f"world '{config.world}' with robot '{config.robot}': {error}") from None
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
+from maps.inflation import inflate
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
 from maps.voxel import RayEnd, VoxelMap
-from maps.window import Window
 
 MAPS = {"voxel": VoxelMap}
 """Representations by name. Each answers the methods of VoxelMap."""
@@ -27,7 +27,7 @@ __all__ = [
     "SweepStatistics",
     "UnknownPolicy",
     "VoxelMap",
-    "Window",
+    "inflate",
     "warm_up",
 ]
 
@@ -42,7 +42,10 @@ def warm_up() -> None:
     tiny.probability_at([[0.5, 0.5, 0.5]])
     tiny.cast_ray((0.5, 0.5, 0.5), (1.0, 0.0, 0.0), 1.0)
     tiny.version()
+    low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
+    Costmap(config, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
+    costmap = Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)
+    costmap.clearance_at([[0.5, 0.5, 0.5]])
+    costmap.cost_at([[0.5, 0.5, 0.5]])
+    inflate(np.zeros((1, 1, 1), np.uint64), 1)
     tiny.advance(round(1e4 * 1e9 * config.decay_period))  # forgets its bricks
-    window = Window(tiny, (0.0, 0.0, -0.2), (1.0, 1.0, 1.0))
-    Costmap(config, window, "ground", radius=0.1, height=0.5, step_height=0.15)
-    Costmap(config, window, "air", radius=0.1, height=0.2, step_height=0.0)

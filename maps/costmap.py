@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from maps import _field_kernels as kernels
+from maps import _column_kernels as kernels
+from maps._field_kernels import MAX_REACH
+from maps.columns import Window, unpack
 from maps.config import MapConfig
+from maps.field import DistanceField
+from maps.projection import Airspace, ColumnMap, Ground
 from maps.states import FREE, OCCUPIED
-from maps.window import Window
+from maps.team import Team
 
-MAX_REACH = 181  # cells; twice its square still fits 16 bits
 INSCRIBED_COST = 252.0
 """Cost at the edge of what is forbidden; Nav2 keeps 253 and 254 for what is inside."""
 
@@ -20,27 +24,24 @@ COST_STEPS = 2.0**20
 """Costs are whole multiples of one over this."""
 
 MOTIONS = ("ground", "air")
-ROUNDING = 1e-6  # of a cell
+ROUNDING = 1e-6  # of a squared cell
 
 
 class Costmap:
-    """Distances and cost for one body over a voxel map.
+    """Distances and cost for one body over a window of a voxel map.
 
-    On the ground the map is projected to a plane (nz = 1). A column is occupied if something stands
-    between the step height and the body's height, or if a beam went through where the floor should
-    be; it is free if all of that band is free and a floor was seen below; else unknown. What hangs
-    above the body does not matter. In the air the map is used as it is, between floor and ceiling,
-    and the body is a ball.
+    On the ground the map is projected to a plane (nz = 1), see `Ground`; in the air it is used as
+    it is, between floor and ceiling, and the body is a ball. What lies outside the window is
+    blocked.
+
+    An update asks the map what changed since the last one, and works on that alone. The arrays hold
+    until the next update.
 
     Attributes:
         config: The settings.
         resolution: Edge of a cell, m.
         origin: (3,) corner of the first cell, m, world.
         shape: (nx, ny, nz) cells; nz is 1 on the ground.
-        state: (nx, ny, nz) uint8, the three states.
-        clearance: (nx, ny, nz) uint16, squared distance in cells to the nearest cell that is not
-            free: occupied, unknown or outside; at most `truncation`.
-        obstacle_clearance: (nx, ny, nz) uint16, the same to the nearest occupied or outside cell.
         margin: Localization margin of the last update, m.
         inflation_radius: Body's radius, margin and half a cell's diagonal, m.
         blocked_at_or_below: A cell is forbidden where its squared distance is at most this.
@@ -51,28 +52,34 @@ class Costmap:
     def __init__(
         self,
         config: MapConfig,
-        voxel_map: Window,
+        voxel_map: ColumnMap,
+        low: ArrayLike,
+        high: ArrayLike,
         motion: str,
         radius: float,
         height: float,
         step_height: float,
         floor: float = -math.inf,
         ceiling: float = math.inf,
+        threads: int = 1,
     ) -> None:
         """Make a costmap and update it with the configured margin.
 
         Args:
             config: The settings.
             voxel_map: The map that it follows.
+            low: (3,) least corner of the window, m, world.
+            high: (3,) greatest corner, m, world; the cells reach at least this far.
             motion: `ground` or `air`.
             radius: Of the body's disc (ground) or ball (air), m.
             height: Of the body's back above the floor, m; ground only.
             step_height: What the body can step on, m above the floor; ground only.
             floor: Lowest altitude that any of the body may be at, m, world; air only.
             ceiling: Highest altitude that any of the body may be at, m, world; air only.
+            threads: Threads that share the work; the result does not depend on them.
 
         Raises:
-            ValueError: The body does not fit the map, or the motion is not known.
+            ValueError: The window is empty, the body does not fit it, or the motion is not known.
         """
         if motion not in MOTIONS:
             raise ValueError(f"motion: got {motion!r}, expected one of {', '.join(MOTIONS)}")
@@ -83,23 +90,20 @@ class Costmap:
         self.radius = radius
         self.resolution = voxel_map.resolution
         self._map = voxel_map
-        # The layers that matter: the body's band on the ground, the altitude window in the air.
-        self._first, self._end = (
-            _body_band(voxel_map, height, step_height)
+        # A plane is done before a second thread has woken up.
+        self._team = Team(threads if motion == "air" else 1)
+        window = Window.covering(low, high, self.resolution)
+        self._cells = (
+            Ground(window, height, step_height)
             if motion == "ground"
-            else _altitude_window(voxel_map, floor, ceiling)
+            else Airspace(window, floor, ceiling)
         )
-        nx, ny, _ = voxel_map.shape
-        self.shape = (nx, ny, 1 if motion == "ground" else self._end - self._first)
-        self.origin = voxel_map.origin + np.array([0.0, 0.0, self._first * self.resolution])
-        self.state = np.empty(self.shape, np.uint8)
-        self.clearance = np.empty(self.shape, np.uint16)
-        self.obstacle_clearance = np.empty(self.shape, np.uint16)
-        self._scratch = np.empty(self.shape, np.uint16)
+        self.shape, self.origin = self._cells.shape, self._cells.origin
+        self._fields: list[DistanceField] = []
         self.update(config.inflation_margin)
 
     def update(self, margin: float) -> None:
-        """Recompute states, distances and costs from the map as it is now.
+        """Bring states, distances and costs up to date with the map.
 
         Args:
             margin: Localization margin that is added to the body's radius, m.
@@ -108,16 +112,42 @@ class Costmap:
             ValueError: The margin is negative or not finite, or the distances that it asks for are
                 longer than 181 cells.
         """
-        self._set_margin(margin)
-        if self.motion == "ground":
-            kernels.project_columns(
-                self._map.log_odds, self._map.grid.floor_layer, self._first, self._end, self.state
-            )
-        else:
-            self.state[:] = self._map.states()[:, :, self._first : self._end]
-        reach = math.isqrt(self.truncation)
-        self._measure(self.state != FREE, reach, self.clearance)
-        self._measure(self.state == OCCUPIED, reach, self.obstacle_clearance)
+        reach = self._set_margin(margin)
+        cells = self._cells
+        changed = cells.read(self._map)
+        if not self._fields or self._fields[0].reach < reach:
+            self._fields = [DistanceField(cells.rows, reach, self._team) for _ in range(2)]
+            changed = slice(0, cells.rows[0]), slice(0, cells.rows[1])
+        if changed is not None:
+            x0, y0 = changed[0].start, changed[1].start
+            not_free, occupied = self._fields
+            not_free.update(~cells.free[changed], x0, y0)
+            occupied.update(cells.occupied[changed], x0, y0)
+        self._told: dict[str, Any] = {}  # what was asked for since
+
+    @property
+    def state(self) -> NDArray[np.uint8]:
+        """The three states, (nx, ny, nz) uint8."""
+        if "state" not in self._told:
+            cells = self._cells
+            states = unpack(cells.free, cells.rows[2]) * np.uint8(FREE)
+            states += unpack(cells.occupied, cells.rows[2]) * np.uint8(OCCUPIED)
+            self._told["state"] = states.reshape(self.shape)
+        states_told: NDArray[np.uint8] = self._told["state"]
+        return states_told
+
+    @property
+    def clearance(self) -> NDArray[np.uint16]:
+        """Squared distances, (nx, ny, nz) uint16, in cells^2, at most `truncation`.
+
+        To the nearest cell that is not free: occupied, unknown or outside.
+        """
+        return self._squared("clearance", self._fields[0])
+
+    @property
+    def obstacle_clearance(self) -> NDArray[np.uint16]:
+        """The same to the nearest cell that is occupied or outside."""
+        return self._squared("obstacle_clearance", self._fields[1])
 
     def field(self) -> NDArray[np.uint16]:
         """The distances that the policy commits to, (nx, ny, nz).
@@ -131,8 +161,64 @@ class Costmap:
         """Where the body's centre may be under the policy, (nx, ny, nz)."""
         return self.field() > self.blocked_at_or_below
 
-    def _set_margin(self, margin: float) -> None:
-        """Work out the forbidden distance, the reach of the fields and the costs."""
+    def clearance_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Distance from points (n, 3), m, world, to what the policy fears: (n,) m.
+
+        Interpolated between cell centres, at most the square root of `truncation` cells; 0 outside.
+
+        Raises:
+            ValueError: The points have another shape.
+        """
+        return self._interpolate(points)[0]
+
+    def gradient_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Gradient of `clearance_at` at points (n, 3), m, world: (n, 3) m/m.
+
+        It is that of the trilinear interpolation itself; 0 along an axis of one cell, and outside.
+
+        Raises:
+            ValueError: The points have another shape.
+        """
+        return self._interpolate(points)[1]
+
+    def cost_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Cost at the cells of points (n, 3), m, world: (n,); inf where forbidden and outside.
+
+        Raises:
+            ValueError: The points have another shape.
+        """
+        places = _points(points)
+        costs = np.empty(len(places), np.float64)
+        kernels.look_up(places, self.origin, self.resolution, self.field(), self.cost_table, costs)
+        return costs
+
+    def _interpolate(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        places = _points(points)
+        distances = np.empty(len(places), np.float64)
+        gradients = np.empty((len(places), 3), np.float64)
+        kernels.interpolate(
+            places,
+            self.origin,
+            self.resolution,
+            self.field(),
+            self._distances,
+            distances,
+            gradients,
+        )
+        return distances, gradients
+
+    def _squared(self, name: str, field: DistanceField) -> NDArray[np.uint16]:
+        """What a field tells, cut off at the truncation."""
+        if name not in self._told:
+            squared = field.squared.reshape(self.shape)
+            # A field keeps the greatest reach that it ever needed.
+            farther = field.reach * field.reach > self.truncation
+            self._told[name] = np.minimum(squared, self.truncation) if farther else squared
+        told: NDArray[np.uint16] = self._told[name]
+        return told
+
+    def _set_margin(self, margin: float) -> int:
+        """Work out the forbidden distance and the costs; return the reach that they need, cells."""
         if not 0.0 <= margin < math.inf:
             raise ValueError(f"margin: got {margin:g}, expected 0 m or more")
         # Distances are between centres, but a surface may lie anywhere in its cell: half a
@@ -150,6 +236,8 @@ class Costmap:
         self.blocked_at_or_below = math.floor(forbidden * forbidden + ROUNDING)
         self.truncation = reach * reach
         self.cost_table = self._costs(forbidden)
+        self._distances = np.sqrt(np.arange(self.truncation + 1)) * self.resolution  # m
+        return reach
 
     def _costs(self, forbidden: float) -> NDArray[np.float64]:
         """Nav2's law (inflation layer): 252 exp(-scaling (distance - forbidden)); 0 at the end."""
@@ -162,45 +250,10 @@ class Costmap:
         costs[-1] = 0.0  # that far or farther
         return costs
 
-    def _measure(self, blocked: NDArray[np.bool_], reach: int, squared: NDArray[np.uint16]) -> None:
-        # A plane is handed over as (1, nx, ny), so that its rows are long and contiguous.
-        shape = (1, *self.shape[:2]) if self.motion == "ground" else self.shape
-        kernels.squared_distances(
-            blocked.reshape(shape), reach, self._scratch.reshape(shape), squared.reshape(shape)
-        )
 
-
-def _body_band(voxel_map: Window, height: float, step_height: float) -> tuple[int, int]:
-    """First and one past the last layer whose cells reach between the step height and height."""
-    if not 0.0 <= step_height < height:
-        raise ValueError(
-            f"step_height: got {step_height:g}, expected 0 to below the height, {height:g} m"
-        )
-    floor_layer, layers = voxel_map.grid.floor_layer, voxel_map.shape[2]
-    bottom = voxel_map.origin[2]
-    first = math.floor((step_height - bottom) / voxel_map.resolution + ROUNDING)
-    end = math.ceil((height - bottom) / voxel_map.resolution - ROUNDING)
-    if not 0 <= floor_layer < first:
-        raise ValueError(
-            f"step_height: got {step_height:g} m, in layer {first}, expected above the floor's "
-            f"layer {floor_layer}, and that one in the map"
-        )
-    if end > layers:
-        top = bottom + layers * voxel_map.resolution
-        raise ValueError(f"height: got {height:g}, expected up to the map's top, {top:g} m")
-    return first, end
-
-
-def _altitude_window(voxel_map: Window, floor: float, ceiling: float) -> tuple[int, int]:
-    """First and one past the last layer that lie wholly between floor and ceiling."""
-    bottom, layers = voxel_map.origin[2], voxel_map.shape[2]
-    top = bottom + layers * voxel_map.resolution
-    low, high = max(floor, bottom), min(ceiling, top)
-    first = math.ceil((low - bottom) / voxel_map.resolution - ROUNDING)
-    end = math.floor((high - bottom) / voxel_map.resolution + ROUNDING)
-    if first >= end:
-        raise ValueError(
-            f"floor, ceiling: got {floor:g} to {ceiling:g}, "
-            f"expected a layer of the map within them ({bottom:g} to {top:g} m)"
-        )
-    return first, end
+def _points(points: ArrayLike) -> NDArray[np.float64]:
+    """A copy (n, 3): to the compiler a read-only array is another type."""
+    places = np.array(points, np.float64, order="C", ndmin=2)
+    if places.ndim != 2 or places.shape[1] != 3:
+        raise ValueError(f"points: got shape {places.shape}, expected (n, 3)")
+    return places

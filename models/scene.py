@@ -36,7 +36,9 @@ class Scene:
     floor: int
 
 
-def compose(world: World, robot: Robot, sensors: SensorConfig | None = None) -> Scene:
+def compose(
+    world: World, robot: Robot, sensors: SensorConfig | None = None, threads: int = 1
+) -> Scene:
     """Attach the robot to the world and compile.
 
     Raises:
@@ -53,7 +55,7 @@ def compose(world: World, robot: Robot, sensors: SensorConfig | None = None) -> 
         mjcf=spec.to_xml(),
         controller=robot.controller(model, PREFIX),
         casters=tuple(
-            make_caster(model, mount, base, PREFIX, sensors)
+            make_caster(model, mount, base, PREFIX, sensors, threads)
             for mount in equip(robot.spec.mounts, sensors)
         ),
         base=base,

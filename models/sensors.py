@@ -55,7 +55,13 @@ class SweepCaster:
     """Casts one mounted sensor's sweeps against MuJoCo's geometry."""
 
     def __init__(
-        self, model: mujoco.MjModel, mount: Mount, base: int, prefix: str, config: SensorConfig
+        self,
+        model: mujoco.MjModel,
+        mount: Mount,
+        base: int,
+        prefix: str,
+        config: SensorConfig,
+        threads: int = 1,
     ) -> None:
         """Build the tables once.
 
@@ -65,6 +71,7 @@ class SweepCaster:
             base: Body id of the robot's base, which carries the site.
             prefix: Before every name of the robot in the model.
             config: How to cast.
+            threads: That a sweep is cast on.
 
         Raises:
             KeyError: The model has no such site.
@@ -80,7 +87,7 @@ class SweepCaster:
         groups = np.ones(mujoco.mjNGROUP, np.uint8)
         groups[ROBOT_GROUP] = 0
         reach = _reach(mount.device, self._firing.directions)
-        self._engine = ENGINES[config.engine](model, groups, reach, config.threads)
+        self._engine = ENGINES[config.engine](model, groups, reach, threads)
 
     def cast(
         self, data: mujoco.MjData, trail: Trail, seed: int, sequence: int
@@ -220,7 +227,12 @@ Caster = SweepCaster | RangefinderCaster
 
 
 def make_caster(
-    model: mujoco.MjModel, mount: Mount, base: int, prefix: str, config: SensorConfig
+    model: mujoco.MjModel,
+    mount: Mount,
+    base: int,
+    prefix: str,
+    config: SensorConfig,
+    threads: int = 1,
 ) -> Caster:
     """The caster of a mounted device.
 
@@ -230,7 +242,7 @@ def make_caster(
     """
     if isinstance(mount.device, Rangefinder):
         return RangefinderCaster(model, mount, base, prefix)
-    return SweepCaster(model, mount, base, prefix, config)
+    return SweepCaster(model, mount, base, prefix, config, threads)
 
 
 def _fire(table: BeamTable, moment: NDArray[np.int32], sequence: int) -> Firing:

@@ -18,15 +18,8 @@ class SensorConfig:
         depth: Likewise as `depth`.
         engine: `tile` is Wayproof's caster; `mujoco` takes MuJoCo's own, which is slower and lets
             anybody check an episode against it.
-        threads: That a sweep is cast on; results are the same bytes on any number.
     """
 
     lidar: str = OWN
     depth: str = OWN
     engine: Literal["tile", "mujoco"] = "tile"
-    threads: int = 1
-
-    def __post_init__(self) -> None:
-        """Refuse fewer threads than one."""
-        if not 1 <= self.threads <= 256:
-            raise ValueError(f"sensors.threads: got {self.threads}, expected 1 to 256")

@@ -3,28 +3,74 @@ import math
 import numpy as np
 import pytest
 
-from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
+from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig
+from maps import _column_kernels as kernels
 
 LOW, HIGH = (0.0, 0.0, -0.375), (3.0, 2.0, 1.125)  # layers of 0.1 m; the floor's is layer 3
 FLOOR, BODY = 3, slice(5, 8)  # band of a body between 0.15 and 0.4 m: 0.125 to 0.425 m
 
 
+class DenseMap:
+    """States of a box of cells of the map; what lies outside it is unknown.
+
+    Cell (i, j, k) of the box is cell `first` + (i, j, k) of the map.
+    """
+
+    resolution = 0.1
+
+    def __init__(self, states, first=(0, 0, -3)):
+        self.states = states
+        self.first = np.array(first)
+        self._log = []  # a box for each change
+
+    def set(self, where, state):
+        """Change cells, and log the box that holds them."""
+        self.states[where] = state
+        touched = np.zeros(self.states.shape, np.bool_)
+        touched[where] = True
+        cells = np.argwhere(touched) + self.first
+        self._log.append([*cells.min(axis=0), *(cells.max(axis=0) + 1)])
+
+    def changed(self, since):
+        everything = [[*self.first, *(self.first + self.states.shape)]]
+        boxes = everything if since == 0 else self._log[since - 1 :]
+        return np.array(boxes, np.int64).reshape(-1, 6), len(self._log) + 1
+
+    def columns(self, low_cell, shape):
+        nx, ny, words = shape
+        part = np.full((nx, ny, 64 * words), UNKNOWN, np.uint8)
+        start = np.array(low_cell) - self.first
+        low = np.maximum(start, 0)
+        high = np.maximum(np.minimum(start + part.shape, self.states.shape), low)
+        here = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+        there = tuple(slice(a, b) for a, b in zip(low - start, high - start, strict=True))
+        part[there] = self.states[here]
+        weights = np.uint64(1) << np.arange(64, dtype=np.uint64)
+        return tuple(
+            ((part == state).reshape(nx, ny, words, 64) * weights).sum(axis=3, dtype=np.uint64)
+            for state in (OCCUPIED, FREE)
+        )
+
+
 @pytest.fixture
 def voxel_map():
     """Known throughout: a floor with free space above and nothing known below."""
-    voxel_map = VoxelMap(MapConfig(), LOW, HIGH)
-    voxel_map.log_odds[:, :, FLOOR] = 900
-    voxel_map.log_odds[:, :, FLOOR + 1 :] = -400
-    return voxel_map
+    states = np.full((30, 20, 15), UNKNOWN, np.uint8)
+    states[:, :, FLOOR] = OCCUPIED
+    states[:, :, FLOOR + 1 :] = FREE
+    return DenseMap(states)
 
 
-def ground(voxel_map, **config):
-    return Costmap(MapConfig(**config), voxel_map, "ground", 0.2, height=0.4, step_height=0.15)
+def ground(voxel_map, low=LOW, high=HIGH, threads=1, **config):
+    config = MapConfig(**config)
+    return Costmap(
+        config, voxel_map, low, high, "ground", 0.2, height=0.4, step_height=0.15, threads=threads
+    )
 
 
-def air(voxel_map, floor=-math.inf, ceiling=math.inf, **config):
+def air(voxel_map, low=LOW, high=HIGH, floor=-math.inf, ceiling=math.inf, threads=1, **config):
     config = MapConfig(inflation_margin=0.0, **config)
-    return Costmap(config, voxel_map, "air", 0.2, 0.2, 0.0, floor=floor, ceiling=ceiling)
+    return Costmap(config, voxel_map, low, high, "air", 0.2, 0.2, 0.0, floor, ceiling, threads)
 
 
 def brute_force(blocked, reach):
@@ -32,30 +78,40 @@ def brute_force(blocked, reach):
     flat = blocked.shape[2] == 1
     framed = np.pad(blocked, [(1, 1), (1, 1), (0, 0) if flat else (1, 1)], constant_values=True)
     inner = np.argwhere(np.ones_like(blocked)) + ([1, 1, 0] if flat else [1, 1, 1])
-    nearest = [((np.argwhere(framed) - cell) ** 2).sum(axis=1).min() for cell in inner]
+    others = np.argwhere(framed)
+    nearest = [((others - cell) ** 2).sum(axis=1).min() for cell in inner]
     return np.minimum(np.reshape(nearest, blocked.shape), reach * reach)
+
+
+def assert_all_is_as_counted(costmap):
+    reach = math.isqrt(costmap.truncation)
+    np.testing.assert_array_equal(costmap.clearance, brute_force(costmap.state != FREE, reach))
+    np.testing.assert_array_equal(
+        costmap.obstacle_clearance, brute_force(costmap.state == OCCUPIED, reach)
+    )
+    assert costmap.clearance.max() <= costmap.truncation
 
 
 @pytest.mark.parametrize(
     ("change", "state"),
     [
         ({}, FREE),
-        ({BODY.start: 900}, OCCUPIED),  # an obstacle just above the step height
-        ({BODY.stop - 1: 900}, OCCUPIED),  # at the height of the back
-        ({BODY.stop: 900}, FREE),  # an overhang
-        ({FLOOR + 1: 900}, FREE),  # a step
-        ({FLOOR: 0, FLOOR + 1: 900}, FREE),  # standing on the step alone
-        ({FLOOR: 0}, UNKNOWN),  # no floor was seen
-        ({FLOOR: -400}, UNKNOWN),
-        ({FLOOR: 0, 0: -400}, OCCUPIED),  # a beam went through where the floor should be
-        ({FLOOR - 1: -400}, OCCUPIED),
-        ({BODY.start: 0}, UNKNOWN),  # never seen in the band
-        ({BODY.start: 0, BODY.stop - 1: 900}, OCCUPIED),
+        ({BODY.start: OCCUPIED}, OCCUPIED),  # an obstacle just above the step height
+        ({BODY.stop - 1: OCCUPIED}, OCCUPIED),  # at the height of the back
+        ({BODY.stop: OCCUPIED}, FREE),  # an overhang
+        ({FLOOR + 1: OCCUPIED}, FREE),  # a step
+        ({FLOOR: UNKNOWN, FLOOR + 1: OCCUPIED}, FREE),  # standing on the step alone
+        ({FLOOR: UNKNOWN}, UNKNOWN),  # no floor was seen
+        ({FLOOR: FREE}, UNKNOWN),
+        ({FLOOR: UNKNOWN, 0: FREE}, OCCUPIED),  # a beam went through where the floor should be
+        ({FLOOR - 1: FREE}, OCCUPIED),
+        ({BODY.start: UNKNOWN}, UNKNOWN),  # never seen in the band
+        ({BODY.start: UNKNOWN, BODY.stop - 1: OCCUPIED}, OCCUPIED),
     ],
 )
 def test_the_state_of_a_column(voxel_map, change, state):
     for layer, value in change.items():
-        voxel_map.log_odds[20, 10, layer] = value
+        voxel_map.set(np.s_[20, 10, layer], value)
     costmap = ground(voxel_map)
     assert costmap.shape == (30, 20, 1)
     assert costmap.state[20, 10, 0] == state
@@ -63,8 +119,8 @@ def test_the_state_of_a_column(voxel_map, change, state):
 
 
 def test_the_body_is_forbidden_near_what_the_policy_fears(voxel_map):
-    voxel_map.log_odds[10, 10, BODY] = 900
-    voxel_map.log_odds[20, 10, BODY] = 0
+    voxel_map.set(np.s_[10, 10, BODY], OCCUPIED)
+    voxel_map.set(np.s_[20, 10, BODY], UNKNOWN)
     forbid, allow = ground(voxel_map), ground(voxel_map, unknown_policy="allow")
     # (0.2 + 0.1) m is 3 cells, and half a diagonal 0.707: 3.707^2 = 13.7.
     assert forbid.blocked_at_or_below == allow.blocked_at_or_below == 13
@@ -78,16 +134,53 @@ def test_the_body_is_forbidden_near_what_the_policy_fears(voxel_map):
 
 @pytest.mark.parametrize("unknown", [0.0, 0.1])
 def test_fields_equal_distances_counted_one_by_one(voxel_map, unknown):
-    rng = np.random.default_rng(2)
-    draw = rng.random(voxel_map.shape)
-    voxel_map.log_odds[draw < unknown + 0.005] = 0
-    voxel_map.log_odds[draw < 0.005] = 900
-    for costmap in (ground(voxel_map), air(voxel_map)):
-        reach = math.isqrt(costmap.truncation)
-        np.testing.assert_array_equal(costmap.clearance, brute_force(costmap.state != FREE, reach))
-        np.testing.assert_array_equal(
-            costmap.obstacle_clearance, brute_force(costmap.state == OCCUPIED, reach)
-        )
+    draw = np.random.default_rng(2).random(voxel_map.states.shape)
+    voxel_map.set(np.s_[draw < unknown + 0.005], UNKNOWN)
+    voxel_map.set(np.s_[draw < 0.005], OCCUPIED)
+    assert_all_is_as_counted(ground(voxel_map))
+    assert_all_is_as_counted(air(voxel_map))
+
+
+@pytest.mark.parametrize("make", [ground, air])
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [
+        ((-1.0, -0.5, -0.375), (0.8, 0.4, 1.0)),  # partly outside the map
+        ((2.0, 1.0, -0.6), (3.5, 2.5, 6.4)),  # two words of cells high
+        ((0.5, 0.7, -0.1), (1.9, 1.1, 0.9)),  # within it
+        ((-9.0, -9.0, -0.375), (-8.0, -8.0, 1.0)),  # wholly outside
+    ],
+)
+def test_a_window_shows_its_part_of_the_map(voxel_map, make, low, high):
+    draw = np.random.default_rng(3).random(voxel_map.states.shape)
+    voxel_map.set(np.s_[draw < 0.01], OCCUPIED)
+    whole = make(voxel_map, (-10.0, -10.0, -0.6), (10.0, 10.0, 6.4))
+    costmap = make(voxel_map, low, high)
+    first = np.round((costmap.origin - whole.origin) / 0.1).astype(int)
+    part = tuple(slice(a, a + n) for a, n in zip(first, costmap.shape, strict=True))
+    np.testing.assert_array_equal(costmap.state, whole.state[part])
+    assert_all_is_as_counted(costmap)
+
+
+@pytest.mark.parametrize("make", [ground, air])
+@pytest.mark.parametrize("threads", [1, 3])
+def test_updates_equal_a_new_costmap(voxel_map, make, threads):
+    rng = np.random.default_rng(4)
+    costmap = make(voxel_map, threads=threads)
+    for step in range(24):
+        for _ in range(step % 3):  # at times nothing changes
+            x, y, z = (rng.integers(0, n) for n in voxel_map.states.shape)
+            state = rng.choice([UNKNOWN, FREE, OCCUPIED])
+            voxel_map.set(np.s_[x : x + 5, y : y + 5, z : z + rng.integers(1, 9)], state)
+        margin = 0.05 * rng.integers(0, 8)  # moves the reach up and down
+        costmap.update(margin)
+        fresh = make(voxel_map)
+        fresh.update(margin)
+        assert costmap.truncation == fresh.truncation
+        for name in ("state", "clearance", "obstacle_clearance", "cost_table"):
+            np.testing.assert_array_equal(getattr(costmap, name), getattr(fresh, name))
+        if step % 8 == 0:
+            assert_all_is_as_counted(costmap)
 
 
 def test_the_air_has_the_states_of_the_voxels_within_the_window(voxel_map):
@@ -98,7 +191,7 @@ def test_the_air_has_the_states_of_the_voxels_within_the_window(voxel_map):
     assert np.all(costmap.state == FREE)
     assert costmap.clearance[15, 10].ravel().tolist() == [1, 4, 9, 9, 4, 1]
     np.testing.assert_array_equal(costmap.clearance, costmap.obstacle_clearance)
-    np.testing.assert_array_equal(air(voxel_map).state, voxel_map.states())
+    np.testing.assert_array_equal(air(voxel_map).state, voxel_map.states)
 
 
 def test_the_ball_keeps_half_a_space_diagonal(voxel_map):
@@ -119,7 +212,7 @@ def test_the_cost_falls_by_navs_law(voxel_map):
 
 
 def test_the_margin_widens_what_is_forbidden(voxel_map):
-    voxel_map.log_odds[15, 10, BODY] = 900
+    voxel_map.set(np.s_[15, 10, BODY], OCCUPIED)
     costmap = ground(voxel_map)
     before = costmap.admissible().sum()
     costmap.update(0.3)
@@ -132,7 +225,7 @@ def test_the_margin_widens_what_is_forbidden(voxel_map):
 
 def test_an_update_follows_the_map(voxel_map):
     costmap = ground(voxel_map)
-    voxel_map.log_odds[15, 10, BODY] = 900
+    voxel_map.set(np.s_[15, 10, BODY], OCCUPIED)
     assert costmap.state[15, 10, 0] == FREE
     costmap.update(0.1)
     assert costmap.state[15, 10, 0] == OCCUPIED
@@ -140,7 +233,7 @@ def test_an_update_follows_the_map(voxel_map):
 
 
 def test_one_cell_of_unknown_blocks_like_an_obstacle_under_forbid():
-    voxel_map = VoxelMap(MapConfig(), LOW, HIGH)
+    voxel_map = DenseMap(np.zeros((0, 0, 0), np.uint8))
     assert not ground(voxel_map).admissible().any()
     assert ground(voxel_map, unknown_policy="allow").admissible().any()
 
@@ -151,7 +244,7 @@ def test_one_cell_of_unknown_blocks_like_an_obstacle_under_forbid():
         ("water", {}, "motion: got 'water', expected one of ground, air"),
         ("ground", {"radius": 0.0}, "radius: got 0"),
         ("ground", {"radius": math.nan}, "radius: got nan"),
-        ("ground", {"height": 1.5}, "height: got 1.5, expected up to the map's top, 1.125 m"),
+        ("ground", {"height": 1.5}, "height: got 1.5, expected up to the window's top, 1.125 m"),
         ("ground", {"step_height": 0.5}, "step_height: got 0.5, expected 0 to below the height"),
         ("ground", {"step_height": 0.01}, "step_height: got 0.01 m, in layer 3"),
         ("ground", {"radius": 20.0}, "expected at most 181"),
@@ -162,10 +255,107 @@ def test_one_cell_of_unknown_blocks_like_an_obstacle_under_forbid():
 def test_a_body_that_does_not_fit_is_refused(voxel_map, motion, body, message):
     body = {"radius": 0.2, "height": 0.4, "step_height": 0.15} | body
     with pytest.raises(ValueError, match=message):
-        Costmap(MapConfig(), voxel_map, motion, **body)
+        Costmap(MapConfig(), voxel_map, LOW, HIGH, motion, **body)
 
 
 @pytest.mark.parametrize("margin", [-0.1, math.nan, math.inf])
 def test_a_bad_margin_is_refused(voxel_map, margin):
     with pytest.raises(ValueError, match="margin: got"):
         ground(voxel_map).update(margin)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "message"),
+    [
+        ((0, 0, 0), (1, 0, 1), "expected low < high"),
+        ((0, 0, np.nan), (1, 1, 1), "low: got"),
+        ((0, 0), (1, 1, 1), "low: got"),
+        ((0, 0, 0), (1, 1, np.inf), "high: got"),
+        ((0, 0, -0.075), (100, 100, 29.9), r"got 300000000 cells .* expected at most 200000000"),
+    ],
+)
+def test_bad_windows_are_refused(voxel_map, low, high, message):
+    with pytest.raises(ValueError, match=message):
+        ground(voxel_map, low, high)
+
+
+@pytest.fixture
+def pillar(voxel_map):
+    """An airspace with one occupied cell: indices (15, 10, 10)."""
+    voxel_map.set(np.s_[:], FREE)
+    voxel_map.set(np.s_[15, 10, 10], OCCUPIED)
+    return air(voxel_map)
+
+
+def centre(costmap, *cell):
+    return costmap.origin + (np.array(cell) + 0.5) * costmap.resolution
+
+
+def test_clearance_in_metres_at_cells_and_between_them(pillar):
+    places = [centre(pillar, 15, 10, 10), centre(pillar, 17, 10, 10), centre(pillar, 17, 11, 10)]
+    np.testing.assert_allclose(
+        pillar.clearance_at([*places, (places[1] + places[2]) / 2]),
+        [0.0, 0.2, 0.1 * math.sqrt(5), 0.05 * (2.0 + math.sqrt(5))],
+        atol=1e-12,
+    )
+    outside = [[-1.0, 1.0, 0.5], [1.0, 1.0, 99.0], [np.nan, 1.0, 0.5], [np.inf, 1.0, 0.5]]
+    assert pillar.clearance_at(outside).tolist() == [0.0] * 4
+    assert pillar.gradient_at(outside).tolist() == [[0.0] * 3] * 4
+    assert np.all(np.isinf(pillar.cost_at(outside)))
+
+
+def test_the_gradient_leads_away_at_a_metre_per_metre(pillar):
+    along_x = centre(pillar, 16.5, 10, 10)
+    np.testing.assert_allclose(pillar.gradient_at([along_x])[0, 0], 1.0, rtol=1e-9)
+    points = np.random.default_rng(5).uniform([0.3, 0.3, 0.0], [2.7, 1.7, 0.9], (200, 3))
+    # Not on a face between interpolated cubes, where the gradient jumps.
+    shares = (points - pillar.origin) / pillar.resolution - 0.5
+    points = points[np.all(np.abs(shares - np.round(shares)) > 1e-4, axis=1)]
+    step = 1e-6
+    for axis in range(3):
+        ahead, behind = points.copy(), points.copy()
+        ahead[:, axis] += step
+        behind[:, axis] -= step
+        difference = (pillar.clearance_at(ahead) - pillar.clearance_at(behind)) / (2.0 * step)
+        np.testing.assert_allclose(pillar.gradient_at(points)[:, axis], difference, atol=1e-6)
+
+
+def test_on_the_ground_height_does_not_matter(voxel_map):
+    voxel_map.set(np.s_[15, 10, BODY], OCCUPIED)
+    costmap = ground(voxel_map)
+    low, high = centre(costmap, 17, 10, -0.4), centre(costmap, 17, 10, 0.4)
+    np.testing.assert_allclose(costmap.clearance_at([low, high]), 0.2, atol=1e-12)
+    assert np.all(costmap.gradient_at([low, high])[:, 2] == 0.0)
+
+
+def test_the_cost_at_points_is_that_of_their_cells(pillar):
+    points = np.random.default_rng(6).uniform([0.0, 0.0, -0.3], [2.9, 1.9, 1.1], (100, 3))
+    cells = np.floor((points - pillar.origin) / pillar.resolution).astype(int)
+    expected = pillar.cost_table[pillar.field()[tuple(cells.T)]]
+    np.testing.assert_array_equal(pillar.cost_at(points), expected)
+
+
+@pytest.mark.parametrize("query", ["clearance_at", "gradient_at", "cost_at"])
+def test_points_of_another_shape_are_refused(pillar, query):
+    with pytest.raises(ValueError, match=r"points: got shape \(1, 2\), expected \(n, 3\)"):
+        getattr(pillar, query)([[1.0, 2.0]])
+
+
+def test_compiled_kernels_equal_their_python(voxel_map, monkeypatch):
+    draw = np.random.default_rng(8).random(voxel_map.states.shape)
+    voxel_map.set(np.s_[draw < 0.1], UNKNOWN)
+    voxel_map.set(np.s_[draw < 0.01], OCCUPIED)
+    points = np.random.default_rng(9).uniform(-0.2, 2.2, (60, 3))
+
+    def everything():
+        answers = []
+        for costmap in (ground(voxel_map), air(voxel_map)):
+            answers += [costmap.state, costmap.clearance_at(points), costmap.cost_at(points)]
+            answers.append(costmap.gradient_at(points))
+        return answers
+
+    compiled = everything()
+    for name in ("project_columns", "look_up", "interpolate", "neighbours"):
+        monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
+    for ours, theirs in zip(compiled, everything(), strict=True):
+        np.testing.assert_array_equal(ours, theirs)

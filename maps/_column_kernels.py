@@ -1,0 +1,128 @@
+"""Compiled kernels of the costmap: columns projected to the ground, and queries at points.
+
+All of them live in this file because a cached kernel is not recompiled when another file changes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps._jit import kernel
+
+WORD_BITS = 64
+
+
+@kernel
+def project_columns(
+    occupied: NDArray[np.uint64],  # (kx, ky, words) along z
+    free: NDArray[np.uint64],  # (kx, ky, words)
+    below: NDArray[np.uint64],  # (words,) layers under the floor
+    footing: NDArray[np.uint64],  # (words,) those that can be stood on: the floor and steps
+    band: NDArray[np.uint64],  # (words,) those that the body passes through
+    x0: int,
+    y0: int,
+    occupied_columns: NDArray[np.uint64],  # (nx, words) along y, in, out
+    free_columns: NDArray[np.uint64],  # (nx, words) in, out
+) -> None:
+    """The state of each column of cells for a body that walks on the floor."""
+    columns_x, columns_y, words = occupied.shape
+    nothing = np.uint64(0)
+    for i in range(columns_x):
+        for k in range(columns_y):
+            blocking = standing = closed = nothing
+            for w in range(words):
+                # A beam that went through where the floor should be found a hole.
+                blocking |= (occupied[i, k, w] & band[w]) | (free[i, k, w] & below[w])
+                standing |= occupied[i, k, w] & footing[w]
+                closed |= band[w] & ~free[i, k, w]
+            y = y0 + k
+            word, bit = y // WORD_BITS, np.uint64(1) << np.uint64(y % WORD_BITS)
+            occupied_columns[x0 + i, word] &= ~bit
+            free_columns[x0 + i, word] &= ~bit
+            if blocking != nothing:
+                occupied_columns[x0 + i, word] |= bit
+            elif standing != nothing and closed == nothing:
+                free_columns[x0 + i, word] |= bit
+
+
+@kernel
+def look_up(
+    points: NDArray[np.float64],  # (n, 3) m, world
+    origin: NDArray[np.float64],  # (3,) m, world
+    resolution: float,
+    squared: NDArray[np.uint16],  # (nx, ny, nz)
+    table: NDArray[np.float64],  # by squared distance
+    values: NDArray[np.float64],  # (n,) out
+) -> None:
+    """The table's value at the cell of each point; that of distance 0 outside."""
+    nx, ny, nz = squared.shape
+    for n in range(points.shape[0]):
+        u = (points[n, 0] - origin[0]) / resolution  # in cells from the window's corner
+        v = (points[n, 1] - origin[1]) / resolution
+        w = (points[n, 2] - origin[2]) / resolution
+        values[n] = table[0]
+        if 0.0 <= u < nx and 0.0 <= v < ny and 0.0 <= w < nz:  # not if not finite
+            values[n] = table[squared[int(u), int(v), int(w)]]
+
+
+@kernel
+def neighbours(place: float, cells: int) -> tuple[int, int, float, float, float]:
+    """The two cells along an axis whose centres enclose a place, and how much each counts.
+
+    Args:
+        place: In cells from the window's corner, within it.
+        cells: Of the window along this axis.
+
+    Returns:
+        Both indices, clipped to the window; whether each is within it, 1 or 0; the second's share.
+        On an axis of one cell both are that cell.
+    """
+    first = int(np.floor(place - 0.5))
+    share = place - 0.5 - first
+    if cells == 1:
+        return 0, 0, 1.0, 1.0, share
+    before, after = max(first, 0), min(first + 1, cells - 1)
+    return before, after, 1.0 * (before == first), 1.0 * (after == first + 1), share
+
+
+@kernel
+def interpolate(
+    points: NDArray[np.float64],  # (n, 3) m, world
+    origin: NDArray[np.float64],  # (3,) m, world
+    resolution: float,
+    squared: NDArray[np.uint16],  # (nx, ny, nz)
+    table: NDArray[np.float64],  # m, by squared distance
+    distances: NDArray[np.float64],  # (n,) out, m
+    gradients: NDArray[np.float64],  # (n, 3) out, m/m
+) -> None:
+    """Trilinear interpolation between cell centres, and its exact gradient; 0 outside."""
+    nx, ny, nz = squared.shape
+    for n in range(points.shape[0]):
+        u = (points[n, 0] - origin[0]) / resolution  # in cells from the window's corner
+        v = (points[n, 1] - origin[1]) / resolution
+        w = (points[n, 2] - origin[2]) / resolution
+        distances[n] = gradients[n, 0] = gradients[n, 1] = gradients[n, 2] = 0.0
+        if not (0.0 <= u < nx and 0.0 <= v < ny and 0.0 <= w < nz):  # also if not finite
+            continue
+        x, next_x, in_x, in_next_x, u = neighbours(u, nx)
+        y, next_y, in_y, in_next_y, v = neighbours(v, ny)
+        z, next_z, in_z, in_next_z, w = neighbours(w, nz)
+        # At the window's border the outer cells are outside, at distance 0.
+        a = table[squared[x, y, z]] * (in_x * in_y * in_z)
+        b = table[squared[x, y, next_z]] * (in_x * in_y * in_next_z)
+        c = table[squared[x, next_y, z]] * (in_x * in_next_y * in_z)
+        d = table[squared[x, next_y, next_z]] * (in_x * in_next_y * in_next_z)
+        # What each grows by towards the next cell along x.
+        da = table[squared[next_x, y, z]] * (in_next_x * in_y * in_z) - a
+        db = table[squared[next_x, y, next_z]] * (in_next_x * in_y * in_next_z) - b
+        dc = table[squared[next_x, next_y, z]] * (in_next_x * in_next_y * in_z) - c
+        dd = table[squared[next_x, next_y, next_z]] * (in_next_x * in_next_y * in_next_z) - d
+        a, b, c, d = a + u * da, b + u * db, c + u * dc, d + u * dd
+        along_y = (1.0 - w) * (c - a) + w * (d - b)
+        distances[n] = (1.0 - w) * a + w * b + v * along_y
+        gradients[n, 0] = (
+            (1.0 - v) * ((1.0 - w) * da + w * db) + v * ((1.0 - w) * dc + w * dd)
+        ) / resolution
+        gradients[n, 1] = along_y / resolution
+        gradients[n, 2] = ((1.0 - v) * (b - a) + v * (d - c)) / resolution

@@ -1,0 +1,105 @@
+"""A box of the map's cells: where it lies, and the bits of its columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maps.grid import FLOOR_HEIGHT_IN_CELL, ROUNDING, finite_vector
+
+WORD_BITS = 64  # cells in a word
+MAX_CELLS = 200_000_000
+
+
+@dataclass(frozen=True)
+class Window:
+    """A box of cells of a map without bounds.
+
+    The cells of all maps of one resolution lie on one lattice: a point is in the cell
+    floor(x / resolution) along x and y, and floor(z / resolution + 3/4) along z.
+
+    Attributes:
+        resolution: Edge of a cell, m.
+        first: (x, y, z) indices of the first cell in the map.
+        shape: (nx, ny, nz) cells.
+    """
+
+    resolution: float
+    first: tuple[int, int, int]
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def covering(cls, low: ArrayLike, high: ArrayLike, resolution: float) -> Self:
+        """The least window that holds a box.
+
+        Args:
+            low: (3,) least corner, m, world.
+            high: (3,) greatest corner, m, world.
+            resolution: Edge of a cell, m.
+
+        Raises:
+            ValueError: The box is empty or not finite, or would hold too many cells.
+        """
+        bottom, top = finite_vector("low", low), finite_vector("high", high)
+        if not np.all(bottom < top):
+            raise ValueError(f"bounds: got low {bottom} and high {top}, expected low < high")
+        shift = np.array([0.0, 0.0, FLOOR_HEIGHT_IN_CELL])
+        # A corner a rounding error away from a face is on it.
+        first = np.floor(bottom / resolution + shift + ROUNDING).astype(np.int64)
+        end = np.ceil(top / resolution + shift - ROUNDING).astype(np.int64)
+        nx, ny, nz = (end - first).tolist()
+        if nx * ny * nz > MAX_CELLS:
+            raise ValueError(
+                f"bounds: got {nx * ny * nz} cells {nx, ny, nz}, expected at most {MAX_CELLS}"
+            )
+        return cls(resolution, tuple(first.tolist()), (nx, ny, nz))
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """(3,) corner of the first cell, m, world."""
+        shift = np.array([0.0, 0.0, FLOOR_HEIGHT_IN_CELL])
+        return (np.array(self.first) - shift) * self.resolution
+
+    @property
+    def floor_layer(self) -> int:
+        """Index along z of the layer that holds the plane z = 0; may lie outside."""
+        return -self.first[2]
+
+    def layers(self, first: int, end: int) -> Window:
+        """The part of the window from one layer up to another."""
+        x, y, z = self.first
+        return Window(self.resolution, (x, y, z + first), (*self.shape[:2], end - first))
+
+    def columns_within(self, boxes: NDArray[np.int64]) -> tuple[slice, slice] | None:
+        """The columns of the window, along x and y, that boxes of the map's cells touch.
+
+        Args:
+            boxes: (k, 6) first cell and one past the last: x, y, z, x, y, z.
+
+        Returns:
+            The least rectangle that holds them all; None if no box touches the window.
+        """
+        low = np.maximum(boxes[:, :3] - self.first, 0)
+        high = np.minimum(boxes[:, 3:] - self.first, self.shape)
+        touching = np.all(low < high, axis=1)
+        if not touching.any():
+            return None
+        (x0, y0), (x1, y1) = low[touching, :2].min(axis=0), high[touching, :2].max(axis=0)
+        return slice(int(x0), int(x1)), slice(int(y0), int(y1))
+
+
+def layer_bits(first: int, end: int, layers: int) -> NDArray[np.uint64]:
+    """Words (words,) of a column of `layers` cells, whose set bits are the cells first to end."""
+    words = -(-layers // WORD_BITS)
+    cells = np.arange(words * WORD_BITS)
+    bits = np.packbits((first <= cells) & (cells < end), bitorder="little")
+    return bits.view("<u8").astype(np.uint64)
+
+
+def unpack(words: NDArray[np.uint64], cells: int) -> NDArray[np.uint8]:
+    """The first bits (nx, ny, cells) of columns (nx, ny, words), each 0 or 1."""
+    content = np.ascontiguousarray(words, "<u8").view(np.uint8)
+    return np.unpackbits(content, axis=2, count=cells, bitorder="little")

@@ -1,0 +1,173 @@
+"""What of a map one body meets: the cells of its altitudes, or the columns that it walks over."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps import _column_kernels as kernels
+from maps.columns import WORD_BITS, Window, layer_bits
+
+ROUNDING = 1e-6  # of a cell
+
+Columns = tuple[slice, slice]
+"""A box of columns of words, along their first two axes."""
+
+
+class ColumnMap(Protocol):
+    """What is asked of a map: the bits of its columns, and where they changed."""
+
+    resolution: float
+
+    def columns(
+        self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The occupied and the free cells of a box, each (nx, ny, words): z = 64 word + bit."""
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Boxes (k, 6) of cells whose states changed since a stamp (0: all), and a new stamp."""
+
+
+class Projection:
+    """The occupied and the free cells that one body meets, kept up to date with a map.
+
+    Attributes:
+        shape: (nx, ny, nz) cells; nz is 1 on the ground.
+        origin: (3,) corner of the first cell, m, world.
+        rows: (rows_x, rows_y, cells) the same cells in rows of bits: of z in the air; on the
+            ground, where a column is one cell, of y.
+        occupied: (rows_x, rows_y, words) bits.
+        free: (rows_x, rows_y, words) bits; what is neither is unknown.
+    """
+
+    shape: tuple[int, int, int]
+    origin: NDArray[np.float64]
+    rows: tuple[int, int, int]
+
+    def __init__(self, window: Window) -> None:
+        """Start with nothing known."""
+        self._window = window
+        self._words = -(-window.shape[2] // WORD_BITS)
+        self._stamp = 0  # of the map, when it was last looked at
+        self.occupied = np.zeros((*self.rows[:2], -(-self.rows[2] // WORD_BITS)), np.uint64)
+        self.free = np.zeros_like(self.occupied)
+
+    def read(self, voxel_map: ColumnMap) -> Columns | None:
+        """Take over what changed in the map since the last time.
+
+        Returns:
+            The columns of words that it may have changed; None if there are none.
+        """
+        boxes, self._stamp = voxel_map.changed(self._stamp)
+        box = self._window.columns_within(boxes)
+        if box is None:
+            return None
+        x, y = box
+        first_x, first_y, first_z = self._window.first
+        occupied, free = voxel_map.columns(
+            (first_x + x.start, first_y + y.start, first_z),
+            (x.stop - x.start, y.stop - y.start, self._words),
+        )
+        return self._take(occupied, free, x, y)
+
+    def _take(
+        self, occupied: NDArray[np.uint64], free: NDArray[np.uint64], x: slice, y: slice
+    ) -> Columns:
+        raise NotImplementedError
+
+
+class Airspace(Projection):
+    """The cells that lie wholly between two altitudes, as they are."""
+
+    def __init__(self, window: Window, floor: float, ceiling: float) -> None:
+        """Choose the layers.
+
+        Args:
+            window: The cells of the map that count.
+            floor: Lowest altitude, m, world.
+            ceiling: Highest altitude, m, world.
+
+        Raises:
+            ValueError: No layer of the window lies between them.
+        """
+        bottom, layers = window.origin[2], window.shape[2]
+        top = bottom + layers * window.resolution
+        low, high = max(floor, bottom), min(ceiling, top)
+        first = math.ceil((low - bottom) / window.resolution - ROUNDING)
+        end = math.floor((high - bottom) / window.resolution + ROUNDING)
+        if first >= end:
+            raise ValueError(
+                f"floor, ceiling: got {floor:g} to {ceiling:g}, "
+                f"expected a layer of the window within them ({bottom:g} to {top:g} m)"
+            )
+        self.shape = self.rows = (*window.shape[:2], end - first)
+        self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
+        super().__init__(window.layers(first, end))
+
+    def _take(
+        self, occupied: NDArray[np.uint64], free: NDArray[np.uint64], x: slice, y: slice
+    ) -> Columns:
+        self.occupied[x, y], self.free[x, y] = occupied, free
+        return x, y
+
+
+class Ground(Projection):
+    """The columns of cells that a body on the floor z = 0 walks over, each as one cell.
+
+    A column is occupied if something stands between the step height and the body's height, or if a
+    beam went through where the floor should be; it is free if all of that band is free and a floor
+    was seen below; else unknown. What hangs above the body does not matter.
+    """
+
+    def __init__(self, window: Window, height: float, step_height: float) -> None:
+        """Choose the layers: under the floor, to stand on, and to pass through.
+
+        Args:
+            window: The cells of the map that count.
+            height: Of the body's back above the floor, m.
+            step_height: What the body can step on, m above the floor.
+
+        Raises:
+            ValueError: The body does not fit the window.
+        """
+        if not 0.0 <= step_height < height:
+            raise ValueError(
+                f"step_height: got {step_height:g}, expected 0 to below the height, {height:g} m"
+            )
+        bottom, layers, floor_layer = window.origin[2], window.shape[2], window.floor_layer
+        first = math.floor((step_height - bottom) / window.resolution + ROUNDING)
+        end = math.ceil((height - bottom) / window.resolution - ROUNDING)
+        if not 0 <= floor_layer < first:
+            raise ValueError(
+                f"step_height: got {step_height:g} m, in layer {first}, expected above the floor's "
+                f"layer {floor_layer}, and that one in the window"
+            )
+        if end > layers:
+            top = bottom + layers * window.resolution
+            raise ValueError(f"height: got {height:g}, expected up to the window's top, {top:g} m")
+        nx, ny, _ = window.shape
+        self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
+        self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
+        self._below = layer_bits(0, floor_layer, end)
+        self._footing = layer_bits(floor_layer, first, end)
+        self._band = layer_bits(first, end, end)
+        super().__init__(window.layers(0, end))
+
+    def _take(
+        self, occupied: NDArray[np.uint64], free: NDArray[np.uint64], x: slice, y: slice
+    ) -> Columns:
+        kernels.project_columns(
+            occupied,
+            free,
+            self._below,
+            self._footing,
+            self._band,
+            x.start,
+            y.start,
+            self.occupied[:, 0],
+            self.free[:, 0],
+        )
+        return x, slice(0, 1)

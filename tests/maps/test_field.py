@@ -1,0 +1,189 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import distance_transform_edt
+
+from maps import _field_kernels as kernels
+from maps.field import DistanceField
+from maps.team import Team
+
+SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
+
+
+def packed(cells):
+    """Booleans (nx, ny, nz) as words (nx, ny, words), z = 64 word + bit; the rest is set."""
+    nx, ny, nz = cells.shape
+    words = -(-nz // 64)
+    padded = np.ones((nx, ny, 64 * words), np.bool_)
+    padded[:, :, :nz] = cells
+    weights = np.uint64(1) << np.arange(64, dtype=np.uint64)
+    return (padded.reshape(nx, ny, words, 64) * weights).sum(axis=3, dtype=np.uint64)
+
+
+def framed(blocked):
+    """With blocked cells around it, but not along an axis of one cell."""
+    return np.pad(blocked, [(int(n > 1),) * 2 for n in blocked.shape], constant_values=True)
+
+
+def inner(shape):
+    return tuple(slice(1, -1) if n > 1 else slice(None) for n in shape)
+
+
+def brute_force(blocked, reach):
+    """Squared distances counted one by one."""
+    cells = np.argwhere(np.ones(blocked.shape)) + [int(n > 1) for n in blocked.shape]
+    others = np.argwhere(framed(blocked))
+    most = reach * reach
+    nearest = [((others - cell) ** 2).sum(axis=1).min(initial=most) for cell in cells]
+    return np.reshape(nearest, blocked.shape)
+
+
+def scipy_squared(blocked, reach):
+    """Scipy's exact transform, squared and truncated."""
+    whole = framed(blocked)
+    if not whole.any():
+        return np.full(blocked.shape, reach * reach)
+    distances = distance_transform_edt(~whole)[inner(blocked.shape)]
+    return np.minimum(np.rint(distances * distances), reach * reach)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("reach", [1, 2, 5, 12])
+def test_distances_equal_those_counted_one_by_one(shape, reach):
+    rng = np.random.default_rng(reach)
+    for density in (0.0, 0.003, 0.1, 1.0):
+        blocked = rng.random(shape) < density
+        field = DistanceField(shape, reach)
+        field.update(packed(blocked))
+        np.testing.assert_array_equal(field.squared, brute_force(blocked, reach))
+
+
+def test_the_distances_around_one_cell():
+    field = DistanceField((9, 9, 9), 3)
+    blocked = np.zeros((9, 9, 9), np.bool_)
+    blocked[4, 4, 4] = True
+    field.update(packed(blocked))
+    assert field.squared[4, 4, 4] == 0
+    assert field.squared[5, 5, 4] == 2
+    assert field.squared[5, 5, 6] == 6
+    assert field.squared[6, 6, 6] == 9  # 12, cut off
+    assert field.squared[0, 4, 4] == 1  # the border
+    field.update(packed(np.zeros_like(blocked)))
+    assert field.squared[4, 4, 4] == 9
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("reach", [3, 20, 181])
+def test_a_field_kept_up_to_date_equals_a_new_one(reach, threads):
+    shape = (60, 45, 50)
+    rng = np.random.default_rng(reach)
+    field = DistanceField(shape, reach, Team(threads))
+    blocked = np.zeros(shape, np.bool_)
+    for step in range(12):
+        x, y, z = (rng.integers(0, n) for n in shape)
+        if step % 3 == 2:  # scattered cells come and go
+            blocked ^= rng.random(shape) < 3e-4
+        else:  # a box appears or disappears
+            blocked[x : x + 12, y : y + 7, z : z + 9] = step % 3 == 0
+        field.update(packed(blocked))
+        np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    shape=st.tuples(st.integers(1, 25), st.integers(1, 25), st.integers(1, 70)),
+    reach=st.integers(1, 30),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_any_sequence_of_changed_boxes_of_columns(shape, reach, seed):
+    rng = np.random.default_rng(seed)
+    nx, ny, _ = shape
+    field = DistanceField(shape, reach)
+    blocked = np.zeros(shape, np.bool_)
+    for _ in range(6):
+        x0, y0 = rng.integers(0, nx), rng.integers(0, ny)
+        x1, y1 = rng.integers(x0 + 1, nx + 1), rng.integers(y0 + 1, ny + 1)
+        part = blocked[x0:x1, y0:y1]
+        part[:] = rng.random(part.shape) < rng.choice([0.0, 0.01, 0.3, 1.0])
+        field.update(packed(part), x0, y0)
+        np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
+
+
+def test_an_update_leaves_alone_what_no_change_can_reach():
+    shape = (64, 64, 20)
+    blocked = np.zeros(shape, np.bool_)
+    field = DistanceField(shape, 5)
+    field.update(packed(blocked))
+    field.squared[40:] = 12345  # would be overwritten if it were recomputed
+    blocked[10, 10, 10] = True
+    field.update(packed(blocked))
+    assert np.all(field.squared[40:] == 12345)
+    field.update(packed(blocked))
+    np.testing.assert_array_equal(field.squared[:40], scipy_squared(blocked, 5)[:40])
+
+
+def test_compiled_kernels_equal_their_python(monkeypatch):
+    shape = (10, 19, 37)
+    rng = np.random.default_rng(7)
+    blocked = rng.random(shape) < 0.01
+    later = blocked ^ (rng.random(shape) < 0.01)
+    compiled = DistanceField(shape, 6)
+    compiled.update(packed(blocked))
+    compiled.update(packed(later))
+    for name in vars(kernels):
+        if hasattr(getattr(kernels, name), "py_func"):
+            monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
+    interpreted = DistanceField(shape, 6)
+    interpreted.update(packed(blocked))
+    interpreted.update(packed(later))
+    np.testing.assert_array_equal(compiled.squared, interpreted.squared)
+    np.testing.assert_array_equal(compiled.squared, scipy_squared(later, 6))
+
+
+def test_bits_beyond_the_window_are_not_looked_at():
+    field = DistanceField((5, 5, 40), 9)
+    field.update(packed(np.zeros((5, 5, 40), np.bool_)))  # sets bits 40 to 63
+    assert field.squared[2, 2, 30] == 9  # the border of x and y, 3 cells away
+
+
+@pytest.mark.parametrize(
+    ("shape", "reach", "message"),
+    [
+        ((0, 5, 5), 3, r"shape: got \(0, 5, 5\), expected 1 cell or more"),
+        ((5, 5, 5), 0, "reach: got 0 cells, expected 1 to 181"),
+        ((5, 5, 5), 182, "reach: got 182 cells"),
+    ],
+)
+def test_what_is_no_field_is_refused(shape, reach, message):
+    with pytest.raises(ValueError, match=message):
+        DistanceField(shape, reach)
+
+
+@pytest.mark.parametrize(
+    ("size", "place"), [((6, 5, 1), (0, 0)), ((2, 2, 2), (0, 0)), ((2, 2, 1), (4, 0))]
+)
+def test_columns_outside_the_window_are_refused(size, place):
+    with pytest.raises(ValueError, match=r"expected within \(5, 5, 1\)"):
+        DistanceField((5, 5, 5), 3).update(np.zeros(size, np.uint64), *place)
+
+
+@pytest.mark.parametrize("reach", [178, 179, 180, 181])
+def test_the_greatest_distances_fit_their_16_bits(reach):
+    blocked = np.zeros((420, 1, 400), np.bool_)
+    blocked[[10, 200], 0, [390, 30]] = True
+    field = DistanceField(blocked.shape, reach)
+    field.update(packed(blocked))
+    np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
+    assert field.squared.max() == reach * reach
+
+
+def test_no_kernel_is_compiled_again_for_another_part_of_the_window():
+    blocked = np.zeros((30, 40, 20), np.bool_)
+    field = DistanceField(blocked.shape, 4)
+    field.update(packed(blocked))
+    blocked[12, 20, 9] = True
+    field.update(packed(blocked)[10:15, 18:25], 10, 18)  # no contiguous array
+    np.testing.assert_array_equal(field.squared, scipy_squared(blocked, 4))
+    for kernel in (kernels.note_changes, kernels.update_sections, kernels.update_field):
+        assert len(kernel.signatures) == 1
