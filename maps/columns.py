@@ -61,7 +61,8 @@ class Window:
     def origin(self) -> NDArray[np.float64]:
         """(3,) corner of the first cell, m, world."""
         shift = np.array([0.0, 0.0, FLOOR_HEIGHT_IN_CELL])
-        return (np.array(self.first) - shift) * self.resolution
+        origin: NDArray[np.float64] = (np.array(self.first) - shift) * self.resolution
+        return origin
 
     @property
     def floor_layer(self) -> int:

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from maps import MapConfig, VoxelMap, Window
+from maps import MapConfig, VoxelMap
+from maps.columns import Window, unpack
 from maps.grid import cell_box, cells_at, centres
 
 
@@ -43,14 +44,17 @@ def test_a_window_has_the_states_of_its_cells():
     voxel_map = VoxelMap(MapConfig(half_life=0.0))
     voxel_map.mark_free((0.0, 0.0, 0.2), (0.3, 0.3, 0.4), 0)
     voxel_map.mark_floor((0.0, 0.0), (0.3, 0.1), 0)
-    window = Window(voxel_map, (-0.2, 0.0, -0.175), (0.4, 0.5, 0.825))
+    window = Window.covering((-0.2, 0.0, -0.175), (0.4, 0.5, 0.825), 0.1)
     assert window.shape == (6, 5, 10)
-    assert window.grid.floor_layer == 1
+    assert window.floor_layer == 1
     np.testing.assert_allclose(window.origin, [-0.2, 0.0, -0.175])
-    states = window.states()
-    signs = (states == 2).astype(int) - (states == 1)
-    assert np.argwhere(states == 2).tolist() == [[2, 0, 1], [3, 0, 1], [4, 0, 1]]
-    np.testing.assert_array_equal(np.sign(window.log_odds), signs)
+    occupied, free = (
+        unpack(words, 10) for words in voxel_map.columns(np.array(window.first), (6, 5, 1))
+    )
+    assert np.argwhere(occupied).tolist() == [[2, 0, 1], [3, 0, 1], [4, 0, 1]]
+    assert np.argwhere(free).min(axis=0).tolist() == [2, 0, 4]
+    assert np.argwhere(free).max(axis=0).tolist() == [4, 2, 5]
+    assert free.sum() == 3 * 3 * 2
 
 
 @pytest.mark.parametrize(
@@ -65,4 +69,4 @@ def test_a_window_has_the_states_of_its_cells():
 )
 def test_bad_bounds_are_refused(low, high, message):
     with pytest.raises(ValueError, match=message):
-        Window(VoxelMap(MapConfig(memory_mib=1)), low, high)
+        Window.covering(low, high, 0.1)
