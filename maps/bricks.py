@@ -158,7 +158,7 @@ class Bricks:
         def digest(_: int, part: tuple[int, int]) -> None:
             update.digest_bricks(slots, part, self.eights, lanes, held)
 
-        team.share(digest, len(slots))
+        team.share(digest, len(slots), parts_each=1)
         contents = lanes.astype("<u8", copy=False)
         for i, slot in enumerate(slots.tolist()):
             new = 0

@@ -100,7 +100,7 @@ class SweepWindow:
             if beam >= 0:
                 refused.append(beam)
 
-        self._team.share(place, count)
+        self._team.share(place, count, parts_each=1)
         if refused:
             direction = sweep.directions[min(refused)]
             raise ValueError(f"directions: got {direction}, expected unit length")
@@ -187,7 +187,7 @@ class SweepWindow:
         def gather(_: int, rows: tuple[int, int]) -> None:
             update.gather(self._hits, self._free, shape, rows, touched)
 
-        self._team.share(gather, len(touched))
+        self._team.share(gather, len(touched), parts_each=1)
         blocks = np.argwhere(touched)  # (k, 3)
         rows = blocks * np.array([bricks.EDGE, bricks.EDGE, 1])
         places = ((rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]).astype(np.int64)

@@ -29,12 +29,18 @@ class Team:
         self.size = threads
         self._pool = ThreadPoolExecutor(threads - 1, "maps") if threads > 1 else None
 
-    def share(self, work: Work, count: int) -> None:
-        """Call `work(member, (first, end))` for all parts of `count` items, and wait."""
+    def share(self, work: Work, count: int, parts_each: int = PARTS) -> None:
+        """Call `work(member, (first, end))` for all parts of `count` items, and wait.
+
+        Args:
+            work: What to do for the items from one index up to another, as one of the members.
+            count: Number of items.
+            parts_each: Parts to each thread; 1 where all items take equally long.
+        """
         if self._pool is None:
             work(0, (0, count))
             return
-        parts = PARTS * self.size
+        parts = parts_each * self.size
         edges = [count * part // parts for part in range(parts + 1)]
         queue = itertools.count()
 

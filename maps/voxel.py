@@ -442,7 +442,7 @@ class VoxelMap:
                 updated,
             )
 
-        self._team.share(update, count)
+        self._team.share(update, count, parts_each=2)
         bricks.observed_ns[known] = np.maximum(bricks.observed_ns[known], time_ns)
         bricks.dirty[slots[(changes & updates.CONTENT_CHANGED > 0) & (slots >= 0)]] = True
         turned = (changes & updates.STATES_CHANGED > 0) & (slots >= 0)
@@ -474,7 +474,7 @@ class VoxelMap:
                 alive,
             )
 
-        self._team.share(fade, len(behind))
+        self._team.share(fade, len(behind), parts_each=2)
         bricks.dirty[behind] = True
         bricks.stamps[behind[turned]] = self._stamp
         if not to_now:
