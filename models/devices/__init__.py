@@ -13,6 +13,7 @@ from models.devices.depth_camera import DepthCamera
 from models.devices.device import Device, Mount
 from models.devices.ideal_altimeter import IDEAL_ALTIMETER
 from models.devices.ideal_depth_camera import IDEAL_DEPTH_CAMERA
+from models.devices.ideal_lidar_dense import IDEAL_LIDAR_DENSE
 from models.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 from models.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
 from models.devices.intel_realsense_d435 import INTEL_REALSENSE_D435
@@ -29,6 +30,7 @@ DEVICES: dict[str, Device] = {
     "benewake-tfmini-s": BENEWAKE_TFMINI_S,
     "ideal-altimeter": IDEAL_ALTIMETER,
     "ideal-depth-camera": IDEAL_DEPTH_CAMERA,
+    "ideal-lidar-dense": IDEAL_LIDAR_DENSE,
     "ideal-lidar-floor": IDEAL_LIDAR_FLOOR,
     "ideal-lidar-wide": IDEAL_LIDAR_WIDE,
     "intel-realsense-d435": INTEL_REALSENSE_D435,

@@ -1,0 +1,109 @@
+"""How much faster than real time whole episodes run, and where their time goes."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.config import from_document, override
+from harness.episode import run_episode
+from harness.scenario import build
+from harness.schema import wayproof_pb2 as pb
+from harness.warm_up import warm_up
+
+WORLD = "warehouse"
+STAGES = ("sense", "map", "costmap", "plan")
+ROBOTS = ("quadruped", "drone")
+LOADS = (
+    ("sensors.lidar=own", "map.resolution=0.1"),
+    ("sensors.lidar=ideal-lidar-dense", "map.resolution=0.05"),
+)
+"""Settings of the lighter and of the heavier episodes."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Episodes of one robot under one load, on one core.
+
+    Attributes:
+        robot: Its name.
+        rays: Beams in all sweeps of one decision.
+        resolution_m: Of the map.
+        episodes: In the warehouse, of seeds from the given one on.
+        reached: Of these, how many ended in success.
+        realtime_factor: Simulated seconds a second of wall time: sensing, map, costmap, decision,
+            physics and log together.
+        stage_ms: Median time of each stage of a decision.
+        map_costmap_ms_p99: 99th percentile of map and costmap together.
+        decision_ms_p50: Median time from a sweep's cast to its decision.
+        decision_ms_p99: 99th percentile of the same.
+    """
+
+    robot: str
+    rays: int
+    resolution_m: float
+    episodes: int
+    reached: int
+    realtime_factor: float
+    stage_ms: dict[str, float]
+    map_costmap_ms_p99: float
+    decision_ms_p50: float
+    decision_ms_p99: float
+
+
+def bench_loop(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Run episodes of both robots under both loads; one row (see `Row`) for each.
+
+    Args:
+        sweeps: Number of episodes for each row.
+        seed: Of the first.
+        progress: Told what is going on.
+    """
+    rows = []
+    for robot in ROBOTS:
+        progress("compiling kernels (some seconds the first time, then cached)")
+        warm_up(robot)
+        for settings in LOADS:
+            rows.append(asdict(_measure(robot, settings, range(seed, seed + sweeps), progress)))
+    return rows
+
+
+def _measure(
+    robot: str, settings: tuple[str, ...], seeds: range, progress: Callable[[str], None]
+) -> Row:
+    simulated = wall = 0.0
+    reached = rays = 0
+    stages: list[list[float]] = []  # (decisions, stages) ms
+
+    def note(decision: pb.Decision, _: pb.Truth) -> None:
+        stages.append([getattr(decision.stages, f"{stage}_ms") for stage in STAGES])
+
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in seeds:
+            progress(f"loop: {robot}, {', '.join(settings)}, seed {seed}")
+            named = {"world": WORLD, "robot": robot, "seed": seed}
+            scenario = build(override(from_document(named), settings))
+            rays = sum(caster.table.beams for caster in scenario.scene.casters)
+            result = run_episode(scenario, Path(folder) / "episode.mcap", note)
+            simulated += result.sim_time_s
+            wall += result.wall_time_s
+            reached += result.outcome == "success"
+    table = np.array(stages)
+    decision = table.sum(axis=1)
+    return Row(
+        robot=robot,
+        rays=rays,
+        resolution_m=scenario.config.map.resolution,
+        episodes=len(seeds),
+        reached=reached,
+        realtime_factor=simulated / wall,
+        stage_ms=dict(zip(STAGES, np.median(table, axis=0).round(3).tolist(), strict=True)),
+        map_costmap_ms_p99=float(np.percentile(table[:, 1] + table[:, 2], 99)),
+        decision_ms_p50=float(np.median(decision)),
+        decision_ms_p99=float(np.percentile(decision, 99)),
+    )
