@@ -1,6 +1,6 @@
-"""The command `wayproof`: `run`, `replay`, `list`, `demo` and `bench`.
+"""The command `wayproof`: `run`, `replay`, `audit`, `list`, `demo` and `bench`.
 
-Exit codes: 0 as hoped (goal reached, replay identical), 1 not so, 2 bad input.
+Exit codes: 0 as hoped (goal reached, replay identical, no rule broken), 1 not so, 2 bad input.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
 import msgspec
 from rich.console import Console
@@ -74,6 +74,20 @@ def replay(options: argparse.Namespace, console: Console) -> tuple[int, Document
     documents = [asdict(one) for one in replays]
     code = 0 if all(one.identical for one in replays) else 1
     return code, documents[0] if len(documents) == 1 else {"replays": documents}
+
+
+def audit(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Check the decisions of one or more logs by slow, independent code."""
+    from harness.audit import audit as audit_log
+    from harness.live import print_audit
+
+    audits = []
+    for path in options.log:
+        audits.append(audit_log(path, options.policy))
+        print_audit(console, audits[-1])
+    documents = [asdict(one) for one in audits]
+    code = 1 if any(one.violations for one in audits) else 0
+    return code, documents[0] if len(documents) == 1 else {"audits": documents}
 
 
 def list_registered(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -203,6 +217,23 @@ def _add_replay(verbs: Any) -> None:
     _finish(parser, replay)
 
 
+def _add_audit(verbs: Any) -> None:
+    from maps import UnknownPolicy
+
+    parser = verbs.add_parser(
+        "audit",
+        help="check that every committed path lay in space its map knew to be free",
+        epilog="example: wayproof audit logs/warehouse-drone-3.mcap",
+    )
+    parser.add_argument("log", metavar="LOG", type=Path, nargs="+")
+    parser.add_argument(
+        "--policy",
+        choices=get_args(UnknownPolicy),
+        help="hold paths against this unknown policy in place of the log's own",
+    )
+    _finish(parser, audit)
+
+
 def _add_list(verbs: Any) -> None:
     parser = verbs.add_parser("list", help="worlds, robots, maps, planners and settings")
     _finish(parser, list_registered)
@@ -240,6 +271,7 @@ def _finish(
 VERBS: dict[str, Callable[[Any], None]] = {
     "run": _add_run,
     "replay": _add_replay,
+    "audit": _add_audit,
     "list": _add_list,
     "demo": _add_demo,
     "bench": _add_bench,

@@ -10,6 +10,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from harness.audit import Audit
 from harness.episode import Result
 from harness.replay import Replay
 from harness.schema import wayproof_pb2 as pb
@@ -23,6 +24,8 @@ ACTION_STYLES = {
     "goal": "bold green",
     "abort": "bold red",
 }
+
+SHOWN_VIOLATIONS = 10
 
 
 class LiveLine:
@@ -78,6 +81,22 @@ def print_verdict(console: Console, result: Result) -> None:
         soft_wrap=True,
     )
     console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
+
+
+def print_audit(console: Console, audited: Audit) -> None:
+    """One audit's verdict in a line, and what broke which rule."""
+    count = len(audited.violations)
+    verdict = (f"{count} violations", "bold red") if count else ("no violation", "bold green")
+    text = Text.assemble(
+        verdict,
+        f" of '{audited.policy}' in {audited.decisions} decisions: {audited.swept} paths swept, "
+        f"{audited.stops} late stops, {audited.recoveries} recoveries; {audited.log}",
+    )
+    console.print(text, soft_wrap=True)
+    for violation in audited.violations[:SHOWN_VIOLATIONS]:
+        console.print(f"  {violation.sequence}: {violation.rule}: {violation.text}", soft_wrap=True)
+    if count > SHOWN_VIOLATIONS:
+        console.print(f"  and {count - SHOWN_VIOLATIONS} more", soft_wrap=True)
 
 
 def print_replay(console: Console, replayed: Replay) -> None:

@@ -1,0 +1,285 @@
+"""Checking a log's decisions by slow code that shares nothing with what made them but the map.
+
+The map is rebuilt sweep by sweep from the log, and its version compared with the one that each
+decision names. Against that very map, cell by cell, the committed path is swept by the body; and
+the trajectory along it is checked to be one that the body can follow, and that ends at rest.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.config import Config
+from harness.errors import InputError
+from harness.mission import Mission
+from harness.navigator import build_navigator
+from harness.reader import open_log
+from harness.schema import wayproof_pb2 as pb
+from maps import FREE, OCCUPIED, UNKNOWN, UnknownPolicy, VoxelMap
+
+Array = NDArray[np.float64]
+
+SPACING = 0.25  # of the points that a path is checked at, cells
+LIMIT_SLACK = 1.05  # on speed and acceleration, read from samples a tenth of a second apart
+REST = 0.02  # m/s: slower is at rest
+SAME_PLACE = 0.02  # m
+SLIVER = 1e-7  # m, of rounding: a face that lies on a bound is on neither side of it
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One rule that one decision broke.
+
+    Attributes:
+        sequence: Of the decision.
+        rule: `version`, `swept`, `rest`, `limits` or `joined`.
+        text: What was found, and what was expected.
+    """
+
+    sequence: int
+    rule: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What an audit of one log found.
+
+    Attributes:
+        log: The log's path.
+        policy: That paths were held against.
+        decisions: Decisions looked at.
+        swept: Of these, with a path that leads somewhere, checked cell by cell.
+        stops: Of the others, the ones that brake on a path that was admitted before, because what
+            it leads through no longer is.
+        recoveries: Of the others, the ones that step out of the inflation.
+        violations: In order.
+    """
+
+    log: str
+    policy: UnknownPolicy
+    decisions: int
+    swept: int
+    stops: int
+    recoveries: int
+    violations: tuple[Violation, ...]
+
+
+def audit(path: Path, policy: UnknownPolicy | None = None) -> Audit:
+    """Check every decision of a log.
+
+    Args:
+        path: The log.
+        policy: What to hold paths against in place of the log's own unknown policy.
+
+    Raises:
+        InputError: The file is no finished log, or holds no decision.
+    """
+    log = open_log(path)
+    navigator = build_navigator(log.config, log.mission, log.beams)
+    held = policy or log.config.map.unknown_policy
+    body = _Body(log.config, log.mission, held)
+    violations: list[Violation] = []
+    counts = {"swept": 0, "stop": 0, "recovery": 0}
+    committed: list[pb.Trajectory] = []
+    decisions = 0
+    for record in log.records():
+        decisions += 1
+        recomputed = navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
+        decision = record.decision
+        kind, found = _check(decision, recomputed.map_version, navigator.map, body, committed)
+        violations += [Violation(decision.sequence, rule, text) for rule, text in found]
+        if kind:
+            counts[kind] += 1
+        committed = [*committed[-1:], decision.trajectory]
+    if decisions == 0:
+        raise InputError(f"log '{path}': no decisions in it")
+    return Audit(
+        str(path), held, decisions, counts["swept"], counts["stop"], counts["recovery"],
+        tuple(violations),
+    )  # fmt: skip
+
+
+def _check(
+    decision: pb.Decision,
+    version: str,
+    voxel_map: VoxelMap,
+    body: _Body,
+    committed: list[pb.Trajectory],
+) -> tuple[str, list[tuple[str, str]]]:
+    """What sort of motion a decision asks for, and the rules that it breaks."""
+    found = []
+    if decision.map_version != version:
+        text = f"names map {decision.map_version[:8]}, the log's sweeps give {version[:8]}"
+        found.append(("version", text))
+    found += _broken_limits(decision.trajectory, body.mission)
+    if committed and not decision.deadline_missed:
+        found += _broken_joint(decision.trajectory, committed[-1])
+    path = points_of(decision.trajectory)
+    if _length(path) < SAME_PLACE or decision.deadline_missed:
+        return "", found
+    if decision.action == "recover":
+        return "recovery", found
+    blocked = body.first_blocked(voxel_map, path, decision.localization_margin_m)
+    if blocked is None:
+        return "swept", found
+    # A stop along a path that earlier maps admitted is all that is left when a new one does not.
+    if decision.action == "stop_and_wait" and any(
+        _runs_along(path, points_of(earlier)) for earlier in committed
+    ):
+        return "stop", found
+    place, state = blocked
+    at = ", ".join(f"{value:.2f}" for value in place)
+    text = f"action {decision.action}: the body at ({at}) would overlap {state} space"
+    return "swept", [*found, ("swept", text)]
+
+
+class _Body:
+    """Where a body may be, worked out from the states of single cells."""
+
+    def __init__(self, config: Config, mission: Mission, policy: UnknownPolicy) -> None:
+        self.mission = mission
+        self._policy = policy
+        self._altitudes = config.motion.altitude_low, config.motion.altitude_high
+        self._flat = mission.motion == "ground"
+
+    def first_blocked(
+        self, voxel_map: VoxelMap, path: Array, margin: float
+    ) -> tuple[Array, str] | None:
+        """The first place of a path at which the body overlaps what it may not, and why."""
+        size = voxel_map.resolution
+        axes = 2 if self._flat else 3
+        # A surface lies anywhere in its cell: half a diagonal more.
+        reach = (self.mission.radius + margin) / size + 0.5 * math.sqrt(axes)  # cells
+        states, corner = self._states(voxel_map, path, reach * size)
+        places = densely(path, SPACING * size)
+        cells = np.unique(np.floor((places[:, :axes] - corner[:axes]) / size).astype(int), axis=0)
+        steps = np.arange(-math.floor(reach) - 1, math.floor(reach) + 2)
+        ball = np.stack(np.meshgrid(*(axes * [steps])), axis=-1).reshape(-1, axes)
+        ball = ball[(ball**2).sum(axis=1) <= reach * reach]
+        wrong = {OCCUPIED, UNKNOWN} if self._policy == "forbid" else {OCCUPIED}
+        for cell in cells:
+            met = states[tuple((cell + ball).T)]
+            for state, name in ((OCCUPIED, "occupied"), (UNKNOWN, "unknown")):
+                if state in wrong and (met == state).any():
+                    return corner[:axes] + (cell + 0.5) * size, name
+        return None
+
+    def _states(
+        self, voxel_map: VoxelMap, path: Array, reach: float
+    ) -> tuple[NDArray[np.uint8], Array]:
+        """States around a path, a column as one cell for a walking body, and the first corner."""
+        size = voxel_map.resolution
+        pad = reach + 3.0 * size
+        low, high = path.min(axis=0) - pad, path.max(axis=0) + pad
+        if self._flat:
+            low[2], high[2] = self.mission.low[2] - size, self.mission.height + 2.0 * size
+        first = np.floor(low / size + (0.0, 0.0, 0.75))
+        end = np.ceil(high / size + (0.0, 0.0, 0.75))
+        corner = (first - (0.0, 0.0, 0.75)) * size
+        # Its corners are those of cells, so a quarter of a cell inwards the same cells are meant.
+        states = voxel_map.states_in(
+            corner + 0.25 * size, (end - (0.0, 0.0, 0.75)) * size - 0.25 * size
+        )
+        self._fence(states, corner, size)
+        return (self._columns(states, corner[2], size) if self._flat else states), corner
+
+    def _fence(self, states: NDArray[np.uint8], corner: Array, size: float) -> None:
+        """What does not lie wholly or partly inside the operating area is as good as occupied."""
+        low, high = np.array(self.mission.low), np.array(self.mission.high)
+        for axis in range(2 if self._flat else 3):
+            edges = corner[axis] + np.arange(states.shape[axis]) * size
+            outside = (edges + size <= low[axis] + SLIVER) | (edges >= high[axis] - SLIVER)
+            if axis == 2:
+                bottom, top = self._altitudes
+                outside |= (edges < bottom - SLIVER) | (edges + size > top + SLIVER)
+            states[(slice(None),) * axis + (outside,)] = OCCUPIED
+
+    def _columns(self, states: NDArray[np.uint8], bottom: float, size: float) -> NDArray[np.uint8]:
+        """What a walking body meets in each column (nx, ny)."""
+        lower = bottom + np.arange(states.shape[2]) * size  # edge of each layer
+        fence = lower + size > self.mission.low[2] + SLIVER
+        below = fence & (lower + size <= SLIVER)
+        floor = (lower + size > SLIVER) & (lower + size <= self.mission.step_height + SLIVER)
+        band = (lower + size > self.mission.step_height + SLIVER) & (
+            lower < self.mission.height - SLIVER
+        )
+        occupied, free = states == OCCUPIED, states == FREE
+        blocked = occupied[:, :, band].any(axis=2) | free[:, :, below].any(axis=2)
+        standing = occupied[:, :, floor].any(axis=2) & free[:, :, band].all(axis=2)
+        return np.where(blocked, OCCUPIED, np.where(standing, FREE, UNKNOWN)).astype(np.uint8)
+
+
+def _broken_limits(trajectory: pb.Trajectory, mission: Mission) -> list[tuple[str, str]]:
+    """Whether the body can follow the samples of a trajectory, and is at rest after them."""
+    arcs, period = np.array(trajectory.arc_length), trajectory.sample_period_s
+    found: list[tuple[str, str]] = []
+    if len(arcs) < 2:
+        return found
+    speeds = np.diff(arcs) / period
+    accelerations = np.diff(speeds) / period
+    # The last sample lies at or after the end, so the step to the one before holds the last motion.
+    remaining = arcs[-1] - arcs[-2]
+    stop = math.sqrt(2.0 * max(remaining, 0.0) * mission.max_acceleration)
+    if speeds[-1] > max(REST, stop * LIMIT_SLACK):
+        found.append(("rest", f"moves at {speeds[-1]:.2f} m/s when it ends"))
+    if arcs[-1] > _length(points_of(trajectory)) + SAME_PLACE:
+        found.append(("rest", "runs on beyond the end of its path"))
+    if speeds.max() > mission.max_speed * LIMIT_SLACK:
+        found.append(("limits", f"{speeds.max():.2f} m/s, {mission.max_speed:g} allowed"))
+    hardest = np.abs(accelerations).max() if len(accelerations) else 0.0
+    if hardest > mission.max_acceleration * LIMIT_SLACK:
+        found.append(("limits", f"{hardest:.2f} m/s^2, {mission.max_acceleration:g} allowed"))
+    return found
+
+
+def _broken_joint(trajectory: pb.Trajectory, before: pb.Trajectory) -> list[tuple[str, str]]:
+    """Whether a trajectory starts where the one before it is at that time."""
+    start = points_of(trajectory)[0]
+    late = (trajectory.start.ToNanoseconds() - before.start.ToNanoseconds()) * 1e-9
+    arcs = np.array(before.arc_length)
+    if len(arcs) == 0 or late < 0.0:
+        return []
+    times = np.arange(len(arcs)) * before.sample_period_s
+    along = float(np.interp(late, times, arcs))
+    path = points_of(before)
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    expected = np.array([np.interp(along, lengths, path[:, axis]) for axis in range(3)])
+    off = float(np.linalg.norm(start - expected))
+    # Between samples of a tenth of a second the body is off the chord by a t^2 / 8 at most.
+    if off > 2.0 * SAME_PLACE:
+        return [("joined", f"starts {off:.2f} m from where the trajectory before it is then")]
+    return []
+
+
+def points_of(trajectory: pb.Trajectory) -> Array:
+    """The path of a logged trajectory, (n, 3)."""
+    return np.array([(p.x, p.y, p.z) for p in trajectory.path]).reshape(-1, 3)
+
+
+def densely(path: Array, spacing: float) -> Array:
+    """Points of a path, (m, 3), at most so far apart, its own among them."""
+    pieces = [path[:1]]
+    for a, b in itertools.pairwise(path):
+        count = max(math.ceil(float(np.linalg.norm(b - a)) / spacing), 1)
+        pieces.append(a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a))
+    return np.concatenate(pieces)
+
+
+def _length(path: Array) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _runs_along(path: Array, earlier: Array) -> bool:
+    """Whether every point of a path lies on an earlier one."""
+    if len(earlier) == 0:
+        return False
+    trodden = densely(earlier, SAME_PLACE)
+    gaps = np.linalg.norm(path[:, None] - trodden[None], axis=2).min(axis=1)
+    return bool(gaps.max() <= SAME_PLACE)

@@ -1,0 +1,146 @@
+"""The audit finds nothing wrong where nothing is, and each thing that was planted."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness import audit as audits
+from harness.audit import audit, densely
+from harness.cli import main
+from harness.mission import Mission
+from harness.reader import open_log
+from harness.schema import wayproof_pb2 as pb
+
+SHORT = "episode.time_limit=12"
+
+
+@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+def test_real_episodes_break_no_rule(recorded, robot):
+    found = audit(Path(recorded("warehouse", robot, 1, SHORT).log))
+    assert found.violations == ()
+    assert found.policy == "forbid"
+    assert found.decisions > 100
+    assert found.swept > 50
+
+
+def test_unknown_space_entered_by_leave_would_break_forbid(recorded):
+    log = Path(recorded("warehouse", "drone", 1, SHORT, "map.unknown_policy=allow").log)
+    assert audit(log).violations == ()
+    broken = audit(log, "forbid").violations
+    assert {violation.rule for violation in broken} == {"swept"}
+    assert all("unknown" in violation.text for violation in broken)
+
+
+def test_the_command_tells_what_broke(recorded, capsys):
+    log = recorded("warehouse", "drone", 1, SHORT, "map.unknown_policy=allow").log
+    assert main(["audit", log]) == 0
+    assert "no violation" in capsys.readouterr().out
+    assert main(["audit", log, "--policy", "forbid", "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["violations"][0]["rule"] == "swept"
+    assert main(["audit", "nothing.mcap"]) == 2
+
+
+@pytest.fixture
+def checked(recorded):
+    """Check one decision of a real log after something was done to it."""
+    log = open_log(Path(recorded("warehouse", "quadruped", 1, SHORT).log))
+    navigator = audits.build_navigator(log.config, log.mission, log.beams)
+    body = audits._Body(log.config, log.mission, "forbid")
+    committed, target = [], None
+    for record in log.records():
+        version = navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
+        target = record.decision
+        path = audits.points_of(target.trajectory)
+        if target.action == "follow" and len(path) > 20 and len(target.trajectory.arc_length) > 20:
+            break
+        committed = [target.trajectory]
+
+    def check(change):
+        changed = pb.Decision()
+        changed.CopyFrom(target)
+        change(changed)
+        _, found = audits._check(changed, version.map_version, navigator.map, body, committed)
+        return {rule for rule, _ in found}
+
+    return check
+
+
+def nothing(decision):
+    del decision
+
+
+def another_map(decision):
+    decision.map_version = "0" * 32
+
+
+def through_the_wall(decision):
+    for k, point in enumerate(decision.trajectory.path):
+        point.y += 0.1 * k
+
+
+def never_at_rest(decision):
+    samples = decision.trajectory.arc_length
+    del samples[len(samples) // 2 :]
+
+
+def beyond_its_path(decision):
+    decision.trajectory.arc_length[-1] += 0.05
+
+
+def too_fast(decision):
+    samples = decision.trajectory.arc_length
+    for k, arc in enumerate(samples):
+        samples[k] = 3.0 * arc
+
+
+def from_elsewhere(decision):
+    decision.trajectory.path[0].x += 0.3
+
+
+@pytest.mark.parametrize(
+    ("change", "rules"),
+    [
+        (nothing, set()),
+        (another_map, {"version"}),
+        (through_the_wall, {"swept"}),
+        (never_at_rest, {"rest"}),
+        (beyond_its_path, {"rest"}),
+        (too_fast, {"limits", "rest"}),
+        (from_elsewhere, {"joined"}),
+    ],
+)
+def test_each_planted_fault_is_found(checked, change, rules):
+    assert rules <= checked(change)
+    assert bool(rules) == bool(checked(change))
+
+
+def test_a_column_by_hand():
+    """Ten-centimetre layers from 17.5 cm below the floor: what a walker of 0.4 m meets."""
+    mission = Mission(
+        "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
+        (0.0, 0.0, -0.2), (1.0, 1.0, 2.0), (0.5, 0.5, 0.3), 0.0, (0.5, 0.5, 0.3),
+    )  # fmt: skip
+    body = object.__new__(audits._Body)
+    body.mission = mission
+    unknown, free, occupied = 0, 1, 2
+    clear = [unknown, occupied, free, free, free, free, unknown]
+    columns = {
+        "clear": (clear, free),
+        "no floor seen": ([unknown, unknown, *clear[2:]], unknown),
+        "a beam through the floor": ([free, *clear[1:]], occupied),
+        "a box": ([*clear[:3], occupied, *clear[4:]], occupied),
+        "under a board": ([*clear[:6], occupied], free),
+        "not all seen": ([*clear[:5], unknown, unknown], unknown),
+    }
+    states = np.array([[column for column, _ in columns.values()]], np.uint8)
+    told = body._columns(states, -0.175, 0.1)
+    assert told[0].tolist() == [expected for _, expected in columns.values()]
+
+
+def test_points_lie_densely():
+    path = densely(np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 0.5, 0]]), 0.3)
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 0.3
+    assert path[[0, 4, -1]].tolist() == [[0, 0, 0], [1, 0, 0], [1, 0.5, 0]]
