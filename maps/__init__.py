@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
+from maps.octomap import OctoMap
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
 from maps.voxel import VoxelMap
 
-MAPS = {"voxel": VoxelMap}
+MAPS: dict[str, Any] = {"octomap": OctoMap, "voxel": VoxelMap}
 """Representations by name. Each answers the methods of VoxelMap."""
 
 __all__ = [
