@@ -5,11 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from inspect import signature
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from maps import MAPS, MapConfig, VoxelMap
 from models.beams import beam_directions, quantise, rotate
 from models.rays import TileCaster, cut_grid
 
@@ -20,12 +24,15 @@ RAYS = RINGS * AZIMUTHS
 STEEPEST = np.radians(45.0)  # of the outermost rings, up and down
 FLOOR = 0  # its geom, the first in every scene
 
-ROOM = np.array([20.0, 20.0, 3.0])  # m, from the origin on
+SWEEP_NS = 100_000_000  # from one sweep to the next
+
+ROOM = np.array([20.0, 20.0, 3.0])  # m
 SHELF_ROWS, SHELVES_A_ROW = 5, 8
 GAPS = {(1, 3), (2, 5), (3, 2), (4, 6)}  # (row, place) without a shelf: ways through
 BOXES = 60
 ROOM_POSES = 20
 STANDOFF = 0.15  # m, that the sensor keeps from boxes
+CORNER = np.array([0.017, 0.023, 0.0])  # m, of the room: no wall lies between two cells
 
 HALL_PERIOD = 4.0  # m, after which the hall looks the same
 HALL_HALF_WIDTH = 3.0  # m
@@ -33,6 +40,21 @@ HALL_SPACING = 0.5  # m, from one sweep to the next
 
 Boxes = NDArray[np.float64]
 """(n, 6) least and greatest corner of boxes, m, world."""
+
+UNBOUNDED = "threads" in signature(VoxelMap).parameters
+"""Whether maps are made without bounds, and share their work among threads."""
+
+BOUNDS = (-0.4, -0.4, -0.25), (20.6, 20.6, 3.4)  # m, world, of maps that need them
+
+
+def new_map(kind: str, config: MapConfig, threads: int = 1) -> Any:
+    """An unknown map that has room for the workload."""
+    return MAPS[kind](config, threads) if UNBOUNDED else MAPS[kind](config, *BOUNDS)
+
+
+def octomap_installed() -> bool:
+    """Whether the peer is at hand."""
+    return find_spec("pyoctomap") is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +90,7 @@ def room_sweeps(seed: int) -> list[Sweep]:
     rng = np.random.default_rng(seed)
     boxes = _furniture(rng)
     caster = _Caster(_room(boxes), rng)
-    return [caster.sweep(*pose) for pose in _room_poses(boxes)]
+    return [caster.sweep(*pose).moved(CORNER) for pose in _room_poses(boxes)]
 
 
 def hall_sweeps(seed: int) -> Iterator[Sweep]:

@@ -58,7 +58,7 @@ def test_states_agree_but_where_the_floor_is_guarded(both):
     assert (a == b)[above].mean() >= 0.9999
     floor = np.abs(points[:, 2] + 0.25 * CONFIG.resolution) < 1e-6
     erased = (a[floor] == OCCUPIED) & (b[floor] == FREE)
-    assert erased.sum() > 20  # what the guard is for
+    assert erased.sum() >= 10  # what the guard is for
     assert (a[floor] == b[floor])[~erased].mean() > 0.97
 
 
