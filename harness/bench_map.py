@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.map_trials import Accuracy, Ghost, accuracies, ghosts
+from harness.map_trials import Accuracy, Agreement, Ghost, accuracies, ghosts
 from harness.map_workload import (
     HALL_SPACING,
     RANGE,
@@ -31,8 +31,8 @@ from models import rays
 
 RESOLUTIONS = (0.05, 0.1, 0.2)  # m
 FINE, FINE_RANGE = 0.01, 3.0
-"""At 1 cm the room has 1.2e9 cells, more than the memory of a map: at this resolution, m, beams are
-cut at this range, m, and peers are left out, which take minutes a sweep."""
+"""At 1 cm the room has 1.2e9 cells, more than the memory of a map: there, m, beams are cut at this
+range, m. The peer is left out, which would take most of the time of the command."""
 
 THREADS = (1, 2) if UNBOUNDED else (1,)
 SETTLING = 1  # sweeps before the timed ones
@@ -43,9 +43,9 @@ STILL = MapConfig(half_life=0.0)
 WIDE = replace(STILL, clamp_low=0.001, clamp_high=0.999)
 MODES = {
     "clamped": STILL,
-    "clamped, decay": MapConfig(),
-    "wide clamps": WIDE,
-    "wide clamps, decay": replace(WIDE, half_life=30.0),
+    "clamped + decay": MapConfig(),
+    "wide": WIDE,
+    "wide + decay": replace(WIDE, half_life=30.0),
 }
 """What is on: OctoMap's clamps or the widest that a config takes, decay or none."""
 
@@ -55,7 +55,7 @@ class Row:
     """One measurement; what does not apply to its part is None.
 
     Attributes:
-        part: `workload`, `speed`, `extent`, `ghosts` or `accuracy`.
+        part: `workload`, `speed`, `extent`, `ghosts`, `accuracy` or `agreement`.
         library: `wayproof` or `pyoctomap`.
         mode: What is on, see `MODES`; of the peer, how its points are thinned out.
         threads: That it ran on.
@@ -119,17 +119,17 @@ def bench_map(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[d
     rows = [workload(room, resolution) for resolution in RESOLUTIONS]
     for resolution in RESOLUTIONS:
         progress(f"map: speed at {resolution:g} m")
-        rows += speed(room, resolution, RANGE, sweeps, octomap_installed())
+        rows += speed(room, resolution, RANGE, sweeps, peers=octomap_installed())
     if UNBOUNDED:
         progress(f"map: speed at {FINE:g} m")
-        rows += speed(room, FINE, FINE_RANGE, sweeps, peers=False)
+        rows += speed(room, FINE, FINE_RANGE, sweeps, {"clamped": STILL})
         progress(f"map: {SHORT:g} m and {LONG:g} m")
         rows += extent(seed, SHORT, LONG, 0.05)
     progress("map: ghosts")
     rows += [_ghost_row(ghost) for ghost in ghosts()]
     for resolution in (0.05, 0.1):
         progress(f"map: accuracy at {resolution:g} m")
-        rows += [_accuracy_row(found) for found in accuracies(room, resolution)]
+        rows += [_found_row(found) for found in accuracies(room, resolution)]
     return [asdict(row) for row in rows]
 
 
@@ -157,12 +157,17 @@ def workload(room: Sequence[Sweep], resolution: float) -> Row:
 
 
 def speed(
-    room: Sequence[Sweep], resolution: float, range_limit: float, sweeps: int, peers: bool
+    room: Sequence[Sweep],
+    resolution: float,
+    range_limit: float,
+    sweeps: int,
+    modes: Mapping[str, MapConfig] = MODES,
+    peers: bool = False,
 ) -> list[Row]:
     """Every mode and the peer in turn on the same sweeps, so that load meets them alike."""
     ours = [
         _Ours(name, threads, replace(config, resolution=resolution), range_limit)
-        for name, config in MODES.items()
+        for name, config in modes.items()
         for threads in THREADS
     ]
     theirs = [_OctoMap(name, resolution, range_limit) for name in THINNING] if peers else []
@@ -263,8 +268,8 @@ def _first_in_each_cell(points: NDArray[np.float64], resolution: float) -> NDArr
 Thinning = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 
 THINNING: dict[str, tuple[Thinning, bool]] = {
-    "discretized, lazy": (_as_they_are, True),
-    "deduplicated, lazy": (_first_in_each_cell, False),
+    "discretize": (_as_they_are, True),
+    "deduplicate": (_first_in_each_cell, False),
 }
 """How the peer gets one point for each cell: by itself, which is a loop in the binding, or from
 numpy beforehand. Inner nodes wait in both, so no query is answered yet: its fastest way."""
@@ -336,5 +341,6 @@ def _ghost_row(ghost: Ghost) -> Row:
     return Row(part="ghosts", **asdict(ghost))
 
 
-def _accuracy_row(found: Accuracy) -> Row:
-    return Row(part="accuracy", rays=RAYS, threads=1, **asdict(found))
+def _found_row(found: Accuracy | Agreement) -> Row:
+    part = "accuracy" if isinstance(found, Accuracy) else "agreement"
+    return Row(part=part, rays=RAYS, threads=1, **asdict(found))

@@ -29,6 +29,7 @@ ABSENCES = ((10.0, 10.0), (10.0, 30.0), (30.0, 30.0), (30.0, 60.0))  # half-life
 MOST_SWEEPS = 100  # until a ghost counts as staying
 
 LIBRARIES = {"voxel": "wayproof", "octomap": "pyoctomap"}
+GUARDED = "guarded floor"
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,17 @@ class Accuracy:
     resolution_m: float
     floor_columns_lost: float
     false_free: float
-    agreement: float | None
-    agreement_above_floor: float | None
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far a map is OctoMap's after the same sweeps; see `bench_map.Row`."""
+
+    library: str
+    mode: str
+    resolution_m: float
+    agreement: float
+    agreement_above_floor: float
 
 
 def ghosts() -> Iterator[Ghost]:
@@ -108,7 +118,7 @@ def sweeps_by_formula(config: MapConfig, unseen: float) -> int:
     return math.floor(_log_odds(config.clamp_high) * faded / config.miss) + 1
 
 
-def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
+def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy | Agreement]:
     """Each map after the room's sweeps; the peer twice, by where its cells have the floor.
 
     By itself OctoMap has the plane z = 0 between two layers of cells; for its sake everything is
@@ -116,17 +126,16 @@ def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
     """
     config = MapConfig(resolution=resolution, half_life=0.0)
     ours = _mapped("voxel", config, room)
+    yield _accuracy("voxel", GUARDED, ours, room, resolution)
     if not octomap_installed():
-        yield _accuracy("voxel", "floor guarded", ours, room, resolution)
         return
     peer = _mapped("octomap", config, room)
-    alike = _agreement(ours, peer, resolution)
-    yield _accuracy("voxel", "floor guarded", ours, room, resolution, *alike)
-    yield _accuracy("octomap", "floor at 3/4 of a cell", peer, room, resolution)
+    yield _accuracy("octomap", "floor at 3/4", peer, room, resolution)
+    yield Agreement(LIBRARIES["voxel"], GUARDED, resolution, *agreement(ours, peer, resolution))
     lift = np.array([0.0, 0.0, (1.0 - FLOOR_HEIGHT_IN_CELL) * resolution])
     lifted = [sweep.moved(lift) for sweep in room]
     peer = _mapped("octomap", config, lifted)
-    yield _accuracy("octomap", "floor between cells", peer, lifted, resolution)
+    yield _accuracy("octomap", "floor on a face", peer, lifted, resolution)
 
 
 def floor_columns_lost(state_map: Any, sweeps: Sequence[Sweep], resolution: float) -> float:
@@ -159,8 +168,6 @@ def _accuracy(
     state_map: Any,
     sweeps: Sequence[Sweep],
     resolution: float,
-    agreement: float | None = None,
-    agreement_above_floor: float | None = None,
 ) -> Accuracy:
     return Accuracy(
         LIBRARIES[kind],
@@ -168,8 +175,6 @@ def _accuracy(
         resolution,
         floor_columns_lost(state_map, sweeps, resolution),
         false_free(state_map, sweeps, resolution),
-        agreement,
-        agreement_above_floor,
     )
 
 
@@ -182,7 +187,7 @@ def _mapped(kind: str, config: MapConfig, sweeps: Sequence[Sweep]) -> Any:
     return state_map
 
 
-def _agreement(one: Any, other: Any, resolution: float) -> tuple[float, float]:
+def agreement(one: Any, other: Any, resolution: float) -> tuple[float, float]:
     """Share of the room's cells, known to either map, that have one state: of all, above floor."""
     nx, ny, nz = (int(n) for n in ROOM / resolution)
     x, y = (a.ravel() for a in np.indices((nx, ny)))

@@ -24,6 +24,7 @@ HALF_TREE = 1 << (TREE_DEPTH - 1)
 
 NODE_BYTES = 5  # of a written tree: log-odds as a float, and one bit for each child
 BLOCK = 16  # cells along the edge of a block, which carries the time of its last observation
+NEIGHBOURS = 4  # cells along the edge of a cube in which one beam's end stands for all
 WORD_BITS = 64
 DROPPED_MM = 0
 
@@ -219,6 +220,9 @@ class OctoMap:
             return
         cells = self._cells_at(np.concatenate([starts, ends]))
         self._boxes.append(np.concatenate([cells.min(axis=0), cells.max(axis=0) + 1]))
+        # Beams that end side by side are followed once.
+        _, kept = np.unique(_names(cells[len(starts) :] // NEIGHBOURS), return_index=True)
+        starts, ends = starts[kept], ends[kept]
         longest = np.sqrt(((ends - starts) ** 2).sum(axis=1).max())
         steps = int(np.ceil(longest / (0.5 * BLOCK * self.resolution)))
         for share in np.arange(steps + 1) / max(steps, 1):
