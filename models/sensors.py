@@ -22,8 +22,19 @@ __all__ = ["ENGINES", "ROBOT_GROUP", "Caster", "RangefinderCaster", "SweepCaster
 ROBOT_GROUP = 3
 """Geom group of every robot geom, so that no beam sees the body that carries it."""
 
-Hits = tuple[NDArray[np.float64], NDArray[np.int32]]
-"""Distances (n,) in m and geom ids (n,); -1 and -1 for a miss."""
+
+class Hits(NamedTuple):
+    """What the beams of a sweep met.
+
+    Attributes:
+        distance: (n,) m, -1 for a miss; some may lie beyond range.
+        geom_id: (n,) -1 for a miss.
+        normals: (n, 3) of the surfaces in the world, zeros for a miss; (0, 3) if not asked for.
+    """
+
+    distance: NDArray[np.float64]
+    geom_id: NDArray[np.int32]
+    normals: NDArray[np.float64]
 
 
 class Firing(NamedTuple):
@@ -85,9 +96,11 @@ class SweepCaster:
         if self.table.order == "pairs":
             self._firing = _fire(self.table, self._moments, sequence)
         origins, rotations = self._poses(data, trail)
-        distance, _ = self._engine.cast(data, self._firing, origins, rotations)
+        fades = self.mount.device.noise.grazing > 0.0  # only then normals are worth their time
+        hits = self._engine.cast(data, self._firing, origins, rotations, normals=fades)
         rng = stream(seed, f"sensor/{self.mount.name}", sequence)
-        return measure(self.mount.device, distance, None, self._firing.directions, rng)
+        incidence = _incidence(hits, self._firing, rotations) if fades else None
+        return measure(self.mount.device, hits.distance, incidence, self._firing.directions, rng)
 
     def _poses(
         self, data: mujoco.MjData, trail: Trail
@@ -116,9 +129,12 @@ class TileEngine:
         firing: Firing,
         origins: NDArray[np.float64],
         rotations: NDArray[np.float64],
+        normals: bool = False,
     ) -> Hits:
         """Cast a sweep from the poses of its moments."""
-        return self._caster.cast(data, firing.pattern, origins, rotations)
+        if normals:
+            return Hits(*self._caster.cast_with_normals(data, firing.pattern, origins, rotations))
+        return Hits(*self._caster.cast(data, firing.pattern, origins, rotations), np.empty((0, 3)))
 
 
 class MujocoEngine:
@@ -139,26 +155,29 @@ class MujocoEngine:
         firing: Firing,
         origins: NDArray[np.float64],
         rotations: NDArray[np.float64],
+        normals: bool = False,
     ) -> Hits:
-        """Cast a sweep from the poses of its moments; some distances may lie beyond range."""
-        if len(origins) == 1:
-            return self._cast_from(data, origins[0], rotate(rotations[0], firing.directions))
-        distance, geom_id = np.empty(len(firing.moments)), np.empty(len(firing.moments), np.int32)
+        """Cast a sweep from the poses of its moments."""
+        count = len(firing.moments)
+        hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty((count, 3)))
         for moment, (origin, R_world_sensor) in enumerate(zip(origins, rotations, strict=True)):
-            beams = np.flatnonzero(firing.moments == moment)
+            beams = np.flatnonzero(firing.moments == moment) if len(origins) > 1 else slice(None)
             rays = rotate(R_world_sensor, firing.directions[beams])
-            distance[beams], geom_id[beams] = self._cast_from(data, origin, rays)
-        return distance, geom_id
+            part = self._cast_from(data, origin, rays)
+            hits.distance[beams], hits.geom_id[beams] = part.distance, part.geom_id
+            hits.normals[beams] = part.normals
+        return hits if normals else hits._replace(normals=np.empty((0, 3)))
 
     def _cast_from(
         self, data: mujoco.MjData, origin: NDArray[np.float64], rays: NDArray[np.float64]
     ) -> Hits:
-        distance, geom_id = np.empty(len(rays)), np.empty(len(rays), np.int32)
+        count = len(rays)
+        distance, geom_id, normals = np.empty(count), np.empty(count, np.int32), np.empty(3 * count)
         mujoco.mj_multiRay(
             self._model, data, origin, rays.ravel(), self._groups, 1, -1,
-            geom_id, distance, None, len(rays), self._range,
+            geom_id, distance, normals, count, self._range,
         )  # fmt: skip
-        return distance, geom_id
+        return Hits(distance, geom_id, normals.reshape(count, 3))
 
 
 ENGINES: dict[str, type[TileEngine] | type[MujocoEngine]] = {
@@ -221,6 +240,15 @@ def _fire(table: BeamTable, moment: NDArray[np.int32], sequence: int) -> Firing:
     else:
         pattern = cut_scattered(beams, moment)
     return Firing(beams, moment, pattern)
+
+
+def _incidence(
+    hits: Hits, firing: Firing, rotations: NDArray[np.float64]
+) -> NDArray[np.float64]:  # (n,)
+    """Cosine of the angle between each beam and the normal where it hit; 0 for a miss."""
+    R = rotations[firing.moments] if len(rotations) > 1 else rotations[0]
+    cosine: NDArray[np.float64] = (rotate(R, firing.directions) * hits.normals).sum(axis=1)
+    return cosine
 
 
 def _reach(device: Device, beams: NDArray[np.float64]) -> float:

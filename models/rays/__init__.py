@@ -1,8 +1,11 @@
-"""Ray casting against MuJoCo's primitives, for sweeps whose beams all leave one point.
+"""Ray casting against MuJoCo's geoms, a sweep of beams at a time.
 
 MuJoCo's own caster takes every ray alone through every body and geom. A sweep has structure that
 it cannot know: neighbouring beams meet the same few geoms. Here beams are grouped in tiles, whole
-geoms are ruled out for a tile at a time, and the rest is a loop over beams that vectorises.
+geoms are ruled out for a tile at a time, and the rest is a loop over beams that vectorises. Beams
+form a grid or lie scattered, and leave from one pose or, of a rolling sweep, each from its own.
+What is made of triangles follows in a second pass, down a tree that eight beams walk together.
+Rays that share nothing have a caster of their own.
 """
 
 import mujoco
@@ -10,18 +13,23 @@ import numpy as np
 
 from models.rays.caster import TileCaster
 from models.rays.kernels import Pattern
+from models.rays.ray_caster import RayCaster
 from models.rays.tiles import cut_grid, cut_scattered
 
-__all__ = ["Pattern", "TileCaster", "cut_grid", "cut_scattered", "warm_up"]
+__all__ = ["Pattern", "RayCaster", "TileCaster", "cut_grid", "cut_scattered", "warm_up"]
 
 
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
     model = mujoco.MjModel.from_xml_string(
-        '<mujoco><worldbody><geom type="plane" size="0 0 1"/></worldbody></mujoco>'
+        '<mujoco><asset><mesh name="wedge" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody>'
+        '<geom type="mesh" mesh="wedge"/><geom type="plane" size="0 0 1"/></worldbody></mujoco>'
     )
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    pattern = cut_scattered(np.array([[0.0, 0.0, -1.0]]))
-    caster = TileCaster(model, group_mask=np.ones(mujoco.mjNGROUP, np.uint8), range=2.0)
-    caster.cast(data, pattern, np.array([[0.0, 0.0, 1.0]] * 2), np.eye(3))
+    down, above = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
+    pattern, groups = cut_scattered(down), np.ones(mujoco.mjNGROUP, np.uint8)
+    caster = TileCaster(model, groups, range=2.0)
+    for poses in (1, 2):
+        caster.cast(data, pattern, np.repeat(above, poses, axis=0), np.eye(3))
+    RayCaster(model, groups, range=2.0).cast(data, above, down)

@@ -1,31 +1,33 @@
-"""A sweep of beams against MuJoCo's primitives, a tile of neighbouring beams at a time."""
+"""A sweep of beams against MuJoCo's geoms, a tile of neighbouring beams at a time."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.rays.geometry import Geometry, shape_name
+from models.rays.geometry import Geometry
 from models.rays.kernels import (
     Geoms,
     Pattern,
     Room,
     Sweep,
-    aim_all,
     cast_blocks,
-    fit_cones,
     look,
+    turn_cones,
 )
+from models.rays.normals import surface_normals
+from models.rays.surfaces import Surfaces
 
 
 class TileCaster:
-    """Casts patterns of beams against a model's planes, boxes and round primitives.
+    """Casts patterns of beams against a model's primitives, meshes and height fields.
 
-    Distances agree with `mujoco.mj_ray` to the last digits and geom ids but for ties. Beams start
-    anywhere, inside geoms too. The same inputs give the same bits, on any number of threads.
+    Distances and geom ids are those of `mujoco.mj_ray`. Beams start anywhere, inside geoms too.
+    The same inputs give the same bits, on any number of threads.
     """
 
     def __init__(
@@ -38,21 +40,21 @@ class TileCaster:
         """Build the tables of geoms once.
 
         Args:
-            model: Its static geoms must stay where they are.
+            model: Its static geoms and its heights must stay as they are.
             group_mask: (6,) non-zero for each geom group that beams meet.
             range: Longest distance of a hit, m.
             threads: That a sweep is cast on.
 
         Raises:
-            ValueError: A ray-visible geom is a mesh, a height field or an SDF, which only MuJoCo's
-                caster can do; the range is not finite and positive; there is no thread.
+            ValueError: A ray-visible geom is an SDF, which only MuJoCo's caster can do; the range
+                is not finite and positive; there is no thread.
         """
         if not 0.0 < range < np.inf:
             raise ValueError(f"range: got {range:g}, expected a finite length > 0 m")
         if threads < 1:
             raise ValueError(f"threads: got {threads}, expected at least 1")
         self._geometry = Geometry(model, group_mask)
-        _refuse(model, self._geometry.left_out)
+        self._surfaces = Surfaces(model, group_mask)
         self._range = float(range)
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1, "rays") if threads > 1 else None
@@ -80,52 +82,99 @@ class TileCaster:
         Raises:
             ValueError: Numbers of origins, rotations and moments do not fit each other.
         """
-        self._geometry.refresh(data)
-        geoms = self._geometry.geoms
-        sweep = _survey(geoms, pattern, *_poses(pattern, origins, R_world_sensor), self._range)
-        beams = len(pattern.places)
-        distance, geom_id = np.empty(beams), np.empty(beams, np.int32)
-
-        def share(first: int) -> None:
-            room = _room(pattern, geoms)
-            cast_blocks(first, self._threads, pattern, geoms, sweep, room, distance, geom_id)
-
-        # Neighbouring blocks take about as long: each thread gets every so many of them.
-        others = [self._pool.submit(share, first) for first in range(1, self._threads)] if self._pool else []
-        share(0)
-        for other in others:
-            other.result()
+        distance, geom_id, _ = self._cast(data, pattern, *_poses(pattern, origins, R_world_sensor))
         return distance, geom_id
 
+    def cast_with_normals(
+        self,
+        data: mujoco.MjData,
+        pattern: Pattern,
+        origins: NDArray[np.float64],
+        R_world_sensor: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+        """Cast a sweep as `cast` does, and tell the surfaces' attitude where they are met.
 
-def _refuse(model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
-    for geom in ids:
-        name = model.geom(geom).name or f"number {geom}"
-        raise ValueError(
-            f"geom '{name}': got shape {shape_name(model, geom)}, expected a primitive for ray "
-            "engine 'tile'; engine 'mujoco' casts it"
-        )
+        Returns:
+            Distances (n,), geom ids (n,) and unit normals (n, 3) in the world, zeros for a miss;
+            see `surface_normals`.
+        """
+        starts, rotations = _poses(pattern, origins, R_world_sensor)
+        distance, geom_id, face = self._cast(data, pattern, starts, rotations)
+        moment = np.empty(len(distance), np.int32)
+        moment[pattern.places] = pattern.moments if len(starts) > 1 else 0
+        beams = np.empty((len(distance), 3))
+        beams[pattern.places] = pattern.beams.T
+        directions = np.einsum("nij,nj->ni", rotations[moment], beams)
+        points = starts[moment] + distance[:, None] * directions
+        normals = surface_normals(data, self._surfaces, geom_id, face, points)
+        return distance, geom_id, normals
+
+    def _cast(
+        self,
+        data: mujoco.MjData,
+        pattern: Pattern,
+        origins: NDArray[np.float64],
+        rotations: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
+        """Hits on primitives first, then what of meshes and height fields is nearer."""
+        self._geometry.refresh(data)
+        self._surfaces.refresh(data)
+        geoms, surfaces = self._geometry.geoms, self._surfaces
+        sweep = _survey(geoms, pattern, origins, rotations, self._range)
+        beams = len(pattern.places)
+        distance, geom_id = np.full(beams, -1.0), np.full(beams, -1, np.int32)
+        face = np.full(beams if len(surfaces) else 0, -1, np.int32)
+
+        def meet_primitives(share: int) -> None:
+            # Neighbouring blocks take about as long: each thread gets every so many of them.
+            room = _room(pattern, geoms)
+            cast_blocks(share, self._threads, pattern, geoms, sweep, room, distance, geom_id)
+
+        def meet_surfaces(share: int) -> None:
+            tiles = len(pattern.tile_starts) - 1
+            first, last = (tiles * k // self._threads for k in (share, share + 1))
+            surfaces.meet(
+                pattern, pattern.moments, origins, rotations, self._range,
+                distance, geom_id, face, first, last,
+            )  # fmt: skip
+
+        self._share(meet_primitives)
+        if len(surfaces):
+            self._share(meet_surfaces)
+        return distance, geom_id, face
+
+    def _share(self, work: Callable[[int], None]) -> None:
+        """Do each thread's share of some work."""
+        others = []
+        if self._pool is not None:
+            others = [self._pool.submit(work, share) for share in range(1, self._threads)]
+        work(0)
+        for other in others:
+            other.result()
 
 
 def _poses(
     pattern: Pattern, origins: NDArray[np.float64], R_world_sensor: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Origins (m, 3) and rotations (m, 3, 3) of the moments."""
-    if np.shape(origins)[-1:] != (3,) or np.ndim(origins) not in (1, 2):
-        raise ValueError(f"origins: got shape {np.shape(origins)}, expected (3,) or (m, 3)")
-    if np.shape(R_world_sensor)[-2:] != (3, 3) or np.ndim(R_world_sensor) not in (2, 3):
-        raise ValueError(
-            f"R_world_sensor: got shape {np.shape(R_world_sensor)}, expected (3, 3) or (m, 3, 3)"
-        )
-    o = np.asarray(origins, np.float64).reshape(-1, 3)
-    R = np.asarray(R_world_sensor, np.float64).reshape(-1, 3, 3)
+    o = _several("origins", origins, (3,))
+    R = _several("R_world_sensor", R_world_sensor, (3, 3))
     m = max(len(o), len(R))
     if len(o) not in (1, m) or len(R) not in (1, m):
-        raise ValueError(f"poses: got {len(o)} origins and {len(R)} rotations, expected as many")
+        raise ValueError(f"poses: got {len(o)} origins, {len(R)} rotations, expected as many")
     if m > 1 and pattern.moments.max() >= m:
         raise ValueError(f"moments: got up to {pattern.moments.max()}, expected less than {m}")
-    o, R = np.broadcast_to(o, (m, 3)), np.broadcast_to(R, (m, 3, 3))
-    return np.ascontiguousarray(o), np.ascontiguousarray(R)
+    # Copies, as numba compiles anew for arrays that may not be written to.
+    o = np.array(np.broadcast_to(o, (m, 3)), order="C")
+    return o, np.array(np.broadcast_to(R, (m, 3, 3)), order="C")
+
+
+def _several(name: str, got: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """One array of a shape, or several of them, as several."""
+    array = np.asarray(got, np.float64)
+    if array.size == 0 or shape not in (array.shape, array.shape[1:]):
+        raise ValueError(f"{name}: got shape {array.shape}, expected {shape} or several of these")
+    return array.reshape(-1, *shape)
 
 
 def _survey(
@@ -135,35 +184,31 @@ def _survey(
     rotations: NDArray[np.float64],
     limit: float,
 ) -> Sweep:
-    """How the geoms look from where the beams leave, nearest first."""
+    """How the beams and, nearest first, the geoms lie in the world."""
     spread = float(np.sqrt(((origins - origins[0]) ** 2).sum(axis=1).max()))
     local, views = np.empty((len(geoms.ids), 3)), np.empty((6, len(geoms.ids)))
     look(origins[0], spread, geoms, local, views)
     order = np.argsort(views[0], kind="stable")
-    tile_cones, block_cones = _world_cones(pattern, rotations)
-    return Sweep(
-        origins, rotations, spread, limit, tile_cones, block_cones, order,
-        np.ascontiguousarray(views[:, order]), local,
-    )  # fmt: skip
-
-
-def _world_cones(
-    pattern: Pattern, rotations: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Cones about tiles (t, 5) and blocks (b, 5): turned, or fitted anew to the turning sensor."""
+    beams, R = pattern.beams, rotations[0]
+    tile_cones, block_cones = np.empty_like(pattern.tile_cones), np.empty_like(pattern.block_cones)
     if len(rotations) == 1:
-        turned = pattern.tile_cones.copy(), pattern.block_cones.copy()
-        for cones in turned:
-            x, y, z = cones[:, :1].copy(), cones[:, 1:2].copy(), cones[:, 2:3].copy()
-            R = rotations[0]
-            cones[:, :3] = x * R[:, 0] + y * R[:, 1] + z * R[:, 2]
-        return turned
-    v = np.empty_like(pattern.beams)
-    aim_all(pattern, rotations, v)
-    fitted = np.empty_like(pattern.tile_cones), np.empty_like(pattern.block_cones)
-    fit_cones(v, pattern.tile_starts, fitted[0])
-    fit_cones(v, pattern.tile_starts[pattern.block_starts], fitted[1])
-    return fitted
+        turn_cones(pattern.tile_cones, R, tile_cones)
+        turn_cones(pattern.block_cones, R, block_cones)
+    else:
+        beams, R = np.empty_like(pattern.beams), np.eye(3)
+    return Sweep(
+        origins=origins,
+        turns=rotations,
+        R=R,
+        beams=beams,
+        spread=spread,
+        limit=limit,
+        tile_cones=tile_cones,
+        block_cones=block_cones,
+        order=order,
+        views=np.ascontiguousarray(views[:, order]),
+        local=local,
+    )
 
 
 def _room(pattern: Pattern, geoms: Geoms) -> Room:

@@ -20,13 +20,15 @@ PRIMITIVES = tuple(
     )
 )
 
+ENDLESS = 1e10
+"""Half side of an infinite plane, m, for bounds: farther than any beam, and no 0 * infinity."""
+
 
 class Geometry:
     """The ray-visible primitives of one model, posed where they are now.
 
     Attributes:
         geoms: Tables.
-        left_out: (k,) ids of the ray-visible geoms that are no primitives, ascending.
     """
 
     def __init__(self, model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> None:
@@ -39,10 +41,8 @@ class Geometry:
         Raises:
             ValueError: The mask's shape.
         """
-        visible = _visible(model, group_mask)
-        primitive = np.isin(model.geom_type[visible], PRIMITIVES)
-        ids = visible[primitive]
-        self.left_out = visible[~primitive]
+        seen = visible(model, group_mask)
+        ids = seen[np.isin(model.geom_type[seen], PRIMITIVES)]
         # By a joint or with a mocap body: MuJoCo counts neither as welded to the world.
         moving = model.body_weldid[model.geom_bodyid[ids]] != 0
         self._moving_rows = np.flatnonzero(moving)
@@ -54,7 +54,7 @@ class Geometry:
             sizes=model.geom_size[ids],
             axes=axes,
             sides=sides,
-            radii=_radii(axes, sides),
+            radii=model.geom_rbound[ids],
             positions=np.empty((len(ids), 3)),
             rotations=np.empty((len(ids), 9)),
         )
@@ -73,7 +73,7 @@ class Geometry:
         self.geoms.rotations[self._spheres] = np.eye(3).ravel()
 
 
-def _visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np.int32]:
+def visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np.int32]:
     """Ids of the geoms that `mj_ray` would consider.
 
     Groups outside 0..5 count as the nearest of these, and a material's alpha replaces the geom's
@@ -113,10 +113,5 @@ def _bodies(
         elif kind == mujoco.mjtGeom.mjGEOM_BOX:
             sides[g] = size
         elif kind == mujoco.mjtGeom.mjGEOM_PLANE:
-            sides[g, :2] = np.where(size[:2] > 0.0, size[:2], 1e10)
+            sides[g, :2] = np.where(size[:2] > 0.0, size[:2], ENDLESS)
     return axes, sides
-
-
-def _radii(axes: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Radius of the ball about each geom's centre, (g,); exact unless both ellipsoid and box."""
-    return np.asarray(axes.max(axis=1) + np.sqrt((sides**2).sum(axis=1)))

@@ -35,7 +35,7 @@ ANGLE_MARGIN = 1e-12
 WIDE = 0.1
 """Cosine of a cone's half angle from which on there are no planes about its beams."""
 
-FEW = 3
+FEW = 2
 """Candidates of a tile that are tried at once: for so few, planes cost more than they save."""
 
 
@@ -95,10 +95,13 @@ class Sweep(NamedTuple):
 
     Attributes:
         origins: (m, 3) in the world, m.
-        rotations: (m, 3, 3) R_world_sensor.
+        turns: (m, 3, 3) R_world_sensor.
+        R: (3, 3) that turns `beams` to the world: R_world_sensor, or the identity.
+        beams: (3, n) directions in the order of the tiles: the pattern's own if all beams leave
+            from one pose, else in the world, written block by block as that is cast.
         spread: Radius of the ball about the first origin that holds them all, m.
         limit: Longest distance of a hit, m; finite.
-        tile_cones: (t, 5) the pattern's cones in the world, about the beams at their moments.
+        tile_cones: (t, 5) cones about the beams in the world, written likewise.
         block_cones: (b, 5) likewise.
         order: (g,) rows of `Geoms` by ascending lower bound of the distance.
         views: (6, g) in that order, by `look`.
@@ -106,7 +109,9 @@ class Sweep(NamedTuple):
     """
 
     origins: NDArray[np.float64]
-    rotations: NDArray[np.float64]
+    turns: NDArray[np.float64]
+    R: NDArray[np.float64]
+    beams: NDArray[np.float64]
     spread: float
     limit: float
     tile_cones: NDArray[np.float64]
@@ -152,7 +157,7 @@ class Room(NamedTuple):
 def first_root(a: float, b: float, c: float) -> float:
     """Smallest root >= 0 of a x^2 + 2 b x + c, infinite without one."""
     determinant = b * b - a * c
-    root = math.sqrt(determinant)
+    root = math.sqrt(determinant if determinant > 0.0 else 0.0)
     near = -b - root
     x = (near if near >= 0.0 else -b + root) / a
     return x if (determinant >= 0.0) & (a >= LEAST) & (x >= 0.0) else math.inf
@@ -218,7 +223,7 @@ def capsule(
     a = vx * vx + vy * vy + vz * vz
     b = vx * px + vy * py + vz * qz
     determinant = b * b - a * (px * px + py * py + qz * qz - radius * radius)
-    root = math.sqrt(determinant)
+    root = math.sqrt(determinant if determinant > 0.0 else 0.0)
     near = -b - root
     cap = (near if (near >= 0.0) & (not inside) else -b + root) / a
     cap = cap if (determinant >= 0.0) & (cap >= 0.0) else math.inf
@@ -285,9 +290,7 @@ def turn(m: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, flo
 
 
 @kernel
-def spot(
-    p: tuple[float, float, float], spots: Array | None, i: int
-) -> tuple[float, float, float]:
+def spot(p: tuple[float, float, float], spots: Array | None, i: int) -> tuple[float, float, float]:
     """Where beam i leaves; which of the two it is, is settled as this compiles."""
     if spots is None:
         return p
@@ -296,23 +299,32 @@ def spot(
 
 @kernel
 def reach_geom(
-    n: int, geoms: Geoms, g: int, local: Array, spots: Array | None, v: Array, reach: Array
+    n: int,
+    kind: int,
+    g: int,
+    sizes: Array,
+    rotations: Array,
+    local: Array,
+    spots: Array | None,
+    v: Array,
+    reach: Array,
 ) -> None:
     """Distances of a tile's first n beams to one geom, infinite where they miss it.
 
     Args:
         n: Number of beams.
-        geoms: Tables over g geoms.
-        g: Row in them.
+        kind: MuJoCo's `mjtGeom`.
+        g: Row in the next three.
+        sizes: (g, 3) MuJoCo's sizes, m.
+        rotations: (g, 9) R_world_geom, row-major.
         local: (g, 3) origin of all beams in each geom's frame, m; not looked at if there are
         spots: (3, n or more) origin of each beam in this geom's frame, m.
         v: (3, n or more) directions in the world.
         reach: (n or more,) is written.
     """
-    kind = geoms.kinds[g]
-    sx, sy, sz = geoms.sizes[g, 0], geoms.sizes[g, 1], geoms.sizes[g, 2]
+    sx, sy, sz = sizes[g, 0], sizes[g, 1], sizes[g, 2]
     o = (local[g, 0], local[g, 1], local[g, 2])
-    r = geoms.rotations
+    r = rotations
     m = (r[g, 0], r[g, 1], r[g, 2], r[g, 3], r[g, 4], r[g, 5], r[g, 6], r[g, 7], r[g, 8])
     a, b, c = v[0], v[1], v[2]
     if kind == PLANE:
@@ -349,25 +361,31 @@ def reach_geom(
 
 
 @kernel
-def keep_nearest(n: int, geom: int, reach: Array, best: Array, best_geom: NDArray[np.int64]) -> None:
-    """Take over the nearer hits; of equal ones the lower geom id's, whatever the order of tests."""
+def keep_nearest(
+    n: int,
+    geom: int,
+    reach: Array,
+    best: Array,
+    best_bits: NDArray[np.int64],
+    best_geom: NDArray[np.int64],
+) -> float:
+    """Take over the nearer hits, and tell the farthest that a beam has now, m.
+
+    Of equal ones the lower geom id's, whatever the order of tests. The farthest is found on the
+    bits, which for numbers >= 0 are in the order of the numbers: a maximum of integers becomes
+    vector instructions, one of floating-point numbers does not.
+    """
     for i in range(n):
         equal = (reach[i] == best[i]) & (geom < best_geom[i])
         nearer = (reach[i] < best[i]) | equal
         best[i] = reach[i] if nearer else best[i]
         best_geom[i] = geom if nearer else best_geom[i]
-
-
-@kernel
-def greatest(n: int, bits: NDArray[np.int64]) -> int:
-    """Bits of the greatest of n numbers >= 0, which are in the order of the numbers.
-
-    A maximum of integers becomes vector instructions, one of floating-point numbers does not.
-    """
     top = 0
     for i in range(n):
-        top = max(top, bits[i])
-    return top
+        top = max(top, best_bits[i])
+    last = len(best) - 1
+    best_bits[last] = top
+    return float(best[last])
 
 
 @kernel
@@ -430,22 +448,44 @@ def list_meeting(
 
 
 @kernel
-def enclose(n: int, v: Array, cones: Array, k: int, up: Array, walls: Array) -> None:
-    """Five planes through the origin about the n beams of tile k: its beams are on none's back.
+def take_over(
+    count: int, chosen: NDArray[np.int64], order: NDArray[np.int64], views: Array,
+    rows: NDArray[np.int64], near: Array,
+) -> None:  # fmt: skip
+    """Put the chosen views, and the rows of their geoms, side by side for a block's tiles."""
+    for i in range(count):
+        c = chosen[i]
+        rows[i] = order[c]
+        for k in range(6):
+            near[k, i] = views[k, c]
+
+
+@kernel
+def forget(n: int, limit: float, no_geom: int, best: Array, best_geom: NDArray[np.int64]) -> None:
+    """No hit yet: as if all beams met at the limit something that gives way to any geom."""
+    for i in range(n):
+        best[i] = limit
+        best_geom[i] = no_geom
+
+
+@kernel
+def enclose(n: int, v: Array, tile: int, cones: Array, up: Array, walls: Array) -> None:
+    """Five planes through the origin about the n beams of a tile.
 
     Args:
         n: Number of beams.
-        v: (3, n or more) their directions.
-        cones: (t, 5) in the same frame.
-        k: Row in them.
-        up: (3,) The beams' columns are about in planes with this direction.
-        walls: (5, 3) normals are written: four that point inwards, and the cone's axis. Without
-            length, and so no bound, where the beams are too far apart.
+        v: (3, n or more) directions in the world.
+        tile: Row in
+        cones: (t, 5) in the world.
+        up: (3,) the sensor's z axis, which is about in a plane with each column of its beams.
+        walls: (5, 3) normals are written. Four point inwards: n . v >= 0 for each beam v. The
+            last one is the cone's axis. Where beams are far apart they have no length, and so are
+            no bound.
     """
-    ax, ay, az = cones[k, 0], cones[k, 1], cones[k, 2]
+    ax, ay, az = cones[tile, 0], cones[tile, 1], cones[tile, 2]
     ex, ey, ez = up[1] * az - up[2] * ay, up[2] * ax - up[0] * az, up[0] * ay - up[1] * ax
     length = math.sqrt(ex * ex + ey * ey + ez * ez)
-    if (cones[k, 3] < WIDE) | (length < WIDE):
+    if (cones[tile, 3] < WIDE) | (length < WIDE):
         for wall in range(5):
             walls[wall, 0] = walls[wall, 1] = walls[wall, 2] = 0.0
         return
@@ -456,8 +496,8 @@ def enclose(n: int, v: Array, cones: Array, k: int, up: Array, walls: Array) -> 
         x, y, z = v[0, i], v[1, i], v[2, i]
         along = 1.0 / (ax * x + ay * y + az * z)
         e, f = (ex * x + ey * y + ez * z) * along, (fx * x + fy * y + fz * z) * along
-        e_low, e_high = min(e, e_low), max(e, e_high)
-        f_low, f_high = min(f, f_low), max(f, f_high)
+        e_low, e_high = e if e < e_low else e_low, e if e > e_high else e_high
+        f_low, f_high = f if f < f_low else f_low, f if f > f_high else f_high
     e_low, e_high = e_low - ANGLE_MARGIN, e_high + ANGLE_MARGIN
     f_low, f_high = f_low - ANGLE_MARGIN, f_high + ANGLE_MARGIN
     walls[0, 0], walls[0, 1], walls[0, 2] = ex - e_low * ax, ey - e_low * ay, ez - e_low * az
@@ -469,93 +509,124 @@ def enclose(n: int, v: Array, cones: Array, k: int, up: Array, walls: Array) -> 
 
 @kernel
 def farthest_along(
-    nx: float, ny: float, nz: float, g: int, geoms: Geoms, local: Array, spread: float
-) -> float:
+    nx: float, ny: float, nz: float, g: int, rotations: Array, axes: Array, sides: Array,
+    local: Array, spread: float,
+) -> float:  # fmt: skip
     """Greatest n . (x - o) over the points x of a geom and the origins o: its support function."""
-    m, axes, sides = geoms.rotations, geoms.axes, geoms.sides
+    m = rotations
     x = m[g, 0] * nx + m[g, 3] * ny + m[g, 6] * nz
     y = m[g, 1] * nx + m[g, 4] * ny + m[g, 7] * nz
     z = m[g, 2] * nx + m[g, 5] * ny + m[g, 8] * nz
     ellipsoid = math.sqrt((x * axes[g, 0]) ** 2 + (y * axes[g, 1]) ** 2 + (z * axes[g, 2]) ** 2)
     box = abs(x) * sides[g, 0] + abs(y) * sides[g, 1] + abs(z) * sides[g, 2]
     centre = -(x * local[g, 0] + y * local[g, 1] + z * local[g, 2])
-    return centre + ellipsoid + box + spread * (abs(nx) + abs(ny) + abs(nz)) + MARGIN
+    return float(centre + ellipsoid + box + spread * (abs(nx) + abs(ny) + abs(nz)) + MARGIN)
 
 
 @kernel
 def may_meet(
-    walls: Array, farthest: float, g: int, geoms: Geoms, local: Array, spread: float
-) -> bool:
+    walls: Array, farthest: float, g: int, rotations: Array, axes: Array, sides: Array,
+    local: Array, spread: float,
+) -> bool:  # fmt: skip
     """Whether a geom is on the inner side of a tile's planes, and nearer than its hits so far."""
     x, y, z = walls[4, 0], walls[4, 1], walls[4, 2]
-    if farthest_along(-x, -y, -z, g, geoms, local, spread) < -farthest:
+    if farthest_along(-x, -y, -z, g, rotations, axes, sides, local, spread) < -farthest:
         return False
     for i in range(4):
         x, y, z = walls[i, 0], walls[i, 1], walls[i, 2]
-        if farthest_along(x, y, z, g, geoms, local, spread) < 0.0:
+        if farthest_along(x, y, z, g, rotations, axes, sides, local, spread) < 0.0:
             return False
     return True
 
 
 @kernel
-def aim(pattern: Pattern, start: int, n: int, sweep: Sweep, room: Room) -> None:
-    """World directions, and with several poses origins, of the n beams from `start`."""
-    x, y, z = pattern.beams[0], pattern.beams[1], pattern.beams[2]
-    R = sweep.rotations
-    for axis in range(3):
-        v, o = room.v[axis], room.starts[axis]
-        if len(R) == 1:
-            r0, r1, r2 = R[0, axis, 0], R[0, axis, 1], R[0, axis, 2]
-            for i in range(n):
-                v[i] = x[start + i] * r0 + y[start + i] * r1 + z[start + i] * r2
-        else:
-            for i in range(n):
-                k = pattern.moments[start + i]
-                r0, r1, r2 = R[k, axis, 0], R[k, axis, 1], R[k, axis, 2]
-                v[i] = x[start + i] * r0 + y[start + i] * r1 + z[start + i] * r2
-                o[i] = sweep.origins[k, axis]
+def fit_cone(start: int, stop: int, beams: Array, k: int, cones: Array) -> None:
+    """Cone k about the mean direction of the beams from `start` to `stop`, see `fit_cones`."""
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(start, stop):
+        x, y, z = x + beams[0, i], y + beams[1, i], z + beams[2, i]
+    length = math.sqrt(x * x + y * y + z * z)
+    if length > 1e-9:
+        x, y, z = x / length, y / length, z / length
+    else:
+        x, y, z = beams[0, start], beams[1, start], beams[2, start]
+    cosine = 1.0
+    for i in range(start, stop):
+        along = x * beams[0, i] + y * beams[1, i] + z * beams[2, i]
+        cosine = along if along < cosine else cosine
+    cosine = max(cosine - ANGLE_MARGIN, -1.0)
+    cones[k, 0], cones[k, 1], cones[k, 2] = x, y, z
+    cones[k, 3], cones[k, 4] = cosine, math.sqrt(1.0 - cosine * cosine)
 
 
 @kernel
-def place_spots(n: int, geoms: Geoms, g: int, starts: Array, spots: Array) -> None:
+def fit_cones(beams: Array, starts: NDArray[np.int64], cones: Array) -> None:
+    """Cones about the mean directions of runs of beams.
+
+    Args:
+        beams: (3, n) unit directions.
+        starts: (k + 1,) first beam of each run, and n.
+        cones: (k, 5) is written: axis, cosine and sine of the half angle.
+    """
+    for k in range(len(cones)):
+        fit_cone(starts[k], starts[k + 1], beams, k, cones)
+
+
+@kernel
+def aim_rolling(
+    start: int, stop: int, beams: Array, moments: NDArray[np.int32], R: Array, v: Array
+) -> None:
+    """World directions (3, n) of the beams from `start` to `stop` by the rotations (m, 3, 3)."""
+    for i in range(start, stop):
+        x, y, z, k = beams[0, i], beams[1, i], beams[2, i], moments[i]
+        for axis in range(3):
+            v[axis, i] = x * R[k, axis, 0] + y * R[k, axis, 1] + z * R[k, axis, 2]
+
+
+@kernel
+def aim(start: int, n: int, beams: Array, R: Array, v: Array) -> None:
+    """Turn the directions of the n beams from `start`, all alike, to the world."""
+    a0, a1, a2 = R[0, 0], R[0, 1], R[0, 2]
+    b0, b1, b2 = R[1, 0], R[1, 1], R[1, 2]
+    c0, c1, c2 = R[2, 0], R[2, 1], R[2, 2]
+    for i in range(n):
+        x, y, z = beams[0, start + i], beams[1, start + i], beams[2, start + i]
+        v[0, i] = x * a0 + y * a1 + z * a2
+        v[1, i] = x * b0 + y * b1 + z * b2
+        v[2, i] = x * c0 + y * c1 + z * c2
+
+
+@kernel
+def depart(start: int, n: int, moments: NDArray[np.int32], origins: Array, starts: Array) -> None:
+    """Origins of the n beams from `start`, each at its moment."""
+    for i in range(n):
+        k = moments[start + i]
+        starts[0, i], starts[1, i], starts[2, i] = origins[k, 0], origins[k, 1], origins[k, 2]
+
+
+@kernel
+def place_spots(
+    n: int, g: int, positions: Array, rotations: Array, starts: Array, spots: Array
+) -> None:
     """Origin of each of n beams in the frame of geom g, as `look` does it."""
-    x, y, z = geoms.positions[g, 0], geoms.positions[g, 1], geoms.positions[g, 2]
-    m = geoms.rotations
+    x, y, z = positions[g, 0], positions[g, 1], positions[g, 2]
     for axis in range(3):
-        m0, m3, m6 = m[g, axis], m[g, 3 + axis], m[g, 6 + axis]
+        m0, m3, m6 = rotations[g, axis], rotations[g, 3 + axis], rotations[g, 6 + axis]
         for i in range(n):
             dx, dy, dz = starts[0, i] - x, starts[1, i] - y, starts[2, i] - z
             spots[axis, i] = m0 * dx + m3 * dy + m6 * dz
 
 
 @kernel
-def cast_tile(
-    n: int, tile: int, candidates: int, geoms: Geoms, sweep: Sweep, room: Room
-) -> None:
-    """Try the chosen geoms, nearest first, until no beam can meet the next one any nearer."""
-    room.best[:n] = sweep.limit
-    room.best_geom[:n] = len(geoms.ids)
-    farthest = sweep.limit
-    if candidates > FEW:
-        up = sweep.rotations[0, :, 2]
-        enclose(n, room.v, sweep.tile_cones, tile, up, room.walls)
-    for i in range(candidates):
-        c = room.chosen[i]
-        if room.block_views[0, c] > farthest:
-            break
-        g = room.block_rows[c]
-        if candidates > FEW and not may_meet(
-            room.walls, farthest, g, geoms, sweep.local, sweep.spread
-        ):
-            continue
-        if len(sweep.origins) == 1:
-            reach_geom(n, geoms, g, sweep.local, None, room.v, room.reach)
-        else:
-            place_spots(n, geoms, g, room.starts, room.spots)
-            reach_geom(n, geoms, g, sweep.local, room.spots, room.v, room.reach)
-        keep_nearest(n, g, room.reach, room.best, room.best_geom)
-        room.best_bits[-1] = greatest(n, room.best_bits)
-        farthest = room.best[-1]
+def report(
+    n: int, start: int, places: NDArray[np.int64], best: Array, best_geom: NDArray[np.int64],
+    ids: NDArray[np.int32], distance: Array, geom_id: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Write a tile's hits where its beams have their places."""
+    for i in range(n):
+        if best_geom[i] < len(ids):
+            distance[places[start + i]] = best[i]
+            geom_id[places[start + i]] = ids[best_geom[i]]
 
 
 @kernel
@@ -571,6 +642,9 @@ def cast_blocks(
 ) -> None:
     """Cast the beams of every `step`-th block of a pattern from block `first` on.
 
+    What is in the tables is taken out of them once: numba counts references at every taking, and
+    passes whole tables by value, which for each tile would take as long as a geom.
+
     Args:
         first: Block.
         step: Blocks to the next one.
@@ -578,74 +652,223 @@ def cast_blocks(
         geoms: Tables over g geoms.
         sweep: Poses, and views of the geoms.
         room: To write on, for this thread alone.
-        distance: (n,) is written in the pattern's own order: m, -1 without a hit.
-        geom_id: (n,) likewise, -1 without a hit.
+        distance: (n,) hits are written in the pattern's own order, m; misses are not.
+        geom_id: (n,) likewise.
     """
-    within = 0
-    while within < len(sweep.order) and sweep.views[0, within] <= sweep.limit:
-        within += 1
-    for block in range(first, len(sweep.block_cones), step):
-        count = list_meeting(
-            sweep.block_cones, block, within, sweep.views, room.slack, room.chosen
-        )
-        for i in range(count):
-            c = room.chosen[i]
-            room.block_rows[i] = sweep.order[c]
-            for k in range(6):
-                room.block_views[k, i] = sweep.views[k, c]
-        for tile in range(pattern.block_starts[block], pattern.block_starts[block + 1]):
-            start = pattern.tile_starts[tile]
-            n = pattern.tile_starts[tile + 1] - start
-            candidates = list_meeting(
-                sweep.tile_cones, tile, count, room.block_views, room.slack, room.chosen
-            )
+    sensor_beams, places, tile_starts, _, block_starts, _, moments = pattern
+    ids, kinds, sizes, axes, sides, _, positions, rotations = geoms
+    origins, turns, R, beams, spread, limit, tile_cones, block_cones, order, views, local = sweep
+    v, starts, spots, reach, best, bits, best_geom, walls, slack, near, rows, chosen = room
+    rolling = len(origins) > 1
+    within = int(np.searchsorted(views[0], limit, "right"))
+    up = turns[0, :, 2].copy()
+    for block in range(first, len(block_cones), step):
+        if rolling:  # the sensor turns, so tiles and blocks change their shapes
+            start, stop = tile_starts[block_starts[block]], tile_starts[block_starts[block + 1]]
+            aim_rolling(start, stop, sensor_beams, moments, turns, beams)
+            fit_cone(start, stop, beams, block, block_cones)
+            for tile in range(block_starts[block], block_starts[block + 1]):
+                fit_cone(tile_starts[tile], tile_starts[tile + 1], beams, tile, tile_cones)
+        count = list_meeting(block_cones, block, within, views, slack, chosen)
+        take_over(count, chosen, order, views, rows, near)
+        for tile in range(block_starts[block], block_starts[block + 1]):
+            start, n = tile_starts[tile], tile_starts[tile + 1] - tile_starts[tile]
+            candidates = list_meeting(tile_cones, tile, count, near, slack, chosen)
             if candidates == 0:
-                for i in range(n):
-                    place = pattern.places[start + i]
-                    distance[place] = -1.0
-                    geom_id[place] = -1
                 continue
-            aim(pattern, start, n, sweep, room)
-            cast_tile(n, tile, candidates, geoms, sweep, room)
-            for i in range(n):
-                place = pattern.places[start + i]
-                hit = room.best_geom[i] < len(geoms.ids)
-                distance[place] = room.best[i] if hit else -1.0
-                geom_id[place] = geoms.ids[room.best_geom[i]] if hit else -1
+            aim(start, n, beams, R, v)
+            if rolling:
+                depart(start, n, moments, origins, starts)
+            forget(n, limit, len(ids), best, best_geom)
+            if candidates > FEW:
+                enclose(n, v, tile, tile_cones, up, walls)
+            farthest = limit
+            for i in range(candidates):
+                g = rows[chosen[i]]
+                if near[0, chosen[i]] > farthest:
+                    break
+                if candidates > FEW and not may_meet(
+                    walls, farthest, g, rotations, axes, sides, local, spread
+                ):
+                    continue
+                if rolling:
+                    place_spots(n, g, positions, rotations, starts, spots)
+                    reach_geom(n, kinds[g], g, sizes, rotations, local, spots, v, reach)
+                else:
+                    reach_geom(n, kinds[g], g, sizes, rotations, local, None, v, reach)
+                farthest = keep_nearest(n, g, reach, best, bits, best_geom)
+            report(n, start, places, best, best_geom, ids, distance, geom_id)
 
 
 @kernel
-def fit_cones(beams: Array, starts: NDArray[np.int64], cones: Array) -> None:
-    """Cones about the mean direction of each run of beams.
+def turn_cones(cones: Array, R: Array, turned: Array) -> None:
+    """Cones (k, 5) of the sensor frame in the world."""
+    for k in range(len(cones)):
+        x, y, z = cones[k, 0], cones[k, 1], cones[k, 2]
+        for axis in range(3):
+            turned[k, axis] = x * R[axis, 0] + y * R[axis, 1] + z * R[axis, 2]
+        turned[k, 3], turned[k, 4] = cones[k, 3], cones[k, 4]
+
+
+TREE_STACK = 128
+"""Nodes that wait while a ray walks a tree: more than any tree is deep."""
+
+LEAST_INVERTED = 1e-30
+"""A direction's component counts as no less: what that turns a ray by is inside the margin."""
+
+
+@kernel
+def reach_shape(
+    kind: int,
+    px: float,
+    py: float,
+    pz: float,
+    vx: float,
+    vy: float,
+    vz: float,
+    sx: float,
+    sy: float,
+    sz: float,
+) -> float:
+    """Distance of one ray to one geom, both in the geom's frame."""
+    if kind == PLANE:
+        return plane(px, py, pz, vx, vy, vz, sx, sy)
+    if kind == SPHERE:
+        return sphere(px, py, pz, vx, vy, vz, sx)
+    if kind == CAPSULE:
+        return capsule(px, py, pz, vx, vy, vz, sx, sy)
+    if kind == ELLIPSOID:
+        ix, iy, iz = 1.0 / (sx * sx), 1.0 / (sy * sy), 1.0 / (sz * sz)
+        return ellipsoid(px, py, pz, vx, vy, vz, ix, iy, iz)
+    if kind == CYLINDER:
+        return cylinder(px, py, pz, vx, vy, vz, sx, sy)
+    return box(px, py, pz, vx, vy, vz, sx, sy, sz)
+
+
+@kernel
+def reach_row(
+    ox: float,
+    oy: float,
+    oz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    kinds: NDArray[np.int32],
+    sizes: Array,
+    positions: Array,
+    rotations: Array,
+    g: int,
+) -> float:
+    """Distance of one ray in the world to the geom in row g."""
+    x, y, z = ox - positions[g, 0], oy - positions[g, 1], oz - positions[g, 2]
+    m0, m1, m2 = rotations[g, 0], rotations[g, 1], rotations[g, 2]
+    m3, m4, m5 = rotations[g, 3], rotations[g, 4], rotations[g, 5]
+    m6, m7, m8 = rotations[g, 6], rotations[g, 7], rotations[g, 8]
+    return reach_shape(
+        kinds[g],
+        m0 * x + m3 * y + m6 * z, m1 * x + m4 * y + m7 * z, m2 * x + m5 * y + m8 * z,
+        m0 * dx + m3 * dy + m6 * dz, m1 * dx + m4 * dy + m7 * dz, m2 * dx + m5 * dy + m8 * dz,
+        sizes[g, 0], sizes[g, 1], sizes[g, 2],
+    )  # fmt: skip
+
+
+@kernel
+def between(low: float, high: float, near: float, far: float) -> tuple[float, float]:
+    """What two crossings, in either order, leave of an interval."""
+    enter = low if low < high else high
+    leave = high if low < high else low
+    return (enter if enter > near else near), (leave if leave < far else far)
+
+
+@kernel
+def enters(
+    boxes: Array,
+    node: int,
+    ox: float,
+    oy: float,
+    oz: float,
+    ix: float,
+    iy: float,
+    iz: float,
+    best: float,
+) -> bool:
+    """Whether a ray, given by its origin and inverse direction, enters a box before `best`."""
+    near, far = 0.0, best
+    near, far = between((boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix, near, far)
+    near, far = between((boxes[node, 1] - oy) * iy, (boxes[node, 4] - oy) * iy, near, far)
+    near, far = between((boxes[node, 2] - oz) * iz, (boxes[node, 5] - oz) * iz, near, far)
+    return near <= far
+
+
+@kernel
+def cast_rays(
+    origins: Array,
+    directions: Array,
+    ids: NDArray[np.int32],
+    kinds: NDArray[np.int32],
+    sizes: Array,
+    positions: Array,
+    rotations: Array,
+    boxes: Array,
+    links: NDArray[np.int32],
+    order: NDArray[np.int32],
+    everywhere: int,
+    limit: float,
+    distance: Array,
+    geom_id: NDArray[np.int32],
+) -> None:
+    """Cast rays that have nothing in common, each alone down a tree over the geoms' boxes.
 
     Args:
-        beams: (3, n) unit directions.
-        starts: (k + 1,) first beam of each run, and n.
-        cones: (k, 5) is written: axis, cosine and sine of the half angle.
+        origins: (n, 3) in the world, m.
+        directions: (n, 3) unit vectors in the world.
+        ids: (g,) geom id in the model, ascending.
+        kinds: (g,) MuJoCo's `mjtGeom`, primitives only.
+        sizes: (g, 3) MuJoCo's sizes, m.
+        positions: (g, 3) in the world, m.
+        rotations: (g, 9) R_world_geom, row-major.
+        boxes: (k, 6) nodes of the tree over the geoms with bounds; none if there is no such geom.
+        links: (k, 3) of a leaf its first place in `order` and how many; of an inner node its first
+            child, of which the second is the next node, and 0; then the axis of the split.
+        order: (g,) rows of the geoms as the leaves list them, then those without bounds.
+        everywhere: First of these in `order`; every ray is tried on them.
+        limit: Longest distance, m; finite.
+        distance: (n,) is written: m, -1 without a hit.
+        geom_id: (n,) likewise, -1 without a hit.
     """
-    for k in range(len(cones)):
-        x, y, z = 0.0, 0.0, 0.0
-        for i in range(starts[k], starts[k + 1]):
-            x, y, z = x + beams[0, i], y + beams[1, i], z + beams[2, i]
-        length = math.sqrt(x * x + y * y + z * z)
-        if length > 1e-9:
-            x, y, z = x / length, y / length, z / length
-        else:
-            x, y, z = beams[0, starts[k]], beams[1, starts[k]], beams[2, starts[k]]
-        cosine = 1.0
-        for i in range(starts[k], starts[k + 1]):
-            cosine = min(cosine, x * beams[0, i] + y * beams[1, i] + z * beams[2, i])
-        cosine = max(cosine - ANGLE_MARGIN, -1.0)
-        cones[k, 0], cones[k, 1], cones[k, 2] = x, y, z
-        cones[k, 3], cones[k, 4] = cosine, math.sqrt(1.0 - cosine * cosine)
-
-
-@kernel
-def aim_all(pattern: Pattern, rotations: Array, v: Array) -> None:
-    """World direction of every beam at its moment, (3, n)."""
-    for i in range(len(pattern.moments)):
-        x, y, z = pattern.beams[0, i], pattern.beams[1, i], pattern.beams[2, i]
-        k = pattern.moments[i]
-        for axis in range(3):
-            r0, r1, r2 = rotations[k, axis, 0], rotations[k, axis, 1], rotations[k, axis, 2]
-            v[axis, i] = x * r0 + y * r1 + z * r2
+    stack = np.empty(TREE_STACK, np.int32)
+    for i in range(len(origins)):
+        ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        # A finite inverse keeps 0 * infinity out.
+        ix = 1.0 / (dx if abs(dx) > LEAST_INVERTED else LEAST_INVERTED)
+        iy = 1.0 / (dy if abs(dy) > LEAST_INVERTED else LEAST_INVERTED)
+        iz = 1.0 / (dz if abs(dz) > LEAST_INVERTED else LEAST_INVERTED)
+        best, best_row = limit, len(ids)
+        waiting, first, stop = 0, everywhere, len(order)
+        if len(boxes) > 0:
+            stack[0] = 0
+            waiting = 1
+        while True:
+            for place in range(first, stop):
+                g = order[place]
+                x = reach_row(ox, oy, oz, dx, dy, dz, kinds, sizes, positions, rotations, g)
+                if (x < best) | ((x == best) & (g < best_row)):
+                    best, best_row = x, g
+            if waiting == 0:
+                break
+            waiting -= 1
+            node = stack[waiting]
+            first, stop = 0, 0
+            if not enters(boxes, node, ox, oy, oz, ix, iy, iz, best):
+                continue
+            first = links[node, 0]
+            stop = first + links[node, 1]
+            if stop == first:
+                backwards = directions[i, links[node, 2]] < 0.0
+                stack[waiting] = first if backwards else first + 1
+                stack[waiting + 1] = first + 1 if backwards else first
+                waiting += 2
+        hit = best_row < len(ids)
+        distance[i] = best if hit else -1.0
+        geom_id[i] = ids[best_row] if hit else -1

@@ -64,7 +64,7 @@ def cut_scattered(
     if len(directions) == 0:
         raise ValueError("beams: got 0, expected at least one")
     cells = np.empty(len(directions), np.uint16)
-    number_cells(np.ascontiguousarray(directions, np.float64), cells)
+    number_cells(np.array(directions, np.float64, order="C"), cells)
     places = np.argsort(cells, kind="stable")
     tile_starts = _runs(len(places), TILE * TILE)
     return _pattern(directions, moments, places, tile_starts, _runs(len(tile_starts) - 1, BLOCK**2))
@@ -81,7 +81,10 @@ def _pattern(
     if moments is None:
         moments = np.zeros(len(places), np.int32)
     beams = np.ascontiguousarray(np.asarray(directions, np.float64)[places].T)
-    tile_cones, block_cones = np.empty((len(tile_starts) - 1, 5)), np.empty((len(block_starts) - 1, 5))
+    tile_cones, block_cones = (
+        np.empty((len(tile_starts) - 1, 5)),
+        np.empty((len(block_starts) - 1, 5)),
+    )
     fit_cones(beams, tile_starts, tile_cones)
     fit_cones(beams, tile_starts[block_starts], block_cones)
     return Pattern(

@@ -1,12 +1,16 @@
+import contextlib
+import io
 import json
 
 import mujoco
 import numpy as np
 import pytest
+from rich.console import Console
 
+from harness.bench import print_rows
 from harness.bench_rays import SAMPLE, SCENES, disagreement, within
 from harness.cli import main
-from models.rays.scenes import clutter
+from models.rays.scenes import RELIEF, clutter, field_terrain, mesh_terrain
 
 FIELDS = [
     "scene",
@@ -21,25 +25,33 @@ FIELDS = [
 ]
 
 
+OURS = [("tile", 1), ("tile", 2), ("tree", 1), ("mj_multiRay", 1), ("mj_ray", 1)]
+PEERS = {"open3d", "embree"}  # where they are installed
+
+
 @pytest.fixture(scope="module")
-def rows():
-    from harness.bench import run_stage
+def printed():
+    """What the command prints, once for all tests: it casts at every scene."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        assert main(["bench", "rays", "--sweeps", "1", "--json"]) == 0
+    assert err.getvalue() == ""
+    return json.loads(out.getvalue())
 
-    return run_stage("rays", sweeps=1, seed=3)
+
+@pytest.fixture(scope="module")
+def rows(printed):
+    return [row for row in printed["rows"] if row["engine"] not in PEERS]
 
 
-def test_the_command_prints_rows_and_nothing_else(capsys):
-    assert main(["bench", "rays", "--sweeps", "1", "--json"]) == 0
-    captured = capsys.readouterr()
-    assert captured.err == ""
-    rows = json.loads(captured.out)["rows"]
-    assert [list(row) for row in rows] == [FIELDS] * (3 * len(SCENES))
+def test_the_command_prints_flat_rows(printed):
+    assert list(printed) == ["rows"]
+    assert all(list(row) == FIELDS for row in printed["rows"])
 
 
 def test_every_engine_is_on_every_scene(rows):
     got = [(row["scene"], row["geoms"], row["engine"], row["threads"]) for row in rows]
-    engines = ("tile", "mj_multiRay", "mj_ray")
-    assert got == [(s.name, s.geoms, engine, 1) for s in SCENES for engine in engines]
+    assert got == [(s.name, s.geoms, *engine) for s in SCENES for engine in OURS]
     assert {row["rays"] for row in rows} == {100_000, 320 * 240, SAMPLE}
 
 
@@ -50,19 +62,20 @@ def test_engines_agree(rows):
 
 
 def test_ratios_are_those_of_the_rates(rows):
-    for i in range(0, len(rows), 3):
-        multi = rows[i + 1]["mray_per_s"]
-        for row in rows[i : i + 3]:
+    for i in range(0, len(rows), len(OURS)):
+        multi = rows[i + 3]["mray_per_s"]
+        for row in rows[i : i + len(OURS)]:
             assert row["mray_per_s"] > 0.0
             assert row["ratio_vs_multiray"] == pytest.approx(row["mray_per_s"] / multi)
 
 
-def test_without_json_a_table(capsys):
-    assert main(["bench", "rays", "--sweeps", "1"]) == 0
-    printed = capsys.readouterr().out
-    assert "bench rays, seed 0" in printed
-    assert printed.count("mj_multiRay") == len(SCENES)
-    assert "…" not in printed
+def test_without_json_a_table(rows):
+    console = Console(file=io.StringIO(), width=80)
+    print_rows(console, "bench rays, seed 0", rows)
+    text = console.file.getvalue()
+    assert "bench rays, seed 0" in text
+    assert text.count("mj_multiRay") == len(SCENES)
+    assert "…" not in text
 
 
 @pytest.mark.parametrize(
@@ -116,3 +129,39 @@ def test_clutter_is_its_seeds_alone():
 def test_no_more_movers_than_geoms():
     with pytest.raises(ValueError, match="moving: got 3, expected 0 to 2"):
         clutter(2, moving=3)
+
+
+@pytest.mark.parametrize(("make", "points"), [(mesh_terrain, 72), (field_terrain, 300)])
+def test_terrain_is_ground_below_the_sensor(make, points):
+    model = mujoco.MjModel.from_xml_string(make(points, moving=3, seed=2))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    if make is mesh_terrain:
+        assert model.nmeshface == 2 * 71 * 71
+    else:
+        assert (model.hfield_nrow[0], model.hfield_ncol[0]) == (300, 300)
+    assert model.nmocap == 3
+    rng, geom = np.random.default_rng(0), np.zeros(1, np.int32)
+    heights = []
+    for _ in range(200):
+        above = np.array([*rng.uniform(-19.0, 19.0, 2), 5.0])
+        down = np.array([0.0, 0.0, -1.0])
+        distance = mujoco.mj_ray(model, data, above, down, None, 1, -1, geom)
+        if geom[0] == 0:
+            heights.append(5.0 - distance)
+    assert -RELIEF - 1e-6 <= min(heights) < -0.7 * RELIEF
+    assert -0.3 * RELIEF < max(heights) <= 1e-6
+
+
+def test_both_terrains_are_the_same_ground():
+    """Where their samples lie, the mesh and the field are one surface."""
+    down, geom, found = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32), []
+    for make in (mesh_terrain, field_terrain):
+        model = mujoco.MjModel.from_xml_string(make(41, seed=3))
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        places = [(x + 1e-4, y + 2e-4, 5.0) for x in (-7.0, 0.0, 12.0) for y in (-15.0, 3.0)]
+        found.append(
+            [mujoco.mj_ray(model, data, np.array(p), down, None, 1, -1, geom) for p in places]
+        )
+    np.testing.assert_allclose(*found, atol=2e-3)

@@ -298,7 +298,7 @@ def test_own_geoms_are_found_exactly_where_a_beam_meets_them():
     for _ in range(80):
         at = rng.normal(size=3)
         at *= rng.uniform(0.5, 5.5) / np.linalg.norm(at)
-        position = " ".join(map(str, at + [0.0, 0.0, 0.3]))
+        position = " ".join(map(str, at + np.array([0.0, 0.0, 0.3])))
         model, data = robot(f'<geom name="ball" type="sphere" size=".05" pos="{position}"/>')
         groups = ALL.copy()
         groups[ROBOT_GROUP] = 0

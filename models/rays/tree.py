@@ -1,0 +1,222 @@
+"""A tree of boxes over items, so that a ray is tried on few of them."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models._jit import kernel
+
+Array = NDArray[np.float64]
+
+MARGIN = 1e-9
+"""Boxes are wider than what they bound by this, m, so that rounding never rules out a hit."""
+
+LEAF = 4
+"""Items down to which nodes are split: about as many as cost what another box test costs."""
+
+BINS = 16
+"""Places at which a split is tried; Wald 2007 finds 16 nearly as good as all."""
+
+MAX_SORTED_DEPTH = 48
+"""Below it nodes are halved by number, which bounds the depth whatever the geometry is."""
+
+DEEPEST = MAX_SORTED_DEPTH + 32
+"""Bound on the depth: 32-bit numbers of items cannot be halved more often."""
+
+
+class Tree(NamedTuple):
+    """Boxes within boxes over n items; node 0 is the root.
+
+    Attributes:
+        boxes: (k, 6) lower and upper corner of each node, margin included.
+        links: (k, 3) of a leaf its first place in `order` and how many; of an inner node its first
+            child, of which the second is the next node, and 0; then the axis of the split.
+        order: (n,) items as the leaves list them.
+    """
+
+    boxes: Array
+    links: NDArray[np.int32]
+    order: NDArray[np.int32]
+
+
+def build_tree(lower: Array, upper: Array) -> Tree:
+    """Tree over the boxes of n items with corners (n, 3) and (n, 3), none if there is no item."""
+    count = len(lower)
+    order = np.arange(count, dtype=np.int32)
+    boxes, links = np.empty((2 * count, 6)), np.empty((2 * count, 3), np.int32)
+    pending = np.empty((DEEPEST, 4), np.int64)
+    bins, costs = np.empty((BINS + 1, 7)), np.empty(BINS)
+    nodes = grow_tree(lower, upper, order, boxes, links, pending, bins, costs) if count else 0
+    return Tree(boxes[:nodes].copy(), links[:nodes].copy(), order)
+
+
+@kernel
+def grow_tree(
+    lower: Array,
+    upper: Array,
+    order: NDArray[np.int32],
+    boxes: Array,
+    links: NDArray[np.int32],
+    pending: NDArray[np.int64],
+    bins: Array,
+    costs: Array,
+) -> int:
+    """Split from the root down by binned splits (Wald 2007); how many nodes that makes.
+
+    Args:
+        lower: (n, 3) lower corners, n >= 1.
+        upper: (n, 3) upper corners.
+        order: (n,) every item once; is brought into the order of the leaves.
+        boxes: (2 n, 6) and
+        links: (2 n, 3) are written, see `Tree`.
+        pending: (DEEPEST, 4) room for nodes that wait: node, first and last place, depth.
+        bins: (BINS + 1, 7) room for boxes and numbers of items, in the last row of one side.
+        costs: (BINS,) room for the costs of the left sides.
+    """
+    pending[0, 0], pending[0, 1], pending[0, 2], pending[0, 3] = 0, 0, len(order), 0
+    waiting, nodes = 1, 1
+    while waiting > 0:
+        waiting -= 1
+        node, start, stop = pending[waiting, 0], pending[waiting, 1], pending[waiting, 2]
+        depth = pending[waiting, 3] + 1
+        enclose(lower, upper, order, start, stop, boxes, node)
+        axis, low, high = widest_axis(lower, upper, order, start, stop)
+        if stop - start <= LEAF:
+            links[node, 0], links[node, 1], links[node, 2] = start, stop - start, axis
+            continue
+        middle = start
+        if (high > low) & (depth < MAX_SORTED_DEPTH):
+            scale = BINS / (high - low)
+            middle = split(lower, upper, order, start, stop, axis, low, scale, bins, costs)
+        if (middle == start) | (middle == stop):
+            middle = (start + stop) // 2
+        links[node, 0], links[node, 1], links[node, 2] = nodes, 0, axis
+        for side in range(2):
+            pending[waiting, 0] = nodes + 1 - side
+            pending[waiting, 1] = start if side == 1 else middle
+            pending[waiting, 2] = middle if side == 1 else stop
+            pending[waiting, 3] = depth
+            waiting += 1
+        nodes += 2
+    return nodes
+
+
+@kernel
+def enclose(
+    lower: Array,
+    upper: Array,
+    order: NDArray[np.int32],
+    start: int,
+    stop: int,
+    boxes: Array,
+    node: int,
+) -> None:
+    """Write the box about some items and the margin about it."""
+    for k in range(3):
+        low, high = math.inf, -math.inf
+        for place in range(start, stop):
+            item = order[place]
+            low = lower[item, k] if lower[item, k] < low else low
+            high = upper[item, k] if upper[item, k] > high else high
+        margin = MARGIN * (1.0 + abs(low) + abs(high))
+        boxes[node, k], boxes[node, 3 + k] = low - margin, high + margin
+
+
+@kernel
+def widest_axis(
+    lower: Array, upper: Array, order: NDArray[np.int32], start: int, stop: int
+) -> tuple[int, float, float]:
+    """Axis on which the middles of items spread most, and twice their least and greatest there."""
+    axis, least, greatest = 0, 0.0, -1.0
+    for k in range(3):
+        low, high = math.inf, -math.inf
+        for place in range(start, stop):
+            middle = lower[order[place], k] + upper[order[place], k]
+            low = middle if middle < low else low
+            high = middle if middle > high else high
+        if high - low > greatest - least:
+            axis, least, greatest = k, low, high
+    return axis, least, greatest
+
+
+@kernel
+def bin_of(lower: Array, upper: Array, item: int, axis: int, low: float, scale: float) -> int:
+    """Bin of an item by its middle."""
+    b = int((lower[item, axis] + upper[item, axis] - low) * scale)
+    return b if b < BINS else BINS - 1
+
+
+@kernel
+def split(
+    lower: Array,
+    upper: Array,
+    order: NDArray[np.int32],
+    start: int,
+    stop: int,
+    axis: int,
+    low: float,
+    scale: float,
+    bins: Array,
+    costs: Array,
+) -> int:
+    """Bring the items of the cheapest left side to the front; the first place of the right one."""
+    for b in range(BINS):
+        clear(bins, b)
+    for place in range(start, stop):
+        item = order[place]
+        b = bin_of(lower, upper, item, axis, low, scale)
+        for k in range(3):
+            x, y = lower[item, k], upper[item, k]
+            bins[b, k] = x if x < bins[b, k] else bins[b, k]
+            bins[b, 3 + k] = y if y > bins[b, 3 + k] else bins[b, 3 + k]
+        bins[b, 6] += 1.0
+    last = cheapest_bin(bins, costs)
+    front = start
+    for place in range(start, stop):
+        item = order[place]
+        if bin_of(lower, upper, item, axis, low, scale) <= last:
+            order[place] = order[front]
+            order[front] = item
+            front += 1
+    return front
+
+
+@kernel
+def clear(bins: Array, b: int) -> None:
+    """Empty one bin."""
+    for k in range(3):
+        bins[b, k], bins[b, 3 + k] = math.inf, -math.inf
+    bins[b, 6] = 0.0
+
+
+@kernel
+def gather(bins: Array, b: int) -> float:
+    """Widen the last row by bin b; the cost of the side that it then stands for."""
+    for k in range(3):
+        low, high = bins[b, k], bins[b, 3 + k]
+        bins[BINS, k] = low if low < bins[BINS, k] else bins[BINS, k]
+        bins[BINS, 3 + k] = high if high > bins[BINS, 3 + k] else bins[BINS, 3 + k]
+    bins[BINS, 6] += bins[b, 6]
+    x = bins[BINS, 3] - bins[BINS, 0]
+    y = bins[BINS, 4] - bins[BINS, 1]
+    z = bins[BINS, 5] - bins[BINS, 2]
+    return (x * y + y * z + z * x) * bins[BINS, 6] if bins[BINS, 6] > 0.0 else 0.0
+
+
+@kernel
+def cheapest_bin(bins: Array, costs: Array) -> int:
+    """Last bin of the left side, by the surface area heuristic (Goldsmith & Salmon 1987)."""
+    clear(bins, BINS)
+    for b in range(BINS):
+        costs[b] = gather(bins, b)
+    clear(bins, BINS)
+    last, least = 0, math.inf
+    for b in range(BINS - 1, 0, -1):
+        cost = gather(bins, b) + costs[b - 1]
+        if cost < least:
+            last, least = b - 1, cost
+    return last

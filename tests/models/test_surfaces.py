@@ -1,0 +1,410 @@
+"""Meshes and height fields under trees, against MuJoCo's own rays."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from models.beams import directions as beams_of
+from models.devices import DepthCamera, SpinningLidar, evenly
+from models.rays import surface_kernels, tree
+from models.rays.surface_kernels import WIDTH
+from models.rays.surfaces import Surfaces
+from models.rays.tiles import cut_grid
+from models.rays.tree import LEAF, MAX_SORTED_DEPTH, build_tree
+
+ALL = np.ones(mujoco.mjNGROUP, np.uint8)
+KEPT = {"range": 30.0, "rate": 10.0, "no_return_is_free": True, "source": "test"}
+LIDAR = SpinningLidar(elevations=evenly(-0.9, 0.9, 13), azimuths=61, **KEPT)
+CAMERA = DepthCamera(
+    height=19, width=29, field_of_view_horizontal=1.2, field_of_view_vertical=1.0, **KEPT
+)
+MESH, HEIGHT_FIELD = mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD
+STAR = 24  # points about the axis of the non-convex solid
+
+
+def star(rng):
+    """A closed, non-convex solid: a ragged double cone about an axis beside the origin."""
+    angle = 2.0 * np.pi * np.arange(STAR) / STAR
+    radius = np.where(np.arange(STAR) % 2, 0.4, 1.0) * rng.uniform(0.8, 1.2, STAR)
+    ring = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(STAR)])
+    vertices = np.concatenate([ring, [[0.0, 0.0, 0.7], [0.1, 0.1, -0.5]]])
+    vertices += np.array([0.3, -0.2, 0.4])
+    here, there = np.arange(STAR), (np.arange(STAR) + 1) % STAR
+    top = np.column_stack([here, there, np.full(STAR, STAR)])
+    bottom = np.column_stack([there, here, np.full(STAR, STAR + 1)])
+    return vertices, np.concatenate([top, bottom])
+
+
+def add_mesh(spec, name, vertices, faces, **options):
+    mesh = spec.add_mesh(name=name, **options)
+    mesh.uservert, mesh.userface = np.ravel(vertices), np.ravel(faces)
+
+
+def add_hills(spec, name, rows, columns, size, heights):
+    field = spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size)
+    field.userdata = np.ravel(heights)
+
+
+def add_geom(body, asset, kind, **options):
+    name = {"meshname": asset} if kind == MESH else {"hfieldname": asset}
+    return body.add_geom(type=kind, **name, **options)
+
+
+def posed(spec):
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data
+
+
+def rugged(rng):
+    """One of each: meshes stretched, mirrored, offset, sharing an asset; fields high and flat."""
+    spec = mujoco.MjSpec()
+    add_mesh(spec, "star", *star(rng))
+    add_mesh(spec, "long", *star(rng), scale=[0.5, 1.5, 2.0])
+    add_mesh(spec, "mirrored", *star(rng), scale=[-1.0, 0.7, 1.0], refpos=[0.4, 0.1, 0.0])
+    add_hills(spec, "hills", 7, 5, [1.5, 1.0, 0.8, 0.3], rng.uniform(0.0, 1.0, 35))
+    add_hills(spec, "flat", 2, 3, [0.8, 1.2, 0.5, 0.2], np.zeros(6))
+    for index, asset in enumerate(["star", "long", "mirrored", "star", "hills", "flat", "hills"]):
+        kind = HEIGHT_FIELD if asset in ("hills", "flat") else MESH
+        pose = {"pos": 3.0 * rng.normal(size=3), "quat": rng.normal(size=4)}
+        add_geom(spec.worldbody, asset, kind, name=f"g{index}", **pose)
+    return spec
+
+
+def random_rays(rng, count, spread=4.0, about=((0.0, 0.0, 0.0),)):
+    """From anywhere to near one of the points (k, 3)."""
+    origins = spread * rng.normal(size=(count, 3))
+    aims = np.asarray(about)[rng.integers(0, len(about), count)]
+    directions = aims - origins + rng.normal(size=(count, 3))
+    return origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def nothing_yet(count):
+    return np.full(count, -1.0), np.full(count, -1, np.int32), np.full(count, -1, np.int32)
+
+
+def cast_rays(surfaces, origins, directions, limit=30.0):
+    found = nothing_yet(len(origins))
+    surfaces.meet_rays(origins, directions, limit, *found)
+    return found
+
+
+def by_mj_ray(model, data, origins, directions, limit=30.0):
+    distance, ids, _ = nothing_yet(len(origins))
+    geom = np.zeros(1, np.int32)
+    for ray, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
+        found = mujoco.mj_ray(model, data, origin, direction, ALL, 1, -1, geom)
+        if 0.0 <= found <= limit:
+            distance[ray], ids[ray] = found, geom[0]
+    return distance, ids
+
+
+def assert_as_mujoco(model, data, surfaces, origins, directions, least_hits):
+    distance, ids, _ = cast_rays(surfaces, origins, directions)
+    expected, expected_ids = by_mj_ray(model, data, origins, directions)
+    np.testing.assert_array_equal(ids, expected_ids)
+    assert np.abs(distance - expected).max() <= 1e-9
+    assert (ids >= 0).sum() >= least_hits
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rugged_scenes_as_mujoco_casts_them(seed):
+    rng = np.random.default_rng(seed)
+    model, data = posed(rugged(rng))
+    rays = random_rays(rng, 1500, about=data.geom_xpos)
+    assert_as_mujoco(model, data, Surfaces(model, ALL), *rays, least_hits=300)
+
+
+@pytest.mark.parametrize("asset", ["star", "hills"])
+def test_starts_inside(asset):
+    """From the middle of a solid everything is met from behind, a height field's base too."""
+    rng = np.random.default_rng(5)
+    spec = mujoco.MjSpec()
+    add_mesh(spec, "star", *star(rng))
+    add_hills(spec, "hills", 6, 6, [1.0, 1.0, 1.0, 1.0], rng.uniform(0.5, 1.0, 36))
+    add_geom(spec.worldbody, asset, MESH if asset == "star" else HEIGHT_FIELD)
+    model, data = posed(spec)
+    _, directions = random_rays(rng, 500)
+    for origin in ([0.0, 0.0, 0.05], [0.05, 0.0, -0.05], [0.0, 0.02, 0.0]):
+        origins = np.tile(data.geom_xpos[0] + origin, (500, 1))
+        assert_as_mujoco(model, data, Surfaces(model, ALL), origins, directions, 500)
+
+
+def test_a_cube_by_hand():
+    """Axis-parallel rays on axis-parallel faces: no thickness, zero components, shared edges."""
+    spec = mujoco.MjSpec()
+    mesh = spec.add_mesh(name="cube")
+    mesh.make_cone(4, 1.0)  # a prism on a square, whose corners lie on a circle of radius 1
+    add_geom(spec.worldbody, "cube", MESH)
+    model, _ = posed(spec)
+    surfaces = Surfaces(model, ALL)
+    half = np.abs(model.mesh_vert).max(axis=0)
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            origin, direction = np.zeros((1, 3)), np.zeros((1, 3))
+            origin[0, axis], direction[0, axis] = -3.0 * sign, sign
+            distance, ids, _ = cast_rays(surfaces, origin, direction)
+            assert ids[0] == 0  # through the middle of a face, where its two triangles meet
+            assert distance[0] == pytest.approx(3.0 - half[axis], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("origin", "direction", "expected"),
+    [
+        ((0.5, 0.25, 3), (0, 0, -1), 2.25),  # on the ramp, whose height there is 0.75
+        ((0, 0, 3), (0, 0, -1), 2.5),
+        ((3, 0.1, 0.9), (-1, 0, 0), 2.0),  # the wall at the high end
+        ((3, 0.1, 1.1), (-1, 0, 0), -1.0),  # over it
+        ((-3, 0.1, 0.1), (1, 0, 0), 2.2),  # over the low end, onto the ramp
+        ((0, 3, 0.2), (0, -1, 0), 2.0),  # a side wall, below its crest
+        ((-0.9, 3, 0.2), (0, -1, 0), -1.0),  # and above
+        ((0, 3, -0.2), (0, -1, 0), 2.0),  # the base
+        ((0, 0, -3), (0, 0, 1), 2.5),  # the base from below
+        ((0, 0, -0.4), (0, 0, 1), 0.4),  # inside the base: its top is met, under the ground too
+        ((0, 0, 0.2), (0, 0, -1), 0.2),
+        ((0, 0, 0.2), (0, 0, 1), 0.3),  # the ground from below
+        ((5, 5, 5), (0, 0, -1), -1.0),
+    ],
+)
+def test_a_ramp_by_hand(origin, direction, expected):
+    """From height 0 at x = -1 to 1 at x = 1, on a base of 0.5 m."""
+    spec = mujoco.MjSpec()
+    add_hills(spec, "ramp", 2, 3, [1.0, 1.0, 1.0, 0.5], [0.0, 0.5, 1.0, 0.0, 0.5, 1.0])
+    add_geom(spec.worldbody, "ramp", HEIGHT_FIELD)
+    model, data = posed(spec)
+    rays = np.array([origin], float), np.array([direction], float)
+    assert cast_rays(Surfaces(model, ALL), *rays)[0][0] == pytest.approx(expected, abs=1e-12)
+    assert by_mj_ray(model, data, *rays)[0][0] == pytest.approx(expected, abs=1e-12)
+
+
+def test_grazing_rays():
+    """Close over a height field, and past a mesh so closely that some hit its rim and some miss."""
+    rng = np.random.default_rng(2)
+    spec = mujoco.MjSpec()
+    add_mesh(spec, "star", *star(rng))
+    add_hills(spec, "hills", 30, 30, [5.0, 5.0, 0.1, 0.1], rng.uniform(0.0, 1.0, 900))
+    add_geom(spec.worldbody, "star", MESH, pos=[0, 0, 3])
+    add_geom(spec.worldbody, "hills", HEIGHT_FIELD)
+    model, data = posed(spec)
+    origins = np.column_stack([np.full(2000, -6.0), rng.uniform(-5, 5, (2000, 1)), [0.1] * 2000])
+    directions = np.column_stack([np.ones(2000), 0.05 * rng.normal(size=(2000, 2))])
+    directions[:, 2] *= 0.1
+    corners = data.geom_xpos[0] + model.mesh_vert @ data.geom_xmat[0].reshape(3, 3).T
+    towards = corners[rng.integers(0, len(corners), 2000)] + 1e-3 * rng.normal(size=(2000, 3))
+    starts = towards + 4.0 * rng.normal(size=(2000, 3))
+    origins = np.concatenate([origins, starts])
+    directions = np.concatenate([directions, towards - starts])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    _, ids, _ = cast_rays(Surfaces(model, ALL), origins, directions)
+    assert 0.2 < (ids[2000:] == 0).mean() < 0.9
+    assert 0.2 < (ids[:2000] == 1).mean() < 0.9
+    assert_as_mujoco(model, data, Surfaces(model, ALL), origins, directions, 1500)
+
+
+def test_no_gap_between_triangles():
+    """Rays straight at edges and corners of a closed solid from inside: none may leave it."""
+    rng = np.random.default_rng(11)
+    spec = mujoco.MjSpec()
+    add_mesh(spec, "star", *star(rng))
+    add_geom(spec.worldbody, "star", MESH, pos=[0.1, 0.2, 0.3], quat=[0.9, 0.1, 0.3, 0.2])
+    model, data = posed(spec)
+    R, position = data.geom_xmat[0].reshape(3, 3), data.geom_xpos[0]
+    corners = position + model.mesh_vert.astype(float) @ R.T
+    a, b = corners[model.mesh_face[:, 0]], corners[model.mesh_face[:, 1]]
+    share = rng.uniform(size=(40, len(a), 1))
+    targets = np.concatenate([corners, (share * a + (1.0 - share) * b).reshape(-1, 3)])
+    origins = np.tile(position, (len(targets), 1))
+    directions = targets - origins
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    _, ids, _ = cast_rays(Surfaces(model, ALL), origins, directions)
+    assert (ids == 0).all()
+
+
+def test_what_moves_is_met_where_it_is():
+    """By mocap and by a joint, beside what stands; the same asset in three places."""
+    rng = np.random.default_rng(3)
+    spec = mujoco.MjSpec()
+    add_mesh(spec, "star", *star(rng))
+    carried = spec.worldbody.add_body(name="carried", mocap=True)
+    hung = spec.worldbody.add_body(name="hung", pos=[2, 0, 0])
+    hung.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], pos=[-2, 0, 0])
+    for body in (spec.worldbody, carried, hung):
+        add_geom(body, "star", MESH, quat=rng.normal(size=4))
+    model, data = posed(spec)
+    surfaces = Surfaces(model, ALL)
+    before = cast_rays(surfaces, *random_rays(np.random.default_rng(0), 800, 3.0))[0]
+    for _ in range(3):
+        data.mocap_pos[0], data.mocap_quat[0] = rng.normal(size=3), [0.6, 0.0, 0.8, 0.0]
+        data.qpos[0] = rng.uniform(-3, 3)
+        mujoco.mj_kinematics(model, data)
+        surfaces.refresh(data)
+        assert_as_mujoco(model, data, surfaces, *random_rays(rng, 800, 3.0), least_hits=100)
+    after = cast_rays(surfaces, *random_rays(np.random.default_rng(0), 800, 3.0))[0]
+    assert (before != after).sum() > 50
+
+
+@pytest.mark.parametrize("sensor", [LIDAR, CAMERA], ids=["lidar", "camera"])
+@pytest.mark.parametrize("poses", [1, 5])
+def test_a_sweep_by_tiles_is_its_beams_alone(sensor, poses):
+    """Also when the sensor moves during the sweep, and whoever casts which tiles."""
+    rng = np.random.default_rng(poses)
+    model, data = posed(rugged(rng))
+    surfaces = Surfaces(model, ALL)
+    table = sensor.beam_table()
+    pattern = cut_grid(beams_of(table, 0), len(table.rows), len(table.columns))
+    count, tiles = len(pattern.places), len(pattern.tile_starts) - 1
+    moments = rng.integers(0, poses, count).astype(np.int32)
+    origins = np.array([0.0, 0.0, 1.0]) + 0.1 * rng.normal(size=(poses, 3))
+    rotations = np.empty((poses, 9))
+    for R in rotations:
+        quaternion = np.array([1.0, 0.0, 0.0, 0.0]) + 0.05 * rng.normal(size=4)
+        mujoco.mju_quat2Mat(R, quaternion / np.linalg.norm(quaternion))
+    rotations = rotations.reshape(-1, 3, 3)
+    whole, parts = nothing_yet(count), nothing_yet(count)
+    surfaces.meet(pattern, moments, origins, rotations, 30.0, *whole, 0, tiles)
+    for first, last in [(tiles // 2, tiles), (0, 0), (0, 3), (3, tiles // 2)]:
+        surfaces.meet(pattern, moments, origins, rotations, 30.0, *parts, first, last)
+    for one, other in zip(whole, parts, strict=True):
+        assert one.tobytes() == other.tobytes()
+    if poses == 1:
+        late = nothing_yet(count)
+        surfaces.meet(pattern, moments + 7, origins, rotations, 30.0, *late, 0, tiles)
+        assert late[0].tobytes() == whole[0].tobytes()
+    directions = np.einsum("nij,jn->ni", rotations[moments], pattern.beams)
+    expected, ids = by_mj_ray(model, data, origins[moments], directions)
+    assert (ids >= 0).sum() > 50
+    np.testing.assert_array_equal(whole[1][pattern.places], ids)
+    assert np.abs(whole[0][pattern.places] - expected).max() <= 1e-9
+
+
+def test_nearer_hits_stand_and_equal_ones_go_to_the_lower_id():
+    spec = mujoco.MjSpec()
+    add_hills(spec, "flat", 2, 2, [1.0, 1.0, 1.0, 1.0], np.zeros(4))
+    for _ in range(2):
+        add_geom(spec.worldbody, "flat", HEIGHT_FIELD)
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0, 0], pos=[5, 5, 5])
+    model, _ = posed(spec)
+    surfaces = Surfaces(model, ALL)
+    assert len(surfaces) == 2
+    origins, directions = np.tile([0.2, 0.1, 2.0], (4, 1)), np.tile([0.0, 0.0, -1.0], (4, 1))
+    distance = np.array([-1.0, 1.5, 2.0, 2.0])
+    ids, face = np.array([-1, 3, 3, -5], np.int32), np.full(4, -1, np.int32)
+    surfaces.meet_rays(origins, directions, 30.0, distance, ids, face)
+    assert distance.tolist() == [2.0, 1.5, 2.0, 2.0]
+    assert ids.tolist() == [0, 3, 0, -5]
+    assert (face >= 0).tolist() == [True, False, True, False]
+
+
+@pytest.mark.parametrize(("limit", "expected"), [(2.0, 2.0), (1.9999, -1.0)])
+def test_range(limit, expected):
+    spec = mujoco.MjSpec()
+    add_hills(spec, "flat", 2, 2, [1.0, 1.0, 1.0, 1.0], np.zeros(4))
+    add_geom(spec.worldbody, "flat", HEIGHT_FIELD)
+    model, _ = posed(spec)
+    rays = np.array([[0.2, 0.1, 2.0]]), np.array([[0.0, 0.0, -1.0]])
+    assert cast_rays(Surfaces(model, ALL), *rays, limit)[0][0] == expected
+
+
+def test_groups_and_alpha():
+    rng = np.random.default_rng(0)
+    spec = mujoco.MjSpec()
+    add_mesh(spec, "star", *star(rng))
+    add_geom(spec.worldbody, "star", MESH, group=2)
+    add_geom(spec.worldbody, "star", MESH, rgba=[1, 1, 1, 0])
+    model, _ = posed(spec)
+    assert len(Surfaces(model, ALL)) == 1
+    mask = ALL.copy()
+    mask[2] = 0
+    surfaces = Surfaces(model, mask)
+    assert len(surfaces) == 0
+    assert (cast_rays(surfaces, *random_rays(rng, 50))[1] == -1).all()
+
+
+def test_no_flexes():
+    """MuJoCo's rays do not meet them; so it is no omission that this does not."""
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><flexcomp name="cloth" type="grid" count="5 5 1" spacing="1 1 1" '
+        'dim="2" radius="0.01" rigid="true"/></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    _, ids = by_mj_ray(model, data, np.array([[0.1, 0.2, 1.0]]), np.array([[0.0, 0.0, -1.0]]))
+    assert ids[0] == -1
+    assert len(Surfaces(model, ALL)) == 0
+
+
+@pytest.mark.parametrize("count", [0, 1, LEAF, LEAF + 1, 300])
+def test_a_tree_holds_every_item_once_inside_its_boxes(count):
+    rng = np.random.default_rng(count)
+    lower = rng.normal(size=(count, 3))
+    upper = lower + rng.exponential(size=(count, 3))
+    boxes, links, order = build_tree(lower, upper)
+    assert sorted(order) == list(range(count))
+    seen = 0
+    for node, (first, items, _) in enumerate(links):
+        if items == 0:
+            for child in (first, first + 1):
+                assert (boxes[node, :3] <= boxes[child, :3] + 1e-8).all()
+                assert (boxes[node, 3:] >= boxes[child, 3:] - 1e-8).all()
+        else:
+            assert items <= LEAF
+            own = order[first : first + items]
+            assert (boxes[node, :3] < lower[own]).all()
+            assert (boxes[node, 3:] > upper[own]).all()
+            seen += items
+    assert seen == count
+
+
+def test_a_tree_over_equal_and_over_exponential_items_stays_shallow():
+    """Middles that no plane parts, and ones of which each plane parts one from the rest."""
+    same = np.zeros((5000, 3))
+    doubling = np.repeat(2.0 ** np.arange(-500, 500)[:, None], 3, axis=1)
+    for corners in (same, doubling):
+        _, links, _ = build_tree(corners, corners)
+        depth = np.zeros(len(links), int)
+        for node, (first, items, _) in enumerate(links):
+            if items == 0:
+                depth[first : first + 2] = depth[node] + 1
+        assert depth.max() <= MAX_SORTED_DEPTH + 14
+
+
+def test_compiled_kernels_do_what_the_source_says(monkeypatch):
+    rng = np.random.default_rng(6)
+    model, _ = posed(rugged(rng))
+    origins, directions = random_rays(rng, 3 * WIDTH - 3)
+    compiled = cast_rays(Surfaces(model, ALL), origins, directions)
+    for module in (tree, surface_kernels):
+        for name, thing in list(vars(module).items()):
+            if hasattr(thing, "py_func"):
+                monkeypatch.setattr(module, name, thing.py_func)
+    with np.errstate(all="ignore"):
+        interpreted = cast_rays(Surfaces(model, ALL), origins, directions)
+    assert (compiled[1] >= 0).sum() > 5
+    for one, other in zip(compiled, interpreted, strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+def test_a_packet_meets_triangles_as_plain_algebra_does():
+    """Each ray and triangle solved as three linear equations."""
+    rng = np.random.default_rng(9)
+    corners = rng.normal(size=(40, 3, 3))
+    spec = mujoco.MjSpec()
+    add_mesh(
+        spec, "loose", corners, np.arange(120), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    )
+    add_geom(spec.worldbody, "loose", MESH)
+    model, data = posed(spec)
+    R, position = data.geom_xmat[0].reshape(3, 3), data.geom_xpos[0]
+    corners = position + model.mesh_vert[model.mesh_face].astype(float) @ R.T  # (40, 3, 3)
+    origins, directions = random_rays(rng, 300, 1.0)
+    naive = np.full(300, np.inf)
+    for ray, (o, d) in enumerate(zip(origins, directions, strict=True)):
+        for a, b, c in corners:
+            x, u, v = np.linalg.solve(np.column_stack([-d, b - a, c - a]), o - a)
+            if x >= 0.0 and u >= 0.0 and v >= 0.0 and u + v <= 1.0:
+                naive[ray] = min(naive[ray], x)
+    distance, ids, _ = cast_rays(Surfaces(model, ALL), origins, directions)
+    assert ((ids == 0) == np.isfinite(naive)).all()
+    assert np.abs(distance - naive)[ids == 0].max() < 1e-9
+    assert (ids == 0).sum() > 100
