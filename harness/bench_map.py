@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.map_trials import Accuracy, Agreement, Ghost, accuracies, ghosts
+from harness.map_trials import (
+    Accuracy,
+    Agreement,
+    Ghost,
+    accuracies,
+    agreement_with_octomap,
+    ghosts,
+)
 from harness.map_workload import (
     HALL_SPACING,
     RANGE,
@@ -126,10 +133,13 @@ def bench_map(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[d
         progress(f"map: {SHORT:g} m and {LONG:g} m")
         rows += extent(seed, SHORT, LONG, 0.05)
     progress("map: ghosts")
-    rows += [_ghost_row(ghost) for ghost in ghosts()]
+    rows += [_found_row("ghosts", ghost) for ghost in ghosts()]
     for resolution in (0.05, 0.1):
         progress(f"map: accuracy at {resolution:g} m")
-        rows += [_found_row(found) for found in accuracies(room, resolution)]
+        rows += [_found_row("accuracy", found) for found in accuracies(room, resolution)]
+    if octomap_installed():
+        progress("map: agreement")
+        rows.append(_found_row("agreement", agreement_with_octomap(room, 0.1)))
     return [asdict(row) for row in rows]
 
 
@@ -164,7 +174,10 @@ def speed(
     modes: Mapping[str, MapConfig] = MODES,
     peers: bool = False,
 ) -> list[Row]:
-    """Every mode and the peer in turn on the same sweeps, so that load meets them alike."""
+    """Every mode and the peer on the same sweeps, so that load meets them alike.
+
+    In another order for each sweep: who comes after the peer finds the caches empty.
+    """
     ours = [
         _Ours(name, threads, replace(config, resolution=resolution), range_limit)
         for name, config in modes.items()
@@ -172,10 +185,11 @@ def speed(
     ]
     theirs = [_OctoMap(name, resolution, range_limit) for name in THINNING] if peers else []
     entrants: list[_Ours | _OctoMap] = [*ours, *theirs]
+    order = np.random.default_rng(sweeps)
     for number in range(SETTLING + sweeps):
         sweep = room[number % ROOM_POSES]
-        for entrant in entrants:
-            entrant.take(sweep, number)
+        for place in order.permutation(len(entrants)):
+            entrants[place].take(sweep, number)
     fastest = min((float(np.median(peer.timed())) for peer in theirs), default=None)
     return [
         replace(
@@ -337,10 +351,5 @@ def _timed_row(part: str, ms: Sequence[float], fastest_peer_ms: float | None) ->
     )
 
 
-def _ghost_row(ghost: Ghost) -> Row:
-    return Row(part="ghosts", **asdict(ghost))
-
-
-def _found_row(found: Accuracy | Agreement) -> Row:
-    part = "accuracy" if isinstance(found, Accuracy) else "agreement"
-    return Row(part=part, rays=RAYS, threads=1, **asdict(found))
+def _found_row(part: str, found: Ghost | Accuracy | Agreement) -> Row:
+    return Row(part=part, **asdict(found))

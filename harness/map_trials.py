@@ -20,6 +20,7 @@ from harness.map_workload import (
     octomap_installed,
 )
 from maps import FREE, OCCUPIED, UNKNOWN, MapConfig
+from models.beams import DROPPED
 
 FLOOR_HEIGHT_IN_CELL = 0.75
 """Where maps hold the plane z = 0 in its layer of cells, from the layer's bottom, in cells."""
@@ -118,7 +119,7 @@ def sweeps_by_formula(config: MapConfig, unseen: float) -> int:
     return math.floor(_log_odds(config.clamp_high) * faded / config.miss) + 1
 
 
-def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy | Agreement]:
+def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
     """Each map after the room's sweeps; the peer twice, by where its cells have the floor.
 
     By itself OctoMap has the plane z = 0 between two layers of cells; for its sake everything is
@@ -131,11 +132,37 @@ def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy | 
         return
     peer = _mapped("octomap", config, room)
     yield _accuracy("octomap", "floor at 3/4", peer, room, resolution)
-    yield Agreement(LIBRARIES["voxel"], GUARDED, resolution, *agreement(ours, peer, resolution))
     lift = np.array([0.0, 0.0, (1.0 - FLOOR_HEIGHT_IN_CELL) * resolution])
     lifted = [sweep.moved(lift) for sweep in room]
     peer = _mapped("octomap", config, lifted)
     yield _accuracy("octomap", "floor on a face", peer, lifted, resolution)
+
+
+def agreement_with_octomap(room: Sequence[Sweep], resolution: float) -> Agreement:
+    """Our map beside the peer after the room's sweeps, without the beams that only clear.
+
+    OctoMap clears along those up to a range and not up to a cell, so they cannot be compared.
+    """
+    config = MapConfig(resolution=resolution, half_life=0.0)
+    returns = [
+        replace(sweep, ranges_mm=np.where(sweep.geoms < 0, DROPPED, sweep.ranges_mm))
+        for sweep in room
+    ]
+    ours, peer = (_mapped(kind, config, returns) for kind in ("voxel", "octomap"))
+    return Agreement(LIBRARIES["voxel"], GUARDED, resolution, *agreement(ours, peer, resolution))
+
+
+def agreement(one: Any, other: Any, resolution: float) -> tuple[float, float]:
+    """Share of the room's cells, known to either map, that have one state: of all, above floor."""
+    nx, ny, nz = (int(n) for n in ROOM / resolution)
+    x, y = (a.ravel() for a in np.indices((nx, ny)))
+    same, known = np.zeros((2, nz), np.int64)
+    for layer in range(nz):  # one at a time: they are many
+        cells = np.stack([x, y, np.full_like(x, layer)], axis=1)
+        a, b = (m.state_at(_centres(cells, resolution)) for m in (one, other))
+        same[layer] = ((a == b) & (a != UNKNOWN)).sum()
+        known[layer] = ((a != UNKNOWN) | (b != UNKNOWN)).sum()
+    return float(same.sum() / known.sum()), float(same[1:].sum() / known[1:].sum())
 
 
 def floor_columns_lost(state_map: Any, sweeps: Sequence[Sweep], resolution: float) -> float:
@@ -185,19 +212,6 @@ def _mapped(kind: str, config: MapConfig, sweeps: Sequence[Sweep]) -> Any:
             sweep.origin, sweep.directions, sweep.ranges_mm, RANGE, number * SWEEP_NS
         )
     return state_map
-
-
-def agreement(one: Any, other: Any, resolution: float) -> tuple[float, float]:
-    """Share of the room's cells, known to either map, that have one state: of all, above floor."""
-    nx, ny, nz = (int(n) for n in ROOM / resolution)
-    x, y = (a.ravel() for a in np.indices((nx, ny)))
-    same, known = np.zeros((2, nz), np.int64)
-    for layer in range(nz):  # one at a time: they are many
-        cells = np.stack([x, y, np.full_like(x, layer)], axis=1)
-        a, b = (m.state_at(_centres(cells, resolution)) for m in (one, other))
-        same[layer] = ((a == b) & (a != UNKNOWN)).sum()
-        known[layer] = ((a != UNKNOWN) | (b != UNKNOWN)).sum()
-    return float(same.sum() / known.sum()), float(same[1:].sum() / known[1:].sum())
 
 
 def _cells(points: NDArray[np.float64], resolution: float) -> NDArray[np.int64]:

@@ -27,6 +27,7 @@ BLOCK = 16  # cells along the edge of a block, which carries the time of its las
 NEIGHBOURS = 4  # cells along the edge of a cube in which one beam's end stands for all
 WORD_BITS = 64
 DROPPED_MM = 0
+DISCRETIZE = False  # of `insertPointCloud`. Each beam to its own end, as VoxelMap follows it.
 
 
 class OctoMap:
@@ -108,10 +109,9 @@ class OctoMap:
         # OctoMap clears toward a point beyond its maximum range, up to that range.
         points = starts[moments] + directions * np.where(clears, 2.0 * lengths, lengths)[:, None]
         for moment in np.unique(moments[told]):
-            own = told & (moments == moment)
-            self._tree.insertPointCloud(
-                self._in_tree(points[own]), self._in_tree(starts[moment]), range_limit, True, False
-            )
+            own = self._in_tree(points[told & (moments == moment)])
+            start = self._in_tree(starts[moment])
+            self._tree.insertPointCloud(own, start, range_limit, True, DISCRETIZE)
         ends = starts[moments] + directions * lengths[:, None]
         self._note(starts[moments][told], ends[told], time_ns)
         returned = told & ~clears
