@@ -68,7 +68,7 @@ def test_probabilities_agree(both):
     same = ours.state_at(points) == peer.state_at(points)
     difference = np.abs(ours.probability_at(points) - peer.probability_at(points))
     assert np.median(difference[same]) < 2e-3
-    assert (difference[same] < 0.01).mean() > 0.99
+    assert (difference[same] < 0.01).mean() > 0.98
 
 
 def test_beams_are_counted_alike(both):
@@ -199,7 +199,7 @@ def test_what_it_cannot_do_is_refused():
     peer = octomap()
     beam, wall = np.array([[1.0, 0.0, 0.0]]), np.array([1000], np.uint16)
     for origin in ((np.nan, 0.0, 0.0), (5000.0, 0.0, 0.0)):
-        with pytest.raises(ValueError, match="origin: got"):
+        with pytest.raises(ValueError, match="origins?: got"):
             peer.integrate(origin, beam, wall, 3.0, 0)
     with pytest.raises(ValueError, match="time_ns: got -1"):
         peer.advance(-1)
