@@ -20,7 +20,7 @@ from harness.map_workload import (
     octomap_installed,
 )
 from maps import FREE, OCCUPIED, UNKNOWN, MapConfig
-from models.beams import DROPPED
+from models.beams import DROPPED, NO_RETURN
 
 FLOOR_HEIGHT_IN_CELL = 0.75
 """Where maps hold the plane z = 0 in its layer of cells, from the layer's bottom, in cells."""
@@ -145,7 +145,7 @@ def agreement_with_octomap(room: Sequence[Sweep], resolution: float) -> Agreemen
     """
     config = MapConfig(resolution=resolution, half_life=0.0)
     returns = [
-        replace(sweep, ranges_mm=np.where(sweep.geoms < 0, DROPPED, sweep.ranges_mm))
+        replace(sweep, ranges_mm=np.where(sweep.ranges_mm == NO_RETURN, DROPPED, sweep.ranges_mm))
         for sweep in room
     ]
     ours, peer = (_mapped(kind, config, returns) for kind in ("voxel", "octomap"))
