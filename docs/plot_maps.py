@@ -98,7 +98,7 @@ def cell(field, value):
     if value is None:
         return ""
     if field in SHARES:
-        return f"{100 * value:.2f} %"
+        return f"{100 * value:.3g} %" if value < 0.99 else f"{100 * value:.3f} %"
     if isinstance(value, float):
         return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
     return str(value)

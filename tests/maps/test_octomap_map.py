@@ -199,7 +199,7 @@ def test_what_it_cannot_do_is_refused():
     peer = octomap()
     beam, wall = np.array([[1.0, 0.0, 0.0]]), np.array([1000], np.uint16)
     for origin in ((np.nan, 0.0, 0.0), (5000.0, 0.0, 0.0)):
-        with pytest.raises(ValueError, match="origins?: got"):
+        with pytest.raises(ValueError, match=r"origins?: got"):
             peer.integrate(origin, beam, wall, 3.0, 0)
     with pytest.raises(ValueError, match="time_ns: got -1"):
         peer.advance(-1)
