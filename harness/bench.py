@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from itertools import groupby
 from typing import Any
 
 from rich import box
@@ -14,17 +15,29 @@ from rich.console import Console, JustifyMethod
 from rich.table import Table
 
 from harness.bench_loop import bench_loop
+from harness.bench_map import bench_map
 from harness.bench_rays import bench_rays
 from harness.errors import InputError, unknown_name
 
 Row = dict[str, Any]
 Stage = Callable[[int, int, Callable[[str], None]], list[Row]]
 
-STAGES: dict[str, Stage] = {"loop": bench_loop, "rays": bench_rays}
+STAGES: dict[str, Stage] = {"loop": bench_loop, "map": bench_map, "rays": bench_rays}
 
 MOST_SWEEPS = 1000
 
-SHORT_HEADINGS = {"mray_per_s": "Mray/s", "id_mismatches": "ids differ"}
+SHORT_HEADINGS = {
+    "mray_per_s": "Mray/s",
+    "id_mismatches": "ids differ",
+    "resolution_m": "cell m",
+    "ms_per_sweep": "ms",
+    "ms_p99": "p99",
+    "ratio_vs_pyoctomap": "ratio",
+    "trajectory_m": "path m",
+    "floor_columns_lost": "floor lost",
+    "agreement": "agree",
+    "agreement_above_floor": "above floor",
+}
 """Of fields whose name is too wide for a table of 80 columns."""
 
 
@@ -47,7 +60,18 @@ def run_stage(name: str, sweeps: int, seed: int) -> list[Row]:
 
 
 def print_rows(console: Console, title: str, rows: list[Row]) -> None:
-    """Rows as a table, one column for each field."""
+    """Rows as tables, one column for each field; rows with the same fields told share one."""
+    for fields, alike in groupby(rows, _fields_told):
+        told = [{field: row[field] for field in fields} for row in alike]
+        console.print(_table(title, told))
+        title = ""
+
+
+def _fields_told(row: Row) -> tuple[str, ...]:
+    return tuple(field for field, value in row.items() if value is not None)
+
+
+def _table(title: str, rows: list[Row]) -> Table:
     style = box.SIMPLE_HEAD
     table = Table(title=title, title_justify="left", box=style, padding=0, show_edge=False)
     for field, value in rows[0].items():
@@ -57,7 +81,7 @@ def print_rows(console: Console, title: str, rows: list[Row]) -> None:
         table.add_column(heading, justify=side, no_wrap=word)
     for row in rows:
         table.add_row(*(_cell(value) for value in row.values()))
-    console.print(table)
+    return table
 
 
 def _cell(value: Any) -> str:

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from maps.columns import states_in
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
 from maps.inflation import inflate
+from maps.octomap import OctoMap
+from maps.representation import Representation
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
 from maps.voxel import RayEnd, VoxelMap
 
-MAPS = {"voxel": VoxelMap}
-"""Representations by name. Each answers the methods of VoxelMap."""
+MAPS: dict[str, Callable[[MapConfig, int], Representation]] = {
+    "octomap": OctoMap,
+    "voxel": VoxelMap,
+}
+"""Representations by name, made from the settings and a number of threads."""
 
 __all__ = [
     "FREE",
@@ -24,10 +32,12 @@ __all__ = [
     "Costmap",
     "MapConfig",
     "RayEnd",
+    "Representation",
     "SweepStatistics",
     "UnknownPolicy",
     "VoxelMap",
     "inflate",
+    "states_in",
     "warm_up",
 ]
 

@@ -81,8 +81,8 @@ def test_without_json_a_table(rows):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["bench", "ray"], "unknown stage 'ray'; did you mean 'rays'? (available: rays)"),
-        (["bench", "nothing"], "unknown stage 'nothing' (available: rays)"),
+        (["bench", "ray"], "unknown stage 'ray'; did you mean 'rays'? (available: map, rays)"),
+        (["bench", "nothing"], "unknown stage 'nothing' (available: map, rays)"),
         (["bench"], "the following arguments are required: STAGE"),
         (["bench", "rays", "--sweeps", "0"], "sweeps: got 0, expected 1 to 1000"),
         (["bench", "rays", "--seed", "-1"], "seed: got -1"),
