@@ -71,6 +71,11 @@ class FreeSpace:
                 f"{self.blocked_at_or_below}, expected finite costs of 0 or more"
             )
 
+    @property
+    def flat(self) -> bool:
+        """Whether it is a plane, for a robot on the ground."""
+        return self.field.shape[2] == 1
+
     def is_free(self, point: Floats) -> bool:
         """Whether a point lies in a free cell."""
         return self.edge_free(point, point)

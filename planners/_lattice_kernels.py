@@ -1,0 +1,287 @@
+"""Kernels of the search over a coarse lattice: exact integer costs-to-go, spread from the goal.
+
+A lattice cell is a block of grid cells. It is free if all of them are, so a straight step between
+the centres of two free neighbours, whose shared sides are free too, touches free grid cells only.
+Costs are integers, so the cost-to-go of a cell has one value, whatever the order of the search.
+
+Best-first search after Hart, Nilsson, Raphael, "A Formal Basis for the Heuristic Determination of
+Minimum Cost Paths", IEEE TSSC 1968, with the bucket queue of Dial, "Algorithm 360: Shortest-path
+forest with topological ordering", CACM 1969.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planners._jit import kernel
+
+UNSEEN = 0
+"""Rate of a lattice cell whose grid cells have not been looked at; 0, so that memory is lazy."""
+
+BLOCKED = -1
+
+FREE_RATE = 8
+"""Rate of a cell where nothing is near: costs are told to one part in eight of length."""
+
+LARGEST_RATE = 64 * FREE_RATE
+"""Nearness beyond this costs no more: it bounds the queue."""
+
+STEPS = (12, 17, 21)
+"""Length of a step along one, two and three axes: 1, 2^0.5 and 3^0.5 to 1 %, in integers."""
+
+NEW, OPEN, CLOSED = 0, 1, 2
+KEY, OPENED, EXPANDED = 0, 1, 2  # places in Lattice.now
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int32]
+Longs = NDArray[np.int64]
+
+
+class Lattice(NamedTuple):
+    """A lattice over a distance field and the state of one search on it.
+
+    The arrays by cell are flat and have a border of one blocked cell all around.
+    """
+
+    field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
+    threshold: int  # a grid cell is forbidden at or below it
+    factor: NDArray[np.int64]  # (3,) grid cells to a lattice cell
+    shape: NDArray[np.int64]  # (3,) lattice cells, border included
+    rate_by_distance: Integers  # (t,) cost per length by squared distance
+    offsets: NDArray[np.int64]  # (m,) flat offsets to the neighbours
+    steps: Integers  # (m,) lengths of the steps to them
+    sides: NDArray[np.int64]  # (m, 6) flat offsets of the cells that a step passes between
+    rate: Integers  # (n,) cost per length, UNSEEN or BLOCKED
+    state: Bytes  # (n,)
+    cost: Integers  # (n,) cost-to-go of an open or closed cell
+    head: Integers  # (b,) first cell of each bucket, -1 if none
+    after: Integers  # (n,) next cell in the same bucket
+    before: Integers  # (n,) previous cell in the same bucket
+    now: NDArray[np.int64]  # (3,) key in progress, open cells, expansions
+
+
+@kernel
+def block_rate(
+    field: NDArray[np.uint16],
+    threshold: int,
+    factor: Longs,
+    shape: Longs,
+    rate_by_distance: Integers,
+    cell: int,
+) -> int:
+    """Rate of a lattice cell from its grid cells: by the middle one, if none is forbidden."""
+    i, j, k = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
+    if i == 0 or j == 0 or k == 0 or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1:
+        return BLOCKED
+    x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
+    for u in range(x, x + factor[0]):
+        for v in range(y, y + factor[1]):
+            for w in range(z, z + factor[2]):
+                if field[u, v, w] <= threshold:
+                    return BLOCKED
+    middle = field[x + factor[0] // 2, y + factor[1] // 2, z + factor[2] // 2]
+    return int(rate_by_distance[min(int(middle), len(rate_by_distance) - 1)])
+
+
+@kernel
+def rate_of(lattice: Lattice, cell: int) -> int:
+    """Rate of a lattice cell, looked up once."""
+    if lattice.rate[cell] == UNSEEN:
+        lattice.rate[cell] = block_rate(
+            lattice.field,
+            lattice.threshold,
+            lattice.factor,
+            lattice.shape,
+            lattice.rate_by_distance,
+            cell,
+        )
+    return int(lattice.rate[cell])
+
+
+@kernel
+def estimate(shape: Longs, cell: int, target: int) -> int:
+    """Least cost between two cells if all were free: never more than it costs, step by step."""
+    if target < 0:
+        return 0
+    width, depth = shape[1], shape[2]
+    x = abs(cell // (width * depth) - target // (width * depth))
+    y = abs((cell // depth) % width - (target // depth) % width)
+    z = abs(cell % depth - target % depth)
+    most, least = max(x, y, z), min(x, y, z)
+    middle = x + y + z - most - least
+    length = STEPS[2] * least + STEPS[1] * (middle - least) + STEPS[0] * (most - middle)
+    return 2 * FREE_RATE * length
+
+
+@kernel
+def put(lattice: Lattice, cell: int, cost: int, key: int) -> None:
+    """Open a cell: into the bucket of its key, last in, first out."""
+    insert(lattice.head, lattice.after, lattice.before, cell, key)
+    lattice.state[cell] = OPEN
+    lattice.cost[cell] = cost
+    lattice.now[OPENED] += 1
+
+
+@kernel
+def insert(head: Integers, after: Integers, before: Integers, cell: int, key: int) -> None:
+    """Put a cell first into the bucket of its key."""
+    bucket = key % len(head)
+    first = head[bucket]
+    after[cell] = first
+    before[cell] = -1
+    if first >= 0:
+        before[first] = cell
+    head[bucket] = cell
+
+
+@kernel
+def remove(head: Integers, after: Integers, before: Integers, cell: int, key: int) -> None:
+    """Take a cell out of the bucket of its key."""
+    if before[cell] >= 0:
+        after[before[cell]] = after[cell]
+    else:
+        head[key % len(head)] = after[cell]
+    if after[cell] >= 0:
+        before[after[cell]] = before[cell]
+
+
+@kernel
+def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
+    """Close cells in the order of their keys until a given one is closed.
+
+    Args:
+        lattice: With the cells open that the search goes on from.
+        until: The cell to close.
+        target: The cell that the search is drawn to, or -1: then all cells nearer to the goal are
+            closed before it.
+        budget: Most cells to close.
+
+    Returns:
+        Whether the cell is closed; if not, the budget is spent or no cell is open.
+    """
+    # Arrays are taken out of the tuple here: taken out in the loop they are counted each time.
+    field, threshold, factor, shape = lattice.field, lattice.threshold, lattice.factor, lattice.shape
+    rate_by_distance, offsets, steps = lattice.rate_by_distance, lattice.offsets, lattice.steps
+    sides, rate, state, cost = lattice.sides, lattice.rate, lattice.state, lattice.cost
+    head, after, before = lattice.head, lattice.after, lattice.before
+    key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
+    while state[until] != CLOSED and opened > 0 and closed < budget:
+        while head[key % len(head)] < 0:
+            key += 1
+        cell = head[key % len(head)]
+        remove(head, after, before, cell, key)
+        state[cell] = CLOSED
+        opened -= 1
+        closed += 1
+        for way in range(len(offsets)):
+            other = cell + offsets[way]
+            if state[other] == CLOSED:
+                continue
+            if rate[other] == UNSEEN:
+                rate[other] = block_rate(field, threshold, factor, shape, rate_by_distance, other)
+            if rate[other] < 0:
+                continue
+            through = cost[cell] + steps[way] * (rate[cell] + rate[other])
+            known = state[other] == OPEN
+            if known and through >= cost[other]:
+                continue
+            passes = True
+            for side in sides[way]:
+                beside = cell + side
+                if rate[beside] == UNSEEN:
+                    rate[beside] = block_rate(
+                        field, threshold, factor, shape, rate_by_distance, beside
+                    )
+                passes &= rate[beside] > 0
+            if not passes:
+                continue
+            rest = estimate(shape, other, target)
+            if known:
+                remove(head, after, before, other, cost[other] + rest)
+                opened -= 1
+            insert(head, after, before, other, through + rest)
+            opened += 1
+            state[other] = OPEN
+            cost[other] = through
+    lattice.now[:] = key, opened, lattice.now[EXPANDED] + closed
+    return bool(state[until] == CLOSED)
+
+
+@kernel
+def descend(lattice: Lattice, start: int) -> Integers:
+    """The cells from a closed one down the costs-to-go, the goal's last; the first way of equals.
+
+    Only closed cells are followed, whose costs are exact: the cheapest path on the lattice.
+    """
+    offsets, steps, sides = lattice.offsets, lattice.steps, lattice.sides
+    rate, state, cost = lattice.rate, lattice.state, lattice.cost
+    cells = np.empty(len(rate), np.int32)
+    count, cell = 1, start
+    cells[0] = start
+    while cost[cell] > 0:
+        for way in range(len(offsets)):
+            other = cell + offsets[way]
+            if state[other] != CLOSED:
+                continue
+            if cost[other] + steps[way] * (rate[cell] + rate[other]) != cost[cell]:
+                continue
+            passes = True
+            for side in sides[way]:
+                passes &= rate[cell + side] > 0
+            if passes:
+                cell = other
+                break
+        cells[count] = cell
+        count += 1
+    return cells[:count].copy()
+
+
+@kernel
+def look_again(lattice: Lattice, low: NDArray[np.int64], high: NDArray[np.int64]) -> int:
+    """Look again at the lattice cells of a box that were looked at before.
+
+    Returns:
+        The least cost-to-go that may differ now: any cell that costs no more is as it was. A
+        change alters steps to, from and past its cell only, so it is the least cost of the closed
+        cells next to one that changed; the largest integer if none is.
+    """
+    least = np.iinfo(np.int32).max
+    shape = lattice.shape
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
+                cell = (i * shape[1] + j) * shape[2] + k
+                if lattice.rate[cell] == UNSEEN:
+                    continue
+                rate = block_rate(lattice.field, lattice.threshold, lattice.factor, shape, lattice.rate_by_distance, cell)
+                if rate == lattice.rate[cell]:
+                    continue
+                lattice.rate[cell] = rate
+                if lattice.state[cell] == CLOSED:
+                    least = min(least, lattice.cost[cell])
+                for way in range(len(lattice.offsets)):
+                    other = cell + lattice.offsets[way]
+                    if lattice.state[other] == CLOSED:
+                        least = min(least, lattice.cost[other])
+    return int(least)
+
+
+@kernel
+def cut_back(lattice: Lattice, cost: int) -> None:
+    """Forget all costs-to-go above a given one, and reopen the search at the border of the rest."""
+    lattice.head[:] = -1
+    lattice.now[KEY] = 0
+    lattice.now[OPENED] = 0
+    for cell in range(len(lattice.state)):
+        if lattice.state[cell] == OPEN or (
+            lattice.state[cell] == CLOSED and lattice.cost[cell] > cost
+        ):
+            lattice.state[cell] = NEW
+    # The longest step: cells farther below have no neighbour that was forgotten.
+    longest = STEPS[2] * 2 * np.max(lattice.rate_by_distance)
+    for cell in range(len(lattice.state)):
+        if lattice.state[cell] == CLOSED and lattice.cost[cell] >= cost - longest:
+            if lattice.now[OPENED] == 0 or lattice.cost[cell] < lattice.now[KEY]:
+                lattice.now[KEY] = lattice.cost[cell]
+            put(lattice, cell, lattice.cost[cell], lattice.cost[cell])

@@ -1,0 +1,135 @@
+"""A coarse lattice over a free space, and the cheapest way on it from a point to a goal."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planners import _lattice_kernels as kernels
+from planners._lattice_kernels import FREE_RATE, LARGEST_RATE, STEPS, Lattice
+from planners.kernels import Floats
+from planners.space import FreeSpace
+
+SPACING_ABOVE_GROUND = 0.2  # [m]; with 0.1 the search takes six times as long, for 0.2 % in length
+SPACING_ON_GROUND = 0.1  # [m]
+
+ENTRY_RINGS = 2
+"""How far from its own lattice cell a point may enter the lattice, in cells."""
+
+
+def factors(space: FreeSpace) -> list[int]:
+    """Grid cells to a lattice cell: the coarse one first, then ever finer down to the grid."""
+    spacing = SPACING_ON_GROUND if space.flat else SPACING_ABOVE_GROUND
+    coarse = max(round(spacing / space.resolution), 1)
+    return [factor for factor in (coarse, coarse // 2, 1) if factor >= 1][: coarse.bit_length()]
+
+
+def make_lattice(space: FreeSpace, factor: int, weight: float) -> Lattice:
+    """A lattice on which nothing has been searched yet.
+
+    Args:
+        space: What is free, and the cost of coming near.
+        factor: Grid cells to a lattice cell, along each axis that has more than one.
+        weight: Weight of the cell cost against length.
+    """
+    field = space.grid.field
+    along = np.array([factor, factor, 1 if space.flat else factor])
+    shape = np.array(field.shape) // along + 2  # what the last blocks lack closes them
+    ways = _ways(flat=space.flat)
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    rates = _rates(space, weight)
+    cells = int(shape.prod())
+    longest = STEPS[2] * 2 * int(rates.max())
+    return Lattice(
+        field=field,
+        threshold=space.blocked_at_or_below,
+        factor=along,
+        shape=shape,
+        rate_by_distance=rates,
+        offsets=ways @ strides,
+        steps=np.array([STEPS[np.abs(way).sum() - 1] for way in ways], np.int32),
+        sides=np.array([_sides(way) @ strides for way in ways]),
+        rate=np.zeros(cells, np.int32),
+        state=np.zeros(cells, np.uint8),
+        cost=np.empty(cells, np.int32),
+        head=np.full(2 * longest + 1, -1, np.int32),
+        after=np.empty(cells, np.int32),
+        before=np.empty(cells, np.int32),
+        now=np.zeros(3, np.int64),
+    )
+
+
+def open_goal(lattice: Lattice, goal: int, target: int = -1) -> None:
+    """Begin a search at the goal's cell, drawn to a target cell unless that is -1."""
+    key = kernels.estimate(lattice.shape, goal, target)
+    lattice.now[kernels.KEY] = key
+    kernels.put(lattice, goal, 0, key)
+
+
+def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
+    """The free lattice cell nearest to a point that it sees the centre of; -1 if there is none."""
+    own = lattice_cell(lattice, space, point)
+    rings = np.array([ENTRY_RINGS, ENTRY_RINGS, 0 if space.flat else ENTRY_RINGS])
+    low, high = np.maximum(own - rings, 1), np.minimum(own + rings, lattice.shape - 2)
+    near = np.array(list(itertools.product(*map(range, low, high + 1)))).reshape(-1, 3)
+    cells = near @ _strides(lattice)
+    offsets = centres(lattice, space, cells) - point
+    squared = offsets[:, 0] ** 2 + offsets[:, 1] ** 2 + offsets[:, 2] ** 2
+    for place in np.argsort(squared, kind="stable"):
+        cell = int(cells[place])
+        if kernels.rate_of(lattice, cell) > 0:
+            centre = centres(lattice, space, cells[place : place + 1])[0]
+            if space.edge_free(point, centre):
+                return cell
+    return -1
+
+
+def way_down(
+    lattice: Lattice, space: FreeSpace, start: Floats, goal: Floats, entered: int
+) -> Floats:
+    """The path from a start over the cheapest way on the lattice to the goal, shape (n, 3) [m]."""
+    cells = kernels.descend(lattice, entered)
+    return np.vstack((start, centres(lattice, space, cells), goal))
+
+
+def lattice_cell(lattice: Lattice, space: FreeSpace, point: Floats) -> NDArray[np.int64]:
+    """Indices of the lattice cell that holds a point, shape (3,)."""
+    cell = np.floor((point - space.origin) / (lattice.factor * space.resolution))
+    indices: NDArray[np.int64] = cell.astype(np.int64) + 1
+    return indices
+
+
+def centres(lattice: Lattice, space: FreeSpace, cells: NDArray[np.integer]) -> Floats:
+    """Centres of lattice cells by their flat indices, shape (n, 3) [m]."""
+    indices = np.stack(np.unravel_index(cells, tuple(lattice.shape.tolist())), axis=-1) - 0.5
+    points: Floats = space.origin + (indices * lattice.factor) * space.resolution
+    return points
+
+
+def _strides(lattice: Lattice) -> NDArray[np.int64]:
+    return np.array([lattice.shape[1] * lattice.shape[2], lattice.shape[2], 1])
+
+
+def _rates(space: FreeSpace, weight: float) -> NDArray[np.int32]:
+    """Integer cost per length by squared distance."""
+    rates = np.full(len(space.grid.cost_by_distance), FREE_RATE, np.int32)
+    free = slice(space.blocked_at_or_below + 1, None)
+    costs = np.minimum(weight * space.grid.cost_by_distance[free], LARGEST_RATE / FREE_RATE)
+    rates[free] = np.rint(FREE_RATE * (1.0 + costs)).astype(np.int32)
+    return rates
+
+
+def _ways(flat: bool) -> NDArray[np.int64]:
+    """Steps to all neighbours, shape (8 or 26, 3), straight ones first."""
+    steps = itertools.product((-1, 0, 1), (-1, 0, 1), (0,) if flat else (-1, 0, 1))
+    ways = sorted((step for step in steps if any(step)), key=lambda step: sum(map(abs, step)))
+    return np.array(ways)
+
+
+def _sides(way: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The cells that a diagonal step passes between, shape (6, 3), filled up with none."""
+    corners = itertools.product(*[(0, step) if step else (0,) for step in way.tolist()])
+    sides = [corner for corner in corners if any(corner) and list(corner) != way.tolist()]
+    return np.array([*sides, *[(0, 0, 0)] * (6 - len(sides))])
