@@ -219,27 +219,70 @@ def path_length(path: Floats) -> float:
 
 
 @kernel
-def locate(points: Floats, count: int, arc: float) -> tuple[int, Point]:
+def between(a: Point, b: Point, share: float) -> Point:
+    """The point at a share of an edge."""
+    return (
+        a[0] + share * (b[0] - a[0]),
+        a[1] + share * (b[1] - a[1]),
+        a[2] + share * (b[2] - a[2]),
+    )
+
+
+@kernel
+def locate(points: Floats, arcs: Floats, count: int, arc: float) -> tuple[int, Point]:
     """Edge and point at an arc length [m] along the first ``count`` points."""
     for n in range(count - 1):
-        a, b = row(points, n), row(points, n + 1)
-        edge = distance(a, b)
-        if arc <= edge and edge > 0.0:
-            t = arc / edge
-            return n, (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]))
-        arc -= edge
+        if arc <= arcs[n + 1] and arcs[n + 1] > arcs[n]:
+            share = (arc - arcs[n]) / (arcs[n + 1] - arcs[n])
+            return n, between(row(points, n), row(points, n + 1), share)
     return count - 2, row(points, count - 1)
 
 
 @kernel
-def cost_between(
-    grid: Grid, threshold: int, weight: float, points: Floats, first: int, last: int
-) -> float:
-    """Cost of the edges between two of a path's points [m]."""
-    cost = 0.0
-    for n in range(first, last):
-        cost += edge_cost(grid, threshold, weight, row(points, n), row(points, n + 1))
-    return cost
+def detour(
+    grid: Grid, threshold: int, weight: float, ends: tuple[Point, Point, Point, Point], apex: Point,
+    old: float,
+) -> tuple[int, float, float, float, float]:
+    """Try to lead from ``ends[1]`` to ``ends[2]`` straight, else over an apex.
+
+    Args:
+        grid: The distance field.
+        threshold: A cell is forbidden at or below this squared distance.
+        weight: Weight of the cell cost against length.
+        ends: The point before the cut, its two ends, and the point after it [m].
+        apex: Of the detour [m].
+        old: What the way from the first to the last of the ends costs now [m].
+
+    Returns:
+        How many points the cheaper way has between the first and the last (0 if none is cheaper,
+        2 or 3), and the costs of its edges [m].
+    """
+    outside, u, v, beyond = ends
+    # No edge costs less than its length, so most attempts end before a cell is looked at.
+    least = distance(outside, u) + distance(v, beyond) + LEAST_GAIN
+    if least + distance(u, v) >= old:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    straight = edge_cost(grid, threshold, weight, u, v)
+    first, last = math.inf, math.inf
+    if least + straight < old:
+        first = edge_cost(grid, threshold, weight, outside, u)
+        last = edge_cost(grid, threshold, weight, v, beyond)
+        if first + straight + last < old - LEAST_GAIN:
+            return 2, first, straight, last, 0.0
+    if least + distance(u, apex) + distance(apex, v) >= old:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    to_apex = edge_cost(grid, threshold, weight, u, apex)
+    if least + to_apex + distance(apex, v) >= old:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    from_apex = edge_cost(grid, threshold, weight, apex, v)
+    if least + to_apex + from_apex >= old:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    if first == math.inf:
+        first = edge_cost(grid, threshold, weight, outside, u)
+        last = edge_cost(grid, threshold, weight, v, beyond)
+    if first + to_apex + from_apex + last < old - LEAST_GAIN:
+        return 3, first, to_apex, from_apex, last
+    return 0, 0.0, 0.0, 0.0, 0.0
 
 
 @kernel
@@ -261,38 +304,39 @@ def shortcut(grid: Grid, threshold: int, weight: float, path: Floats, draws: Flo
     Returns:
         Way points between the same ends, shape (k, 3).
     """
-    points = np.empty((len(path) + 3 * len(draws), 3))
+    room = len(path) + 3 * len(draws)
+    points, arcs, costs = np.empty((room, 3)), np.empty(room), np.empty(room)
     points[: len(path)] = path
     count = len(path)
-    fresh = np.empty((3, 3))
+    for n in range(count - 1):
+        costs[n] = edge_cost(grid, threshold, weight, row(points, n), row(points, n + 1))
+    changed = True
     for draw in draws:
-        length = path_length(points[:count])
-        edge_u, u = locate(points, count, min(draw[0], draw[1]) * length)
-        edge_v, v = locate(points, count, max(draw[0], draw[1]) * length)
-        before, after = row(points, edge_u), row(points, edge_v + 1)
-        apex = (
-            0.5 * (u[0] + v[0]) + draw[2],
-            0.5 * (u[1] + v[1]) + draw[3],
-            0.5 * (u[2] + v[2]) + draw[4],
-        )
-        old = cost_between(grid, threshold, weight, points, edge_u, edge_v + 1)
-        ends = edge_cost(grid, threshold, weight, before, u)
-        ends += edge_cost(grid, threshold, weight, v, after)
-        added = 0
-        if ends + edge_cost(grid, threshold, weight, u, v) < old - LEAST_GAIN:
-            fresh[0], fresh[1] = u, v
-            added = 2
-        else:
-            ends += edge_cost(grid, threshold, weight, u, apex)
-            ends += edge_cost(grid, threshold, weight, apex, v)
-            if ends < old - LEAST_GAIN:
-                fresh[0], fresh[1], fresh[2] = u, apex, v
-                added = 3
-        if added > 0:
-            tail = points[edge_v + 1 : count].copy()
-            points[edge_u + 1 : edge_u + 1 + added] = fresh[:added]
-            count = edge_u + 1 + added + len(tail)
-            points[count - len(tail) : count] = tail
+        if changed:
+            arcs[0] = 0.0
+            for n in range(count - 1):
+                arcs[n + 1] = arcs[n] + distance(row(points, n), row(points, n + 1))
+        length = arcs[count - 1]
+        i, u = locate(points, arcs, count, min(draw[0], draw[1]) * length)
+        j, v = locate(points, arcs, count, max(draw[0], draw[1]) * length)
+        middle = between(u, v, 0.5)
+        apex = (middle[0] + draw[2], middle[1] + draw[3], middle[2] + draw[4])
+        ends = (row(points, i), u, v, row(points, j + 1))
+        added, a, b, c, d = detour(grid, threshold, weight, ends, apex, np.sum(costs[i : j + 1]))
+        changed = added > 0
+        if changed:
+            shift = i + 1 + added - (j + 1)
+            last = count + shift
+            points[j + 1 + shift : last] = points[j + 1 : count].copy()
+            costs[j + 1 + shift : last - 1] = costs[j + 1 : count - 1].copy()
+            points[i + 1] = u
+            if added == 3:
+                points[i + 2] = apex
+            points[i + added] = v
+            fresh = (a, b, c, d)
+            for n in range(added + 1):
+                costs[i + n] = fresh[n]
+            count = last
     return prune(grid, threshold, weight, points[:count])
 
 
