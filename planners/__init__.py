@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from planners.body import Body, Disc, blocked_at_or_below
 from planners.frontier import best_frontier
 from planners.path import (
     arc_lengths,
@@ -17,6 +18,7 @@ from planners.path import (
 from planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
 from planners.seeds import plan_seed
 from planners.space import CLEARANCE_WEIGHT, FreeSpace
+from planners.state_spaces import STATE_SPACES
 from planners.trajectory import (
     MotionLimits,
     Trajectory,
@@ -31,6 +33,9 @@ from planners.trajectory import (
 __all__ = [
     "CLEARANCE_WEIGHT",
     "PLANNERS",
+    "STATE_SPACES",
+    "Body",
+    "Disc",
     "FreeSpace",
     "MotionLimits",
     "Plan",
@@ -41,6 +46,7 @@ __all__ = [
     "arc_lengths",
     "best_frontier",
     "blend_corners",
+    "blocked_at_or_below",
     "first_stop",
     "follow_path",
     "hold",

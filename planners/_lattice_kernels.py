@@ -161,7 +161,12 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
         Whether the cell is closed; if not, the budget is spent or no cell is open.
     """
     # Arrays are taken out of the tuple here: taken out in the loop they are counted each time.
-    field, threshold, factor, shape = lattice.field, lattice.threshold, lattice.factor, lattice.shape
+    field, threshold, factor, shape = (
+        lattice.field,
+        lattice.threshold,
+        lattice.factor,
+        lattice.shape,
+    )
     rate_by_distance, offsets, steps = lattice.rate_by_distance, lattice.offsets, lattice.steps
     sides, rate, state, cost = lattice.sides, lattice.rate, lattice.state, lattice.cost
     head, after, before = lattice.head, lattice.after, lattice.before
@@ -254,7 +259,14 @@ def look_again(lattice: Lattice, low: NDArray[np.int64], high: NDArray[np.int64]
                 cell = (i * shape[1] + j) * shape[2] + k
                 if lattice.rate[cell] == UNSEEN:
                     continue
-                rate = block_rate(lattice.field, lattice.threshold, lattice.factor, shape, lattice.rate_by_distance, cell)
+                rate = block_rate(
+                    lattice.field,
+                    lattice.threshold,
+                    lattice.factor,
+                    shape,
+                    lattice.rate_by_distance,
+                    cell,
+                )
                 if rate == lattice.rate[cell]:
                     continue
                 lattice.rate[cell] = rate

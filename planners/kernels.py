@@ -23,11 +23,21 @@ SUBCELLS = 1 << SUBCELL_BITS
 # Farther from the origin the products that compare crossing times could overflow 64 bits.
 FARTHEST_CELL = 1 << 14
 OUTSIDE = -1
+TURN = 2.0 * math.pi
+# A sweep is cut into steps in which no disc 1 m from the reference point bows out by 0.4 mm from
+# the straight line that is checked: 1 - cos(0.05 / 2).
+TURN_STEP = 0.05  # [rad]
+# What a turn costs against length: a quadruped that turns at 1 rad/s loses 0.1 s of a walk at
+# 1 m/s for each radian that it turns while it walks.
+TURN_PRICE = 0.1  # [m/rad]
+# What motion off the heading costs more than motion along it: sideways twice, backwards thrice.
+SIDEWAYS = 1.0
 # A cost has to fall by more than its own rounding error before a path is changed [m].
 LEAST_GAIN = 1e-9
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
+Pose = tuple[float, float, float, float]  # x, y, z [m] and heading [rad]
 SubcellPoint = tuple[int, int, int]
 
 
@@ -38,6 +48,13 @@ class Grid(NamedTuple):
     origin: Floats  # (3,) low corner [m]
     resolution: float  # [m]
     cost_by_distance: Floats  # (t,) cost of a cell by its squared distance
+
+
+class Discs(NamedTuple):
+    """The discs or balls of a body along its x axis."""
+
+    offsets: Floats  # (m,) of the centres [m]
+    thresholds: NDArray[np.int64]  # (m,) largest forbidden squared cell distance of each
 
 
 @kernel
@@ -240,7 +257,11 @@ def locate(points: Floats, arcs: Floats, count: int, arc: float) -> tuple[int, P
 
 @kernel
 def detour(
-    grid: Grid, threshold: int, weight: float, ends: tuple[Point, Point, Point, Point], apex: Point,
+    grid: Grid,
+    threshold: int,
+    weight: float,
+    ends: tuple[Point, Point, Point, Point],
+    apex: Point,
     old: float,
 ) -> tuple[int, float, float, float, float]:
     """Try to lead from ``ends[1]`` to ``ends[2]`` straight, else over an apex.
@@ -338,6 +359,306 @@ def shortcut(grid: Grid, threshold: int, weight: float, path: Floats, draws: Flo
                 costs[i + n] = fresh[n]
             count = last
     return prune(grid, threshold, weight, points[:count])
+
+
+@kernel
+def wrap(angle: float) -> float:
+    """The same angle [rad] in [-pi, pi)."""
+    return angle - TURN * math.floor(angle / TURN + 0.5)
+
+
+@kernel
+def heading_of(x: float, y: float) -> float:
+    """atan2(y, x) [rad] to 1e-12, by additions, products, quotients and roots.
+
+    Three half-angle steps, atan(t) = 2 atan(t / (1 + sqrt(1 + t^2))), bring the argument below
+    0.1, where six terms of the series are enough.
+    """
+    if x == 0.0 and y == 0.0:
+        return 0.0
+    steep = abs(y) > abs(x)
+    t = abs(x) / abs(y) if steep else abs(y) / abs(x)
+    for _ in range(3):
+        t = t / (1.0 + math.sqrt(1.0 + t * t))
+    q = t * t
+    series = 1.0 - q * (1 / 3 - q * (1 / 5 - q * (1 / 7 - q * (1 / 9 - q * (1 / 11)))))
+    angle = 8.0 * t * series
+    if steep:
+        angle = 0.5 * math.pi - angle
+    if x < 0.0:
+        angle = math.pi - angle
+    return -angle if y < 0.0 else angle
+
+
+@kernel
+def edge_headings(tangents: Floats, initial: float) -> Floats:
+    """Heading of each edge [rad], shape (n,), without jumps by full turns.
+
+    Args:
+        tangents: Unit tangents, shape (n, 3).
+        initial: Heading [rad] kept by leading edges that are too steep to have one.
+    """
+    headings = np.empty(len(tangents))
+    heading = initial
+    for n in range(len(tangents)):
+        x, y, z = tangents[n]
+        if x * x + y * y > 1e-4 * z * z:  # steeper than 89.4 degrees: no heading
+            heading += wrap(heading_of(x, y) - heading)
+        headings[n] = heading
+    return headings
+
+
+@kernel
+def turn_after(targets: Floats, initial: float, largest_step: float) -> Floats:
+    """Headings [rad] that run after their targets by at most a step at a time, shape (n + 1,)."""
+    headings = np.empty(len(targets) + 1)
+    headings[0] = initial
+    for n in range(len(targets)):
+        error = targets[n] - headings[n]
+        headings[n + 1] = headings[n] + min(max(error, -largest_step), largest_step)
+    return headings
+
+
+@kernel
+def direction(angle: float) -> tuple[float, float]:
+    """Cosine and sine of an angle [rad] to 1e-14, by sums, products and a floor only.
+
+    Series for a sixteenth of the angle, and four doublings: no maths library changes a bit.
+    """
+    small = wrap(angle) / 16.0
+    q = small * small
+    sine = small * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0))))
+    cosine = 1.0 - q / 2.0 * (
+        1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0)))
+    )
+    for _ in range(4):
+        cosine, sine = cosine * cosine - sine * sine, 2.0 * sine * cosine
+    return cosine, sine
+
+
+@kernel
+def pose_between(a: Pose, b: Pose, share: float) -> Pose:
+    """The pose at a share of the way between two."""
+    return (
+        a[0] + share * (b[0] - a[0]),
+        a[1] + share * (b[1] - a[1]),
+        a[2] + share * (b[2] - a[2]),
+        a[3] + share * wrap(b[3] - a[3]),
+    )
+
+
+@kernel
+def pose_row(poses: Floats, n: int) -> Pose:
+    """One pose of an array, shape (n, 4)."""
+    return poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3]
+
+
+@kernel
+def step_cost(grid: Grid, discs: Discs, a: Pose, b: Pose) -> tuple[bool, float]:
+    """Whether a body is free over a small step, each disc moving straight, and the mean cost."""
+    cosine_a, sine_a = direction(a[3])
+    cosine_b, sine_b = direction(b[3])
+    cost = 0.0
+    for n in range(len(discs.offsets)):
+        offset, threshold = discs.offsets[n], discs.thresholds[n]
+        start = (a[0] + offset * cosine_a, a[1] + offset * sine_a, a[2])
+        end = (b[0] + offset * cosine_b, b[1] + offset * sine_b, b[2])
+        _, least, inside = walk_between(grid, threshold, start, end)
+        if least <= threshold:
+            return False, math.inf
+        cost += inside
+    return True, cost / len(discs.offsets)
+
+
+@kernel
+def sweep_steps(a: Pose, b: Pose) -> int:
+    """Steps of a sweep, in none of which the body turns by more than ``TURN_STEP``."""
+    return max(math.ceil(abs(wrap(b[3] - a[3])) / TURN_STEP), 1)
+
+
+@kernel
+def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
+    """Whether a body is free all the way between two poses, both ends first."""
+    if not (step_cost(grid, discs, b, b)[0] and step_cost(grid, discs, a, a)[0]):
+        return False
+    count = sweep_steps(a, b)
+    for n in range(count):
+        before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
+        if not step_cost(grid, discs, before, after)[0]:
+            return False
+    return True
+
+
+@kernel
+def poses_free(grid: Grid, discs: Discs, poses: Floats) -> bool:
+    """Whether a body is free all the way through poses, shape (n, 4)."""
+    for n in range(len(poses) - 1):
+        if not sweep_free(grid, discs, pose_row(poses, n), pose_row(poses, n + 1)):
+            return False
+    return True
+
+
+@kernel
+def poses_free_length(grid: Grid, discs: Discs, poses: Floats) -> float:
+    """Length [m] of the way through poses, shape (n, 4), before the step that is not free."""
+    length = 0.0
+    for edge in range(len(poses) - 1):
+        a, b = pose_row(poses, edge), pose_row(poses, edge + 1)
+        count = sweep_steps(a, b)
+        for n in range(count):
+            before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
+            if not step_cost(grid, discs, before, after)[0]:
+                return length
+            length += distance(before[:3], after[:3])
+    return length
+
+
+@kernel
+def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> float:
+    """Cost of a sweep [m]; infinite if it is not free.
+
+    Length costs 1 + weight * (mean cost of the discs' cells), and as much again for each
+    ``SIDEWAYS`` that it is off the heading: sensors look ahead. A turn costs ``TURN_PRICE``.
+    """
+    x, y = b[0] - a[0], b[1] - a[1]
+    level = math.sqrt(x * x + y * y)
+    count = sweep_steps(a, b)
+    share = distance(a[:3], b[:3]) / count
+    cost = TURN_PRICE * abs(wrap(b[3] - a[3]))
+    for n in range(count):
+        before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
+        free, near = step_cost(grid, discs, before, after)
+        if not free:
+            return math.inf
+        off_heading = 0.0
+        if level > 0.0:
+            cosine, sine = direction(0.5 * (before[3] + after[3]))
+            off_heading = SIDEWAYS * max(1.0 - (x * cosine + y * sine) / level, 0.0)
+        cost += share * (1.0 + weight * near + off_heading)
+    return cost
+
+
+@kernel
+def poses_cost(grid: Grid, discs: Discs, weight: float, poses: Floats) -> float:
+    """Cost of the way through poses, shape (n, 4) [m]; infinite if it is not free."""
+    if not step_cost(grid, discs, pose_row(poses, 0), pose_row(poses, 0))[0]:
+        return math.inf
+    cost = 0.0
+    for n in range(len(poses) - 1):
+        cost += sweep_cost(grid, discs, weight, pose_row(poses, n), pose_row(poses, n + 1))
+    return cost
+
+
+@kernel
+def prune_poses(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Floats:
+    """Leave out each pose without which the way costs no more."""
+    kept = poses.copy()
+    count = 1
+    for n in range(1, len(poses) - 1):
+        before, here, after = pose_row(kept, count - 1), pose_row(poses, n), pose_row(poses, n + 1)
+        through = sweep_cost(grid, discs, weight, before, here)
+        through += sweep_cost(grid, discs, weight, here, after)
+        if sweep_cost(grid, discs, weight, before, after) > through + LEAST_GAIN:
+            kept[count] = poses[n]
+            count += 1
+    kept[count] = poses[-1]
+    return kept[: count + 1].copy()
+
+
+@kernel
+def head_along(fresh: Floats, count: int, target: Pose, heading_of_motion: float) -> int:
+    """Go on to a target heading there: turn in place, go, and turn to the target's heading."""
+    x, y, z, _ = pose_row(fresh, count - 1)
+    fresh[count] = np.array((x, y, z, heading_of_motion))
+    fresh[count + 1] = np.array((target[0], target[1], target[2], heading_of_motion))
+    fresh[count + 2] = np.array(target)
+    return count + 3
+
+
+@kernel
+def shortcut_poses(grid: Grid, discs: Discs, weight: float, poses: Floats, draws: Floats) -> Floats:
+    """``shortcut`` for a body with a heading.
+
+    Three ways from one random point to another are tried in turn: even in position and heading;
+    turn, go straight ahead, turn; and the same over a random point off the middle.
+
+    Args:
+        grid: The distance field.
+        discs: The body's.
+        weight: Weight of the cell cost against length.
+        poses: Shape (n, 4), n >= 2, free pose by pose.
+        draws: Shape (m, 5): two places along the path in [0, 1) and the offset [m].
+
+    Returns:
+        Poses between the same ends, shape (k, 4).
+    """
+    points = poses
+    costs = np.empty(0)
+    arcs = np.empty(0)
+    fresh = np.empty((10, 4))
+    changed = True
+    for draw in draws:
+        count = len(points)
+        if changed:
+            costs, arcs = np.empty(count), np.zeros(count)
+            for n in range(count - 1):
+                a, b = pose_row(points, n), pose_row(points, n + 1)
+                costs[n] = sweep_cost(grid, discs, weight, a, b)
+                arcs[n + 1] = arcs[n] + distance(a[:3], b[:3])
+        changed = False
+        first, u = pose_at(points, arcs, min(draw[0], draw[1]) * arcs[count - 1])
+        last, v = pose_at(points, arcs, max(draw[0], draw[1]) * arcs[count - 1])
+        old = np.sum(costs[first : last + 1])
+        before, after = pose_row(points, first), pose_row(points, last + 1)
+        fresh[0], fresh[1] = np.array(before), np.array(u)
+        for attempt in range(3):
+            added = 2
+            if attempt == 0:
+                fresh[added] = np.array(v)
+                added += 1
+            elif attempt == 1:
+                added = head_along(fresh, added, v, heading_of(v[0] - u[0], v[1] - u[1]))
+            else:
+                x = 0.5 * (u[0] + v[0]) + draw[2]
+                y = 0.5 * (u[1] + v[1]) + draw[3]
+                there, on = heading_of(x - u[0], y - u[1]), heading_of(v[0] - x, v[1] - y)
+                apex = (x, y, 0.5 * (u[2] + v[2]) + draw[4], on)
+                added = head_along(fresh, head_along(fresh, added, apex, there), v, on)
+            fresh[added] = np.array(after)
+            added += 1
+            if cheaper(grid, discs, weight, fresh[:added], old):
+                points = np.concatenate(
+                    (points[: first + 1], fresh[1 : added - 1], points[last + 1 :])
+                )
+                changed = True
+                break
+    return prune_poses(grid, discs, weight, points)
+
+
+@kernel
+def cheaper(grid: Grid, discs: Discs, weight: float, poses: Floats, than: float) -> bool:
+    """Whether the way through poses costs less, judged by its length and turns first."""
+    cost = LEAST_GAIN
+    for n in range(len(poses) - 1):
+        a, b = pose_row(poses, n), pose_row(poses, n + 1)
+        cost += distance(a[:3], b[:3]) + TURN_PRICE * abs(wrap(b[3] - a[3]))
+    for n in range(len(poses) - 1):
+        if cost >= than:
+            return False
+        a, b = pose_row(poses, n), pose_row(poses, n + 1)
+        least = distance(a[:3], b[:3]) + TURN_PRICE * abs(wrap(b[3] - a[3]))
+        cost += sweep_cost(grid, discs, weight, a, b) - least
+    return cost < than
+
+
+@kernel
+def pose_at(poses: Floats, arcs: Floats, arc: float) -> tuple[int, Pose]:
+    """Edge and pose at an arc length [m] of the reference point's path."""
+    for n in range(len(poses) - 1):
+        if arc <= arcs[n + 1] and arcs[n + 1] > arcs[n]:
+            share = (arc - arcs[n]) / (arcs[n + 1] - arcs[n])
+            return n, pose_between(pose_row(poses, n), pose_row(poses, n + 1), share)
+    return len(poses) - 2, pose_row(poses, len(poses) - 1)
 
 
 @kernel

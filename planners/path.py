@@ -5,8 +5,7 @@ import math
 
 import numpy as np
 
-from planners.headings import edge_headings
-from planners.kernels import Floats
+from planners.kernels import Floats, edge_headings
 from planners.space import FreeSpace
 
 SPACING = 0.05  # of a resampled path [m]

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planners import profile
-from planners.headings import edge_headings, turn_after, wrap
-from planners.kernels import Floats
+from planners.kernels import Floats, edge_headings, turn_after, wrap
 from planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits
 from planners.profile import AxisLimits, Profile, State
 from planners.zones import LEAST_ZONE, Zone, travel
