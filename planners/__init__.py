@@ -4,6 +4,7 @@ import numpy as np
 
 from planners.body import Body, Disc, blocked_at_or_below
 from planners.frontier import best_frontier
+from planners.goal_field import GoalField
 from planners.path import (
     arc_lengths,
     blend_corners,
@@ -37,6 +38,7 @@ __all__ = [
     "Body",
     "Disc",
     "FreeSpace",
+    "GoalField",
     "MotionLimits",
     "Plan",
     "PlanLabel",

@@ -30,7 +30,7 @@ LARGEST_RATE = 64 * FREE_RATE
 STEPS = (12, 17, 21)
 """Length of a step along one, two and three axes: 1, 2^0.5 and 3^0.5 to 1 %, in integers."""
 
-NEW, OPEN, CLOSED = 0, 1, 2
+NEW, OPEN, CLOSED, FORGOTTEN = 0, 1, 2, 3
 KEY, OPENED, EXPANDED = 0, 1, 2  # places in Lattice.now
 
 Bytes = NDArray[np.uint8]
@@ -55,6 +55,7 @@ class Lattice(NamedTuple):
     rate: Integers  # (n,) cost per length, UNSEEN or BLOCKED
     state: Bytes  # (n,)
     cost: Integers  # (n,) cost-to-go of an open or closed cell
+    via: Bytes  # (n,) way from the neighbour towards the goal that this cost is due to
     head: Integers  # (b,) first cell of each bucket, -1 if none
     after: Integers  # (n,) next cell in the same bucket
     before: Integers  # (n,) previous cell in the same bucket
@@ -168,28 +169,30 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
         lattice.shape,
     )
     rate_by_distance, offsets, steps = lattice.rate_by_distance, lattice.offsets, lattice.steps
-    sides, rate, state, cost = lattice.sides, lattice.rate, lattice.state, lattice.cost
+    sides, rate, state = lattice.sides, lattice.rate, lattice.state
+    cost, via = lattice.cost, lattice.via
     head, after, before = lattice.head, lattice.after, lattice.before
     key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
-    while state[until] != CLOSED and opened > 0 and closed < budget:
-        while head[key % len(head)] < 0:
-            key += 1
+    while opened > 0 and closed < budget and (state[until] != CLOSED or key < cost[until]):
         cell = head[key % len(head)]
+        while cell >= 0 and cost[cell] + estimate(shape, cell, target) != key:
+            cell = after[cell]  # of a later round of the queue
+        if cell < 0:
+            key += 1
+            continue
         remove(head, after, before, cell, key)
         state[cell] = CLOSED
         opened -= 1
         closed += 1
         for way in range(len(offsets)):
             other = cell + offsets[way]
-            if state[other] == CLOSED:
-                continue
             if rate[other] == UNSEEN:
                 rate[other] = block_rate(field, threshold, factor, shape, rate_by_distance, other)
             if rate[other] < 0:
                 continue
             through = cost[cell] + steps[way] * (rate[cell] + rate[other])
-            known = state[other] == OPEN
-            if known and through >= cost[other]:
+            # After a repair a closed cell can be too dear; otherwise none is ever opened again.
+            if state[other] != NEW and through >= cost[other]:
                 continue
             passes = True
             for side in sides[way]:
@@ -202,13 +205,14 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
             if not passes:
                 continue
             rest = estimate(shape, other, target)
-            if known:
+            if state[other] == OPEN:
                 remove(head, after, before, other, cost[other] + rest)
                 opened -= 1
             insert(head, after, before, other, through + rest)
             opened += 1
             state[other] = OPEN
             cost[other] = through
+            via[other] = way
     lattice.now[:] = key, opened, lattice.now[EXPANDED] + closed
     return bool(state[until] == CLOSED)
 
@@ -243,57 +247,77 @@ def descend(lattice: Lattice, start: int) -> Integers:
 
 
 @kernel
-def look_again(lattice: Lattice, low: NDArray[np.int64], high: NDArray[np.int64]) -> int:
-    """Look again at the lattice cells of a box that were looked at before.
-
-    Returns:
-        The least cost-to-go that may differ now: any cell that costs no more is as it was. A
-        change alters steps to, from and past its cell only, so it is the least cost of the closed
-        cells next to one that changed; the largest integer if none is.
-    """
-    least = np.iinfo(np.int32).max
-    shape = lattice.shape
+def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
+    """Look again at the lattice cells of a box that were looked at before; tell which changed."""
+    field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
+    shape, rates, rate_by_distance = lattice.shape, lattice.rate, lattice.rate_by_distance
+    changed = np.empty(len(rates), np.int32)
+    count = 0
     for i in range(low[0], high[0]):
         for j in range(low[1], high[1]):
             for k in range(low[2], high[2]):
                 cell = (i * shape[1] + j) * shape[2] + k
-                if lattice.rate[cell] == UNSEEN:
+                if rates[cell] == UNSEEN:
                     continue
-                rate = block_rate(
-                    lattice.field,
-                    lattice.threshold,
-                    lattice.factor,
-                    shape,
-                    lattice.rate_by_distance,
-                    cell,
-                )
-                if rate == lattice.rate[cell]:
-                    continue
-                lattice.rate[cell] = rate
-                if lattice.state[cell] == CLOSED:
-                    least = min(least, lattice.cost[cell])
-                for way in range(len(lattice.offsets)):
-                    other = cell + lattice.offsets[way]
-                    if lattice.state[other] == CLOSED:
-                        least = min(least, lattice.cost[other])
-    return int(least)
+                rate = block_rate(field, threshold, factor, shape, rate_by_distance, cell)
+                if rate != rates[cell]:
+                    rates[cell] = rate
+                    changed[count] = cell
+                    count += 1
+    return changed[:count].copy()
 
 
 @kernel
-def cut_back(lattice: Lattice, cost: int) -> None:
-    """Forget all costs-to-go above a given one, and reopen the search at the border of the rest."""
-    lattice.head[:] = -1
-    lattice.now[KEY] = 0
-    lattice.now[OPENED] = 0
-    for cell in range(len(lattice.state)):
-        if lattice.state[cell] == OPEN or (
-            lattice.state[cell] == CLOSED and lattice.cost[cell] > cost
-        ):
-            lattice.state[cell] = NEW
-    # The longest step: cells farther below have no neighbour that was forgotten.
-    longest = STEPS[2] * 2 * np.max(lattice.rate_by_distance)
-    for cell in range(len(lattice.state)):
-        if lattice.state[cell] == CLOSED and lattice.cost[cell] >= cost - longest:
-            if lattice.now[OPENED] == 0 or lattice.cost[cell] < lattice.now[KEY]:
-                lattice.now[KEY] = lattice.cost[cell]
-            put(lattice, cell, lattice.cost[cell], lattice.cost[cell])
+def repair(lattice: Lattice, changed: Integers) -> None:
+    """Forget the costs-to-go that a change can have altered, and reopen the cells around them.
+
+    A change alters steps to, from and past its cell only, so the costs of its neighbours are
+    forgotten, and of all cells whose way leads over one that is. Those that are left are the costs
+    of ways that still exist; ``spread`` finds the cheaper ones. The goal's cost is never forgotten.
+
+    Args:
+        lattice: Its search was not drawn to a target.
+        changed: Cells whose rate is another now.
+    """
+    offsets, state, cost, via = lattice.offsets, lattice.state, lattice.cost, lattice.via
+    head, after, before = lattice.head, lattice.after, lattice.before
+    key, opened = lattice.now[KEY], lattice.now[OPENED]
+    forgotten = np.empty(len(state), np.int32)
+    count, done = 0, 0
+    for cell in changed:
+        for way in range(-1, len(offsets)):
+            near = cell if way < 0 else cell + offsets[way]
+            if state[near] == FORGOTTEN or (state[near] != NEW and cost[near] == 0):
+                continue
+            if state[near] == OPEN:
+                remove(head, after, before, near, cost[near])
+                opened -= 1
+            state[near] = FORGOTTEN
+            forgotten[count] = near
+            count += 1
+    while done < count:
+        cell = forgotten[done]
+        done += 1
+        for way in range(len(offsets)):
+            near = cell + offsets[way]
+            if near < 0 or near >= len(state):
+                continue  # of a cell in the border
+            if (state[near] != OPEN and state[near] != CLOSED) or via[near] != way:
+                continue
+            if cost[near] == 0:
+                continue
+            if state[near] == OPEN:
+                remove(head, after, before, near, cost[near])
+                opened -= 1
+            state[near] = FORGOTTEN
+            forgotten[count] = near
+            count += 1
+    for cell in forgotten[:count]:
+        for offset in offsets:
+            near = cell + offset
+            if 0 <= near < len(state) and state[near] == CLOSED:
+                state[near] = OPEN
+                insert(head, after, before, near, cost[near])
+                key, opened = min(key, cost[near]), opened + 1
+        state[cell] = NEW
+    lattice.now[KEY], lattice.now[OPENED] = key, opened

@@ -39,21 +39,22 @@ def make_lattice(space: FreeSpace, factor: int, weight: float) -> Lattice:
     shape = np.array(field.shape) // along + 2  # what the last blocks lack closes them
     ways = _ways(flat=space.flat)
     strides = np.array([shape[1] * shape[2], shape[2], 1])
-    rates = _rates(space, weight)
+    rate_by_distance = rates(space, weight)
     cells = int(shape.prod())
-    longest = STEPS[2] * 2 * int(rates.max())
+    longest = STEPS[2] * 2 * int(rate_by_distance.max())
     return Lattice(
         field=field,
         threshold=space.blocked_at_or_below,
         factor=along,
         shape=shape,
-        rate_by_distance=rates,
+        rate_by_distance=rate_by_distance,
         offsets=ways @ strides,
         steps=np.array([STEPS[np.abs(way).sum() - 1] for way in ways], np.int32),
         sides=np.array([_sides(way) @ strides for way in ways]),
         rate=np.zeros(cells, np.int32),
         state=np.zeros(cells, np.uint8),
         cost=np.empty(cells, np.int32),
+        via=np.empty(cells, np.uint8),
         head=np.full(2 * longest + 1, -1, np.int32),
         after=np.empty(cells, np.int32),
         before=np.empty(cells, np.int32),
@@ -71,6 +72,13 @@ def open_goal(lattice: Lattice, goal: int, target: int = -1) -> None:
 def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
     """The free lattice cell nearest to a point that it sees the centre of; -1 if there is none."""
     own = lattice_cell(lattice, space, point)
+    if (own < 1).any() or (own > lattice.shape - 2).any():
+        return -1
+    cell = int(own @ _strides(lattice))
+    if kernels.rate_of(lattice, cell) > 0:
+        centre = centres(lattice, space, np.array([cell]))[0]
+        if space.edge_free(point, centre):
+            return cell
     rings = np.array([ENTRY_RINGS, ENTRY_RINGS, 0 if space.flat else ENTRY_RINGS])
     low, high = np.maximum(own - rings, 1), np.minimum(own + rings, lattice.shape - 2)
     near = np.array(list(itertools.product(*map(range, low, high + 1)))).reshape(-1, 3)
@@ -112,13 +120,13 @@ def _strides(lattice: Lattice) -> NDArray[np.int64]:
     return np.array([lattice.shape[1] * lattice.shape[2], lattice.shape[2], 1])
 
 
-def _rates(space: FreeSpace, weight: float) -> NDArray[np.int32]:
-    """Integer cost per length by squared distance."""
-    rates = np.full(len(space.grid.cost_by_distance), FREE_RATE, np.int32)
+def rates(space: FreeSpace, weight: float) -> NDArray[np.int32]:
+    """Integer cost per length by squared distance, shape (t,)."""
+    table = np.full(len(space.grid.cost_by_distance), FREE_RATE, np.int32)
     free = slice(space.blocked_at_or_below + 1, None)
     costs = np.minimum(weight * space.grid.cost_by_distance[free], LARGEST_RATE / FREE_RATE)
-    rates[free] = np.rint(FREE_RATE * (1.0 + costs)).astype(np.int32)
-    return rates
+    table[free] = np.rint(FREE_RATE * (1.0 + costs)).astype(np.int32)
+    return table
 
 
 def _ways(flat: bool) -> NDArray[np.int64]:

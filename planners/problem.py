@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from planners import kernels
+from planners.field import head_along
 from planners.kernels import Floats, Pose
 from planners.sampling import PLANNERS, UNSEEDED, Budget, Query, planner_builder, search
 from planners.seeds import plan_seed
@@ -156,6 +157,45 @@ def plan(
     if best is None:
         return _without_path("no_path", used)
     return _with_path(space, kind, best, best_cost, used)
+
+
+def finish_path(
+    space: FreeSpace,
+    start: Floats,
+    goal: Floats,
+    config: PlannerConfig,
+    seed: int,
+    heading: float,
+    path: Floats,
+    used: int,
+) -> Plan:
+    """Make a plan of a path of positions: head along it, cut it short, and tell its cost.
+
+    A body that has no room to head along it and to turn at its corners is planned for from anew.
+
+    Args:
+        space: Where the path may run.
+        start: World frame [m], shape (3,).
+        goal: World frame [m], shape (3,).
+        config: As for ``plan``.
+        seed: As for ``plan``.
+        heading: As for ``plan``.
+        path: From start to goal, shape (n, 3) [m], free edge by edge.
+        used: Turns of a planner's loop that it took.
+    """
+    kind = state_space_for(config.state_space, space)
+    begin = _pose(start, heading)
+    ends = _goal_poses(space, kind, begin, goal, None)
+    if kind.curved or not ends:
+        return plan(space, start, goal, config, seed, heading)
+    query = Query(space, kind, begin, ends[0], config.turning_radius)
+    poses = np.column_stack((path, np.zeros(len(path))))
+    if kind.oriented:
+        poses = head_along(path, begin, ends[0])
+        if not kernels.poses_free(space.grid, space.shape, poses):
+            return plan(space, start, goal, config, seed, heading)
+    poses = smoothed(query, poses, config, plan_seed(seed, "restart", 0))
+    return _with_path(space, kind, poses, _cost(query, poses, config.clearance_weight), used)
 
 
 def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> Floats:

@@ -155,7 +155,9 @@ def _problem(query: Query) -> tuple[ob.SpaceInformation, ob.ProblemDefinition]:
     """OMPL's view of a query; every object is new, so that no search leaves a trace in the next."""
     state_space = query.kind.make(query.space, query.turning_radius)
     information = ob.SpaceInformation(state_space)
-    information.setStateValidityChecker(BodyValidity(information, query.space, query.kind, query.start[2]))
+    information.setStateValidityChecker(
+        BodyValidity(information, query.space, query.kind, query.start[2])
+    )
     information.setMotionValidator(_EdgeValidator(information, _edge_check(query, state_space)))
     information.setup()
     start, goal = information.allocState(), information.allocState()
