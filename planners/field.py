@@ -5,6 +5,9 @@ It is written as an OMPL planner, so that it is chosen, bounded, logged and meas
 
 from __future__ import annotations
 
+import dataclasses
+import math
+
 import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
@@ -12,9 +15,14 @@ from ompl import geometric as og
 from planners import _lattice_kernels, kernels, lattice
 from planners.kernels import Floats, Pose
 from planners.space import FreeSpace
+from planners.state_spaces import StateSpace
 
 EXPANSIONS = 1000
 """Lattice cells that are closed in one turn, after which the termination condition is asked."""
+
+
+NARROW = 3.0
+"""What length costs more where a body of discs has no room to turn."""
 
 
 class FieldPlanner(ob.Planner):  # type: ignore[misc]
@@ -44,7 +52,8 @@ class FieldPlanner(ob.Planner):  # type: ignore[misc]
         # Not definition.getStartState: its binding frees the state that it lends.
         start = kind.read(self.getPlannerInputStates().nextStart(), validity.z)
         goal = kind.read(definition.getGoal().getState(), validity.z)
-        points = lattice_path(space, start, goal, self._weight, until)
+        costs, weight = searched(space, kind, self._weight)
+        points = lattice_path(costs, start, goal, weight, until)
         if points is None:
             return ob.PlannerStatus(False, False)
         if not kind.oriented:
@@ -67,6 +76,25 @@ class FieldPlanner(ob.Planner):  # type: ignore[misc]
             write(state, pose)
             path.append(state)  # copies it
         self.getProblemDefinition().addSolutionPath(path, False, 0.0, self.getName())
+
+
+def searched(space: FreeSpace, kind: StateSpace, weight: float) -> tuple[FreeSpace, float]:
+    """The costs that positions are searched with, and their weight.
+
+    A body of discs can turn only where the disc about it is free: cells that lack that room cost
+    more by ``NARROW``, so a way leads through a gap only if that is much shorter, and bends beside
+    it.
+    """
+    if not kind.oriented:
+        return space, weight
+    room = max(
+        abs(offset) / space.resolution + math.sqrt(threshold)
+        for offset, threshold in zip(space.shape.offsets, space.shape.thresholds, strict=True)
+    )
+    squared = np.arange(max(len(space.cost_by_distance), math.ceil(room * room) + 2))
+    table = space.grid.cost_by_distance[np.minimum(squared, len(space.cost_by_distance) - 1)]
+    costs = np.where(table < math.inf, weight * table, 0.0) + NARROW * (squared <= room * room)
+    return dataclasses.replace(space, cost_by_distance=costs), 1.0
 
 
 def lattice_path(

@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from planners import _lattice_kernels, kernels, lattice
 from planners._lattice_kernels import Lattice
-from planners.field import EXPANSIONS, head_along
+from planners.field import EXPANSIONS, searched
 from planners.kernels import Floats
 from planners.problem import Plan, PlannerConfig, finish_path, plan
 from planners.space import FreeSpace
+from planners.state_spaces import state_space_for
 
 Cells = NDArray[np.int64]
 
@@ -61,42 +62,42 @@ class GoalField:
         """
         if not (space.is_free(start) and space.is_free(self.goal)):
             return plan(space, start, self.goal, self.config, seed, heading)
-        grid = self._follow(space, changed)
+        kind = state_space_for(self.config.state_space, space)
+        costs, weight = searched(space, kind, float(self.config.clearance_weight))
+        grid = self._follow(costs, weight, changed)
         entered = lattice.entry(grid, space, start) if self._goal_cell >= 0 else -1
         before = int(grid.now[_lattice_kernels.EXPANDED])
         budget = self.config.iterations * EXPANSIONS
         if entered < 0 or not _lattice_kernels.spread(grid, entered, -1, budget):
             return plan(space, start, self.goal, self.config, seed, heading)
         spent = int(grid.now[_lattice_kernels.EXPANDED]) - before
-        weight = float(self.config.clearance_weight)
         path = lattice.way_down(grid, space, start, self.goal, entered)
-        path = kernels.prune(space.grid, space.blocked_at_or_below, weight, path)
+        path = kernels.prune(costs.grid, space.blocked_at_or_below, weight, path)
         return finish_path(
             space, start, self.goal, self.config, seed, heading, path, 1 + spent // EXPANSIONS
         )
 
-    def _follow(self, space: FreeSpace, changed: tuple[Cells, Cells] | None) -> Lattice:
+    def _follow(
+        self, space: FreeSpace, weight: float, changed: tuple[Cells, Cells] | None
+    ) -> Lattice:
         """The lattice as the space is now, its costs-to-go without those that a change can have altered."""
-        weight = float(self.config.clearance_weight)
         rates = lattice.rates(space, weight)
         geometry = (space.field.shape, space.grid.origin.tobytes(), space.grid.resolution)
         known = (*geometry, space.blocked_at_or_below, rates.tobytes())
         if self._lattice is None or known != self._known:
-            return self._begin(space, known)
+            return self._begin(space, weight, known)
         grid = self._lattice._replace(field=space.grid.field)
         low, high = _lattice_box(grid, space, changed)
         changes = _lattice_kernels.look_again(grid, low, high)
         if self._goal_cell in changes or lattice.entry(grid, space, self.goal) != self._goal_cell:
-            return self._begin(space, known)
+            return self._begin(space, weight, known)
         _lattice_kernels.repair(grid, changes)
         self._lattice = grid
         return grid
 
-    def _begin(self, space: FreeSpace, known: tuple[object, ...]) -> Lattice:
+    def _begin(self, space: FreeSpace, weight: float, known: tuple[object, ...]) -> Lattice:
         """A lattice on which only the goal's cell is open."""
-        grid = lattice.make_lattice(
-            space, lattice.factors(space)[0], float(self.config.clearance_weight)
-        )
+        grid = lattice.make_lattice(space, lattice.factors(space)[0], weight)
         self._goal_cell = lattice.entry(grid, space, self.goal)
         if self._goal_cell >= 0:
             lattice.open_goal(grid, self._goal_cell)

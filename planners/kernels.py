@@ -566,21 +566,53 @@ def prune_poses(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Float
 
 
 @kernel
-def head_along(fresh: Floats, count: int, target: Pose, heading_of_motion: float) -> int:
-    """Go on to a target heading there: turn in place, go, and turn to the target's heading."""
-    x, y, z, _ = pose_row(fresh, count - 1)
-    fresh[count] = np.array((x, y, z, heading_of_motion))
-    fresh[count + 1] = np.array((target[0], target[1], target[2], heading_of_motion))
-    fresh[count + 2] = np.array(target)
+def put_pose(poses: Floats, n: int, point: Point, heading: float) -> None:
+    """Write one pose of an array."""
+    poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3] = point[0], point[1], point[2], heading
+
+
+@kernel
+def head_along(u: Pose, apex: Point, v: Pose, bent: bool, fresh: Floats) -> int:
+    """From ``u`` straight ahead to ``v``, or first to an apex, turning at each; tells how many."""
+    turn = u[:3]
+    if bent:
+        turn = apex
+        there = heading_of(apex[0] - u[0], apex[1] - u[1])
+        put_pose(fresh, 2, u[:3], there)
+        put_pose(fresh, 3, apex, there)
+    count = 4 if bent else 2
+    on = heading_of(v[0] - turn[0], v[1] - turn[1])
+    put_pose(fresh, 1, u[:3], u[3])
+    put_pose(fresh, count, turn, on)
+    put_pose(fresh, count + 1, v[:3], on)
+    put_pose(fresh, count + 2, v[:3], v[3])
     return count + 3
 
 
 @kernel
-def shortcut_poses(grid: Grid, discs: Discs, weight: float, poses: Floats, draws: Floats) -> Floats:
-    """``shortcut`` for a body with a heading.
+def cheaper(grid: Grid, discs: Discs, weight: float, poses: Floats, than: float) -> bool:
+    """Whether the way through poses costs less, judged by its length and turns first."""
+    cost = LEAST_GAIN
+    edges = len(poses) - 1
+    for n in range(edges):
+        cost += least_sweep_cost(pose_row(poses, n), pose_row(poses, n + 1))
+    for order in range(edges):  # the first edge last: what it was part of is free already
+        if cost >= than:
+            return False
+        a, b = pose_row(poses, (order + 1) % edges), pose_row(poses, (order + 1) % edges + 1)
+        cost += sweep_cost(grid, discs, weight, a, b) - least_sweep_cost(a, b)
+    return cost < than
 
-    Three ways from one random point to another are tried in turn: even in position and heading;
-    turn, go straight ahead, turn; and the same over a random point off the middle.
+
+@kernel
+def least_sweep_cost(a: Pose, b: Pose) -> float:
+    """What a sweep costs at least [m]."""
+    return distance(a[:3], b[:3]) + TURN_PRICE * abs(wrap(b[3] - a[3]))
+
+
+@kernel
+def shortcut_poses(grid: Grid, discs: Discs, weight: float, poses: Floats, draws: Floats) -> Floats:
+    """``shortcut`` for a body with a heading: it turns, goes straight ahead, and turns again.
 
     Args:
         grid: The distance field.
@@ -592,63 +624,44 @@ def shortcut_poses(grid: Grid, discs: Discs, weight: float, poses: Floats, draws
     Returns:
         Poses between the same ends, shape (k, 4).
     """
-    points = poses
-    costs = np.empty(0)
-    arcs = np.empty(0)
-    fresh = np.empty((10, 4))
-    changed = True
+    points = poses.copy()
+    costs, arcs = sweep_costs(grid, discs, weight, points), pose_arcs(points)
+    fresh = np.empty((8, 4))
     for draw in draws:
-        count = len(points)
-        if changed:
-            costs, arcs = np.empty(count), np.zeros(count)
-            for n in range(count - 1):
-                a, b = pose_row(points, n), pose_row(points, n + 1)
-                costs[n] = sweep_cost(grid, discs, weight, a, b)
-                arcs[n + 1] = arcs[n] + distance(a[:3], b[:3])
-        changed = False
-        first, u = pose_at(points, arcs, min(draw[0], draw[1]) * arcs[count - 1])
-        last, v = pose_at(points, arcs, max(draw[0], draw[1]) * arcs[count - 1])
-        old = np.sum(costs[first : last + 1])
-        before, after = pose_row(points, first), pose_row(points, last + 1)
-        fresh[0], fresh[1] = np.array(before), np.array(u)
-        for attempt in range(3):
-            added = 2
-            if attempt == 0:
-                fresh[added] = np.array(v)
-                added += 1
-            elif attempt == 1:
-                added = head_along(fresh, added, v, heading_of(v[0] - u[0], v[1] - u[1]))
-            else:
-                x = 0.5 * (u[0] + v[0]) + draw[2]
-                y = 0.5 * (u[1] + v[1]) + draw[3]
-                there, on = heading_of(x - u[0], y - u[1]), heading_of(v[0] - x, v[1] - y)
-                apex = (x, y, 0.5 * (u[2] + v[2]) + draw[4], on)
-                added = head_along(fresh, head_along(fresh, added, apex, there), v, on)
-            fresh[added] = np.array(after)
-            added += 1
-            if cheaper(grid, discs, weight, fresh[:added], old):
-                points = np.concatenate(
-                    (points[: first + 1], fresh[1 : added - 1], points[last + 1 :])
-                )
-                changed = True
+        i, u = pose_at(points, arcs, min(draw[0], draw[1]) * arcs[-1])
+        j, v = pose_at(points, arcs, max(draw[0], draw[1]) * arcs[-1])
+        middle = between(u[:3], v[:3], 0.5)
+        apex = (middle[0] + draw[2], middle[1] + draw[3], middle[2] + draw[4])
+        old = np.sum(costs[i : j + 1])
+        fresh[0] = points[i]
+        for bent in (False, True):
+            end = head_along(u, apex, v, bent, fresh)
+            fresh[end] = points[j + 1]
+            if cheaper(grid, discs, weight, fresh[: end + 1], old):
+                points = np.concatenate((points[: i + 1], fresh[1:end], points[j + 1 :]))
+                inside = sweep_costs(grid, discs, weight, fresh[: end + 1])
+                costs = np.concatenate((costs[:i], inside, costs[j + 1 :]))
+                arcs = pose_arcs(points)
                 break
     return prune_poses(grid, discs, weight, points)
 
 
 @kernel
-def cheaper(grid: Grid, discs: Discs, weight: float, poses: Floats, than: float) -> bool:
-    """Whether the way through poses costs less, judged by its length and turns first."""
-    cost = LEAST_GAIN
+def sweep_costs(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Floats:
+    """Cost of each edge between poses [m], shape (n - 1,)."""
+    costs = np.empty(len(poses) - 1)
+    for n in range(len(costs)):
+        costs[n] = sweep_cost(grid, discs, weight, pose_row(poses, n), pose_row(poses, n + 1))
+    return costs
+
+
+@kernel
+def pose_arcs(poses: Floats) -> Floats:
+    """Arc length at each pose [m], shape (n,)."""
+    arcs = np.zeros(len(poses))
     for n in range(len(poses) - 1):
-        a, b = pose_row(poses, n), pose_row(poses, n + 1)
-        cost += distance(a[:3], b[:3]) + TURN_PRICE * abs(wrap(b[3] - a[3]))
-    for n in range(len(poses) - 1):
-        if cost >= than:
-            return False
-        a, b = pose_row(poses, n), pose_row(poses, n + 1)
-        least = distance(a[:3], b[:3]) + TURN_PRICE * abs(wrap(b[3] - a[3]))
-        cost += sweep_cost(grid, discs, weight, a, b) - least
-    return cost < than
+        arcs[n + 1] = arcs[n] + distance(pose_row(poses, n)[:3], pose_row(poses, n + 1)[:3])
+    return arcs
 
 
 @kernel

@@ -47,7 +47,7 @@ class PlannerConfig:
         ValueError: If a field is out of its range.
     """
 
-    name: str = "rrtconnect"
+    name: str = "field"
     iterations: int = 2000
     restarts: int = 4
     shortcuts: int = 300
