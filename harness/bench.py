@@ -13,13 +13,14 @@ from rich import box
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
+from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
 from harness.errors import InputError, unknown_name
 
 Row = dict[str, Any]
 Stage = Callable[[int, int, Callable[[str], None]], list[Row]]
 
-STAGES: dict[str, Stage] = {"rays": bench_rays}
+STAGES: dict[str, Stage] = {"rays": bench_rays, "plan": bench_plan}
 
 MOST_SWEEPS = 1000
 

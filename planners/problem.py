@@ -203,7 +203,7 @@ def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> F
     space, weight = query.space, float(config.clearance_weight)
     if query.kind.curved or config.shortcuts == 0:
         return poses
-    draws = _shortcut_draws(config.shortcuts, not space.flat, seed)
+    draws = shortcut_draws(config.shortcuts, not space.flat, seed)
     if query.kind.oriented:
         return kernels.shortcut_poses(space.grid, space.shape, weight, poses, draws)
     points = np.ascontiguousarray(poses[:, :3])
@@ -273,7 +273,7 @@ def _search_once(
     return smoothed(query, poses, config, seed), used
 
 
-def _shortcut_draws(count: int, spatial: bool, seed: int) -> Floats:
+def shortcut_draws(count: int, spatial: bool, seed: int) -> Floats:
     """Two places along the path and an apex offset [m] for each attempt, shape (count, 5).
 
     The cube of a uniform draw keeps most offsets small, where they refine, and some large.
