@@ -422,6 +422,9 @@ def _lazy_theta(  # type: ignore[no-untyped-def]
                     through = cost[other] + kernels.distance(centre(other), here)
                     if through < cost[cell]:
                         cost[cell], parent[cell] = through, other
+            if cost[cell] == np.inf:  # reached past a blocked corner only
+                state[cell] = 0
+                continue
         state[cell] = 2
         if cell == goal:
             return True

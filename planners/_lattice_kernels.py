@@ -1,8 +1,9 @@
 """Kernels of the search over a coarse lattice: exact integer costs-to-go, spread from the goal.
 
-A lattice cell is a block of grid cells. It is free if all of them are, so a straight step between
-the centres of two free neighbours, whose shared sides are free too, touches free grid cells only.
-Costs are integers, so the cost-to-go of a cell has one value, whatever the order of the search.
+A lattice cell is a block of grid cells, entered at the centre of its middle one. A step leads
+straight from one centre to a neighbour's; it always touches the same grid cells relative to where
+it begins, and is free if all of them are. So gaps much narrower than a block are found. Costs
+are integers, so the cost-to-go of a cell has one value, whatever the order of the search.
 
 Best-first search after Hart, Nilsson, Raphael, "A Formal Basis for the Heuristic Determination of
 Minimum Cost Paths", IEEE TSSC 1968, with the bucket queue of Dial, "Algorithm 360: Shortest-path
@@ -46,24 +47,38 @@ class Lattice(NamedTuple):
 
     field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
     threshold: int  # a grid cell is forbidden at or below it
-    factor: NDArray[np.int64]  # (3,) grid cells to a lattice cell
-    shape: NDArray[np.int64]  # (3,) lattice cells, border included
+    factor: Longs  # (3,) grid cells to a lattice cell
+    shape: Longs  # (3,) lattice cells, border included
     rate_by_distance: Integers  # (t,) cost per length by squared distance
-    offsets: NDArray[np.int64]  # (m,) flat offsets to the neighbours
+    offsets: Longs  # (m,) flat offsets to the neighbours
     steps: Integers  # (m,) lengths of the steps to them
-    sides: NDArray[np.int64]  # (m, 6) flat offsets of the cells that a step passes between
+    touched: Longs  # (m, k) flat offsets of the grid cells that each step touches
+    counts: Longs  # (m,) how many they are
     rate: Integers  # (n,) cost per length, UNSEEN or BLOCKED
+    mask: Longs  # (n,) which of a block's grid cells are free, bit by bit; (0,) if not kept
     state: Bytes  # (n,)
     cost: Integers  # (n,) cost-to-go of an open or closed cell
     via: Bytes  # (n,) way from the neighbour towards the goal that this cost is due to
     head: Integers  # (b,) first cell of each bucket, -1 if none
     after: Integers  # (n,) next cell in the same bucket
     before: Integers  # (n,) previous cell in the same bucket
-    now: NDArray[np.int64]  # (3,) key in progress, open cells, expansions
+    now: Longs  # (3,) key in progress, open cells, expansions
 
 
 @kernel
-def block_rate(
+def grid_index(field: NDArray[np.uint16], factor: Longs, shape: Longs, cell: int) -> int:
+    """Flat index of the grid cell in the middle of a lattice cell; -1 in the border."""
+    i, j, k = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
+    if i == 0 or j == 0 or k == 0 or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1:
+        return -1
+    x = (i - 1) * factor[0] + factor[0] // 2
+    y = (j - 1) * factor[1] + factor[1] // 2
+    z = (k - 1) * factor[2] + factor[2] // 2
+    return int((x * field.shape[1] + y) * field.shape[2] + z)
+
+
+@kernel
+def middle_rate(
     field: NDArray[np.uint16],
     threshold: int,
     factor: Longs,
@@ -71,33 +86,53 @@ def block_rate(
     rate_by_distance: Integers,
     cell: int,
 ) -> int:
-    """Rate of a lattice cell from its grid cells: by the middle one, if none is forbidden."""
-    i, j, k = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
-    if i == 0 or j == 0 or k == 0 or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1:
+    """Rate of a lattice cell by its middle grid cell."""
+    index = grid_index(field, factor, shape, cell)
+    if index < 0:
         return BLOCKED
+    value = int(field.reshape(-1)[index])
+    if value <= threshold:
+        return BLOCKED
+    return int(rate_by_distance[min(value, len(rate_by_distance) - 1)])
+
+
+@kernel
+def block_mask(
+    field: NDArray[np.uint16], threshold: int, factor: Longs, shape: Longs, cell: int
+) -> int:
+    """Which grid cells of a lattice cell are free, bit by bit; a block has at most 64."""
+    i, j, k = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
+    mask = 0
+    if i == 0 or j == 0 or k == 0 or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1:
+        return mask
     x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
     for u in range(x, x + factor[0]):
         for v in range(y, y + factor[1]):
             for w in range(z, z + factor[2]):
-                if field[u, v, w] <= threshold:
-                    return BLOCKED
-    middle = field[x + factor[0] // 2, y + factor[1] // 2, z + factor[2] // 2]
-    return int(rate_by_distance[min(int(middle), len(rate_by_distance) - 1)])
+                mask = (mask << 1) | (field[u, v, w] > threshold)
+    return mask
 
 
 @kernel
-def rate_of(lattice: Lattice, cell: int) -> int:
-    """Rate of a lattice cell, looked up once."""
+def look(lattice: Lattice, cell: int) -> int:
+    """Rate of a lattice cell, which is looked up once."""
+    field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
     if lattice.rate[cell] == UNSEEN:
-        lattice.rate[cell] = block_rate(
-            lattice.field,
-            lattice.threshold,
-            lattice.factor,
-            lattice.shape,
-            lattice.rate_by_distance,
-            cell,
+        lattice.rate[cell] = middle_rate(
+            field, threshold, factor, lattice.shape, lattice.rate_by_distance, cell
         )
+        if len(lattice.mask) > 0:
+            lattice.mask[cell] = block_mask(field, threshold, factor, lattice.shape, cell)
     return int(lattice.rate[cell])
+
+
+@kernel
+def step_free(cells: NDArray[np.uint16], threshold: int, index: int, touched: Longs) -> bool:
+    """Whether all grid cells that a step from a grid cell touches are free."""
+    for offset in touched:
+        if cells[index + offset] <= threshold:
+            return False
+    return True
 
 
 @kernel
@@ -162,15 +197,11 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
         Whether the cell is closed; if not, the budget is spent or no cell is open.
     """
     # Arrays are taken out of the tuple here: taken out in the loop they are counted each time.
-    field, threshold, factor, shape = (
-        lattice.field,
-        lattice.threshold,
-        lattice.factor,
-        lattice.shape,
-    )
+    field, threshold, cells = lattice.field, lattice.threshold, lattice.field.reshape(-1)
+    factor, shape = lattice.factor, lattice.shape
     rate_by_distance, offsets, steps = lattice.rate_by_distance, lattice.offsets, lattice.steps
-    sides, rate, state = lattice.sides, lattice.rate, lattice.state
-    cost, via = lattice.cost, lattice.via
+    touched, counts, rate = lattice.touched, lattice.counts, lattice.rate
+    mask, state, cost, via = lattice.mask, lattice.state, lattice.cost, lattice.via
     head, after, before = lattice.head, lattice.after, lattice.before
     key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
     while opened > 0 and closed < budget and (state[until] != CLOSED or key < cost[until]):
@@ -184,25 +215,20 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
         state[cell] = CLOSED
         opened -= 1
         closed += 1
+        index = grid_index(field, factor, shape, cell)
         for way in range(len(offsets)):
             other = cell + offsets[way]
             if rate[other] == UNSEEN:
-                rate[other] = block_rate(field, threshold, factor, shape, rate_by_distance, other)
+                rate[other] = middle_rate(field, threshold, factor, shape, rate_by_distance, other)
+                if len(mask) > 0:
+                    mask[other] = block_mask(field, threshold, factor, shape, other)
             if rate[other] < 0:
                 continue
             through = cost[cell] + steps[way] * (rate[cell] + rate[other])
             # After a repair a closed cell can be too dear; otherwise none is ever opened again.
             if state[other] != NEW and through >= cost[other]:
                 continue
-            passes = True
-            for side in sides[way]:
-                beside = cell + side
-                if rate[beside] == UNSEEN:
-                    rate[beside] = block_rate(
-                        field, threshold, factor, shape, rate_by_distance, beside
-                    )
-                passes &= rate[beside] > 0
-            if not passes:
+            if not step_free(cells, threshold, index, touched[way, : counts[way]]):
                 continue
             rest = estimate(shape, other, target)
             if state[other] == OPEN:
@@ -223,22 +249,21 @@ def descend(lattice: Lattice, start: int) -> Integers:
 
     Only closed cells are followed, whose costs are exact: the cheapest path on the lattice.
     """
-    offsets, steps, sides = lattice.offsets, lattice.steps, lattice.sides
+    field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
+    offsets, steps, touched = lattice.offsets, lattice.steps, lattice.touched
     rate, state, cost = lattice.rate, lattice.state, lattice.cost
     cells = np.empty(len(rate), np.int32)
     count, cell = 1, start
     cells[0] = start
     while cost[cell] > 0:
+        index = grid_index(field, factor, lattice.shape, cell)
         for way in range(len(offsets)):
             other = cell + offsets[way]
             if state[other] != CLOSED:
                 continue
             if cost[other] + steps[way] * (rate[cell] + rate[other]) != cost[cell]:
                 continue
-            passes = True
-            for side in sides[way]:
-                passes &= rate[cell + side] > 0
-            if passes:
+            if step_free(field.reshape(-1), threshold, index, touched[way, : lattice.counts[way]]):
                 cell = other
                 break
         cells[count] = cell
@@ -251,6 +276,7 @@ def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
     """Look again at the lattice cells of a box that were looked at before; tell which changed."""
     field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
     shape, rates, rate_by_distance = lattice.shape, lattice.rate, lattice.rate_by_distance
+    masks = lattice.mask
     changed = np.empty(len(rates), np.int32)
     count = 0
     for i in range(low[0], high[0]):
@@ -259,9 +285,10 @@ def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
                 cell = (i * shape[1] + j) * shape[2] + k
                 if rates[cell] == UNSEEN:
                     continue
-                rate = block_rate(field, threshold, factor, shape, rate_by_distance, cell)
-                if rate != rates[cell]:
-                    rates[cell] = rate
+                rate = middle_rate(field, threshold, factor, shape, rate_by_distance, cell)
+                mask = block_mask(field, threshold, factor, shape, cell)
+                if rate != rates[cell] or mask != masks[cell]:
+                    rates[cell], masks[cell] = rate, mask
                     changed[count] = cell
                     count += 1
     return changed[:count].copy()

@@ -80,7 +80,7 @@ class GoalField:
     def _follow(
         self, space: FreeSpace, weight: float, changed: tuple[Cells, Cells] | None
     ) -> Lattice:
-        """The lattice as the space is now, its costs-to-go without those that a change can have altered."""
+        """The lattice as the space is now, without the costs-to-go that a change may alter."""
         rates = lattice.rates(space, weight)
         geometry = (space.field.shape, space.grid.origin.tobytes(), space.grid.resolution)
         known = (*geometry, space.blocked_at_or_below, rates.tobytes())
@@ -97,7 +97,7 @@ class GoalField:
 
     def _begin(self, space: FreeSpace, weight: float, known: tuple[object, ...]) -> Lattice:
         """A lattice on which only the goal's cell is open."""
-        grid = lattice.make_lattice(space, lattice.factors(space)[0], weight)
+        grid = lattice.make_lattice(space, lattice.factors(space)[0], weight, repairable=True)
         self._goal_cell = lattice.entry(grid, space, self.goal)
         if self._goal_cell >= 0:
             lattice.open_goal(grid, self._goal_cell)

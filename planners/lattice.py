@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import numpy as np
@@ -15,6 +16,9 @@ from planners.space import FreeSpace
 SPACING_ABOVE_GROUND = 0.2  # [m]; with 0.1 the search takes six times as long, for 0.2 % in length
 SPACING_ON_GROUND = 0.1  # [m]
 
+LARGEST_FACTOR = 4
+"""Grid cells to a lattice cell: the 64 cells of a block have a bit each."""
+
 ENTRY_RINGS = 2
 """How far from its own lattice cell a point may enter the lattice, in cells."""
 
@@ -22,23 +26,25 @@ ENTRY_RINGS = 2
 def factors(space: FreeSpace) -> list[int]:
     """Grid cells to a lattice cell: the coarse one first, then ever finer down to the grid."""
     spacing = SPACING_ON_GROUND if space.flat else SPACING_ABOVE_GROUND
-    coarse = max(round(spacing / space.resolution), 1)
+    coarse = min(max(round(spacing / space.resolution), 1), LARGEST_FACTOR)
     return [factor for factor in (coarse, coarse // 2, 1) if factor >= 1][: coarse.bit_length()]
 
 
-def make_lattice(space: FreeSpace, factor: int, weight: float) -> Lattice:
+def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool = False) -> Lattice:
     """A lattice on which nothing has been searched yet.
 
     Args:
         space: What is free, and the cost of coming near.
         factor: Grid cells to a lattice cell, along each axis that has more than one.
         weight: Weight of the cell cost against length.
+        repairable: Whether to keep what ``_lattice_kernels.repair`` needs.
     """
     field = space.grid.field
     along = np.array([factor, factor, 1 if space.flat else factor])
     shape = np.array(field.shape) // along + 2  # what the last blocks lack closes them
     ways = _ways(flat=space.flat)
     strides = np.array([shape[1] * shape[2], shape[2], 1])
+    touched, counts = _steps_touch(ways, factor, field.shape)
     rate_by_distance = rates(space, weight)
     cells = int(shape.prod())
     longest = STEPS[2] * 2 * int(rate_by_distance.max())
@@ -50,8 +56,10 @@ def make_lattice(space: FreeSpace, factor: int, weight: float) -> Lattice:
         rate_by_distance=rate_by_distance,
         offsets=ways @ strides,
         steps=np.array([STEPS[np.abs(way).sum() - 1] for way in ways], np.int32),
-        sides=np.array([_sides(way) @ strides for way in ways]),
+        touched=touched,
+        counts=counts,
         rate=np.zeros(cells, np.int32),
+        mask=np.zeros(cells if repairable else 0, np.int64),
         state=np.zeros(cells, np.uint8),
         cost=np.empty(cells, np.int32),
         via=np.empty(cells, np.uint8),
@@ -75,7 +83,7 @@ def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
     if (own < 1).any() or (own > lattice.shape - 2).any():
         return -1
     cell = int(own @ _strides(lattice))
-    if kernels.rate_of(lattice, cell) > 0:
+    if kernels.look(lattice, cell) > 0:
         centre = centres(lattice, space, np.array([cell]))[0]
         if space.edge_free(point, centre):
             return cell
@@ -87,7 +95,7 @@ def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
     squared = offsets[:, 0] ** 2 + offsets[:, 1] ** 2 + offsets[:, 2] ** 2
     for place in np.argsort(squared, kind="stable"):
         cell = int(cells[place])
-        if kernels.rate_of(lattice, cell) > 0:
+        if kernels.look(lattice, cell) > 0:
             centre = centres(lattice, space, cells[place : place + 1])[0]
             if space.edge_free(point, centre):
                 return cell
@@ -110,9 +118,10 @@ def lattice_cell(lattice: Lattice, space: FreeSpace, point: Floats) -> NDArray[n
 
 
 def centres(lattice: Lattice, space: FreeSpace, cells: NDArray[np.integer]) -> Floats:
-    """Centres of lattice cells by their flat indices, shape (n, 3) [m]."""
-    indices = np.stack(np.unravel_index(cells, tuple(lattice.shape.tolist())), axis=-1) - 0.5
-    points: Floats = space.origin + (indices * lattice.factor) * space.resolution
+    """Centres of the middle grid cells of lattice cells by their flat indices, shape (n, 3) [m]."""
+    indices = np.stack(np.unravel_index(cells, tuple(lattice.shape.tolist())), axis=-1) - 1
+    middles = indices * lattice.factor + lattice.factor // 2 + 0.5  # in grid cells
+    points: Floats = space.origin + middles * space.resolution
     return points
 
 
@@ -136,8 +145,24 @@ def _ways(flat: bool) -> NDArray[np.int64]:
     return np.array(ways)
 
 
-def _sides(way: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The cells that a diagonal step passes between, shape (6, 3), filled up with none."""
-    corners = itertools.product(*[(0, step) if step else (0,) for step in way.tolist()])
-    sides = [corner for corner in corners if any(corner) and list(corner) != way.tolist()]
-    return np.array([*sides, *[(0, 0, 0)] * (6 - len(sides))])
+@functools.lru_cache(maxsize=64)
+def _touched(way: tuple[int, ...], factor: int, shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Flat offsets of the grid cells that a step touches; where several meet, of all of them."""
+    corners = list(itertools.product(*[(0, step) if step else (0,) for step in way]))
+    cells = {
+        tuple(n * step + along for step, along in zip(way, corner, strict=True))
+        for n in range(factor)
+        for corner in corners
+    }
+    return tuple(sorted((x * shape[1] + y) * shape[2] + z for x, y, z in cells))
+
+
+def _steps_touch(
+    ways: NDArray[np.int64], factor: int, shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The grid cells that each step touches, shape (m, k) filled up, and their numbers (m,)."""
+    touched = [_touched(tuple(way), factor, shape) for way in ways.tolist()]
+    table = np.zeros((len(ways), max(map(len, touched))), np.int64)
+    for row, offsets in zip(table, touched, strict=True):
+        row[: len(offsets)] = offsets
+    return table, np.array([len(offsets) for offsets in touched])
