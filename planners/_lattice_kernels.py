@@ -54,6 +54,8 @@ class Lattice(NamedTuple):
     steps: Integers  # (m,) lengths of the steps to them
     touched: Longs  # (m, k) flat offsets of the grid cells that each step touches
     counts: Longs  # (m,) how many they are
+    blocks: Longs  # (m, 8) flat offsets of the lattice cells that each step touches
+    bits: Longs  # (m, 8) the bits of their masks that it needs
     rate: Integers  # (n,) cost per length, UNSEEN or BLOCKED
     mask: Longs  # (n,) which of a block's grid cells are free, bit by bit; (0,) if not kept
     state: Bytes  # (n,)
@@ -136,6 +138,15 @@ def step_free(cells: NDArray[np.uint16], threshold: int, index: int, touched: Lo
 
 
 @kernel
+def step_free_by_mask(mask: Longs, cell: int, blocks: Longs, bits: Longs) -> bool:
+    """The same, told by the masks of the lattice cells, which are fewer to read."""
+    for n in range(len(blocks)):
+        if mask[cell + blocks[n]] & bits[n] != bits[n]:
+            return False
+    return True
+
+
+@kernel
 def estimate(shape: Longs, cell: int, target: int) -> int:
     """Least cost between two cells if all were free: never more than it costs, step by step."""
     if target < 0:
@@ -201,6 +212,7 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
     factor, shape = lattice.factor, lattice.shape
     rate_by_distance, offsets, steps = lattice.rate_by_distance, lattice.offsets, lattice.steps
     touched, counts, rate = lattice.touched, lattice.counts, lattice.rate
+    blocks, bits = lattice.blocks, lattice.bits
     mask, state, cost, via = lattice.mask, lattice.state, lattice.cost, lattice.via
     head, after, before = lattice.head, lattice.after, lattice.before
     key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
@@ -228,7 +240,10 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
             # After a repair a closed cell can be too dear; otherwise none is ever opened again.
             if state[other] != NEW and through >= cost[other]:
                 continue
-            if not step_free(cells, threshold, index, touched[way, : counts[way]]):
+            if len(mask) > 0:  # the sides are neighbours along fewer axes: looked at before
+                if not step_free_by_mask(mask, cell, blocks[way], bits[way]):
+                    continue
+            elif not step_free(cells, threshold, index, touched[way, : counts[way]]):
                 continue
             rest = estimate(shape, other, target)
             if state[other] == OPEN:

@@ -13,6 +13,8 @@ from planners._lattice_kernels import FREE_RATE, LARGEST_RATE, STEPS, Lattice
 from planners.kernels import Floats
 from planners.space import FreeSpace
 
+Cell = tuple[int, int, int]
+
 SPACING_ABOVE_GROUND = 0.2  # [m]; with 0.1 the search takes six times as long, for 0.2 % in length
 SPACING_ON_GROUND = 0.1  # [m]
 
@@ -45,6 +47,7 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
     ways = _ways(flat=space.flat)
     strides = np.array([shape[1] * shape[2], shape[2], 1])
     touched, counts = _steps_touch(ways, factor, field.shape)
+    blocks, bits = _steps_need(ways, along)
     rate_by_distance = rates(space, weight)
     cells = int(shape.prod())
     longest = STEPS[2] * 2 * int(rate_by_distance.max())
@@ -58,6 +61,8 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
         steps=np.array([STEPS[np.abs(way).sum() - 1] for way in ways], np.int32),
         touched=touched,
         counts=counts,
+        blocks=blocks @ strides,
+        bits=bits,
         rate=np.zeros(cells, np.int32),
         mask=np.zeros(cells if repairable else 0, np.int64),
         state=np.zeros(cells, np.uint8),
@@ -146,23 +151,50 @@ def _ways(flat: bool) -> NDArray[np.int64]:
 
 
 @functools.lru_cache(maxsize=64)
-def _touched(way: tuple[int, ...], factor: int, shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Flat offsets of the grid cells that a step touches; where several meet, of all of them."""
+def _touched(way: Cell, factor: int) -> list[Cell]:
+    """Grid cells that a step touches, from its first one; where several meet, all of them."""
     corners = list(itertools.product(*[(0, step) if step else (0,) for step in way]))
-    cells = {
-        tuple(n * step + along for step, along in zip(way, corner, strict=True))
-        for n in range(factor)
-        for corner in corners
-    }
-    return tuple(sorted((x * shape[1] + y) * shape[2] + z for x, y, z in cells))
+    return sorted(
+        {
+            (n * way[0] + i, n * way[1] + j, n * way[2] + k)
+            for n in range(factor)
+            for i, j, k in corners
+        }
+    )
 
 
 def _steps_touch(
     ways: NDArray[np.int64], factor: int, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The grid cells that each step touches, shape (m, k) filled up, and their numbers (m,)."""
-    touched = [_touched(tuple(way), factor, shape) for way in ways.tolist()]
+    touched = [
+        [(x * shape[1] + y) * shape[2] + z for x, y, z in _touched(tuple(way), factor)]
+        for way in ways.tolist()
+    ]
     table = np.zeros((len(ways), max(map(len, touched))), np.int64)
     for row, offsets in zip(table, touched, strict=True):
         row[: len(offsets)] = offsets
     return table, np.array([len(offsets) for offsets in touched])
+
+
+def _steps_need(
+    ways: NDArray[np.int64], along: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The blocks that each step touches, (m, 8, 3), and the bits that it needs of each, (m, 8)."""
+    table = [_needed(tuple(way), tuple(along.tolist())) for way in ways.tolist()]
+    return np.array([blocks for blocks, _ in table]), np.array([bits for _, bits in table])
+
+
+@functools.lru_cache(maxsize=64)
+def _needed(way: Cell, along: Cell) -> tuple[list[Cell], list[int]]:
+    """The blocks that one step touches and the bits that it needs, as ``block_mask`` sets them."""
+    bits: dict[Cell, int] = {}
+    size = along[0] * along[1] * along[2]
+    for cell in _touched(way, max(along)):
+        places = [f // 2 + d for f, d in zip(along, cell, strict=True)]
+        block = tuple(place // f for place, f in zip(places, along, strict=True))
+        x, y, z = (place % f for place, f in zip(places, along, strict=True))
+        bit = 1 << (size - 1 - ((x * along[1] + y) * along[2] + z))
+        bits[block] = bits.get(block, 0) | bit
+    signed = [bit - (1 << 64) if bit >= 1 << 63 else bit for bit in bits.values()]
+    return [*bits, *[(0, 0, 0)] * (8 - len(bits))], [*signed, *[0] * (8 - len(bits))]
