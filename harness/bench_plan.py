@@ -1,7 +1,7 @@
 """`wayproof bench plan`: paths of 14 to 16 m across a warehouse at 5 cm, for both robots.
 
-Lengths are compared with clearance weight 0 on both sides, against Lazy Theta* on the 5 cm grid with
-a thousand shortcuts (`reference`). Times are processor time of one thread. Rows with `clear` plan
+Lengths are compared with clearance weight 0 on both sides, against Lazy Theta* on the 5 cm grid
+with a thousand shortcuts (`reference`). Times are processor time of one thread. The last rows plan
 with the default clearance weight, so they are longer and keep farther away.
 """
 
@@ -54,6 +54,7 @@ PEER_SHARE = 5
 """Every so many queries go to the planners that are no robot's default."""
 
 REFERENCE_SHORTCUTS = 1000
+_compiled = numba.njit(error_model="numpy")  # not cached: of use to the bench alone
 LIMITS = {
     "drone": MotionLimits(2.0, 4.0, 30.0, 4.0, 2.0),
     "quadruped": MotionLimits(0.8, 1.0, 6.0, 1.0, 1.2),
@@ -131,8 +132,7 @@ def bench_plan(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[
 def warehouse(seed: int) -> NDArray[np.bool_]:
     """Blocked cells of a hall with four rows of racks and 45 boxes, some of them hung up."""
     rng = np.random.default_rng(seed)
-    shape = tuple(round(size / RESOLUTION) for size in SIZE)
-    blocked = np.zeros(shape, np.bool_)
+    blocked = np.zeros([round(size / RESOLUTION) for size in SIZE], np.bool_)
     for axis in range(3):
         for side in (0, -1):
             np.moveaxis(blocked, axis, 0)[side] = True
@@ -160,7 +160,8 @@ def air(blocked: NDArray[np.bool_]) -> Spaces:
 def ground(blocked: NDArray[np.bool_]) -> Spaces:
     """The quadruped's space: discs in the plane, and the disc about its middle."""
     low, high = (round(height / RESOLUTION) for height in BAND)
-    return _spaces(blocked[:, :, low:high].any(axis=2, keepdims=True), QUADRUPED, flat=True)
+    columns = np.asarray(blocked[:, :, low:high].any(axis=2))  # (nx, ny)
+    return _spaces(columns[:, :, None], QUADRUPED, flat=True)
 
 
 def _spaces(blocked: NDArray[np.bool_], body: Body, flat: bool) -> Spaces:
@@ -178,7 +179,8 @@ def _spaces(blocked: NDArray[np.bool_], body: Body, flat: bool) -> Spaces:
 def squared_distances(blocked: NDArray[np.bool_]) -> NDArray[np.uint16]:
     """Squared distance in cells to the nearest blocked one, at most the reach's."""
     squared = np.rint(distance_transform_edt(~blocked) ** 2)
-    return np.minimum(squared, REACH * REACH).astype(np.uint16)
+    cells: NDArray[np.uint16] = np.minimum(squared, REACH * REACH).astype(np.uint16)
+    return cells
 
 
 def make_queries(spaces: Spaces, count: int, seed: int) -> list[Query]:
@@ -200,9 +202,7 @@ def make_queries(spaces: Spaces, count: int, seed: int) -> list[Query]:
         if not (free and 14.0 <= math.dist(start, goal) <= 16.0):
             continue
         number = plan_seed(seed, "bench", len(queries))
-        reference, elapsed = _timed(
-            lambda a=start, b=goal, n=number: _reference(point, a, b, n, scratch)
-        )
+        reference, elapsed = _timed(_reference, point, start, goal, number, scratch)
         if reference is not None:
             queries.append(Query(start, goal, heading, number, reference, elapsed))
     return queries
@@ -220,10 +220,10 @@ def _pose(point: Array, heading: float) -> Array:
     return np.append(point, heading)
 
 
-def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
+def _timed(work: Callable[..., Any], *given: Any) -> tuple[Any, float]:
     """What work returns, and its processor time, ms."""
     started = time.process_time()
-    result = work()
+    result = work(*given)
     return result, 1e3 * (time.process_time() - started)
 
 
@@ -233,7 +233,7 @@ def _plan_row(
     plans, times = [], []
     for query in queries:
         found, elapsed = _timed(
-            lambda q=query: plan(space, q.start, q.goal, config, q.seed, q.heading)
+            plan, space, query.start, query.goal, config, query.seed, query.heading
         )
         plans.append(found)
         times.append(elapsed)
@@ -244,16 +244,16 @@ def _row(
     robot: str, name: str, space: FreeSpace, plans: list[Plan], times: list[float],
     lengths: list[float],
 ) -> Row:  # fmt: skip
-    found = [one for one in plans if one.waypoints is not None]
     ratios = [
         one.length / length
         for one, length in zip(plans, lengths, strict=True)
         if one.waypoints is not None
     ] or [math.inf]
-    clearances = [clearance_mean(space, one.waypoints) for one in found] or [0.0]
+    paths = [one.waypoints for one in plans if one.waypoints is not None]
+    clearances = [clearance_mean(space, path) for path in paths] or [0.0]
     p50, p99 = np.percentile(times, [50, 99])
     return Row(
-        robot, name, len(plans), len(found) / len(plans), float(p50), float(p99),
+        robot, name, len(plans), len(paths) / len(plans), float(p50), float(p99),
         float(np.mean(ratios)), float(np.percentile(ratios, 99)), float(np.mean(clearances)),
     )  # fmt: skip
 
@@ -275,7 +275,7 @@ def _replan_rows(robot: str, space: FreeSpace, queries: list[Query]) -> Iterator
         for name in ("first", "again"):
             nothing = None if name == "first" else (np.zeros(3, int), np.zeros(3, int))
             found, elapsed = _timed(
-                lambda q=query, f=field, c=nothing: f.plan(space, q.start, q.seed, q.heading, c)
+                field.plan, space, query.start, query.seed, query.heading, nothing
             )
             kept[name].append((found, elapsed, found.length))
         if found.waypoints is None:
@@ -285,9 +285,7 @@ def _replan_rows(robot: str, space: FreeSpace, queries: list[Query]) -> Iterator
             continue
         changed_space, box = with_box
         again, elapsed = _timed(
-            lambda q=query, f=field, s=changed_space, b=box: f.plan(
-                s, q.start, q.seed, q.heading, b
-            )
+            field.plan, changed_space, query.start, query.seed, query.heading, box
         )
         fresh = plan(changed_space, query.start, query.goal, config, query.seed, query.heading)
         if fresh.waypoints is not None:
@@ -326,7 +324,7 @@ def _trajectory_row(robot: str, space: FreeSpace, plans: list[Plan]) -> Row:
     found = [one for one in plans if one.waypoints is not None]
     blended, times = [], []
     for one in found:
-        (path, _), elapsed = _timed(lambda p=one.waypoints: _trajectory(robot, space, p))
+        (path, _), elapsed = _timed(_trajectory, robot, space, one.waypoints)
         length = float(kernels.path_length(path))
         blended.append(replace(one, waypoints=path, length=length))
         times.append(elapsed)
@@ -376,9 +374,24 @@ def _reference(
     return shortened
 
 
-@numba.njit  # type: ignore[untyped-decorator]
-def _lazy_theta(  # type: ignore[no-untyped-def]
-    grid, threshold, start, goal, cost, parent, state
+@_compiled
+def _centre(grid: kernels.Grid, cell: int) -> kernels.Point:
+    """Centre of a cell by its flat index."""
+    _, ny, nz = grid.field.shape
+    x = grid.origin[0] + (cell // (ny * nz) + 0.5) * grid.resolution
+    y = grid.origin[1] + ((cell // nz) % ny + 0.5) * grid.resolution
+    return x, y, grid.origin[2] + (cell % nz + 0.5) * grid.resolution
+
+
+@_compiled
+def _lazy_theta(
+    grid: kernels.Grid,
+    threshold: int,
+    start: int,
+    goal: int,
+    cost: Array,
+    parent: NDArray[np.int32],
+    state: NDArray[np.uint8],
 ) -> bool:
     """Lazy Theta* (Nash, Koenig, Tovey, AAAI 2010, figure 5) on the cells of a grid.
 
@@ -394,20 +407,14 @@ def _lazy_theta(  # type: ignore[no-untyped-def]
     nx, ny, nz = grid.field.shape
     flat_field = grid.field.reshape(-1)
 
-    def centre(cell):  # type: ignore[no-untyped-def]
-        i, j, k = cell // (ny * nz), (cell // nz) % ny, cell % nz
-        x, y, z = grid.origin
-        r = grid.resolution
-        return x + (i + 0.5) * r, y + (j + 0.5) * r, z + (k + 0.5) * r
-
-    target = centre(goal)
+    target = _centre(grid, goal)
     cost[start], parent[start], state[start] = 0.0, start, 1
-    queue = [(kernels.distance(centre(start), target), start)]
+    queue = [(kernels.distance(_centre(grid, start), target), start)]
     while len(queue) > 0:
         _, cell = heapq.heappop(queue)
         if state[cell] == 2:
             continue
-        here = centre(cell)
+        here = _centre(grid, cell)
         i, j, k = cell // (ny * nz), (cell // nz) % ny, cell % nz
         around = [
             (u * ny + v) * nz + w
@@ -415,11 +422,13 @@ def _lazy_theta(  # type: ignore[no-untyped-def]
             for v in range(max(j - 1, 0), min(j + 2, ny))
             for w in range(max(k - 1, 0), min(k + 2, nz))
         ]
-        if not kernels.edge_free(grid, threshold, centre(parent[cell]), here):
+        if not kernels.edge_free(grid, threshold, _centre(grid, parent[cell]), here):
             cost[cell] = np.inf
             for other in around:
-                if state[other] == 2 and kernels.edge_free(grid, threshold, centre(other), here):
-                    through = cost[other] + kernels.distance(centre(other), here)
+                if state[other] == 2 and kernels.edge_free(
+                    grid, threshold, _centre(grid, other), here
+                ):
+                    through = cost[other] + kernels.distance(_centre(grid, other), here)
                     if through < cost[cell]:
                         cost[cell], parent[cell] = through, other
             if cost[cell] == np.inf:  # reached past a blocked corner only
@@ -432,8 +441,10 @@ def _lazy_theta(  # type: ignore[no-untyped-def]
         for other in around:
             if state[other] == 2 or flat_field[other] <= threshold:
                 continue
-            through = cost[seen] + kernels.distance(centre(seen), centre(other))
+            through = cost[seen] + kernels.distance(_centre(grid, seen), _centre(grid, other))
             if state[other] == 0 or through < cost[other]:
                 cost[other], parent[other], state[other] = through, seen, 1
-                heapq.heappush(queue, (through + kernels.distance(centre(other), target), other))
+                heapq.heappush(
+                    queue, (through + kernels.distance(_centre(grid, other), target), other)
+                )
     return False

@@ -111,7 +111,7 @@ def block_mask(
     for u in range(x, x + factor[0]):
         for v in range(y, y + factor[1]):
             for w in range(z, z + factor[2]):
-                mask = (mask << 1) | (field[u, v, w] > threshold)
+                mask = (mask << 1) | int(field[u, v, w] > threshold)
     return mask
 
 
@@ -125,7 +125,8 @@ def look(lattice: Lattice, cell: int) -> int:
         )
         if len(lattice.mask) > 0:
             lattice.mask[cell] = block_mask(field, threshold, factor, lattice.shape, cell)
-    return int(lattice.rate[cell])
+    rate: int = lattice.rate[cell]
+    return rate
 
 
 @kernel

@@ -192,9 +192,9 @@ def _needed(way: Cell, along: Cell) -> tuple[list[Cell], list[int]]:
     size = along[0] * along[1] * along[2]
     for cell in _touched(way, max(along)):
         places = [f // 2 + d for f, d in zip(along, cell, strict=True)]
-        block = tuple(place // f for place, f in zip(places, along, strict=True))
+        i, j, k = (place // f for place, f in zip(places, along, strict=True))
         x, y, z = (place % f for place, f in zip(places, along, strict=True))
         bit = 1 << (size - 1 - ((x * along[1] + y) * along[2] + z))
-        bits[block] = bits.get(block, 0) | bit
+        bits[i, j, k] = bits.get((i, j, k), 0) | bit
     signed = [bit - (1 << 64) if bit >= 1 << 63 else bit for bit in bits.values()]
     return [*bits, *[(0, 0, 0)] * (8 - len(bits))], [*signed, *[0] * (8 - len(bits))]

@@ -92,7 +92,7 @@ class FreeSpace:
     @property
     def flat(self) -> bool:
         """Whether it is a plane, for a robot on the ground."""
-        return self.field.shape[2] == 1
+        return bool(self.field.shape[2] == 1)
 
     def is_free(self, point: Floats) -> bool:
         """Whether a point lies in a free cell."""
@@ -162,8 +162,9 @@ class FreeSpace:
         return float(kernels.poses_cost(self.grid, self.shape, float(clearance_weight), poses))
 
     def free_sweep_length(self, poses: Floats) -> float:
-        """Length [m] that the reference point moves through poses, shape (n, 4), before a disc
-        of the body touches a forbidden cell; counted in whole steps of a sweep.
+        """Length [m] of a way through poses, shape (n, 4), before the body touches what it may not.
+
+        Counted along the reference point's path, in whole steps of a sweep.
         """
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         return float(kernels.poses_free_length(self.grid, self.shape, poses))

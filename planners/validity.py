@@ -21,12 +21,14 @@ class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]
     def __init__(
         self, information: ob.SpaceInformation, space: FreeSpace, kind: StateSpace, z: float
     ) -> None:
+        """Check states of a kind in a space."""
         super().__init__(information)
         self.space = space
         self.kind = kind
         self.z = z
 
     def isValid(self, state: ob.State) -> bool:
+        """Whether the body is free there."""
         pose = self.kind.read(state, self.z)
         if self.kind.oriented:
             return bool(kernels.sweep_free(self.space.grid, self.space.shape, pose, pose))
