@@ -138,7 +138,11 @@ def state_space_for(name: str, space: FreeSpace) -> StateSpace:
 def sample_curve(
     state_space: ob.StateSpace, kind: StateSpace, a: ob.State, b: ob.State, radius: float, z: float
 ) -> Floats:
-    """Poses along the curve from one state to another, shape (n, 4), a turn step apart at most."""
+    """Poses along the curve from one state to another, shape (n, 4), a turn step apart at most.
+
+    What is checked is what is handed on. Where a Reeds-Shepp curve turns round between two poses,
+    both leave out the tip: at most half of a step, ``TURN_STEP`` times the turning radius.
+    """
     count = max(math.ceil(state_space.distance(a, b) / (kernels.TURN_STEP * radius)), 1)
     at = state_space.allocState()
     poses = np.empty((count + 1, 4))
