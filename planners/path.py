@@ -142,12 +142,14 @@ def _blend(space: FreeSpace, corner: Floats, blend_length: float, spacing: float
     at = corner[1]
     lengths, tangents = edge_lengths(corner), edge_tangents(corner)
     length = min(blend_length, 0.5 * lengths[0], 0.5 * lengths[1])
+    if length < LEAST_EDGE:
+        return corner[1:2].copy()
     for _ in range(BLEND_SHRINKINGS):
         start, end = at - length * tangents[0], at + length * tangents[1]
         edges = max(math.ceil(2.0 * length / spacing), LEAST_BLEND_EDGES)
         t = np.linspace(0.0, 1.0, edges + 1)[:, None]
         points: Floats = (1.0 - t) * (1.0 - t) * start + 2.0 * t * (1.0 - t) * at + t * t * end
-        if length > 0.0 and _all_free(space, points):
+        if _all_free(space, points):
             return points
         length *= 0.5
     return corner[1:2].copy()
