@@ -53,6 +53,7 @@ QUERIES_PER_SWEEP = 14
 PEER_SHARE = 5
 """Every so many queries go to the planners that are no robot's default."""
 
+BLEND_LENGTH = 0.6  # m
 REFERENCE_SHORTCUTS = 1000
 _compiled = numba.njit(error_model="numpy")  # not cached: of use to the bench alone
 LIMITS = {
@@ -125,7 +126,7 @@ def bench_plan(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[
         row, plans = _plan_row(robot, "default, clear", spaces[0], queries, PlannerConfig())
         progress(f"plan: {robot}, replanning and trajectories")
         rows += [row, *_replan_rows(robot, spaces[0], queries)]
-        rows.append(_trajectory_row(robot, spaces[0], plans))
+        rows += _trajectory_rows(robot, spaces[0], plans)
     return [asdict(row) for row in rows]
 
 
@@ -319,23 +320,20 @@ def put_box(
     return changed, (first, end)
 
 
-def _trajectory_row(robot: str, space: FreeSpace, plans: list[Plan]) -> Row:
-    """Corners blended and the motion timed, for each path found; clearance is the blended one's."""
+def _trajectory_rows(robot: str, space: FreeSpace, plans: list[Plan]) -> Iterator[Row]:
+    """Corners blended, and then the motion timed, for each path found."""
     found = [one for one in plans if one.waypoints is not None]
-    blended, times = [], []
-    for one in found:
-        (path, _), elapsed = _timed(_trajectory, robot, space, one.waypoints)
-        length = float(kernels.path_length(path))
-        blended.append(replace(one, waypoints=path, length=length))
-        times.append(elapsed)
     lengths = [one.length for one in found]
-    return _row(robot, "blends and trajectory", space, blended, times, lengths)
-
-
-def _trajectory(robot: str, space: FreeSpace, waypoints: Array) -> tuple[Array, float]:
-    path = blend_corners(space, waypoints, 0.6)
-    motion = follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, LIMITS[robot], LIMITS[robot].speed)
-    return path, motion.duration_s
+    limits = LIMITS[robot]
+    blends, blend_times, times = [], [], []
+    for one in found:
+        path, elapsed = _timed(blend_corners, space, one.waypoints, BLEND_LENGTH)
+        blends.append(replace(one, waypoints=path, length=float(kernels.path_length(path))))
+        blend_times.append(elapsed)
+        start = (0, 0.0, 0.0, 0.0, 0.0)  # at rest at the path's begin
+        times.append(_timed(follow_path, path, *start, limits, limits.speed)[1])
+    yield _row(robot, "blends", space, blends, blend_times, lengths)
+    yield _row(robot, "trajectory", space, blends, times, lengths)
 
 
 def _reference_row(robot: str, point: FreeSpace, queries: list[Query]) -> Row:

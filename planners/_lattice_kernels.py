@@ -159,7 +159,8 @@ def estimate(shape: Longs, cell: int, target: int) -> int:
     most, least = max(x, y, z), min(x, y, z)
     middle = x + y + z - most - least
     length = STEPS[2] * least + STEPS[1] * (middle - least) + STEPS[0] * (most - middle)
-    return 2 * FREE_RATE * length
+    cost: int = 2 * FREE_RATE * length
+    return cost
 
 
 @kernel

@@ -60,8 +60,6 @@ class GoalField:
         Returns:
             The path with its cost, or a label that says why there is none.
         """
-        if not (space.is_free(start) and space.is_free(self.goal)):
-            return plan(space, start, self.goal, self.config, seed, heading)
         kind = state_space_for(self.config.state_space, space)
         costs, weight = searched(space, kind, float(self.config.clearance_weight))
         grid = self._follow(costs, weight, changed)
@@ -69,6 +67,8 @@ class GoalField:
         before = int(grid.now[_lattice_kernels.EXPANDED])
         budget = self.config.iterations * EXPANSIONS
         if entered < 0 or not _lattice_kernels.spread(grid, entered, -1, budget):
+            if grid.now[_lattice_kernels.OPENED] > 0:
+                self._lattice = None  # the next plan has the whole budget, as a new object has
             return plan(space, start, self.goal, self.config, seed, heading)
         spent = int(grid.now[_lattice_kernels.EXPANDED]) - before
         path = lattice.way_down(grid, space, start, self.goal, entered)
