@@ -144,7 +144,8 @@ def warehouse(seed: int) -> NDArray[np.bool_]:
             _block(blocked, low, low + size)
     for _ in range(45):
         low = np.array([*rng.uniform(1.0, 18.5, 2), rng.choice([0.0, rng.uniform(0.0, 2.0)])])
-        _block(blocked, low, low + [*rng.uniform(0.3, 1.3, 2), rng.uniform(0.5, 2.2)])
+        size = np.array([*rng.uniform(0.3, 1.3, 2), rng.uniform(0.5, 2.2)])
+        _block(blocked, low, low + size)
     return blocked
 
 

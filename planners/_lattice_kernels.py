@@ -46,6 +46,7 @@ class Lattice(NamedTuple):
     """
 
     field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
+    cells: NDArray[np.uint16]  # (nx * ny * nz,) the same, flat
     threshold: int  # a grid cell is forbidden at or below it
     factor: Longs  # (3,) grid cells to a lattice cell
     shape: Longs  # (3,) lattice cells, border included
@@ -92,7 +93,8 @@ def middle_rate(
     index = grid_index(field, factor, shape, cell)
     if index < 0:
         return BLOCKED
-    value = int(field.reshape(-1)[index])
+    depth, plane = field.shape[2], field.shape[1] * field.shape[2]
+    value = int(field[index // plane, index % plane // depth, index % depth])
     if value <= threshold:
         return BLOCKED
     return int(rate_by_distance[min(value, len(rate_by_distance) - 1)])
@@ -210,7 +212,7 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
         Whether the cell is closed; if not, the budget is spent or no cell is open.
     """
     # Arrays are taken out of the tuple here: taken out in the loop they are counted each time.
-    field, threshold, cells = lattice.field, lattice.threshold, lattice.field.reshape(-1)
+    field, threshold, cells = lattice.field, lattice.threshold, lattice.cells
     factor, shape = lattice.factor, lattice.shape
     rate_by_distance, offsets, steps = lattice.rate_by_distance, lattice.offsets, lattice.steps
     touched, counts, rate = lattice.touched, lattice.counts, lattice.rate
@@ -256,7 +258,8 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
             state[other] = OPEN
             cost[other] = through
             via[other] = way
-    lattice.now[:] = key, opened, lattice.now[EXPANDED] + closed
+    lattice.now[KEY], lattice.now[OPENED] = key, opened
+    lattice.now[EXPANDED] += closed
     return bool(state[until] == CLOSED)
 
 
@@ -280,7 +283,7 @@ def descend(lattice: Lattice, start: int) -> Integers:
                 continue
             if cost[other] + steps[way] * (rate[cell] + rate[other]) != cost[cell]:
                 continue
-            if step_free(field.reshape(-1), threshold, index, touched[way, : lattice.counts[way]]):
+            if step_free(lattice.cells, threshold, index, touched[way, : lattice.counts[way]]):
                 cell = other
                 break
         cells[count] = cell

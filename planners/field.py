@@ -6,6 +6,7 @@ It is written as an OMPL planner, so that it is chosen, bounded, logged and meas
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -126,7 +127,7 @@ def lattice_path(
 def head_along(points: Floats, start: Pose, goal: Pose) -> Floats:
     """Poses of a body that heads along a path and turns at its corners, shape (n, 4)."""
     poses = [start]
-    for a, b in zip(points[:-1], points[1:], strict=True):
+    for a, b in itertools.pairwise(points):
         if b[0] == a[0] and b[1] == a[1]:
             heading = poses[-1][3]  # straight up or down
         else:

@@ -86,7 +86,7 @@ class GoalField:
         known = (*geometry, space.blocked_at_or_below, rates.tobytes())
         if self._lattice is None or known != self._known:
             return self._begin(space, weight, known)
-        grid = self._lattice._replace(field=space.grid.field)
+        grid = self._lattice._replace(field=space.grid.field, cells=space.grid.field.reshape(-1))
         low, high = _lattice_box(grid, space, changed)
         changes = _lattice_kernels.look_again(grid, low, high)
         if self._goal_cell in changes or lattice.entry(grid, space, self.goal) != self._goal_cell:

@@ -53,6 +53,7 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
     longest = STEPS[2] * 2 * int(rate_by_distance.max())
     return Lattice(
         field=field,
+        cells=field.reshape(-1),
         threshold=space.blocked_at_or_below,
         factor=along,
         shape=shape,

@@ -8,6 +8,7 @@ thread, and a count ends the search, never the clock.
 from __future__ import annotations
 
 import importlib
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -192,6 +193,6 @@ def _poses(query: Query, state_space: ob.StateSpace, path: og.PathGeometric) -> 
         return np.array([query.start, *inner, query.goal], dtype=np.float64)
     pieces = [
         sample_curve(state_space, kind, a, b, query.turning_radius, z)[1:]
-        for a, b in zip(states[:-1], states[1:], strict=True)
+        for a, b in itertools.pairwise(states)
     ]
     return np.vstack([np.array([query.start]), *pieces])

@@ -170,7 +170,7 @@ def test_curves_keep_the_turning_radius(curve):
         found.headings[:-1] + 0.5 * np.diff(np.unwrap(found.headings)),
     )
     forward = steps[:, 0] * np.cos(ahead) + steps[:, 1] * np.sin(ahead)
-    # A step over a cusp, where the motion turns round, is cut short; there is none in a Dubins path.
+    # A step over a cusp, where the motion turns round, is cut short; Dubins paths have none.
     cusps = np.count_nonzero(np.diff(np.sign(forward)))
     assert np.count_nonzero(sharp) <= cusps
     assert np.abs(forward)[~sharp] == pytest.approx(lengths[~sharp], rel=1e-2, abs=1e-6)
