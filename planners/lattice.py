@@ -15,7 +15,7 @@ from planners.space import FreeSpace
 
 Cell = tuple[int, int, int]
 
-SPACING_ABOVE_GROUND = 0.2  # [m]; with 0.1 the search takes six times as long, for 0.2 % in length
+SPACING_ABOVE_GROUND = 0.2  # [m]
 SPACING_ON_GROUND = 0.1  # [m]
 
 LARGEST_FACTOR = 4
