@@ -71,17 +71,18 @@ class Audit:
     violations: tuple[Violation, ...]
 
 
-def audit(path: Path, policy: UnknownPolicy | None = None) -> Audit:
+def audit(path: Path, policy: UnknownPolicy | None = None, allow_plugins: bool = False) -> Audit:
     """Check every decision of a log.
 
     Args:
         path: The log.
         policy: What to hold paths against in place of the log's own unknown policy.
+        allow_plugins: Whether code that its config names may be imported.
 
     Raises:
         InputError: The file is no finished log, or holds no decision.
     """
-    log = open_log(path)
+    log = open_log(path, allow_plugins)
     navigator = build_navigator(log.config, log.mission, log.beams)
     held = policy or log.config.map.unknown_policy
     body = _Body(log.config, log.mission, held)

@@ -114,7 +114,7 @@ class Row:
     agreement_above_floor: float | None = None
 
 
-def bench_map(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+def bench_map(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
     """Measure the map; one flat row (see `Row`) for each figure or pair of figures."""
     progress("compiling kernels (some seconds the first time, then cached)")
     warm_up()
@@ -124,9 +124,9 @@ def bench_map(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[d
     rows = [workload(room, resolution) for resolution in RESOLUTIONS]
     for resolution in RESOLUTIONS:
         progress(f"map: speed at {resolution:g} m")
-        rows += speed(room, resolution, RANGE, sweeps, peers=octomap_installed())
+        rows += speed(room, resolution, RANGE, repeats, peers=octomap_installed())
     progress(f"map: speed at {FINE:g} m")
-    rows += speed(room, FINE, FINE_RANGE, sweeps, {"clamped": STILL})
+    rows += speed(room, FINE, FINE_RANGE, repeats, {"clamped": STILL})
     progress(f"map: {SHORT:g} m and {LONG:g} m")
     rows += extent(seed, SHORT, LONG, 0.05)
     progress("map: ghosts")
