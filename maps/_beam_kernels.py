@@ -49,9 +49,9 @@ GRAZED = np.uint8(2)  # a beam ends in its guarded layer
 
 EVERY_LAYER = -(1 << 30)  # below all that a beam may mark
 SECTORS = 4096
-MAX_STEPS = 2 * MAX_BEAM_CELLS + 2
+MAX_STEPS = 2 * MAX_BEAM_CELLS + 4
 
-ONE = np.uint64(1)
+ONE, TWO = np.uint64(1), np.uint64(2)
 FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 B01, B55, B33, B0F = (np.uint64(0x0101010101010101 * byte) for byte in (0x01, 0x55, 0x33, 0x0F))
 
@@ -264,13 +264,15 @@ def faces_before(way: int, half: int) -> int:
 
 
 @kernel
-def clip_axis(cell: int, steps: int, sign: int, low: int, high: int) -> tuple[int, int]:
-    """Faces to cross before a beam is within limits along an axis, and before it leaves them.
+def clip_axis(cell: int, steps: int, target: int, low: int, high: int) -> tuple[int, int]:
+    """Faces to cross along an axis before a beam is within limits, and before it leaves them.
 
     Where it ends before it leaves, the latter is `steps`.
     """
-    enter = low - cell if sign > 0 else cell - high
-    leave = high - cell if sign > 0 else cell - low
+    enter = low - cell if target > cell else cell - high
+    leave = high - cell if target > cell else cell - low
+    if target == cell and not low <= cell <= high:
+        return 1, 0
     return max(enter, 0), min(leave, steps)
 
 
@@ -297,100 +299,144 @@ def way_to_layers(end: int, sensor: int, low: int, high: int) -> int:
 
 
 @kernel
-def trace(
+def clip(
     end: tuple[int, int, int],  # cell
     sensor: tuple[int, int, int],  # 1/1024 of a cell
+    halves: tuple[int, int],  # way from the end to the first face along x and y
     box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
-    jumps: tuple[int, int],  # words from column to column along x and y
-    ways: NDArray[np.int64],  # out: where the beam enters each column, and where it leaves the last
-    places: NDArray[np.int64],  # out: first word of each column
-) -> int:
-    """Find the columns within the box that a beam crosses, from its end on; return their number."""
-    x, y, z = end
-    to_x, to_y = sensor[0] - x * HALVES - SUBCELLS, sensor[1] - y * HALVES - SUBCELLS  # both odd
-    half_x, half_y = int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y))
-    sign_x, sign_y = (1 if to_x > 0 else -1), (1 if to_y > 0 else -1)
-    steps_x, steps_y = abs((sensor[0] >> HALVES_BITS) - x), abs((sensor[1] >> HALVES_BITS) - y)
-    enter_x, leave_x = clip_axis(x, steps_x, sign_x, box[0], box[3])
-    enter_y, leave_y = clip_axis(y, steps_y, sign_y, box[1], box[4])
-    if enter_x > leave_x or enter_y > leave_y:
-        return 0
+) -> tuple[int, int]:
+    """The columns of a beam that lie in a box, by the number of faces crossed before them.
 
-    # Faces crossed before the first column that counts, and the way to it.
+    Returns:
+        The first and the last; (0, -1) if there are none.
+    """
+    x, y, z = end
+    half_x, half_y = halves
+    steps_x, steps_y = abs((sensor[0] >> HALVES_BITS) - x), abs((sensor[1] >> HALVES_BITS) - y)
+    enter_x, leave_x = clip_axis(x, steps_x, sensor[0] >> HALVES_BITS, box[0], box[3])
+    enter_y, leave_y = clip_axis(y, steps_y, sensor[1] >> HALVES_BITS, box[1], box[4])
+    to_layers = way_to_layers(z, sensor[2], box[2], box[5])
+    if enter_x > leave_x or enter_y > leave_y or to_layers > WHOLE_WAY:
+        return 0, -1
+
     i, j = enter_x, enter_y
     way_x, way_y = (2 * i - 1) * half_x, (2 * j - 1) * half_y
     if way_x > way_y and i > 0:
         j = faces_before(way_x, half_y)
     elif j > 0:
         i = faces_before(way_y + 1, half_x)  # where both are equal, x goes first
-    to_layers = way_to_layers(z, sensor[2], box[2], box[5])
-    if to_layers > WHOLE_WAY:
-        return 0
     i, j = max(i, faces_before(to_layers, half_x)), max(j, faces_before(to_layers, half_y))
 
-    # Faces crossed before the last column.
-    last_i, last_j, end_way = steps_x, steps_y, WHOLE_WAY
-    out_x, out_y = (2 * leave_x + 1) * half_x, (2 * leave_y + 1) * half_y
-    if leave_x < steps_x and (out_x <= out_y or leave_y == steps_y):
-        last_i, last_j, end_way = leave_x, faces_before(out_x, half_y), out_x
+    last_i, last_j = leave_x, leave_y
+    way_x, way_y = (2 * leave_x + 1) * half_x, (2 * leave_y + 1) * half_y
+    if leave_x < steps_x and (way_x <= way_y or leave_y == steps_y):
+        last_j = faces_before(way_x, half_y)
     elif leave_y < steps_y:
-        last_i, last_j, end_way = faces_before(out_y + 1, half_x), leave_y, out_y
+        last_i = faces_before(way_y + 1, half_x)
     if i > last_i or j > last_j:
-        return 0
+        return 0, -1
+    return i + j, last_i + last_j
 
-    steps = last_i - i + last_j - j
-    place = (x + sign_x * i) * jumps[0] + (y + sign_y * j) * jumps[1]
-    jump_x, jump_y = sign_x * jumps[0], sign_y * jumps[1]
-    ways[0] = max((2 * i - 1) * half_x if i > 0 else 0, (2 * j - 1) * half_y if j > 0 else 0)
-    ways[steps + 1] = end_way
-    way_x, way_y = (2 * i + 1) * half_x, (2 * j + 1) * half_y
-    # `ahead` is way_x - way_y - 1: below 0 if the next face is along x. Masks instead of branches,
-    # which would be mispredicted, and as short a chain from step to step as there is.
-    ahead, back, turn = way_x - way_y - 1, 2 * half_y, jump_x - jump_y
-    both, pitch_x = 2 * half_x + 2 * half_y, 2 * half_x
-    for s in range(steps):
-        through_x = ahead >> 63
-        places[s] = place
-        ways[s + 1] = way_x - ((ahead + 1) & ~through_x)
-        ahead = (ahead - back) + (both & through_x)
-        place += jump_y + (turn & through_x)
-        way_x += pitch_x & through_x
-    places[steps] = place
-    return steps + 1
+
+@kernel
+def trace(
+    first: int,  # faces crossed before the first column
+    halves: tuple[int, int],  # way from the end to the first face along x and y
+    start: int,  # word of the end's column
+    jumps: tuple[int, int],  # words from column to column along x and y
+    places: NDArray[np.int64],  # (n,) out: word of each column
+    ways: NDArray[np.int64],  # (n,) out: where the beam enters it
+) -> None:
+    """Find the columns that a beam crosses, from its end on.
+
+    After s faces it has crossed the i along x with (2 i - 1) half_x <= (2 j + 1) half_y and
+    (2 j - 1) half_y < (2 i + 1) half_x, where j = s - i. Solved for i that is
+    floor(((2 s + 1) half_y + half_x) / (2 half_x + 2 half_y)): no column waits for the one before.
+    """
+    half_x, half_y = halves
+    both, twice = 2 * (half_x + half_y), 2 * half_y
+    slope, offset = twice / both, (half_x + half_y) / both - 1e-6
+    turn = jumps[0] - jumps[1]
+    for k in range(places.shape[0]):
+        s = first + k
+        i = int(s * slope + offset)  # or one less than it should be
+        i += int(half_x + half_y + s * twice - i * both >= both)
+        places[k] = start + s * jumps[1] + i * turn
+        ways[k] = max((2 * i - 1) * half_x, (2 * (s - i) - 1) * half_y, 0)
 
 
 @kernel
 def find_heights(
-    ways: NDArray[np.int64],  # (n + 1,)
+    ways: NDArray[np.int64],  # (n,)
     middle: int,  # height of the end, 1/1024 of a cell
     rise: int,  # from there to the sensor
-    heights: NDArray[np.int64],  # (n + 1,) out
+    heights: NDArray[np.int64],  # (n,) out
 ) -> None:
-    """The cells along z at which a beam passes from column to column."""
+    """The cells along z in which a beam enters columns."""
     base = middle << WAY_BITS
     for s in range(ways.shape[0]):
         heights[s] = (base + ways[s] * rise) >> (WAY_BITS + HALVES_BITS)
 
 
 @kernel
-def edge_bit(height: int) -> np.uint64:
-    """The bit at a height from 0 to 64; none at 64."""
-    return ONE << np.uint64(height) if height < 64 else np.uint64(0)
+def bits_from(height: int) -> np.uint64:
+    """The bits of a word at a height from 0 to 64 and above it."""
+    return FULL << np.uint64(height) if height < 64 else np.uint64(0)
 
 
 @kernel
-def mark_between(
-    lower: NDArray[np.int64],  # (n + 1,) cells from the word's bottom
+def mark_within(
+    lower: NDArray[np.int64],  # (n + 1,) cells from the word's bottom, 0 to 63
     upper: NDArray[np.int64],  # (n + 1,)
-    least: int,
+    keep: np.uint64,  # cells that may be marked
     masks: NDArray[np.uint64],  # (n,) in, out
 ) -> None:
     """Mark in each column the cells between the heights at which beams enter and leave it."""
     for s in range(masks.shape[0]):
-        top = max(upper[s], upper[s + 1]) + 1
-        end = min(max(top, 0), 64)
-        first = min(max(max(min(lower[s], lower[s + 1]), least), 0), end)
-        masks[s] |= edge_bit(end) - edge_bit(first)
+        low, high = min(lower[s], lower[s + 1]), max(upper[s], upper[s + 1])
+        masks[s] |= ((TWO << np.uint64(high)) - (ONE << np.uint64(low))) & keep
+
+
+@kernel
+def mark_across(
+    lower: NDArray[np.int64],  # (n + 1,) cells from the word's bottom
+    upper: NDArray[np.int64],  # (n + 1,)
+    keep: np.uint64,
+    masks: NDArray[np.uint64],  # (n,) in, out
+) -> None:
+    """The same for beams that are also below or above the word."""
+    for s in range(masks.shape[0]):
+        low, high = min(lower[s], lower[s + 1]), max(upper[s], upper[s + 1])
+        first, end = min(max(low, 0), 64), min(max(high + 1, 0), 64)
+        masks[s] |= bits_from(first) & ~bits_from(end) & keep
+
+
+@kernel
+def mark_run(
+    low: int,  # lowest and highest end, from the word's bottom
+    high: int,
+    top: int,  # height of the sensor, 1/1024 of a cell
+    keep: np.uint64,
+    ways: NDArray[np.int64],  # (n + 1,)
+    lower: NDArray[np.int64],  # (n + 1,) scratch
+    upper: NDArray[np.int64],  # (n + 1,) scratch
+    masks: NDArray[np.uint64],  # (n,) in, out
+) -> None:
+    """Mark what the beams to a run of ends cross within one word of each column."""
+    least, most = min(low, top >> HALVES_BITS), max(high, top >> HALVES_BITS)
+    if most < 0 or least > 63 or keep == 0:
+        return
+    middle = low * HALVES + SUBCELLS
+    find_heights(ways, middle, top - middle, lower)
+    highest = lower
+    if high > low:
+        middle = high * HALVES + SUBCELLS
+        find_heights(ways, middle, top - middle, upper)
+        highest = upper
+    if least >= 0 and most <= 63:  # most, as a word is 64 cells high
+        mark_within(lower, highest, keep, masks)
+    else:
+        mark_across(lower, highest, keep, masks)
 
 
 @kernel
@@ -426,38 +472,37 @@ def carve(
     end one cell apart and come closer on their way. All to one column cross the same columns.
     """
     _, ny, words = shape
-    ways, places = np.empty(MAX_STEPS + 2, np.int64), np.empty(MAX_STEPS + 1, np.int64)
-    lower, upper = np.empty(MAX_STEPS + 2, np.int64), np.empty(MAX_STEPS + 2, np.int64)
-    masks = np.zeros(MAX_STEPS + 1, np.uint64)
+    ways, places = np.empty(MAX_STEPS + 1, np.int64), np.empty(MAX_STEPS + 1, np.int64)
+    lower, upper = np.empty(MAX_STEPS + 1, np.int64), np.empty(MAX_STEPS + 1, np.int64)
+    masks = np.empty(MAX_STEPS, np.uint64)
     at = part[0]
     while at < part[1]:
-        first = at
+        first_run = at
         run = order[at]
         x, y, k, low = int(runs[run, 0]), int(runs[run, 1]), runs[run, 2], int(runs[run, 3])
         at += 1
         while at < part[1] and share_columns(runs, run, order[at], box):
             at += 1
         sensor = (int(sensors[k, 0]), int(sensors[k, 1]), int(sensors[k, 2]))
-        n = trace((x, y, low), sensor, box, (ny * words, words), ways, places)
-        inner = sensor[2] >> HALVES_BITS
-        for word in range(box[2] >> 6, (box[5] >> 6) + 1 if n > 0 else 0):
+        to_x, to_y = sensor[0] - x * HALVES - SUBCELLS, sensor[1] - y * HALVES - SUBCELLS  # odd
+        halves = (int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y)))
+        first, last = clip((x, y, low), sensor, halves, box)
+        n = last + 1 - first
+        if n <= 0:
+            continue
+        jumps = (ny * words if to_x > 0 else -ny * words, words if to_y > 0 else -words)
+        trace(first, halves, (x * ny + y) * words, jumps, places[: n + 1], ways[: n + 1])
+        ways[n] = min(ways[n], WHOLE_WAY)
+        for word in range(box[2] >> 6, (box[5] >> 6) + 1):
             bottom = 64 * word
-            for i in range(first, at):
+            for s in range(n):
+                masks[s] = 0
+            for i in range(first_run, at):
                 run = order[i]
                 low, high = int(runs[run, 3]) - bottom, int(runs[run, 4]) - bottom
-                if max(high, inner - bottom) < 0 or min(low, inner - bottom) > 63:
-                    continue
-                top = sensor[2] - bottom * HALVES
-                middle = low * HALVES + SUBCELLS
-                find_heights(ways[: n + 1], middle, top - middle, lower[: n + 1])
-                highest = lower
-                if high > low:
-                    middle = high * HALVES + SUBCELLS
-                    find_heights(ways[: n + 1], middle, top - middle, upper[: n + 1])
-                    highest = upper
-                least = max(int(runs[run, 5]), box[2]) - bottom
-                mark_between(lower[: n + 1], highest[: n + 1], least, masks[:n])
-            keep = FULL >> np.uint64(max(63 - (box[5] - bottom), 0))
+                least = min(max(max(int(runs[run, 5]), box[2]) - bottom, 0), 64)
+                keep = bits_from(least) & (bits_from(min(box[5] + 1 - bottom, 64)) ^ FULL)
+                top, end = sensor[2] - bottom * HALVES, n + 1
+                mark_run(low, high, top, keep, ways[:end], lower[:end], upper[:end], masks[:n])
             for s in range(n):
-                free[np.uint64(places[s] + word)] |= masks[s] & keep
-                masks[s] = 0
+                free[np.uint64(places[s] + word)] |= masks[s]
