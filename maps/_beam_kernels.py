@@ -304,11 +304,11 @@ def clip(
     sensor: tuple[int, int, int],  # 1/1024 of a cell
     halves: tuple[int, int],  # way from the end to the first face along x and y
     box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
-) -> tuple[int, int]:
+) -> tuple[int, int, int]:
     """The columns of a beam that lie in a box, by the number of faces crossed before them.
 
     Returns:
-        The first and the last; (0, -1) if there are none.
+        The first and the last; 0 and -1 if there are none. Then the way to the box's layers.
     """
     x, y, z = end
     half_x, half_y = halves
@@ -317,7 +317,7 @@ def clip(
     enter_y, leave_y = clip_axis(y, steps_y, sensor[1] >> HALVES_BITS, box[1], box[4])
     to_layers = way_to_layers(z, sensor[2], box[2], box[5])
     if enter_x > leave_x or enter_y > leave_y or to_layers > WHOLE_WAY:
-        return 0, -1
+        return 0, -1, 0
 
     i, j = enter_x, enter_y
     way_x, way_y = (2 * i - 1) * half_x, (2 * j - 1) * half_y
@@ -334,8 +334,8 @@ def clip(
     elif leave_y < steps_y:
         last_i = faces_before(way_y + 1, half_x)
     if i > last_i or j > last_j:
-        return 0, -1
-    return i + j, last_i + last_j
+        return 0, -1, 0
+    return i + j, last_i + last_j, to_layers
 
 
 @kernel
@@ -423,9 +423,9 @@ def mark_run(
     masks: NDArray[np.uint64],  # (n,) in, out
 ) -> None:
     """Mark what the beams to a run of ends cross within one word of each column."""
-    least, most = min(low, top >> HALVES_BITS), max(high, top >> HALVES_BITS)
-    if most < 0 or least > 63 or keep == 0:
+    if max(high, top >> HALVES_BITS) < 0 or min(low, top >> HALVES_BITS) > 63 or keep == 0:
         return
+    n = masks.shape[0]
     middle = low * HALVES + SUBCELLS
     find_heights(ways, middle, top - middle, lower)
     highest = lower
@@ -433,7 +433,8 @@ def mark_run(
         middle = high * HALVES + SUBCELLS
         find_heights(ways, middle, top - middle, upper)
         highest = upper
-    if least >= 0 and most <= 63:  # most, as a word is 64 cells high
+    # Beams rise or fall all along. Most stay within the word, as it is 64 cells high.
+    if min(lower[0], lower[n]) >= 0 and max(highest[0], highest[n]) <= 63:
         mark_within(lower, highest, keep, masks)
     else:
         mark_across(lower, highest, keep, masks)
@@ -486,13 +487,13 @@ def carve(
         sensor = (int(sensors[k, 0]), int(sensors[k, 1]), int(sensors[k, 2]))
         to_x, to_y = sensor[0] - x * HALVES - SUBCELLS, sensor[1] - y * HALVES - SUBCELLS  # odd
         halves = (int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y)))
-        first, last = clip((x, y, low), sensor, halves, box)
+        first, last, to_layers = clip((x, y, low), sensor, halves, box)
         n = last + 1 - first
         if n <= 0:
             continue
         jumps = (ny * words if to_x > 0 else -ny * words, words if to_y > 0 else -words)
         trace(first, halves, (x * ny + y) * words, jumps, places[: n + 1], ways[: n + 1])
-        ways[n] = min(ways[n], WHOLE_WAY)
+        ways[0], ways[n] = max(ways[0], to_layers), min(ways[n], WHOLE_WAY)
         for word in range(box[2] >> 6, (box[5] >> 6) + 1):
             bottom = 64 * word
             for s in range(n):

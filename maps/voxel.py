@@ -478,7 +478,6 @@ class VoxelMap:
                 part,
                 self._ticks,
                 to_now,
-                bricks.cells,
                 bricks.eights,
                 bricks.fresh,
                 bricks.settled,
