@@ -448,13 +448,11 @@ def share_columns(
     box: tuple[int, int, int, int, int, int],
 ) -> bool:
     """Whether all beams to two runs cross the same columns within the box."""
-    return (
-        runs[one, 0] == runs[other, 0]
-        and runs[one, 1] == runs[other, 1]
-        and runs[one, 2] == runs[other, 2]
-        and box[2] <= runs[one, 3] <= box[5]
-        and box[2] <= runs[other, 3] <= box[5]
-    )
+    for k in range(3):
+        if runs[one, k] != runs[other, k]:
+            return False
+    low, high = box[2], box[5]
+    return low <= int(runs[one, 3]) <= high and low <= int(runs[other, 3]) <= high
 
 
 @kernel

@@ -194,7 +194,7 @@ class SweepWindow:
         """The part of a box of cells that lies within the bounds."""
         if self._bounds is None:
             return first, cells
-        low, high = np.clip(self._bounds + [[0], [1]] - first, 0, cells.shape)
+        low, high = np.clip(self._bounds + np.array([[0], [1]]) - first, 0, cells.shape)
         part = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
         return np.clip(first, *self._bounds), cells[part]
 

@@ -275,10 +275,21 @@ class VoxelMap:
         """
         occupied, free = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
-        if occupied.size:
+        bricks = self._bricks
+
+        def write(_: int, rows: tuple[int, int]) -> None:
+            part, corner = slice(*rows), (x + rows[0], y, z)
             kernels.write_columns(
-                *self._bricks.directory, self._bricks.eights, (x, y, z), occupied, free
+                *bricks.directory,
+                bricks.eights,
+                bricks.settled,
+                corner,
+                occupied[part],
+                free[part],
             )
+
+        if occupied.size:
+            self._team.share(write, shape[0], parts_each=1)
         return occupied, free
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
@@ -502,7 +513,7 @@ def _region(
     if low is None and high is None:
         return None
     if low is None or high is None:
-        raise ValueError(f"low, high: got {low} and {high}, expected both corners or neither")
+        raise ValueError(f"low, high: got {low!r} and {high!r}, expected both corners or neither")
     window = Window.covering(low, high, resolution)
     first = np.array(window.first)
     return np.stack([first, first + window.shape - 1])

@@ -335,7 +335,7 @@ def test_a_bounded_map_is_the_unbounded_one_in_its_region(threads):
         first, end = (np.floor(corner / 0.1 + [0, 0, 0.75]).astype(int) for corner in (low, high))
         cells = np.moveaxis(np.indices((60, 60, 60)), 0, -1).reshape(-1, 3) - 30
         inside = np.all((first <= cells) & (cells <= end), axis=1)
-        middles = (cells + [0.5, 0.5, -0.25]) * 0.1
+        middles = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
         expected = np.where(inside, whole.probability_at(middles), 0.5)
         np.testing.assert_array_equal(bounded.probability_at(middles), expected)
         assert np.count_nonzero(expected < 0.5) > 50
