@@ -351,18 +351,21 @@ def trace(
 
     After s faces it has crossed the i along x with (2 i - 1) half_x <= (2 j + 1) half_y and
     (2 j - 1) half_y < (2 i + 1) half_x, where j = s - i. Solved for i that is
-    floor(((2 s + 1) half_y + half_x) / (2 half_x + 2 half_y)): no column waits for the one before.
+    floor(s half_y / (half_x + half_y) + 1/2): no column waits for the one before. Worked out in
+    floating point, a little low, that is i or one less; which of them, integers decide.
     """
     half_x, half_y = halves
-    both, twice = 2 * (half_x + half_y), 2 * half_y
-    slope, offset = twice / both, (half_x + half_y) / both - 1e-6
-    turn = jumps[0] - jumps[1]
+    pitch_x, pitch_y, turn = 2 * half_x, 2 * half_y, jumps[0] - jumps[1]
+    slope, offset = pitch_y / (pitch_x + pitch_y), 0.5 - 1e-6
     for k in range(places.shape[0]):
         s = first + k
         i = int(s * slope + offset)  # or one less than it should be
-        i += int(half_x + half_y + s * twice - i * both >= both)
-        places[k] = start + s * jumps[1] + i * turn
-        ways[k] = max((2 * i - 1) * half_x, (2 * (s - i) - 1) * half_y, 0)
+        way_x, way_y = i * pitch_x + half_x, (s - i) * pitch_y - half_y
+        one_less = way_x <= way_y
+        place = start + s * jumps[1] + i * turn
+        places[k] = place + turn if one_less else place
+        way = max(way_x, way_y - pitch_y) if one_less else max(way_x - pitch_x, way_y)
+        ways[k] = max(way, 0)
 
 
 @kernel
