@@ -21,19 +21,20 @@ STAGES = ("sense", "map", "costmap", "plan")
 ROBOTS = ("quadruped", "drone")
 LOADS = (
     ("sensors.lidar=own", "map.resolution=0.1"),
-    ("sensors.lidar=ideal-lidar-dense", "map.resolution=0.05"),
+    ("sensors.lidar=ideal-lidar-dense", "map.resolution=0.05", "threads=2"),
 )
 """Settings of the lighter and of the heavier episodes."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Episodes of one robot under one load, on one core.
+    """Episodes of one robot under one load.
 
     Attributes:
         robot: Its name.
         rays: Beams in all sweeps of one decision.
         resolution_m: Of the map.
+        threads: That rays, map and costmap share.
         episodes: In the warehouse, of seeds from the given one on.
         reached: Of these, how many ended in success.
         realtime_factor: Simulated seconds a second of wall time: sensing, map, costmap, decision,
@@ -47,6 +48,7 @@ class Row:
     robot: str
     rays: int
     resolution_m: float
+    threads: int
     episodes: int
     reached: int
     realtime_factor: float
@@ -99,6 +101,7 @@ def _measure(
         robot=robot,
         rays=rays,
         resolution_m=scenario.config.map.resolution,
+        threads=scenario.config.threads,
         episodes=len(seeds),
         reached=reached,
         realtime_factor=simulated / wall,

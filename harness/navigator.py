@@ -50,7 +50,7 @@ class Navigator:
         self._config = config
         self._mission = mission
         self._beams = dict(beams)
-        self.map = MAPS[config.map.kind](config.map, config.threads)
+        self.map = MAPS[config.map.kind](config.map, config.threads, mission.low, mission.high)
         self.costmap = Costmap(
             config.map,
             self.map,

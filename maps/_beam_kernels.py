@@ -39,12 +39,17 @@ FLOOR_SUBCELLS = 3 * SUBCELLS // 4  # the plane z = 0 lies this high in its laye
 
 MAX_BEAM_CELLS = 2047
 WAY_BITS = 40  # a fraction of the way times a height of 2^21 stays below 2^63
+WHOLE_WAY = 1 << WAY_BITS
 HALF_PITCH = 2.0 ** (WAY_BITS + HALVES_BITS - 1)  # of faces, on a beam of 1/1024 of a cell
 UNIT_TOLERANCE = 1e-6
 
 # Flags of a column.
 LISTED = np.uint8(1)
 GRAZED = np.uint8(2)  # a beam ends in its guarded layer
+
+EVERY_LAYER = -(1 << 30)  # below all that a beam may mark
+SECTORS = 4096
+MAX_STEPS = 2 * MAX_BEAM_CELLS + 4
 
 ONE, TWO = np.uint64(1), np.uint64(2)
 FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
@@ -117,163 +122,24 @@ def next_run(bits: np.uint64) -> tuple[int, int]:
 
 
 @kernel
-def mark_run(masks: NDArray[np.uint64], base: int, low: int, high: int) -> None:
-    """Set the bits of cells `low` to `high` of the column whose first word is `base`."""
-    word, last = low >> 6, high >> 6
-    bits = FULL << np.uint64(low & 63)
-    while word < last:
-        masks[base + word] |= bits
-        bits = FULL
-        word += 1
-    if low <= high:
-        masks[base + word] |= bits & (FULL >> np.uint64(63 - (high & 63)))
-
-
-@kernel
-def carve_in_word(
-    place: int,  # word of the end
-    steps: int,  # columns to the sensor's
-    ends: tuple[int, int],  # lowest and highest cell of the run, 0 to 63
-    top: int,  # height of the sensor in the word, 1/1024 of a cell
-    keep: np.uint64,  # bits that may be marked
-    halves: tuple[int, int],  # way from the end to the first face along x and y
-    jumps: tuple[int, int],  # words from column to column along x and y
-    free: NDArray[np.uint64],
-) -> tuple[int, int]:
-    """Mark the columns before a run of ends where all beams stay within one word.
-
-    Returns:
-        The lowest and the highest cell at which the beams enter the sensor's column.
-    """
-    low, high = ends
-    low_middle, high_middle = low * HALVES + SUBCELLS, high * HALVES + SUBCELLS
-    low_rise, high_rise = top - low_middle, top - high_middle
-    low_base, high_base = low_middle << WAY_BITS, high_middle << WAY_BITS
-    way_x, way_y = halves
-    pitch_x, pitch_y = 2 * halves[0], 2 * halves[1]
-    turn = jumps[0] - jumps[1]
-    # Through x: all ones if the next face is along x. Masks, as a branch is mispredicted.
-    if low == high:  # one beam, half the work
-        for _ in range(steps):
-            ahead = way_x - way_y
-            through_x = (ahead - 1) >> 63
-            way = way_y + (ahead & through_x)
-            next_low = (low_base + way * low_rise) >> (WAY_BITS + HALVES_BITS)
-            first, last = np.uint64(min(low, next_low)), np.uint64(max(low, next_low))
-            free[np.uint64(place)] |= ((TWO << last) - (ONE << first)) & keep
-            low = next_low
-            place += jumps[1] + (turn & through_x)
-            way_x += pitch_x & through_x
-            way_y += pitch_y & ~through_x
-        return low, low
-    for _ in range(steps):
-        ahead = way_x - way_y
-        through_x = (ahead - 1) >> 63
-        way = way_y + (ahead & through_x)
-        next_low = (low_base + way * low_rise) >> (WAY_BITS + HALVES_BITS)
-        next_high = (high_base + way * high_rise) >> (WAY_BITS + HALVES_BITS)
-        first, last = np.uint64(min(low, next_low)), np.uint64(max(high, next_high))
-        free[np.uint64(place)] |= ((TWO << last) - (ONE << first)) & keep
-        low, high = next_low, next_high
-        place += jumps[1] + (turn & through_x)
-        way_x += pitch_x & through_x
-        way_y += pitch_y & ~through_x
-    return low, high
-
-
-@kernel
-def carve_across_words(
-    column: int,
-    steps: int,
-    ends: tuple[int, int],
-    top: int,
-    least: int,  # cells below it are not marked
-    halves: tuple[int, int],
-    jumps: tuple[int, int],  # columns
-    words: int,
-    free: NDArray[np.uint64],
-) -> tuple[int, int]:
-    """The same for beams that pass from word to word."""
-    low, high = ends
-    low_middle, high_middle = low * HALVES + SUBCELLS, high * HALVES + SUBCELLS
-    low_rise, high_rise = top - low_middle, top - high_middle
-    way_x, way_y = halves
-    for _ in range(steps):
-        through_x = way_x <= way_y
-        way = min(way_x, way_y)
-        next_low = (low_middle + ((way * low_rise) >> WAY_BITS)) >> HALVES_BITS
-        next_high = (high_middle + ((way * high_rise) >> WAY_BITS)) >> HALVES_BITS
-        first, last = max(min(low, next_low), least), max(high, next_high)
-        mark_run(free, column * words, first, last)
-        low, high = next_low, next_high
-        column += jumps[0] if through_x else jumps[1]
-        way_x += 2 * halves[0] if through_x else 0
-        way_y += 0 if through_x else 2 * halves[1]
-    return low, high
-
-
-@kernel
-def carve_run(
-    column: int,
-    target: int,  # the sensor's column
-    steps: int,
-    ends: tuple[int, int],
-    top: int,
-    least: int,
-    halves: tuple[int, int],
-    jumps: tuple[int, int],
-    words: int,
-    free: NDArray[np.uint64],
-) -> None:
-    """Mark the cells between the beams to the lowest and the highest of a run of ends along z.
-
-    Beams in between leave no gap: neighbours end one cell apart and come closer on their way.
-    """
-    inner = top >> HALVES_BITS
-    word = inner >> 6
-    if ends[0] >> 6 == word and ends[1] >> 6 == word:  # most, as a word is 64 cells high
-        bottom = 64 * word
-        keep = FULL << np.uint64(max(least - bottom, 0))
-        low, high = carve_in_word(
-            column * words + word,
-            steps,
-            (ends[0] - bottom, ends[1] - bottom),
-            top - bottom * HALVES,
-            keep,
-            halves,
-            (jumps[0] * words, jumps[1] * words),
-            free,
-        )
-        low, high = low + bottom, high + bottom
-    else:
-        low, high = carve_across_words(column, steps, ends, top, least, halves, jumps, words, free)
-    mark_run(free, target * words, max(min(low, inner), least), max(high, inner))
-
-
-@kernel
-def carve_column(
-    column: int,
-    sensor: tuple[int, int, int],  # 1/1024 of a cell, from the window's corner
+def list_column(
+    x: int,
+    y: int,
+    group: int,
     guarded_layer: int,  # -1: none
-    shape: tuple[int, int, int],  # (nx, ny, words)
-    aims: NDArray[np.uint64],  # (nx * ny * words,)
-    flags: NDArray[np.uint8],  # (nx * ny,)
-    free: NDArray[np.uint64],  # (nx * ny * words,)
-) -> None:
-    """Mark the cells of all beams that end in a column, from there to the sensor."""
-    _, ny, words = shape
-    x, y = column // ny, column % ny
-    to_x, to_y = sensor[0] - x * HALVES - SUBCELLS, sensor[1] - y * HALVES - SUBCELLS  # both odd
-    halves = (int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y)))
-    jumps = (ny if to_x > 0 else -ny, 1 if to_y > 0 else -1)
-    target_x, target_y = sensor[0] >> HALVES_BITS, sensor[1] >> HALVES_BITS
-    steps, target = abs(target_x - x) + abs(target_y - y), target_x * ny + target_y
-
+    base: int,  # first word of the column
+    words: int,
+    grazed: bool,
+    aims: NDArray[np.uint64],  # zero after, in this column
+    runs: NDArray[np.int32],  # (n, 6) out
+    count: int,  # of the runs so far
+) -> int:
+    """List the runs of ends in a column; return the number of runs with these."""
     for word in range(words):
-        bits = aims[column * words + word]
-        aims[column * words + word] = 0
+        bits = aims[base + word]
+        aims[base + word] = 0
         spare = False
-        if flags[column] & GRAZED and guarded_layer >> 6 == word:
+        if grazed and guarded_layer >> 6 == word:
             guarded = ONE << np.uint64(guarded_layer & 63)
             spare = bits & guarded == 0  # else a beam that is not spared ends there as well
             bits |= guarded
@@ -284,69 +150,361 @@ def carve_column(
             if spared and low < guarded_layer:  # those that end below it are not spared
                 high, spared = guarded_layer - 1, False
             bits &= ~((FULL >> np.uint64(63 - high + low)) << np.uint64(low & 63))
-            least = guarded_layer + 1 if spared else 0
-            carve_run(
-                column, target, steps, (low, high), sensor[2], least, halves, jumps, words, free
-            )
-    flags[column] = 0
-
-
-@kernel
-def aim_beams(
-    ends: NDArray[np.int32],  # (n, 3)
-    fates: NDArray[np.uint8],  # (n,)
-    beams: tuple[int, int],
-    corner: tuple[int, int, int],  # cell at the window's corner
-    guarded_layer: int,
-    shape: tuple[int, int, int],
-    hits: NDArray[np.uint64],
-    aims: NDArray[np.uint64],
-    flags: NDArray[np.uint8],
-    columns: NDArray[np.int32],  # out
-) -> int:
-    """Mark the cells that beams end in and list their columns; return the number of these."""
-    count = 0
-    for i in range(beams[0], beams[1]):
-        if fates[i] > CLEARED:
-            continue
-        x, y, z = ends[i, 0] - corner[0], ends[i, 1] - corner[1], ends[i, 2] - corner[2]
-        column = x * shape[1] + y
-        word, bit = column * shape[2] + (z >> 6), ONE << np.uint64(z & 63)
-        flag = LISTED
-        if fates[i] == RETURNED:
-            hits[word] |= bit
-        if fates[i] == RETURNED and z == guarded_layer:
-            flag = LISTED | GRAZED
-        else:
-            aims[word] |= bit
-        if flags[column] == 0:
-            columns[count] = column
+            least = guarded_layer + 1 if spared else EVERY_LAYER
+            write_run(runs, count, x, y, group, low, high, least)
             count += 1
-        flags[column] |= flag
     return count
 
 
 @kernel
-def carve(
+def write_run(
+    runs: NDArray[np.int32],
+    at: int,
+    x: int,
+    y: int,
+    group: int,
+    low: int,
+    high: int,
+    least: int,
+) -> None:
+    """Write one run of ends."""
+    runs[at, 0], runs[at, 1], runs[at, 2] = x, y, group
+    runs[at, 3], runs[at, 4], runs[at, 5] = low, high, least
+
+
+@kernel
+def list_runs(
     ends: NDArray[np.int32],  # (n, 3)
     fates: NDArray[np.uint8],  # (n,)
     groups: NDArray[np.int64],  # (m + 1,) first beam of each sensor position, and the end
     sensors: NDArray[np.int64],  # (m, 3) 1/1024 of a cell, from the window's corner
-    beams: tuple[int, int],
-    corner: tuple[int, int, int],
+    corner: tuple[int, int, int],  # cell at the window's corner
+    box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
     guarded_layer: int,  # from the window's bottom; -1: none
     shape: tuple[int, int, int],  # (nx, ny, words)
     hits: NDArray[np.uint64],  # (nx * ny * words,) out
-    free: NDArray[np.uint64],  # (nx * ny * words,) out
     aims: NDArray[np.uint64],  # (nx * ny * words,) zero before and after
     flags: NDArray[np.uint8],  # (nx * ny,) zero before and after
     columns: NDArray[np.int32],  # (n,) scratch
-) -> None:
-    """Mark the cells that the beams of a sweep hit and those that they cross."""
+    runs: NDArray[np.int32],  # (n, 6) out: x, y, sensor position, low, high, least to be marked
+) -> int:
+    """Mark the cells that are hit and list the runs of ends along z; return their number.
+
+    Ends in a column are one run where they follow each other without a gap. Those outside the box
+    are listed singly: there are no masks for them.
+    """
+    _, ny, words = shape
+    x0, y0, z0, x1, y1, z1 = box
+    count = 0
     for k in range(sensors.shape[0]):
-        share = (max(beams[0], groups[k]), min(beams[1], groups[k + 1]))
-        sensor = (sensors[k, 0], sensors[k, 1], sensors[k, 2])
-        guarded = guarded_layer if sensor[2] >> HALVES_BITS > guarded_layer else -1
-        count = aim_beams(ends, fates, share, corner, guarded, shape, hits, aims, flags, columns)
-        for j in range(count):
-            carve_column(int(columns[j]), sensor, guarded, shape, aims, flags, free)
+        guarded = guarded_layer if sensors[k, 2] >> HALVES_BITS > guarded_layer else -1
+        listed = 0
+        for i in range(groups[k], groups[k + 1]):
+            if fates[i] > CLEARED:
+                continue
+            x, y, z = int(ends[i, 0]), int(ends[i, 1]), int(ends[i, 2])
+            x, y, z = x - corner[0], y - corner[1], z - corner[2]
+            returned = fates[i] == RETURNED
+            grazing = returned and z == guarded
+            if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
+                write_run(runs, count, x, y, k, z, z, z + 1 if grazing else EVERY_LAYER)
+                count += 1
+                continue
+            column = x * ny + y
+            word, bit = column * words + (z >> 6), ONE << np.uint64(z & 63)
+            if returned:
+                hits[word] |= bit
+            if not grazing:
+                aims[word] |= bit
+            if flags[column] == 0:
+                columns[listed] = column
+                listed += 1
+            flags[column] |= LISTED | GRAZED if grazing else LISTED
+        for j in range(listed):
+            column = int(columns[j])
+            grazed = flags[column] & GRAZED != 0
+            flags[column] = 0
+            x, y, base = column // ny, column % ny, column * words
+            count = list_column(x, y, k, guarded, base, words, grazed, aims, runs, count)
+    return count
+
+
+@kernel
+def order_runs(
+    runs: NDArray[np.int32],  # (n, 6)
+    sensors: NDArray[np.int64],  # (m, 3)
+    sectors: NDArray[np.int32],  # (n,) scratch
+    order: NDArray[np.int32],  # (n,) out
+) -> None:
+    """Order runs by the direction that they lie in: the next beam then meets what the last did.
+
+    A counting sort, as it keeps the runs of a column together.
+    """
+    starts = np.zeros(SECTORS + 1, np.int64)
+    for i in range(runs.shape[0]):
+        k = runs[i, 2]
+        along = HALVES * int(runs[i, 0]) + SUBCELLS - sensors[k, 0]
+        across = HALVES * int(runs[i, 1]) + SUBCELLS - sensors[k, 1]
+        slope = across / (abs(along) + abs(across))  # both odd
+        quarters = 1.0 + slope if along > 0 else 3.0 - slope  # 0 to 4
+        sector = int(quarters * (SECTORS / 4.0)) % SECTORS
+        sectors[i] = sector
+        starts[sector + 1] += 1
+    for sector in range(SECTORS):
+        starts[sector + 1] += starts[sector]
+    for i in range(runs.shape[0]):
+        order[starts[sectors[i]]] = i
+        starts[sectors[i]] += 1
+
+
+@kernel
+def faces_before(way: int, half: int) -> int:
+    """How many faces along an axis a beam meets before a point of its way."""
+    return ((way - 1) // half + 1) >> 1 if way > 0 else 0
+
+
+@kernel
+def clip_axis(cell: int, steps: int, target: int, low: int, high: int) -> tuple[int, int]:
+    """Faces to cross along an axis before a beam is within limits, and before it leaves them.
+
+    Where it ends before it leaves, the latter is `steps`.
+    """
+    enter = low - cell if target > cell else cell - high
+    leave = high - cell if target > cell else cell - low
+    if target == cell and not low <= cell <= high:
+        return 1, 0
+    return max(enter, 0), min(leave, steps)
+
+
+@kernel
+def way_to_layers(end: int, sensor: int, low: int, high: int) -> int:
+    """Least way at which a beam is within layers `low` to `high`; beyond its end if it never is.
+
+    Args:
+        end: Layer that it ends in.
+        sensor: Height of the sensor, 1/1024 of a cell.
+        low: Least layer.
+        high: Greatest layer.
+    """
+    if low <= end <= high:
+        return 0
+    middle = end * HALVES + SUBCELLS
+    if end > high:
+        if sensor >= (high + 1) * HALVES:
+            return WHOLE_WAY + 1
+        return ((middle - (high + 1) * HALVES) << WAY_BITS) // (middle - sensor) + 1
+    if sensor < low * HALVES:
+        return WHOLE_WAY + 1
+    return -(((middle - low * HALVES) << WAY_BITS) // (sensor - middle))
+
+
+@kernel
+def clip(
+    end: tuple[int, int, int],  # cell
+    sensor: tuple[int, int, int],  # 1/1024 of a cell
+    halves: tuple[int, int],  # way from the end to the first face along x and y
+    box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
+) -> tuple[int, int, int]:
+    """The columns of a beam that lie in a box, by the number of faces crossed before them.
+
+    Returns:
+        The first and the last; 0 and -1 if there are none. Then the way to the box's layers.
+    """
+    x, y, z = end
+    half_x, half_y = halves
+    steps_x, steps_y = abs((sensor[0] >> HALVES_BITS) - x), abs((sensor[1] >> HALVES_BITS) - y)
+    enter_x, leave_x = clip_axis(x, steps_x, sensor[0] >> HALVES_BITS, box[0], box[3])
+    enter_y, leave_y = clip_axis(y, steps_y, sensor[1] >> HALVES_BITS, box[1], box[4])
+    to_layers = way_to_layers(z, sensor[2], box[2], box[5])
+    if enter_x > leave_x or enter_y > leave_y or to_layers > WHOLE_WAY:
+        return 0, -1, 0
+
+    i, j = enter_x, enter_y
+    way_x, way_y = (2 * i - 1) * half_x, (2 * j - 1) * half_y
+    if way_x > way_y and i > 0:
+        j = faces_before(way_x, half_y)
+    elif j > 0:
+        i = faces_before(way_y + 1, half_x)  # where both are equal, x goes first
+    i, j = max(i, faces_before(to_layers, half_x)), max(j, faces_before(to_layers, half_y))
+
+    last_i, last_j = leave_x, leave_y
+    way_x, way_y = (2 * leave_x + 1) * half_x, (2 * leave_y + 1) * half_y
+    if leave_x < steps_x and (way_x <= way_y or leave_y == steps_y):
+        last_j = faces_before(way_x, half_y)
+    elif leave_y < steps_y:
+        last_i = faces_before(way_y + 1, half_x)
+    if i > last_i or j > last_j:
+        return 0, -1, 0
+    return i + j, last_i + last_j, to_layers
+
+
+@kernel
+def trace(
+    first: int,  # faces crossed before the first column
+    halves: tuple[int, int],  # way from the end to the first face along x and y
+    start: int,  # word of the end's column
+    jumps: tuple[int, int],  # words from column to column along x and y
+    places: NDArray[np.int64],  # (n,) out: word of each column
+    ways: NDArray[np.int64],  # (n,) out: where the beam enters it
+) -> None:
+    """Find the columns that a beam crosses, from its end on.
+
+    After s faces it has crossed the i along x with (2 i - 1) half_x <= (2 j + 1) half_y and
+    (2 j - 1) half_y < (2 i + 1) half_x, where j = s - i. Solved for i that is
+    floor(s half_y / (half_x + half_y) + 1/2): no column waits for the one before. Worked out in
+    floating point, a little low, that is i or one less; which of them, integers decide.
+    """
+    half_x, half_y = halves
+    pitch_x, pitch_y, turn = 2 * half_x, 2 * half_y, jumps[0] - jumps[1]
+    slope, offset = pitch_y / (pitch_x + pitch_y), 0.5 - 1e-6
+    for k in range(places.shape[0]):
+        s = first + k
+        i = int(s * slope + offset)  # or one less than it should be
+        way_x, way_y = i * pitch_x + half_x, (s - i) * pitch_y - half_y
+        one_less = way_x <= way_y
+        place = start + s * jumps[1] + i * turn
+        places[k] = place + turn if one_less else place
+        way = max(way_x, way_y - pitch_y) if one_less else max(way_x - pitch_x, way_y)
+        ways[k] = max(way, 0)
+
+
+@kernel
+def find_heights(
+    ways: NDArray[np.int64],  # (n,)
+    middle: int,  # height of the end, 1/1024 of a cell
+    rise: int,  # from there to the sensor
+    heights: NDArray[np.int64],  # (n,) out
+) -> None:
+    """The cells along z in which a beam enters columns."""
+    base = middle << WAY_BITS
+    for s in range(ways.shape[0]):
+        heights[s] = (base + ways[s] * rise) >> (WAY_BITS + HALVES_BITS)
+
+
+@kernel
+def bits_from(height: int) -> np.uint64:
+    """The bits of a word at a height from 0 to 64 and above it."""
+    return FULL << np.uint64(height) if height < 64 else np.uint64(0)
+
+
+@kernel
+def mark_within(
+    lower: NDArray[np.int64],  # (n + 1,) cells from the word's bottom, 0 to 63
+    upper: NDArray[np.int64],  # (n + 1,)
+    keep: np.uint64,  # cells that may be marked
+    masks: NDArray[np.uint64],  # (n,) in, out
+) -> None:
+    """Mark in each column the cells between the heights at which beams enter and leave it."""
+    for s in range(masks.shape[0]):
+        low, high = min(lower[s], lower[s + 1]), max(upper[s], upper[s + 1])
+        masks[s] |= ((TWO << np.uint64(high)) - (ONE << np.uint64(low))) & keep
+
+
+@kernel
+def mark_across(
+    lower: NDArray[np.int64],  # (n + 1,) cells from the word's bottom
+    upper: NDArray[np.int64],  # (n + 1,)
+    keep: np.uint64,
+    masks: NDArray[np.uint64],  # (n,) in, out
+) -> None:
+    """The same for beams that are also below or above the word."""
+    for s in range(masks.shape[0]):
+        low, high = min(lower[s], lower[s + 1]), max(upper[s], upper[s + 1])
+        first, end = min(max(low, 0), 64), min(max(high + 1, 0), 64)
+        masks[s] |= bits_from(first) & ~bits_from(end) & keep
+
+
+@kernel
+def mark_run(
+    low: int,  # lowest and highest end, from the word's bottom
+    high: int,
+    top: int,  # height of the sensor, 1/1024 of a cell
+    keep: np.uint64,
+    ways: NDArray[np.int64],  # (n + 1,)
+    lower: NDArray[np.int64],  # (n + 1,) scratch
+    upper: NDArray[np.int64],  # (n + 1,) scratch
+    masks: NDArray[np.uint64],  # (n,) in, out
+) -> None:
+    """Mark what the beams to a run of ends cross within one word of each column."""
+    if max(high, top >> HALVES_BITS) < 0 or min(low, top >> HALVES_BITS) > 63 or keep == 0:
+        return
+    n = masks.shape[0]
+    middle = low * HALVES + SUBCELLS
+    find_heights(ways, middle, top - middle, lower)
+    highest = lower
+    if high > low:
+        middle = high * HALVES + SUBCELLS
+        find_heights(ways, middle, top - middle, upper)
+        highest = upper
+    # Beams rise or fall all along. Most stay within the word, as it is 64 cells high.
+    if min(lower[0], lower[n]) >= 0 and max(highest[0], highest[n]) <= 63:
+        mark_within(lower, highest, keep, masks)
+    else:
+        mark_across(lower, highest, keep, masks)
+
+
+@kernel
+def share_columns(
+    runs: NDArray[np.int32],  # (n, 6)
+    one: int,
+    other: int,
+    box: tuple[int, int, int, int, int, int],
+) -> bool:
+    """Whether all beams to two runs cross the same columns within the box."""
+    for k in range(3):
+        if runs[one, k] != runs[other, k]:
+            return False
+    low, high = box[2], box[5]
+    return low <= int(runs[one, 3]) <= high and low <= int(runs[other, 3]) <= high
+
+
+@kernel
+def carve(
+    runs: NDArray[np.int32],  # (n, 6)
+    order: NDArray[np.int32],  # (n,)
+    part: tuple[int, int],  # first and one past the last of these to carve
+    sensors: NDArray[np.int64],  # (m, 3) 1/1024 of a cell, from the window's corner
+    box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
+    shape: tuple[int, int, int],  # (nx, ny, words)
+    free: NDArray[np.uint64],  # (nx * ny * words,) out
+) -> None:
+    """Mark the cells that beams cross.
+
+    Beams to a run of ends cross what lies between the lowest and the highest of them: neighbours
+    end one cell apart and come closer on their way. All to one column cross the same columns.
+    """
+    _, ny, words = shape
+    ways, places = np.empty(MAX_STEPS + 1, np.int64), np.empty(MAX_STEPS + 1, np.int64)
+    lower, upper = np.empty(MAX_STEPS + 1, np.int64), np.empty(MAX_STEPS + 1, np.int64)
+    masks = np.empty(MAX_STEPS, np.uint64)
+    at = part[0]
+    while at < part[1]:
+        first_run = at
+        run = order[at]
+        x, y, k, low = int(runs[run, 0]), int(runs[run, 1]), runs[run, 2], int(runs[run, 3])
+        at += 1
+        while at < part[1] and share_columns(runs, run, order[at], box):
+            at += 1
+        sensor = (int(sensors[k, 0]), int(sensors[k, 1]), int(sensors[k, 2]))
+        to_x, to_y = sensor[0] - x * HALVES - SUBCELLS, sensor[1] - y * HALVES - SUBCELLS  # odd
+        halves = (int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y)))
+        first, last, to_layers = clip((x, y, low), sensor, halves, box)
+        n = last + 1 - first
+        if n <= 0:
+            continue
+        jumps = (ny * words if to_x > 0 else -ny * words, words if to_y > 0 else -words)
+        trace(first, halves, (x * ny + y) * words, jumps, places[: n + 1], ways[: n + 1])
+        ways[0], ways[n] = max(ways[0], to_layers), min(ways[n], WHOLE_WAY)
+        for word in range(box[2] >> 6, (box[5] >> 6) + 1):
+            bottom = 64 * word
+            for s in range(n):
+                masks[s] = 0
+            for i in range(first_run, at):
+                run = order[i]
+                low, high = int(runs[run, 3]) - bottom, int(runs[run, 4]) - bottom
+                least = min(max(max(int(runs[run, 5]), box[2]) - bottom, 0), 64)
+                keep = bits_from(least) & (bits_from(min(box[5] + 1 - bottom, 64)) ^ FULL)
+                top, end = sensor[2] - bottom * HALVES, n + 1
+                mark_run(low, high, top, keep, ways[:end], lower[:end], upper[:end], masks[:n])
+            for s in range(n):
+                free[np.uint64(places[s] + word)] |= masks[s]

@@ -22,6 +22,7 @@ HEIGHT = 64  # cells
 COLUMNS = EDGE * EDGE
 BELOW_FLOOR = 2  # layers: else the noise of the floor's returns would open a second brick
 
+BYTE = np.uint64(0xFF)
 B7F = np.uint64(0x7F7F7F7F7F7F7F7F)
 B80 = np.uint64(0x8080808080808080)
 GATHER = np.uint64(0x0102040810204080)  # times eight bytes of 0 or 1: their bits, in the top byte
@@ -98,12 +99,15 @@ def strike_out(
 
 
 @kernel
-def column_states(eights: NDArray[np.uint64]) -> tuple[np.uint64, np.uint64]:
+def column_states(
+    eights: NDArray[np.uint64],  # (8,)
+    settled: np.uint64,  # cells known to lie at the lower clamp
+) -> tuple[np.uint64, np.uint64]:
     """The occupied and the free cells of a column, a bit each."""
-    occupied, free = np.uint64(0), np.uint64(0)
+    occupied, free = np.uint64(0), settled
     shift = np.uint64(0)
     for k in range(8):
-        eight = eights[k]
+        eight = eights[k] if (settled >> shift) & BYTE != BYTE else np.uint64(0)
         if eight != 0:
             above = ((((eight & B7F) + B7F) | eight) & ~eight & B80) >> np.uint64(7)
             below = (eight & B80) >> np.uint64(7)
@@ -119,6 +123,7 @@ def write_columns(
     links: NDArray[np.int32],
     keys: NDArray[np.int32],
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    settled: NDArray[np.uint64],  # (slots, COLUMNS)
     low: tuple[int, int, int],  # cell
     occupied: NDArray[np.uint64],  # (nx, ny, words) out, zero before
     free: NDArray[np.uint64],  # (nx, ny, words) out, zero before
@@ -137,7 +142,7 @@ def write_columns(
                 for x in range(max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)):
                     for y in range(max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)):
                         column = (x - bx * EDGE) * EDGE + y - by * EDGE
-                        held, clear = column_states(eights[slot, column])
+                        held, clear = column_states(eights[slot, column], settled[slot, column])
                         i, j = x - low[0], y - low[1]
                         if k < words:
                             occupied[i, j, k] |= held >> shift

@@ -23,6 +23,9 @@ NEVER = 1 << 62  # a tick
 HORIZON = 1 << 12  # ticks after which a brick is looked at in any case
 BYTE = np.uint64(0xFF)
 EDGE_VALUES = 256
+WHOLE = np.uint64(0xFFFFFFFFFFFFFFFF)
+B01, B7F = np.uint64(0x0101010101010101), np.uint64(0x7F7F7F7F7F7F7F7F)
+DIAGONAL = np.uint64(0x8040201008040201)  # bit k of byte k
 
 
 @kernel
@@ -82,27 +85,41 @@ def find_values(
 
 
 @kernel
+def replace_bytes(word: np.uint64, table: NDArray[np.int8]) -> np.uint64:
+    """Replace each byte of a word by its entry in a table."""
+    replaced = np.uint64(0)
+    for k in range(8):
+        shift = np.uint64(8 * k)
+        replaced |= np.uint64(np.int64(table[(word >> shift) & BYTE]) & 0xFF) << shift
+    return replaced
+
+
+@kernel
 def replace_values(
-    cells: NDArray[np.int8],  # (COLUMNS, 64)
-    eights: NDArray[np.uint64],  # (COLUMNS, 8) the same memory
+    eights: NDArray[np.uint64],  # (COLUMNS, 8)
     kept: NDArray[np.uint64],  # (COLUMNS,) cells that stay as they are
     table: NDArray[np.int8],  # (256,) new value by the old one's byte
 ) -> None:
-    """Replace each value of a brick by its entry in a table."""
-    for column in range(cells.shape[0]):
+    """Replace each value of a brick by its entry in a table; runs of equal words at once."""
+    last, replaced = np.uint64(0), np.uint64(0)
+    for column in range(eights.shape[0]):
         keep = kept[column]
+        if keep == WHOLE:
+            continue
         for k in range(8):
-            if eights[column, k] == 0 or (keep >> np.uint64(8 * k)) & BYTE == BYTE:
+            word, bits = eights[column, k], (keep >> np.uint64(8 * k)) & BYTE
+            if word == 0 or bits == BYTE:
                 continue
-            for z in range(8 * k, 8 * k + 8):
-                if (keep >> np.uint64(z)) & np.uint64(1) == 0:
-                    cells[column, z] = table[np.int64(cells[column, z]) & 0xFF]
+            if word != last:
+                last, replaced = word, replace_bytes(word, table)
+            # All ones in the bytes that stay.
+            spread = ((((bits * B01) & DIAGONAL) + B7F) >> np.uint64(7)) & B01
+            eights[column, k] = replaced ^ ((word ^ replaced) & (spread * BYTE))
 
 
 @kernel
 def fade_brick(
-    cells: NDArray[np.int8],  # (COLUMNS, 64)
-    eights: NDArray[np.uint64],  # (COLUMNS, 8) the same memory
+    eights: NDArray[np.uint64],  # (COLUMNS, 8)
     fresh: NDArray[np.uint64],  # (COLUMNS,) left by the first tick; zero after
     settled: NDArray[np.uint64],  # (COLUMNS,)
     tick: int,
@@ -121,7 +138,7 @@ def fade_brick(
     kept = np.uint64(0)
     for column in range(fresh.shape[0]):
         kept |= fresh[column]
-    turned, alive, due = False, False, until + HORIZON
+    turned, least = False, EDGE_VALUES
     for byte in range(EDGE_VALUES):
         value = byte if byte < 128 else byte - 256
         if not present[byte] or value == 0:
@@ -130,15 +147,19 @@ def fade_brick(
         left, _ = fade(abs(value), tick, until, losses)
         table[byte] = left if value > 0 else -left
         turned |= left == 0
-        # Each value that is left may pass away later, and so may those that this tick spares.
-        for magnitude in (left, abs(value) if kept != 0 else 0):
-            if magnitude > 0:
-                alive = True
-                due = fade(magnitude, until, due, losses)[1]
-    replace_values(cells, eights, fresh, table)
+        # What is left may pass away later, and so may what this tick spares. The least does first:
+        # ticks take no more from it than from a greater one, and do not change their order.
+        if left > 0:
+            least = min(least, left)
+        elif kept != 0:
+            least = min(least, abs(value))
+    replace_values(eights, fresh, table)
     for column in range(fresh.shape[0]):
         settled[column] &= fresh[column]
         fresh[column] = 0
+    alive, due = least < EDGE_VALUES, until + HORIZON
+    if alive:
+        due = fade(least, until, due, losses)[1]
     return turned, alive, due
 
 
@@ -148,7 +169,6 @@ def fade_bricks(
     part: tuple[int, int],
     now: int,
     to_now: bool,  # else only what is due
-    cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
     fresh: NDArray[np.uint64],  # (slots, COLUMNS)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
@@ -166,7 +186,6 @@ def fade_bricks(
         while dues[slot] <= now or (to_now and ticks[slot] < now):
             until = min(dues[slot], now)
             changed, alive[i], dues[slot] = fade_brick(
-                cells[slot],
                 eights[slot],
                 fresh[slot],
                 settled[slot],

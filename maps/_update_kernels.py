@@ -27,8 +27,8 @@ STATES_CHANGED = 2
 
 @kernel
 def gather(
-    hits: NDArray[np.uint64],  # (threads, nx * ny * words)
-    free: NDArray[np.uint64],  # (threads, nx * ny * words)
+    hits: NDArray[np.uint64],  # (nx * ny * words,)
+    free: NDArray[np.uint64],  # (threads, nx * ny * words) all but the first zero after
     shape: tuple[int, int, int],  # (nx, ny, words)
     rows: tuple[int, int],  # first and one past the last row of bricks along x
     touched: NDArray[np.bool_],  # (nx / 16, ny / 16, words) out
@@ -42,12 +42,10 @@ def gather(
                 found = np.uint64(0)
                 for y in range(EDGE):
                     at = base + np.uint64(y * words)
-                    for thread in range(1, hits.shape[0]):
-                        hits[0, at] |= hits[thread, at]
+                    for thread in range(1, free.shape[0]):
                         free[0, at] |= free[thread, at]
-                        hits[thread, at] = 0
                         free[thread, at] = 0
-                    found |= hits[0, at] | free[0, at]
+                    found |= hits[at] | free[0, at]
                 if found != 0:
                     touched[x >> EDGE_BITS, block, word] = True
 

@@ -13,7 +13,7 @@ from maps.team import Team
 BLOCK_ROWS = 8
 """Rows along y that are recomputed together; fewer cost more calls, more cost idle work."""
 
-ROW_MULTIPLE = 16  # cells: rows in whole vectors of 256 bits
+ROW_MULTIPLE = 4  # cells: blocks of eight rows in whole vectors of 256 bits
 
 
 class DistanceField:

@@ -49,22 +49,28 @@ class Marks:
 class SweepWindow:
     """A dense window of columns that follows the sensor; its memory is used again.
 
-    Each thread carves its own share of the beams into its own masks. These are merged by OR, which
+    Each thread carves its own share of the beams into its own mask. These are merged by OR, which
     does not depend on the order: the marks are the same for any number of threads.
     """
 
-    def __init__(self, team: Team) -> None:
-        """Make one without extent."""
+    def __init__(self, team: Team, bounds: NDArray[np.int64] | None = None) -> None:
+        """Make one without extent.
+
+        Args:
+            team: Threads that share the work.
+            bounds: (2, 3) least and greatest cell that may be marked; None for no bounds.
+        """
         self._team = team
-        self._hits = np.zeros((team.size, 0), np.uint64)
+        self._bounds = bounds
+        self._hits = np.zeros(0, np.uint64)
+        self._aims = np.zeros(0, np.uint64)
+        self._flags = np.zeros(0, np.uint8)
         self._free = np.zeros((team.size, 0), np.uint64)
-        self._aims = np.zeros((team.size, 0), np.uint64)
-        self._flags = np.zeros((team.size, 0), np.uint8)
 
     @property
     def nbytes(self) -> int:
         """Bytes that the masks hold."""
-        masks = (self._hits, self._free, self._aims, self._flags)
+        masks = (self._hits, self._aims, self._flags, self._free)
         return sum(mask.nbytes for mask in masks)
 
     def place(self, sweep: Sweep) -> tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int64]]:
@@ -72,7 +78,7 @@ class SweepWindow:
 
         Returns:
             Cell of each end (n, 3), fate of each beam (n,), least and greatest cell (2, 3) of all
-            beams.
+            beams within the bounds.
 
         Raises:
             ValueError: A direction is not of unit length, or the beams span too much space.
@@ -104,7 +110,7 @@ class SweepWindow:
         if refused:
             direction = sweep.directions[min(refused)]
             raise ValueError(f"directions: got {direction}, expected unit length")
-        box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+        box = self._clip(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
         _, shape = _window(box)
         if np.prod(shape) > MAX_WINDOW_WORDS:
             raise ValueError(
@@ -136,30 +142,37 @@ class SweepWindow:
         layer = FLOOR_LAYER - int(corner[2])
         guarded = layer if guard and 0 <= layer < 64 * words else NO_GUARD
         sensors = 2 * (sweep.sensors - (corner << beams.SUBCELL_BITS)) + 1
-        groups, first = sweep.groups, (int(corner[0]), int(corner[1]), int(corner[2]))
+        x, y, z = (int(cell) for cell in corner)
+        x0, y0, z0, x1, y1, z1 = (int(cell) for cell in (box - corner).reshape(-1))
+        within, count = (x0, y0, z0, x1, y1, z1), len(fates)
+        runs = np.empty((count, 6), np.int32)
+        columns, order = np.empty(count, np.int32), np.empty(count, np.int32)
+        listed = beams.list_runs(
+            ends,
+            fates,
+            sweep.groups,
+            sensors,
+            (x, y, z),
+            within,
+            guarded,
+            shape,
+            self._hits,
+            self._aims,
+            self._flags,
+            columns,
+            runs,
+        )
+        beams.order_runs(runs[:listed], sensors, columns, order)
 
         def carve(member: int, part: tuple[int, int]) -> None:
-            beams.carve(
-                ends,
-                fates,
-                groups,
-                sensors,
-                part,
-                first,
-                guarded,
-                shape,
-                self._hits[member],
-                self._free[member],
-                self._aims[member],
-                self._flags[member],
-                np.empty(part[1] - part[0], np.int32),
-            )
+            beams.carve(runs, order, part, sensors, within, shape, self._free[member])
 
-        self._team.share(carve, len(fates))
+        self._team.share(carve, listed)
         return self._collect(corner, shape)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:
         """Mark cells of an array (nx, ny, nz), whose least one is `first`, as hit or as free."""
+        first, cells = self._within(first, cells)
         corner, shape = _window(np.stack([first, first + np.maximum(cells.shape, 1) - 1]))
         nx, ny, words = shape
         self._reserve(nx * ny, words)
@@ -168,16 +181,29 @@ class SweepWindow:
             slice(int(a), int(a) + n) for a, n in zip(first - corner, cells.shape, strict=True)
         )
         dense[inside] = cells
-        masks = self._hits if raised else self._free
-        masks[0, : nx * ny * words] = pack_bits(dense).reshape(-1)
+        masks = self._hits if raised else self._free[0]
+        masks[: nx * ny * words] = pack_bits(dense).reshape(-1)
         return self._collect(corner, shape)
 
+    def _clip(self, box: NDArray[np.int64]) -> NDArray[np.int64]:
+        return box if self._bounds is None else np.clip(box, self._bounds[0], self._bounds[1])
+
+    def _within(
+        self, first: NDArray[np.int64], cells: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """The part of a box of cells that lies within the bounds."""
+        if self._bounds is None:
+            return first, cells
+        low, high = np.clip(self._bounds + np.array([[0], [1]]) - first, 0, cells.shape)
+        part = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+        return np.clip(first, *self._bounds), cells[part]
+
     def _reserve(self, columns: int, words: int) -> None:
-        if self._hits.shape[1] < columns * words:
-            size = (self._team.size, columns * words)
-            self._hits, self._free, self._aims = (np.zeros(size, np.uint64) for _ in range(3))
-        if self._flags.shape[1] < columns:
-            self._flags = np.zeros((self._team.size, columns), np.uint8)
+        if len(self._hits) < columns * words:
+            self._hits, self._aims = (np.zeros(columns * words, np.uint64) for _ in range(2))
+            self._free = np.zeros((self._team.size, columns * words), np.uint64)
+        if len(self._flags) < columns:
+            self._flags = np.zeros(columns, np.uint8)
 
     def _collect(self, corner: NDArray[np.int64], shape: tuple[int, int, int]) -> Marks:
         """Merge what the threads marked, and list the bricks that hold any."""
@@ -192,7 +218,7 @@ class SweepWindow:
         rows = blocks * np.array([bricks.EDGE, bricks.EDGE, 1])
         places = ((rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]).astype(np.int64)
         keys = (blocks + brick_of(corner)).astype(np.int32, order="C")
-        return Marks(keys, places, (ny * words, words), self._hits[0], self._free[0])
+        return Marks(keys, places, (ny * words, words), self._hits, self._free[0])
 
 
 def brick_of(cells: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -18,6 +18,7 @@ from maps import _decay_kernels as decay
 from maps import _update_kernels as updates
 from maps import storage
 from maps.bricks import Bricks
+from maps.columns import Window
 from maps.config import MapConfig
 from maps.evidence import Evidence, tick_losses
 from maps.grid import FLOOR_LAYER, cell_box, cells_at, centres, finite_vector
@@ -50,6 +51,9 @@ class VoxelMap:
     for any number of threads. The sign of l is the state. A point lies in the cell
     (floor(x / resolution), floor(y / resolution), floor(z / resolution + 0.75)).
 
+    Space is without bounds unless a region of interest is given. In it the cells are those of an
+    unbounded map, one by one.
+
     Cells are held in bricks of 16 x 16 x 64, made where something is observed and given up once all
     of it is forgotten, or when the memory is full: see `Bricks`. What is not held is unknown.
 
@@ -59,21 +63,32 @@ class VoxelMap:
         evidence: Steps and clamps in units.
     """
 
-    def __init__(self, config: MapConfig, threads: int = 1) -> None:
+    def __init__(
+        self,
+        config: MapConfig,
+        threads: int = 1,
+        low: ArrayLike | None = None,
+        high: ArrayLike | None = None,
+    ) -> None:
         """Make an unknown map.
 
         Args:
             config: The settings.
             threads: Number of threads that share the work of a sweep.
+            low: (3,) least corner of the region of interest, m, world; None for all space.
+            high: (3,) greatest corner, m, world. The region is the least box of cells that covers
+                both. Of a beam only the cells in it are looked at, and what is outside stays
+                unknown: that saves the time and the memory of all that does not matter.
 
         Raises:
-            ValueError: Not 1 to 64 threads.
+            ValueError: Not 1 to 64 threads, only one corner, or a region that is empty, not finite
+                or of more cells than a costmap may have.
         """
         self.config = config
         self.resolution = config.resolution
         self.evidence = Evidence.of(config)
         self._team = Team(threads)
-        self._window = SweepWindow(self._team)
+        self._window = SweepWindow(self._team, _region(low, high, config.resolution))
         self._bricks = Bricks(config.memory_mib)
         self._losses = tick_losses(config)
         self._tick_ns = round(config.decay_period * 1e9)
@@ -260,10 +275,21 @@ class VoxelMap:
         """
         occupied, free = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
-        if occupied.size:
+        bricks = self._bricks
+
+        def write(_: int, rows: tuple[int, int]) -> None:
+            part, corner = slice(*rows), (x + rows[0], y, z)
             kernels.write_columns(
-                *self._bricks.directory, self._bricks.eights, (x, y, z), occupied, free
+                *bricks.directory,
+                bricks.eights,
+                bricks.settled,
+                corner,
+                occupied[part],
+                free[part],
             )
+
+        if occupied.size:
+            self._team.share(write, shape[0], parts_each=1)
         return occupied, free
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
@@ -463,7 +489,6 @@ class VoxelMap:
                 part,
                 self._ticks,
                 to_now,
-                bricks.cells,
                 bricks.eights,
                 bricks.fresh,
                 bricks.settled,
@@ -479,6 +504,19 @@ class VoxelMap:
         bricks.stamps[behind[turned]] = self._stamp
         if not to_now:
             bricks.release(behind[~alive], self._stamp)
+
+
+def _region(
+    low: ArrayLike | None, high: ArrayLike | None, resolution: float
+) -> NDArray[np.int64] | None:
+    """Least and greatest cell (2, 3) of a region of interest, if there is one."""
+    if low is None and high is None:
+        return None
+    if low is None or high is None:
+        raise ValueError(f"low, high: got {low!r} and {high!r}, expected both corners or neither")
+    window = Window.covering(low, high, resolution)
+    first = np.array(window.first)
+    return np.stack([first, first + window.shape - 1])
 
 
 def _states(values: NDArray[np.int8]) -> NDArray[np.uint8]:

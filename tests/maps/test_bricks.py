@@ -222,8 +222,12 @@ def test_column_states(run):
     for _ in range(30):
         cells = rng.integers(-128, 128, 64).astype(np.int8)
         cells[rng.random(64) < 0.4] = 0
+        cells[:16] = -60
+        cells[16:40][rng.random(24) < 0.7] = -60
+        known = rng.integers(0, 2**63, dtype=np.uint64) | np.uint64(0xFFFF)
+        settled = np.packbits(cells == -60, bitorder="little").view(np.uint64)[0] & known
         with np.errstate(over="ignore"):
-            occupied, free = run(cells.view(np.uint64))
+            occupied, free = run(cells.view(np.uint64), settled)
         assert [int(occupied) >> z & 1 for z in range(64)] == (cells > 0).tolist()
         assert [int(free) >> z & 1 for z in range(64)] == (cells < 0).tolist()
 

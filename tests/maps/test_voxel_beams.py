@@ -131,29 +131,26 @@ def test_a_thousand_sweeps_equal_the_definition_cell_by_cell(threads):
     assert sweeps >= (1000 if threads == 1 else 100)
 
 
-def carve(run, sensor, ends, shape, guarded=-1, hit=True):
-    """Cells of the free marks for beams to the given ends."""
-    ends = np.array(ends, np.int32)
+def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
+    """Cells of the free marks for beams to the given ends, and those of the hits."""
+    ends, kernel = np.array(ends, np.int32), (lambda name: getattr(kernels, name))
+    if run == "python":
+        kernel = lambda name: getattr(kernels, name).py_func  # noqa: E731
     nx, ny, words = shape
+    box = box or (0, 0, 0, nx - 1, ny - 1, 64 * words - 1)
     hits, free, aims = (np.zeros(nx * ny * words, np.uint64) for _ in range(3))
-    flags = np.zeros(nx * ny, np.uint8)
-    fates = np.full(len(ends), 0 if hit else 1, np.uint8)
+    flags, fates = np.zeros(nx * ny, np.uint8), np.full(len(ends), 0 if hit else 1, np.uint8)
+    columns, order = np.empty((2, len(ends)), np.int32)
+    runs, sensors = np.empty((len(ends), 6), np.int32), np.array([sensor])
+    groups, corner = np.array([0, len(ends)]), (0, 0, 0)
+    scratch = (hits, aims, flags, columns, runs)
     with np.errstate(over="ignore"):
-        run(
-            ends,
-            fates,
-            np.array([0, len(ends)]),
-            np.array([sensor]),
-            (0, len(ends)),
-            (0, 0, 0),
-            guarded,
-            shape,
-            hits,
-            free,
-            aims,
-            flags,
-            np.empty(len(ends), np.int32),
+        count = kernel("list_runs")(
+            ends, fates, groups, sensors, corner, box, guarded, shape, *scratch
         )
+        kernel("order_runs")(runs[:count], sensors, columns, order)
+        assert sorted(order[:count]) == list(range(count))
+        kernel("carve")(runs, order, (0, count), sensors, box, shape, free)
     assert not aims.any()
     assert not flags.any()
 
@@ -164,13 +161,12 @@ def carve(run, sensor, ends, shape, guarded=-1, hit=True):
     return cells(free), cells(hits)
 
 
-@pytest.mark.parametrize("run", [kernels.carve, kernels.carve.py_func], ids=["compiled", "python"])
+@pytest.mark.parametrize("run", ["compiled", "python"])
 @pytest.mark.parametrize("shape", [(16, 16, 1), (16, 32, 3)])
 def test_runs_of_ends_cross_what_each_of_their_beams_crosses(run, shape):
     rng = np.random.default_rng(3)
     size = np.array([shape[0], shape[1], 64 * shape[2]])
-    rounds = 40 if run is kernels.carve else 4
-    for k in range(rounds):
+    for k in range(40 if run == "compiled" else 4):
         sensor = (2 * rng.integers(0, size * 512) + 1).tolist()
         ends = rng.integers(0, size, (6, 3))
         run_of_ends = np.repeat(ends[:1], 9, axis=0)
@@ -179,13 +175,48 @@ def test_runs_of_ends_cross_what_each_of_their_beams_crosses(run, shape):
         hit = bool(k % 2)
         guarded = int(run_of_ends[4, 2]) if k % 3 else -1
         free, hits = carve(run, sensor, ends, shape, guarded, hit)
-        expected = set()
-        for end in ends:
-            shifted = [*sensor[:2], sensor[2] - HALVES * guarded]  # the floor's layer is layer 0
-            crossed = naive_cells(shifted, (*end[:2], end[2] - guarded), hit, guarded >= 0)
-            expected |= {(x, y, z + guarded) for x, y, z in crossed}
-        assert free == expected
+        assert free == expected_cells(sensor, ends, guarded, hit)
         assert hits == ({tuple(end) for end in ends} if hit else set())
+
+
+def expected_cells(sensor, ends, guarded, hit):
+    """Cells that beams cross, with the layer that they spare."""
+    expected = set()
+    for end in ends:
+        shifted = [*sensor[:2], sensor[2] - HALVES * guarded]  # the floor's layer is layer 0
+        crossed = naive_cells(shifted, (*end[:2], end[2] - guarded), hit, guarded >= 0)
+        expected |= {(x, y, z + guarded) for x, y, z in crossed}
+    return expected
+
+
+@pytest.mark.parametrize("run", ["compiled", "python"])
+def test_of_beams_from_and_to_anywhere_the_cells_in_a_box_are_marked(run):
+    rng = np.random.default_rng(5)
+    shape, size = (16, 32, 2), np.array([16, 32, 128])
+    met = 0
+    for k in range(400 if run == "compiled" else 10):
+        box = np.sort(rng.integers(0, size, (2, 3)), axis=0)
+        wide = size + 40
+        sensor = (2 * rng.integers(-40 * 512, wide * 512) + 1).tolist()
+        ends = rng.integers(-40, wide, (12, 3))
+        ends[:4] = rng.integers(box[0], box[1] + 1, (4, 3))
+        ends[4:8, :2] = ends[:4, :2]  # above and below those in the box
+        if k % 5 == 0:
+            ends[:, :2] = ends[:1, :2] + np.arange(12)[:, None]  # diagonals meet edges
+            sensor[1] = sensor[0] + HALVES * int(ends[0, 1] - ends[0, 0])
+        hit, guarded = bool(k % 2), int(ends[k % 12, 2]) if k % 3 else -1
+        guarded = guarded if 0 <= guarded < 128 else -1
+        limits = (*box[0].tolist(), *box[1].tolist())
+        free, hits = carve(run, sensor, ends.tolist(), shape, guarded, hit, limits)
+
+        def inside(cells, box=box):
+            return {c for c in cells if np.all(box[0] <= c) and np.all(np.array(c) <= box[1])}
+
+        expected = inside(expected_cells(sensor, ends.tolist(), guarded, hit))
+        assert free == expected
+        assert hits == (inside(map(tuple, ends.tolist())) if hit else set())
+        met += len(expected) > 0
+    assert met > (200 if run == "compiled" else 4)
 
 
 def test_columns_are_those_of_the_straight_line():

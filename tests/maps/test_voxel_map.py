@@ -309,3 +309,42 @@ def test_threads_are_1_to_64():
     for threads in (0, 65):
         with pytest.raises(ValueError, match=f"threads: got {threads}, expected 1 to 64"):
             VoxelMap(MapConfig(), threads)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_bounded_map_is_the_unbounded_one_in_its_region(threads):
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        config = MapConfig(resolution=0.1, memory_mib=8, half_life=2.0)
+        low = rng.uniform(-2.5, -0.1, 3)
+        high = low + rng.uniform(0.15, 3.5, 3)
+        bounded, whole = VoxelMap(config, threads, low, high), VoxelMap(config)
+        for voxel_map in (bounded, whole):
+            draw = np.random.default_rng(seed)
+            for k in range(6):
+                directions = draw.normal(size=(300, 3))
+                directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+                ranges_mm = draw.integers(200, 5000, 300).astype(np.uint16)
+                ranges_mm[::4] = 65535
+                origin, time_ns = draw.uniform(-2.0, 2.0, 3), k * 700_000_000
+                voxel_map.integrate(origin, directions, ranges_mm, 4.0, time_ns)
+                voxel_map.mark_free(origin - 0.3, origin + 0.2, time_ns)
+                voxel_map.mark_free_sphere(draw.uniform(-3.0, 3.0, 3), 0.7, time_ns)
+                voxel_map.mark_floor([-3.0, -3.0], [0.5, 0.5], time_ns)
+                voxel_map.hold(origin, origin + 1.0, time_ns)
+        first, end = (np.floor(corner / 0.1 + [0, 0, 0.75]).astype(int) for corner in (low, high))
+        cells = np.moveaxis(np.indices((60, 60, 60)), 0, -1).reshape(-1, 3) - 30
+        inside = np.all((first <= cells) & (cells <= end), axis=1)
+        middles = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
+        expected = np.where(inside, whole.probability_at(middles), 0.5)
+        np.testing.assert_array_equal(bounded.probability_at(middles), expected)
+        assert np.count_nonzero(expected < 0.5) > 50
+        beyond = np.array([[50.0, 0.0, 0.0]])
+        assert bounded.state_at(beyond)[0] == UNKNOWN
+
+
+def test_a_region_takes_both_corners():
+    with pytest.raises(ValueError, match="both corners"):
+        VoxelMap(MapConfig(), low=(0, 0, 0))
+    with pytest.raises(ValueError, match="expected low < high"):
+        VoxelMap(MapConfig(), low=(0, 0, 0), high=(1, 0, 1))
