@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from maps.columns import states_in
@@ -11,16 +9,16 @@ from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
 from maps.inflation import inflate
 from maps.octomap import OctoMap
-from maps.representation import Representation
+from maps.representation import Maker, Representation
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
 from maps.voxel import RayEnd, VoxelMap
 
-MAPS: dict[str, Callable[[MapConfig, int], Representation]] = {
+MAPS: dict[str, Maker] = {
     "octomap": OctoMap,
     "voxel": VoxelMap,
 }
-"""Representations by name, made from the settings and a number of threads."""
+"""Representations by name."""
 
 __all__ = [
     "FREE",

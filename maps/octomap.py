@@ -55,12 +55,19 @@ class OctoMap:
         resolution: Edge of a cell, m.
     """
 
-    def __init__(self, config: MapConfig, threads: int = 1) -> None:
+    def __init__(
+        self,
+        config: MapConfig,
+        threads: int = 1,
+        low: ArrayLike | None = None,
+        high: ArrayLike | None = None,
+    ) -> None:
         """Make an unknown map.
 
         Args:
             config: The settings.
             threads: Ignored, OctoMap uses one.
+            low: Ignored, as is `high`: OctoMap maps all that its beams reach.
 
         Raises:
             ValueError: pyoctomap is not installed, or decay is asked for, which OctoMap does not

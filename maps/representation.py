@@ -57,3 +57,24 @@ class Representation(ColumnMap, Protocol):
 
     def memory_bytes(self) -> int:
         """Bytes that the map holds."""
+
+
+class Maker(Protocol):
+    """What `MAPS` holds: it makes an unknown map."""
+
+    def __call__(
+        self,
+        config: MapConfig,
+        threads: int = 1,
+        low: ArrayLike | None = None,
+        high: ArrayLike | None = None,
+    ) -> Representation:
+        """Make it.
+
+        Args:
+            config: The settings.
+            threads: That share the work of a sweep.
+            low: (3,) least corner of the region of interest, m, world; what lies outside need not
+                be held. None: all space is of interest.
+            high: (3,) greatest corner.
+        """
