@@ -67,7 +67,8 @@ class OctoMap:
         Args:
             config: The settings.
             threads: Ignored, OctoMap uses one.
-            low: Ignored, as is `high`: OctoMap maps all that its beams reach.
+            low: Ignored: OctoMap maps all that its beams reach.
+            high: Likewise.
 
         Raises:
             ValueError: pyoctomap is not installed, or decay is asked for, which OctoMap does not
