@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
+from maps.grid2d import Grid2D
 from maps.inflation import inflate
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
+from maps.tsdf import TsdfMap
 from maps.voxel import RayEnd, VoxelMap
 
-MAPS = {"voxel": VoxelMap}
+MAPS: dict[str, type[Any]] = {
+    "voxel": VoxelMap,
+    "grid2d": Grid2D,
+    "tsdf": TsdfMap,
+}
 """Representations by name. Each answers the methods of VoxelMap."""
 
 __all__ = [
@@ -22,9 +30,11 @@ __all__ = [
     "STATE_NAMES",
     "UNKNOWN",
     "Costmap",
+    "Grid2D",
     "MapConfig",
     "RayEnd",
     "SweepStatistics",
+    "TsdfMap",
     "UnknownPolicy",
     "VoxelMap",
     "inflate",
@@ -35,17 +45,20 @@ __all__ = [
 def warm_up() -> None:
     """Compile every kernel of the package, so that nothing timed pays for it."""
     config = MapConfig(memory_mib=1)
-    tiny = VoxelMap(config)
     beams = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    tiny.integrate((0.5, 0.5, 0.5), beams, np.array([400, 65535], np.uint16), 1.0, 0)
-    tiny.advance(round(2e9 * config.decay_period))
-    tiny.probability_at([[0.5, 0.5, 0.5]])
-    tiny.cast_ray((0.5, 0.5, 0.5), (1.0, 0.0, 0.0), 1.0)
-    tiny.version()
+    for make in MAPS.values():
+        tiny = make(config)
+        tiny.integrate((0.5, 0.5, 0.5), beams, np.array([400, 65535], np.uint16), 1.0, 0)
+        tiny.columns((0, 0, 0), (1, 1, 1))
+        tiny.advance(round(2e9 * config.decay_period))
+        tiny.probability_at([[0.5, 0.5, 0.5]])
+        tiny.cast_ray((0.5, 0.5, 0.5), (1.0, 0.0, 0.0), 1.0)
+        tiny.version()
+        tiny.advance(round(1e4 * 1e9 * config.decay_period))  # forgets its bricks
+    tiny = VoxelMap(config)
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
     Costmap(config, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
     costmap = Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)
     costmap.clearance_at([[0.5, 0.5, 0.5]])
     costmap.cost_at([[0.5, 0.5, 0.5]])
     inflate(np.zeros((1, 1, 1), np.uint64), 1)
-    tiny.advance(round(1e4 * 1e9 * config.decay_period))  # forgets its bricks
