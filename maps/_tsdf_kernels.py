@@ -47,7 +47,7 @@ TURNED = 2
 def score_of(distance: int) -> int:
     """How well a distance is told; of two equally long ones the negative is heard."""
     rank = 2 * abs(distance) + (1 if distance > 0 else 0)
-    return BEST - rank - (HIDDEN if distance < -DROP_OFF else 0)
+    return BEST - rank - (HIDDEN if distance < -SURFACE - 1 else 0)
 
 
 @kernel

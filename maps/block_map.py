@@ -6,6 +6,7 @@ import hashlib
 import struct
 from collections.abc import Mapping
 from os import PathLike
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -193,7 +194,7 @@ class BlockMap:
         """Digest of the content and the tick, 32 hex digits: equal content, equal version."""
         total = self._blocks.digest(self.told)
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
-        head = self.kind.encode() + struct.pack("<dq", self.resolution, ticks) + self._units()
+        head = struct.pack("<dq", self.resolution, ticks) + self._units()
         return hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16).hexdigest()
 
     def memory_bytes(self) -> int:
@@ -206,7 +207,16 @@ class BlockMap:
         Raises:
             ValueError: Always.
         """
-        raise ValueError(f"map.kind: got {self.kind!r}, expected 'voxel' to write {str(path)!r}")
+        raise ValueError(f"map.kind: got {self.kind!r}, expected 'voxel' to save a map")
+
+    @classmethod
+    def load(cls, path: str | PathLike[str], threads: int = 1) -> NoReturn:
+        """Refuse: only VoxelMap has a file format.
+
+        Raises:
+            ValueError: Always.
+        """
+        raise ValueError(f"map.kind: got {cls.kind!r}, expected 'voxel' to load a map")
 
     def _units(self) -> bytes:
         """What else the content means, for the version."""
@@ -253,7 +263,7 @@ def _region(low: ArrayLike | None, high: ArrayLike | None, resolution: float) ->
     if low is None and high is None:
         return None
     if low is None or high is None:
-        raise ValueError(f"low, high: got {low} and {high}, expected both corners or neither")
+        raise ValueError(f"low, high: got {low!r} and {high!r}, expected both corners or neither")
     window = Window.covering(low, high, resolution)
     first = np.array(window.first, np.int64)
     return first, first + np.array(window.shape, np.int64)

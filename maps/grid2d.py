@@ -198,7 +198,7 @@ class Grid2D(BlockMap):
         return self.units.rounding(self.config)
 
     def _units(self) -> bytes:
-        return struct.pack("<3q", self.units.units, *self._band)
+        return b"grid2d" + struct.pack("<3q", self.units.units, *self._band)
 
     def _held_cells(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
         flat: NDArray[np.int64] = cells * np.array([1, 1, 0])

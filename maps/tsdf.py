@@ -216,7 +216,7 @@ class TsdfMap(BlockMap):
         return super().memory_bytes() + self._scores.nbytes
 
     def _units(self) -> bytes:
-        return struct.pack("<2q", kernels.UNITS, kernels.FULL_WEIGHT)
+        return b"tsdf" + struct.pack("<2q", kernels.UNITS, kernels.FULL_WEIGHT)
 
     def _states_of(self, cells: NDArray[np.int64]) -> NDArray[np.uint8]:
         distances, weights = self._held_at(cells)
