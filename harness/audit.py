@@ -21,7 +21,7 @@ from harness.mission import Mission
 from harness.navigator import build_navigator
 from harness.reader import open_log
 from harness.schema import wayproof_pb2 as pb
-from maps import FREE, OCCUPIED, UNKNOWN, UnknownPolicy, VoxelMap
+from maps import FREE, OCCUPIED, UNKNOWN, Representation, UnknownPolicy, states_in
 
 Array = NDArray[np.float64]
 
@@ -71,17 +71,18 @@ class Audit:
     violations: tuple[Violation, ...]
 
 
-def audit(path: Path, policy: UnknownPolicy | None = None) -> Audit:
+def audit(path: Path, policy: UnknownPolicy | None = None, allow_plugins: bool = False) -> Audit:
     """Check every decision of a log.
 
     Args:
         path: The log.
         policy: What to hold paths against in place of the log's own unknown policy.
+        allow_plugins: Whether code that its config names may be imported.
 
     Raises:
         InputError: The file is no finished log, or holds no decision.
     """
-    log = open_log(path)
+    log = open_log(path, allow_plugins)
     navigator = build_navigator(log.config, log.mission, log.beams)
     held = policy or log.config.map.unknown_policy
     body = _Body(log.config, log.mission, held)
@@ -109,7 +110,7 @@ def audit(path: Path, policy: UnknownPolicy | None = None) -> Audit:
 def _check(
     decision: pb.Decision,
     version: str,
-    voxel_map: VoxelMap,
+    voxel_map: Representation,
     body: _Body,
     committed: list[pb.Trajectory],
 ) -> tuple[str, list[tuple[str, str]]]:
@@ -150,7 +151,7 @@ class _Body:
         self._flat = mission.motion == "ground"
 
     def first_blocked(
-        self, voxel_map: VoxelMap, path: Array, margin: float
+        self, voxel_map: Representation, path: Array, margin: float
     ) -> tuple[Array, str] | None:
         """The first place of a path at which the body overlaps what it may not, and why."""
         size = voxel_map.resolution
@@ -172,7 +173,7 @@ class _Body:
         return None
 
     def _states(
-        self, voxel_map: VoxelMap, path: Array, reach: float
+        self, voxel_map: Representation, path: Array, reach: float
     ) -> tuple[NDArray[np.uint8], Array]:
         """States around a path, a column as one cell for a walking body, and the first corner."""
         size = voxel_map.resolution
@@ -184,8 +185,8 @@ class _Body:
         end = np.ceil(high / size + (0.0, 0.0, 0.75))
         corner = (first - (0.0, 0.0, 0.75)) * size
         # Its corners are those of cells, so a quarter of a cell inwards the same cells are meant.
-        states = voxel_map.states_in(
-            corner + 0.25 * size, (end - (0.0, 0.0, 0.75)) * size - 0.25 * size
+        states = states_in(
+            voxel_map, corner + 0.25 * size, (end - (0.0, 0.0, 0.75)) * size - 0.25 * size
         )
         self._fence(states, corner, size)
         return (self._columns(states, corner[2], size) if self._flat else states), corner

@@ -1,53 +1,97 @@
 """What `wayproof bench STAGE` measures: how fast one stage is, and that it is right meanwhile.
 
-A stage is one function from (sweeps, seed, progress) to flat rows, and one line of `STAGES`.
+A stage is one function from (repeats, seed, progress) to flat rows, and one line of `STAGES`.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import Any
+from itertools import groupby
+from typing import Any, NamedTuple
 
 from rich import box
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
 from harness.bench_loop import bench_loop
+from harness.bench_map import bench_map
+from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
 from harness.errors import InputError, unknown_name
 
 Row = dict[str, Any]
-Stage = Callable[[int, int, Callable[[str], None]], list[Row]]
 
-STAGES: dict[str, Stage] = {"loop": bench_loop, "rays": bench_rays}
 
-MOST_SWEEPS = 1000
+class Stage(NamedTuple):
+    """One thing that can be measured.
 
-SHORT_HEADINGS = {"mray_per_s": "Mray/s", "id_mismatches": "ids differ"}
+    Attributes:
+        measure: From (repeats, seed, progress) to rows.
+        repeats: By default: sweeps, whole episodes, or fourteen queries each.
+    """
+
+    measure: Callable[[int, int, Callable[[str], None]], list[Row]]
+    repeats: int
+
+
+STAGES: dict[str, Stage] = {
+    "loop": Stage(bench_loop, 3),
+    "map": Stage(bench_map, 15),
+    "plan": Stage(bench_plan, 15),
+    "rays": Stage(bench_rays, 15),
+}
+
+MOST_REPEATS = 1000
+
+SHORT_HEADINGS = {
+    "mray_per_s": "Mray/s",
+    "id_mismatches": "ids differ",
+    "resolution_m": "cell m",
+    "ms_per_sweep": "ms",
+    "ms_p99": "p99",
+    "ratio_vs_pyoctomap": "ratio",
+    "trajectory_m": "path m",
+    "floor_columns_lost": "floor lost",
+    "agreement": "agree",
+    "agreement_above_floor": "above floor",
+}
 """Of fields whose name is too wide for a table of 80 columns."""
 
 
-def run_stage(name: str, sweeps: int, seed: int) -> list[Row]:
+def run_stage(name: str, repeats: int | None, seed: int) -> list[Row]:
     """Measure one stage; its figures depend on the machine, its scenes on the seed alone.
 
     Raises:
-        InputError: No such stage; too few or too many sweeps; a negative seed.
+        InputError: No such stage; too few or too many repeats; a negative seed.
     """
     if name not in STAGES:
         raise unknown_name("stage", name, STAGES)
-    if not 1 <= sweeps <= MOST_SWEEPS:
-        raise InputError(f"sweeps: got {sweeps}, expected 1 to {MOST_SWEEPS}")
+    stage = STAGES[name]
+    repeats = stage.repeats if repeats is None else repeats
+    if not 1 <= repeats <= MOST_REPEATS:
+        raise InputError(f"repeats: got {repeats}, expected 1 to {MOST_REPEATS}")
     if seed < 0:
         raise InputError(f"seed: got {seed}, expected an integer >= 0")
     try:
-        return STAGES[name](sweeps, seed, _show_progress)
+        return stage.measure(repeats, seed, _show_progress)
     finally:
         _show_progress("")
 
 
 def print_rows(console: Console, title: str, rows: list[Row]) -> None:
-    """Rows as a table, one column for each field."""
+    """Rows as tables, one column for each field; rows with the same fields told share one."""
+    for fields, alike in groupby(rows, _fields_told):
+        told = [{field: row[field] for field in fields} for row in alike]
+        console.print(_table(title, told))
+        title = ""
+
+
+def _fields_told(row: Row) -> tuple[str, ...]:
+    return tuple(field for field, value in row.items() if value is not None)
+
+
+def _table(title: str, rows: list[Row]) -> Table:
     style = box.SIMPLE_HEAD
     table = Table(title=title, title_justify="left", box=style, padding=0, show_edge=False)
     for field, value in rows[0].items():
@@ -57,7 +101,7 @@ def print_rows(console: Console, title: str, rows: list[Row]) -> None:
         table.add_column(heading, justify=side, no_wrap=word)
     for row in rows:
         table.add_row(*(_cell(value) for value in row.values()))
-    console.print(table)
+    return table
 
 
 def _cell(value: Any) -> str:

@@ -56,11 +56,11 @@ class Row:
     decision_ms_p99: float
 
 
-def bench_loop(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+def bench_loop(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
     """Run episodes of both robots under both loads; one row (see `Row`) for each.
 
     Args:
-        sweeps: Number of episodes for each row.
+        repeats: Number of episodes for each row.
         seed: Of the first.
         progress: Told what is going on.
     """
@@ -69,7 +69,7 @@ def bench_loop(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[
         progress("compiling kernels (some seconds the first time, then cached)")
         warm_up(robot)
         for settings in LOADS:
-            rows.append(asdict(_measure(robot, settings, range(seed, seed + sweeps), progress)))
+            rows.append(asdict(_measure(robot, settings, range(seed, seed + repeats), progress)))
     return rows
 
 

@@ -128,14 +128,14 @@ class Row:
     id_mismatches: int
 
 
-def bench_rays(sweeps: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+def bench_rays(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
     """Time every engine on every scene; one flat row (see `Row`) for each."""
     progress("compiling kernels (some seconds the first time, then cached)")
     rays.warm_up()
     rows: list[Row] = []
     for number, scene in enumerate(SCENES, 1):
         progress(f"rays {number}/{len(SCENES)}: {scene.name}, {scene.geoms} geoms")
-        rows += _measure(scene, sweeps, seed)
+        rows += _measure(scene, repeats, seed)
     return [asdict(row) for row in rows]
 
 

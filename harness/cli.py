@@ -69,7 +69,7 @@ def replay(options: argparse.Namespace, console: Console) -> tuple[int, Document
 
     replays = []
     for path in options.log:
-        replays.append(replay_log(path))
+        replays.append(replay_log(path, options.allow_plugins))
         print_replay(console, replays[-1])
     documents = [asdict(one) for one in replays]
     code = 0 if all(one.identical for one in replays) else 1
@@ -83,7 +83,7 @@ def audit(options: argparse.Namespace, console: Console) -> tuple[int, Document]
 
     audits = []
     for path in options.log:
-        audits.append(audit_log(path, options.policy))
+        audits.append(audit_log(path, options.policy, options.allow_plugins))
         print_audit(console, audits[-1])
     documents = [asdict(one) for one in audits]
     code = 1 if any(one.violations for one in audits) else 0
@@ -131,7 +131,7 @@ def bench(options: argparse.Namespace, console: Console) -> tuple[int, Document]
     """Measure one stage."""
     from harness.bench import print_rows, run_stage
 
-    rows = run_stage(options.stage, options.sweeps, options.seed)
+    rows = run_stage(options.stage, options.repeats, options.seed)
     print_rows(console, f"bench {options.stage}, seed {options.seed}", rows)
     return 0, {"rows": rows}
 
@@ -214,7 +214,16 @@ def _add_replay(verbs: Any) -> None:
         epilog="example: wayproof replay logs/warehouse-drone-3.mcap",
     )
     parser.add_argument("log", metavar="LOG", type=Path, nargs="+")
+    _add_plugins(parser)
     _finish(parser, replay)
+
+
+def _add_plugins(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--allow-plugins",
+        action="store_true",
+        help="import the planner that a log names as module:Class",
+    )
 
 
 def _add_audit(verbs: Any) -> None:
@@ -231,6 +240,7 @@ def _add_audit(verbs: Any) -> None:
         choices=get_args(UnknownPolicy),
         help="hold paths against this unknown policy in place of the log's own",
     )
+    _add_plugins(parser)
     _finish(parser, audit)
 
 
@@ -251,8 +261,13 @@ def _add_bench(verbs: Any) -> None:
         help="how fast one stage is on this machine, and whether its results are right",
         epilog="example: wayproof bench rays --json",
     )
-    parser.add_argument("stage", metavar="STAGE", help="rays")
-    parser.add_argument("--sweeps", type=int, default=15, help="timed on each scene (default: 15)")
+    parser.add_argument("stage", metavar="STAGE", help="loop, map, plan or rays")
+    parser.add_argument(
+        "--repeats",
+        type=int,
+        metavar="N",
+        help="sweeps, queries or episodes of each row; by default as many as the stage needs",
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: 0)")
     _finish(parser, bench)
 

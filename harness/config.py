@@ -149,6 +149,9 @@ NAMED: dict[str, Iterable[str]] = {
 }
 """Settings whose values are names in a registry."""
 
+PLUGIN = ":"
+"""In a planner's name: `module:Class` of the user's own, in place of one in the registry."""
+
 
 def override(config: Config, settings: Iterable[str]) -> Config:
     """Apply `section.field=value` settings, each checked for its name and its type.
@@ -163,7 +166,8 @@ def override(config: Config, settings: Iterable[str]) -> Config:
         document = msgspec.to_builtins(config)
         section, name = _locate(document, key)
         section[name] = value = _parse(text)
-        if key in NAMED and value not in NAMED[key]:
+        plugin = key == "planner.name" and PLUGIN in str(value)
+        if key in NAMED and value not in NAMED[key] and not plugin:
             raise unknown_name(key, str(value), NAMED[key])
         try:
             config = from_document(document)
@@ -189,16 +193,29 @@ def to_json(config: Config) -> bytes:
     return msgspec.json.format(msgspec.json.encode(config), indent=1)
 
 
-def from_json(data: bytes) -> Config:
+def from_json(data: bytes, allow_plugins: bool = False) -> Config:
     """Read back what `to_json` wrote; floats come back bit by bit.
 
+    Args:
+        data: The text.
+        allow_plugins: Whether a planner named `module:Class` may be imported: whoever wrote the
+            text then chooses code that is run here.
+
     Raises:
-        InputError: The text is no JSON or no config.
+        InputError: The text is no JSON or no config, or names a plugin that is not allowed.
     """
     try:
-        return from_document(msgspec.json.decode(data))
+        document = msgspec.json.decode(data)
     except msgspec.DecodeError as error:
         raise InputError(f"config: {error}") from None
+    planner = document.get("planner") if isinstance(document, dict) else None
+    name = planner.get("name") if isinstance(planner, dict) else None
+    if not allow_plugins and isinstance(name, str) and PLUGIN in name:
+        raise InputError(
+            f"config names the planner '{name}', which is code outside Wayproof; "
+            "expected --allow-plugins to load it"
+        )
+    return from_document(document)
 
 
 def setting_names() -> list[str]:

@@ -75,8 +75,12 @@ class Log:
                 yield message
 
 
-def open_log(path: Path) -> Log:
+def open_log(path: Path, allow_plugins: bool = False) -> Log:
     """Read the head of a finished log.
+
+    Args:
+        path: Where it lies.
+        allow_plugins: Whether code that its config names may be imported.
 
     Raises:
         InputError: No such file, no MCAP, truncated, of another format, or not ours.
@@ -100,7 +104,7 @@ def open_log(path: Path) -> Log:
             raise InputError(f"log '{path}': damaged ({name} does not match its digest)")
     return Log(
         path=path,
-        config=from_json(attachments["config.json"]),
+        config=from_json(attachments["config.json"], allow_plugins),
         mission=Mission.from_json(attachments["mission.json"]),
         scene=attachments["scene.xml"].decode(),
         run=metadata["run"],

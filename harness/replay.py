@@ -39,13 +39,17 @@ class Replay:
     wall_time_s: float
 
 
-def replay(path: Path) -> Replay:
+def replay(path: Path, allow_plugins: bool = False) -> Replay:
     """Recompute a log's decisions.
+
+    Args:
+        path: The log.
+        allow_plugins: Whether code that its config names may be imported.
 
     Raises:
         InputError: The file is no finished log, or holds no decision.
     """
-    log = open_log(path)
+    log = open_log(path, allow_plugins)
     began = time.perf_counter()
     navigator = build_navigator(log.config, log.mission, log.beams)
     differing: list[tuple[int, list[str]]] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import maps
 import planners
-from models import rays
+from models import rays, truth
 from models.robots import ROBOTS
 
 
@@ -13,4 +13,5 @@ def warm_up(robot: str) -> None:
     maps.warm_up()
     planners.warm_up()
     rays.warm_up()
+    truth.warm_up()
     ROBOTS[robot].warm_up()

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Mapping
-from os import PathLike
-from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -17,17 +15,16 @@ from maps.blocks import Blocks
 from maps.columns import Window
 from maps.config import MapConfig
 from maps.evidence import MOST, tick_losses
-from maps.grid import cell_box, cells_at, centres, finite_vector
+from maps.grid import cells_at
 from maps.states import FREE, OCCUPIED, STATE_NAMES
 from maps.team import Team
-from maps.voxel import RayEnd
 
 CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Least cell (3,) of a box, and one past the greatest."""
 
 
 class BlockMap:
-    """A map whose cells are kept in `Blocks`, with the methods that VoxelMap has as well.
+    """What a representation that keeps its cells in `Blocks` does whatever these hold.
 
     One layer holds the evidence of each cell, of which decay takes; where it is 0 the cell is
     unknown. Decay follows the schedule and the law of VoxelMap, tick by tick for all blocks.
@@ -37,7 +34,6 @@ class BlockMap:
         resolution: Edge of a cell, m.
     """
 
-    kind: str
     evidence: str  # the layer that decay takes of
     told: tuple[str, ...]  # layers that make up the version
 
@@ -84,22 +80,6 @@ class BlockMap:
         self._ticks = until
         self._fade(rest, spared)
 
-    def hold(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Spare the cells whose centres lie in a box from the next decay tick.
-
-        Args:
-            low: (3,) least corner, m, world.
-            high: (3,) greatest corner, m, world.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: A corner is not finite.
-        """
-        cells = _cells_of(cell_box(low, high, self.resolution))
-        self.advance(time_ns)
-        slots, places = self._blocks.locate(self._held_cells(cells))
-        self._blocks.layers["fresh"][slots[slots >= 0], places[slots >= 0]] = True
-
     def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
         """The state at points (n, 3), m, world: (n,)."""
         cells, inside = cells_at(points, self.resolution)
@@ -111,12 +91,6 @@ class BlockMap:
         slots, _ = self._blocks.locate(self._held_cells(cells))
         return np.where(inside & (slots >= 0), self._blocks.observed_ns[slots], -1)
 
-    def states_in(self, low: ArrayLike, high: ArrayLike) -> NDArray[np.uint8]:
-        """States (nx, ny, nz) of the cells whose centres lie in a box, corners (3,) m, world."""
-        first, end = cell_box(low, high, self.resolution)
-        shape = tuple(int(n) for n in end - first)
-        return self._states_of(_cells_of((first, end))).reshape(shape)
-
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call.
 
@@ -127,60 +101,6 @@ class BlockMap:
             Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), one for each block, and `now`.
         """
         return self._blocks.changed(since), self._stamp
-
-    def cast_ray(
-        self,
-        origin: ArrayLike,
-        direction: ArrayLike,
-        max_range: float,
-        stop_at_unknown: bool = False,
-    ) -> RayEnd | None:
-        """Follow a ray to the first occupied cell, or the first that is unknown as well.
-
-        Args:
-            origin: (3,) m, world.
-            direction: (3,) of any length but 0, world.
-            max_range: m.
-            stop_at_unknown: Whether an unknown cell stops it.
-
-        Returns:
-            Where it ends; None if nothing stops it within the range.
-
-        Raises:
-            ValueError: The ray is not finite, or the range is not more than 0 and at most 1e6 m.
-        """
-        start, toward = finite_vector("origin", origin), finite_vector("direction", direction)
-        length = float(np.sqrt((toward**2).sum()))
-        if length == 0.0 or not 0.0 < max_range <= 1e6:
-            raise ValueError(f"ray: got length {length:g} and range {max_range:g}, expected more")
-        toward /= length
-        faces = _crossings(start, toward, max_range, self.resolution)  # (k + 1,) m
-        states = self.state_at(start + (0.5 * (faces[:-1] + faces[1:]))[:, None] * toward)
-        stops = np.flatnonzero((states != FREE) if stop_at_unknown else (states == OCCUPIED))
-        if len(stops) == 0:
-            return None
-        distance = float(faces[stops[0]])
-        return RayEnd(int(states[stops[0]]), distance, start + distance * toward)
-
-    def is_free_along(self, start: ArrayLike, end: ArrayLike) -> bool:
-        """Whether every cell on the line between two points (3,), m, world, is free."""
-        way = finite_vector("end", end) - finite_vector("start", start)
-        length = float(np.sqrt((way**2).sum()))
-        if length == 0.0:
-            return bool(self.state_at(np.reshape(start, (1, 3)))[0] == FREE)
-        return self.cast_ray(start, way, length, stop_at_unknown=True) is None
-
-    def occupied_centres(self) -> NDArray[np.float64]:
-        """Centres of all occupied cells, (n, 3) m, world, by block and then by cell."""
-        blocks = self._blocks
-        live = blocks.live()
-        live = live[np.lexsort(blocks.keys[live].T[::-1])]
-        parts = [np.empty((0, 3), np.int64)]
-        for slot in live:
-            places = np.flatnonzero(self._held_states(slot) == OCCUPIED)
-            cells = np.stack(np.unravel_index(places, blocks.shape), axis=1)
-            parts.append(cells + blocks.keys[slot] * blocks.shape)
-        return centres(np.concatenate(parts), self.resolution)
 
     def counts(self) -> dict[str, int]:
         """Number of free and of occupied cells by the name of their state."""
@@ -200,23 +120,6 @@ class BlockMap:
     def memory_bytes(self) -> int:
         """Bytes of the blocks in use."""
         return self._blocks.nbytes
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Refuse: only VoxelMap has a file format.
-
-        Raises:
-            ValueError: Always.
-        """
-        raise ValueError(f"map.kind: got {self.kind!r}, expected 'voxel' to save a map")
-
-    @classmethod
-    def load(cls, path: str | PathLike[str], threads: int = 1) -> NoReturn:
-        """Refuse: only VoxelMap has a file format.
-
-        Raises:
-            ValueError: Always.
-        """
-        raise ValueError(f"map.kind: got {cls.kind!r}, expected 'voxel' to load a map")
 
     def _units(self) -> bytes:
         """What else the content means, for the version."""
@@ -267,24 +170,3 @@ def _region(low: ArrayLike | None, high: ArrayLike | None, resolution: float) ->
     window = Window.covering(low, high, resolution)
     first = np.array(window.first, np.int64)
     return first, first + np.array(window.shape, np.int64)
-
-
-def _cells_of(box: CellBox) -> NDArray[np.int64]:
-    """All cells (n, 3) of a box, the last axis fastest."""
-    first, end = box
-    indices = np.indices(tuple(int(n) for n in end - first))
-    return np.moveaxis(indices, 0, -1).reshape(-1, 3) + first
-
-
-def _crossings(
-    start: NDArray[np.float64], toward: NDArray[np.float64], reach: float, resolution: float
-) -> NDArray[np.float64]:
-    """Distances at which a ray meets the faces of cells, with 0 and its reach, ascending, m."""
-    corner = centres(np.zeros((1, 3), np.int64), resolution)[0] - 0.5 * resolution
-    parts = [np.array([0.0, reach])]
-    for axis in np.flatnonzero(toward):
-        near = (start[axis] - corner[axis]) / resolution
-        far = near + reach * toward[axis] / resolution
-        faces = np.arange(np.ceil(min(near, far)), np.floor(max(near, far)) + 1)
-        parts.append((faces - near) * resolution / toward[axis])
-    return np.unique(np.clip(np.concatenate(parts), 0.0, reach))

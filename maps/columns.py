@@ -1,17 +1,32 @@
-"""A box of the map's cells: where it lies, and the bits of its columns."""
+"""What every map answers of its cells: the bits of the columns in a box, and what changed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps.grid import FLOOR_HEIGHT_IN_CELL, ROUNDING, finite_vector
+from maps.grid import FLOOR_HEIGHT_IN_CELL, ROUNDING, cell_box, finite_vector
+from maps.states import FREE, OCCUPIED
 
 WORD_BITS = 64  # cells in a word
 MAX_CELLS = 200_000_000
+
+
+class ColumnMap(Protocol):
+    """What is asked of a map: the bits of its columns, and where they changed."""
+
+    resolution: float
+
+    def columns(
+        self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The occupied and the free cells of a box, each (nx, ny, words): z = 64 word + bit."""
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Boxes (k, 6) of cells whose states changed since a stamp (0: all), and a new stamp."""
 
 
 @dataclass(frozen=True)
@@ -104,3 +119,14 @@ def unpack(words: NDArray[np.uint64], cells: int) -> NDArray[np.uint8]:
     """The first bits (nx, ny, cells) of columns (nx, ny, words), each 0 or 1."""
     content = np.ascontiguousarray(words, "<u8").view(np.uint8)
     return np.unpackbits(content, axis=2, count=cells, bitorder="little")
+
+
+def states_in(source: ColumnMap, low: ArrayLike, high: ArrayLike) -> NDArray[np.uint8]:
+    """The states (nx, ny, nz) of the cells whose centres lie in a box, corners (3,) m, world."""
+    first, end = cell_box(low, high, source.resolution)
+    nx, ny, nz = (int(cells) for cells in end - first)
+    x, y, z = (int(cell) for cell in first)
+    occupied, free = source.columns((x, y, z), (nx, ny, -(-nz // WORD_BITS)))
+    states = unpack(free, nz) * np.uint8(FREE)
+    states += unpack(occupied, nz) * np.uint8(OCCUPIED)
+    return states

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from maps import _column_kernels as kernels
 from maps._field_kernels import MAX_REACH
-from maps.columns import Window, unpack
+from maps.columns import ColumnMap, Window, unpack
 from maps.config import MapConfig
 from maps.field import DistanceField
-from maps.projection import Airspace, ColumnMap, Ground
+from maps.projection import Airspace, Ground
 from maps.states import FREE, OCCUPIED
 from maps.team import Team
 

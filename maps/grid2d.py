@@ -41,7 +41,6 @@ class Grid2D(BlockMap):
         units: Steps and clamps in units.
     """
 
-    kind = "grid2d"
     evidence = "log_odds"
     told = ("log_odds",)
 
@@ -192,10 +191,6 @@ class Grid2D(BlockMap):
         boxes, now = super().changed(since)
         boxes[:, 2], boxes[:, 5] = FLOOR_LAYER, TOP
         return boxes, now
-
-    def rounding(self) -> dict[str, tuple[float, float]]:
-        """What whole units make of the settings: by name the value asked and the one in effect."""
-        return self.units.rounding(self.config)
 
     def _units(self) -> bytes:
         return b"grid2d" + struct.pack("<3q", self.units.units, *self._band)

@@ -3,32 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from maps import _column_kernels as kernels
-from maps.columns import WORD_BITS, Window, layer_bits
+from maps.columns import WORD_BITS, ColumnMap, Window, layer_bits
 
 ROUNDING = 1e-6  # of a cell
 
 Columns = tuple[slice, slice]
 """A box of columns of words, along their first two axes."""
-
-
-class ColumnMap(Protocol):
-    """What is asked of a map: the bits of its columns, and where they changed."""
-
-    resolution: float
-
-    def columns(
-        self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
-    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The occupied and the free cells of a box, each (nx, ny, words): z = 64 word + bit."""
-
-    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Boxes (k, 6) of cells whose states changed since a stamp (0: all), and a new stamp."""
 
 
 class Projection:

@@ -37,7 +37,6 @@ class TsdfMap(BlockMap):
     as one sweep.
     """
 
-    kind = "tsdf"
     evidence = "weight"
     told = ("distance", "weight")
 

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from models._jit import kernel
 from models.sensors import ROBOT_GROUP
 
 
@@ -53,11 +54,9 @@ class Truth:
         return float(data.xmat[self._base, 8])
 
     def _touches_obstacle(self, data: mujoco.MjData) -> bool:
-        if data.ncon == 0:
-            return False
-        pairs = data.contact.geom[: data.ncon]  # (n, 2)
-        mixed = self._is_robot[pairs].sum(axis=1) == 1
-        return bool((mixed & (pairs != self._floor).all(axis=1)).any())
+        count = data.ncon
+        pairs = np.ascontiguousarray(data.contact.geom[:count])
+        return count > 0 and bool(touches(pairs, self._is_robot, self._floor))
 
     def _sphere_gaps(self, data: mujoco.MjData) -> NDArray[np.float64]:
         model, robot, obstacles = self._model, self._robot, self._obstacles
@@ -70,3 +69,18 @@ class Truth:
         outside = np.maximum(local - model.geom_aabb[obstacles, 3:], 0.0)
         gaps: NDArray[np.float64] = np.sqrt((outside**2).sum(axis=2))
         return gaps - np.asarray(model.geom_rbound[robot], np.float64)[:, None]
+
+
+@kernel
+def touches(pairs: NDArray[np.int32], is_robot: NDArray[np.bool_], floor: int) -> bool:
+    """Whether any pair of geoms (n, 2) is one of the robot's and one that is not, nor the floor."""
+    for k in range(len(pairs)):
+        a, b = pairs[k, 0], pairs[k, 1]
+        if is_robot[a] != is_robot[b] and a != floor and b != floor:
+            return True
+    return False
+
+
+def warm_up() -> None:
+    """Compile the kernel, or load it from the cache."""
+    touches(np.zeros((1, 2), np.int32), np.zeros(1, np.bool_), 0)

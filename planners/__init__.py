@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from planners.body import Body, Disc, blocked_at_or_below
 from planners.frontier import best_frontier
+from planners.goal_field import GoalField
 from planners.path import (
     arc_lengths,
     blend_corners,
@@ -17,6 +19,7 @@ from planners.path import (
 from planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
 from planners.seeds import plan_seed
 from planners.space import CLEARANCE_WEIGHT, FreeSpace
+from planners.state_spaces import STATE_SPACES
 from planners.trajectory import (
     MotionLimits,
     Trajectory,
@@ -31,7 +34,11 @@ from planners.trajectory import (
 __all__ = [
     "CLEARANCE_WEIGHT",
     "PLANNERS",
+    "STATE_SPACES",
+    "Body",
+    "Disc",
     "FreeSpace",
+    "GoalField",
     "MotionLimits",
     "Plan",
     "PlanLabel",
@@ -41,6 +48,7 @@ __all__ = [
     "arc_lengths",
     "best_frontier",
     "blend_corners",
+    "blocked_at_or_below",
     "first_stop",
     "follow_path",
     "hold",
@@ -60,13 +68,23 @@ __all__ = [
 
 
 def warm_up() -> None:
-    """Compile every kernel, or load it from the cache, by planning across a small empty room."""
+    """Compile every kernel, or load it from the cache, by planning across small empty rooms."""
+    body = Body((-0.1, 0.1), (0.1, 0.1)).discs(margin=0.0, resolution=0.1, flat=True)
     field = np.full((20, 20, 1), 100, dtype=np.uint16)
+    pose_space = FreeSpace(field, np.zeros(3), 0.1, 2, np.zeros(101), body)
     space = FreeSpace(field, np.zeros(3), 0.1, 4, np.zeros(101))
     start, goal = np.array([0.25, 0.25, 0.05]), np.array([1.75, 1.75, 0.05])
-    found = plan(space, start, goal, PlannerConfig(), seed=1)
-    if found.waypoints is None:
-        raise RuntimeError(f"planners.warm_up: got {found.label}, expected a path")
+    for name in ("field", "rrtconnect"):
+        for body_space in (space, pose_space):
+            found = plan(body_space, start, goal, PlannerConfig(name=name), seed=1)
+            if found.waypoints is None:
+                raise RuntimeError(f"planners.warm_up: got {found.label}, expected a path")
+    curved = PlannerConfig(name="rrtconnect", state_space="dubins", turning_radius=0.2, restarts=1)
+    plan(pose_space, start, goal, curved, seed=1)
+    pose_space.free_sweep_length(np.array([[*start, 0.0], [*goal, 0.0]]))
+    to_goal = GoalField(goal, PlannerConfig())
+    for _ in range(2):
+        to_goal.plan(space, start, seed=1)
     corner = np.array([start, [1.75, 0.25, 0.05], goal])
     path = blend_corners(space, corner, blend_length=0.4)
     space.free_length(path)

@@ -23,11 +23,21 @@ SUBCELLS = 1 << SUBCELL_BITS
 # Farther from the origin the products that compare crossing times could overflow 64 bits.
 FARTHEST_CELL = 1 << 14
 OUTSIDE = -1
+TURN = 2.0 * math.pi
+# A sweep is cut into steps in which no disc 1 m from the reference point bows out by 0.4 mm from
+# the straight line that is checked: 1 - cos(0.05 / 2).
+TURN_STEP = 0.05  # [rad]
+# What a turn costs against length: a quadruped that turns at 1 rad/s loses 0.1 s of a walk at
+# 1 m/s for each radian that it turns while it walks.
+TURN_PRICE = 0.1  # [m/rad]
+# What motion off the heading costs more than motion along it: sideways twice, backwards thrice.
+SIDEWAYS = 1.0
 # A cost has to fall by more than its own rounding error before a path is changed [m].
 LEAST_GAIN = 1e-9
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
+Pose = tuple[float, float, float, float]  # x, y, z [m] and heading [rad]
 SubcellPoint = tuple[int, int, int]
 
 
@@ -38,6 +48,13 @@ class Grid(NamedTuple):
     origin: Floats  # (3,) low corner [m]
     resolution: float  # [m]
     cost_by_distance: Floats  # (t,) cost of a cell by its squared distance
+
+
+class Discs(NamedTuple):
+    """The discs or balls of a body along its x axis."""
+
+    offsets: Floats  # (m,) of the centres [m]
+    thresholds: NDArray[np.int64]  # (m,) largest forbidden squared cell distance of each
 
 
 @kernel
@@ -219,27 +236,74 @@ def path_length(path: Floats) -> float:
 
 
 @kernel
-def locate(points: Floats, count: int, arc: float) -> tuple[int, Point]:
+def between(a: Point, b: Point, share: float) -> Point:
+    """The point at a share of an edge."""
+    return (
+        a[0] + share * (b[0] - a[0]),
+        a[1] + share * (b[1] - a[1]),
+        a[2] + share * (b[2] - a[2]),
+    )
+
+
+@kernel
+def locate(points: Floats, arcs: Floats, count: int, arc: float) -> tuple[int, Point]:
     """Edge and point at an arc length [m] along the first ``count`` points."""
     for n in range(count - 1):
-        a, b = row(points, n), row(points, n + 1)
-        edge = distance(a, b)
-        if arc <= edge and edge > 0.0:
-            t = arc / edge
-            return n, (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]))
-        arc -= edge
+        if arc <= arcs[n + 1] and arcs[n + 1] > arcs[n]:
+            share = (arc - arcs[n]) / (arcs[n + 1] - arcs[n])
+            return n, between(row(points, n), row(points, n + 1), share)
     return count - 2, row(points, count - 1)
 
 
 @kernel
-def cost_between(
-    grid: Grid, threshold: int, weight: float, points: Floats, first: int, last: int
-) -> float:
-    """Cost of the edges between two of a path's points [m]."""
-    cost = 0.0
-    for n in range(first, last):
-        cost += edge_cost(grid, threshold, weight, row(points, n), row(points, n + 1))
-    return cost
+def detour(
+    grid: Grid,
+    threshold: int,
+    weight: float,
+    ends: tuple[Point, Point, Point, Point],
+    apex: Point,
+    old: float,
+) -> tuple[int, float, float, float, float]:
+    """Try to lead from ``ends[1]`` to ``ends[2]`` straight, else over an apex.
+
+    Args:
+        grid: The distance field.
+        threshold: A cell is forbidden at or below this squared distance.
+        weight: Weight of the cell cost against length.
+        ends: The point before the cut, its two ends, and the point after it [m].
+        apex: Of the detour [m].
+        old: What the way from the first to the last of the ends costs now [m].
+
+    Returns:
+        How many points the cheaper way has between the first and the last (0 if none is cheaper,
+        2 or 3), and the costs of its edges [m].
+    """
+    outside, u, v, beyond = ends
+    # No edge costs less than its length, so most attempts end before a cell is looked at.
+    least = distance(outside, u) + distance(v, beyond) + LEAST_GAIN
+    if least + distance(u, v) >= old:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    straight = edge_cost(grid, threshold, weight, u, v)
+    first, last = math.inf, math.inf
+    if least + straight < old:
+        first = edge_cost(grid, threshold, weight, outside, u)
+        last = edge_cost(grid, threshold, weight, v, beyond)
+        if first + straight + last < old - LEAST_GAIN:
+            return 2, first, straight, last, 0.0
+    if least + distance(u, apex) + distance(apex, v) >= old:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    to_apex = edge_cost(grid, threshold, weight, u, apex)
+    if least + to_apex + distance(apex, v) >= old:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    from_apex = edge_cost(grid, threshold, weight, apex, v)
+    if least + to_apex + from_apex >= old:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    if first == math.inf:
+        first = edge_cost(grid, threshold, weight, outside, u)
+        last = edge_cost(grid, threshold, weight, v, beyond)
+    if first + to_apex + from_apex + last < old - LEAST_GAIN:
+        return 3, first, to_apex, from_apex, last
+    return 0, 0.0, 0.0, 0.0, 0.0
 
 
 @kernel
@@ -261,39 +325,353 @@ def shortcut(grid: Grid, threshold: int, weight: float, path: Floats, draws: Flo
     Returns:
         Way points between the same ends, shape (k, 3).
     """
-    points = np.empty((len(path) + 3 * len(draws), 3))
+    room = len(path) + 3 * len(draws)
+    points, arcs, costs = np.empty((room, 3)), np.empty(room), np.empty(room)
     points[: len(path)] = path
     count = len(path)
-    fresh = np.empty((3, 3))
+    for n in range(count - 1):
+        costs[n] = edge_cost(grid, threshold, weight, row(points, n), row(points, n + 1))
+    changed = True
     for draw in draws:
-        length = path_length(points[:count])
-        edge_u, u = locate(points, count, min(draw[0], draw[1]) * length)
-        edge_v, v = locate(points, count, max(draw[0], draw[1]) * length)
-        before, after = row(points, edge_u), row(points, edge_v + 1)
-        apex = (
-            0.5 * (u[0] + v[0]) + draw[2],
-            0.5 * (u[1] + v[1]) + draw[3],
-            0.5 * (u[2] + v[2]) + draw[4],
-        )
-        old = cost_between(grid, threshold, weight, points, edge_u, edge_v + 1)
-        ends = edge_cost(grid, threshold, weight, before, u)
-        ends += edge_cost(grid, threshold, weight, v, after)
-        added = 0
-        if ends + edge_cost(grid, threshold, weight, u, v) < old - LEAST_GAIN:
-            fresh[0], fresh[1] = u, v
-            added = 2
-        else:
-            ends += edge_cost(grid, threshold, weight, u, apex)
-            ends += edge_cost(grid, threshold, weight, apex, v)
-            if ends < old - LEAST_GAIN:
-                fresh[0], fresh[1], fresh[2] = u, apex, v
-                added = 3
-        if added > 0:
-            tail = points[edge_v + 1 : count].copy()
-            points[edge_u + 1 : edge_u + 1 + added] = fresh[:added]
-            count = edge_u + 1 + added + len(tail)
-            points[count - len(tail) : count] = tail
+        if changed:
+            arcs[0] = 0.0
+            for n in range(count - 1):
+                arcs[n + 1] = arcs[n] + distance(row(points, n), row(points, n + 1))
+        length = arcs[count - 1]
+        i, u = locate(points, arcs, count, min(draw[0], draw[1]) * length)
+        j, v = locate(points, arcs, count, max(draw[0], draw[1]) * length)
+        middle = between(u, v, 0.5)
+        apex = (middle[0] + draw[2], middle[1] + draw[3], middle[2] + draw[4])
+        ends = (row(points, i), u, v, row(points, j + 1))
+        added, a, b, c, d = detour(grid, threshold, weight, ends, apex, np.sum(costs[i : j + 1]))
+        changed = added > 0
+        if changed:
+            shift = i + 1 + added - (j + 1)
+            last = count + shift
+            points[j + 1 + shift : last] = points[j + 1 : count].copy()
+            costs[j + 1 + shift : last - 1] = costs[j + 1 : count - 1].copy()
+            points[i + 1] = u
+            if added == 3:
+                points[i + 2] = apex
+            points[i + added] = v
+            fresh = (a, b, c, d)
+            for n in range(added + 1):
+                costs[i + n] = fresh[n]
+            count = last
     return prune(grid, threshold, weight, points[:count])
+
+
+@kernel
+def wrap(angle: float) -> float:
+    """The same angle [rad] in [-pi, pi)."""
+    return angle - TURN * math.floor(angle / TURN + 0.5)
+
+
+@kernel
+def heading_of(x: float, y: float) -> float:
+    """atan2(y, x) [rad] to 1e-12, by additions, products, quotients and roots.
+
+    Three half-angle steps, atan(t) = 2 atan(t / (1 + sqrt(1 + t^2))), bring the argument below
+    0.1, where six terms of the series are enough.
+    """
+    if x == 0.0 and y == 0.0:
+        return 0.0
+    steep = abs(y) > abs(x)
+    t = abs(x) / abs(y) if steep else abs(y) / abs(x)
+    for _ in range(3):
+        t = t / (1.0 + math.sqrt(1.0 + t * t))
+    q = t * t
+    series = 1.0 - q * (1 / 3 - q * (1 / 5 - q * (1 / 7 - q * (1 / 9 - q * (1 / 11)))))
+    angle = 8.0 * t * series
+    if steep:
+        angle = 0.5 * math.pi - angle
+    if x < 0.0:
+        angle = math.pi - angle
+    return -angle if y < 0.0 else angle
+
+
+@kernel
+def edge_headings(tangents: Floats, initial: float) -> Floats:
+    """Heading of each edge [rad], shape (n,), without jumps by full turns.
+
+    Args:
+        tangents: Unit tangents, shape (n, 3).
+        initial: Heading [rad] kept by leading edges that are too steep to have one.
+    """
+    headings = np.empty(len(tangents))
+    heading = initial
+    for n in range(len(tangents)):
+        x, y, z = tangents[n]
+        if x * x + y * y > 1e-4 * z * z:  # steeper than 89.4 degrees: no heading
+            heading += wrap(heading_of(x, y) - heading)
+        headings[n] = heading
+    return headings
+
+
+@kernel
+def turn_after(targets: Floats, initial: float, largest_step: float) -> Floats:
+    """Headings [rad] that run after their targets by at most a step at a time, shape (n + 1,)."""
+    headings = np.empty(len(targets) + 1)
+    headings[0] = initial
+    for n in range(len(targets)):
+        error = targets[n] - headings[n]
+        headings[n + 1] = headings[n] + min(max(error, -largest_step), largest_step)
+    return headings
+
+
+@kernel
+def direction(angle: float) -> tuple[float, float]:
+    """Cosine and sine of an angle [rad] to 1e-14, by sums, products and a floor only.
+
+    Series for a sixteenth of the angle, and four doublings: no maths library changes a bit.
+    """
+    small = wrap(angle) / 16.0
+    q = small * small
+    sine = small * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0))))
+    cosine = 1.0 - q / 2.0 * (
+        1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0)))
+    )
+    for _ in range(4):
+        cosine, sine = cosine * cosine - sine * sine, 2.0 * sine * cosine
+    return cosine, sine
+
+
+@kernel
+def pose_between(a: Pose, b: Pose, share: float) -> Pose:
+    """The pose at a share of the way between two."""
+    return (
+        a[0] + share * (b[0] - a[0]),
+        a[1] + share * (b[1] - a[1]),
+        a[2] + share * (b[2] - a[2]),
+        a[3] + share * wrap(b[3] - a[3]),
+    )
+
+
+@kernel
+def pose_row(poses: Floats, n: int) -> Pose:
+    """One pose of an array, shape (n, 4)."""
+    return poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3]
+
+
+@kernel
+def step_cost(grid: Grid, discs: Discs, a: Pose, b: Pose) -> tuple[bool, float]:
+    """Whether a body is free over a small step, each disc moving straight, and the mean cost."""
+    cosine_a, sine_a = direction(a[3])
+    cosine_b, sine_b = direction(b[3])
+    cost = 0.0
+    for n in range(len(discs.offsets)):
+        offset, threshold = discs.offsets[n], discs.thresholds[n]
+        start = (a[0] + offset * cosine_a, a[1] + offset * sine_a, a[2])
+        end = (b[0] + offset * cosine_b, b[1] + offset * sine_b, b[2])
+        _, least, inside = walk_between(grid, threshold, start, end)
+        if least <= threshold:
+            return False, math.inf
+        cost += inside
+    return True, cost / len(discs.offsets)
+
+
+@kernel
+def sweep_steps(a: Pose, b: Pose) -> int:
+    """Steps of a sweep, in none of which the body turns by more than ``TURN_STEP``."""
+    return max(math.ceil(abs(wrap(b[3] - a[3])) / TURN_STEP), 1)
+
+
+@kernel
+def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
+    """Whether a body is free all the way between two poses, both ends first."""
+    if not (step_cost(grid, discs, b, b)[0] and step_cost(grid, discs, a, a)[0]):
+        return False
+    count = sweep_steps(a, b)
+    for n in range(count):
+        before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
+        if not step_cost(grid, discs, before, after)[0]:
+            return False
+    return True
+
+
+@kernel
+def poses_free(grid: Grid, discs: Discs, poses: Floats) -> bool:
+    """Whether a body is free all the way through poses, shape (n, 4)."""
+    for n in range(len(poses) - 1):
+        if not sweep_free(grid, discs, pose_row(poses, n), pose_row(poses, n + 1)):
+            return False
+    return True
+
+
+@kernel
+def poses_free_length(grid: Grid, discs: Discs, poses: Floats) -> float:
+    """Length [m] of the way through poses, shape (n, 4), before the step that is not free."""
+    length = 0.0
+    for edge in range(len(poses) - 1):
+        a, b = pose_row(poses, edge), pose_row(poses, edge + 1)
+        count = sweep_steps(a, b)
+        for n in range(count):
+            before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
+            if not step_cost(grid, discs, before, after)[0]:
+                return length
+            length += distance(before[:3], after[:3])
+    return length
+
+
+@kernel
+def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> float:
+    """Cost of a sweep [m]; infinite if it is not free.
+
+    Length costs 1 + weight * (mean cost of the discs' cells), and as much again for each
+    ``SIDEWAYS`` that it is off the heading: sensors look ahead. A turn costs ``TURN_PRICE``.
+    """
+    x, y = b[0] - a[0], b[1] - a[1]
+    level = math.sqrt(x * x + y * y)
+    count = sweep_steps(a, b)
+    share = distance(a[:3], b[:3]) / count
+    cost = TURN_PRICE * abs(wrap(b[3] - a[3]))
+    for n in range(count):
+        before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
+        free, near = step_cost(grid, discs, before, after)
+        if not free:
+            return math.inf
+        off_heading = 0.0
+        if level > 0.0:
+            cosine, sine = direction(0.5 * (before[3] + after[3]))
+            off_heading = SIDEWAYS * max(1.0 - (x * cosine + y * sine) / level, 0.0)
+        cost += share * (1.0 + weight * near + off_heading)
+    return cost
+
+
+@kernel
+def poses_cost(grid: Grid, discs: Discs, weight: float, poses: Floats) -> float:
+    """Cost of the way through poses, shape (n, 4) [m]; infinite if it is not free."""
+    if not step_cost(grid, discs, pose_row(poses, 0), pose_row(poses, 0))[0]:
+        return math.inf
+    cost = 0.0
+    for n in range(len(poses) - 1):
+        cost += sweep_cost(grid, discs, weight, pose_row(poses, n), pose_row(poses, n + 1))
+    return cost
+
+
+@kernel
+def prune_poses(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Floats:
+    """Leave out each pose without which the way costs no more."""
+    kept = poses.copy()
+    count = 1
+    for n in range(1, len(poses) - 1):
+        before, here, after = pose_row(kept, count - 1), pose_row(poses, n), pose_row(poses, n + 1)
+        through = sweep_cost(grid, discs, weight, before, here)
+        through += sweep_cost(grid, discs, weight, here, after)
+        if sweep_cost(grid, discs, weight, before, after) > through + LEAST_GAIN:
+            kept[count] = poses[n]
+            count += 1
+    kept[count] = poses[-1]
+    return kept[: count + 1].copy()
+
+
+@kernel
+def put_pose(poses: Floats, n: int, point: Point, heading: float) -> None:
+    """Write one pose of an array."""
+    poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3] = point[0], point[1], point[2], heading
+
+
+@kernel
+def head_along(u: Pose, apex: Point, v: Pose, bent: bool, fresh: Floats) -> int:
+    """From ``u`` straight ahead to ``v``, or first to an apex, turning at each; tells how many."""
+    turn = u[:3]
+    if bent:
+        turn = apex
+        there = heading_of(apex[0] - u[0], apex[1] - u[1])
+        put_pose(fresh, 2, u[:3], there)
+        put_pose(fresh, 3, apex, there)
+    count = 4 if bent else 2
+    on = heading_of(v[0] - turn[0], v[1] - turn[1])
+    put_pose(fresh, 1, u[:3], u[3])
+    put_pose(fresh, count, turn, on)
+    put_pose(fresh, count + 1, v[:3], on)
+    put_pose(fresh, count + 2, v[:3], v[3])
+    return count + 3
+
+
+@kernel
+def cheaper(grid: Grid, discs: Discs, weight: float, poses: Floats, than: float) -> bool:
+    """Whether the way through poses costs less, judged by its length and turns first."""
+    cost = LEAST_GAIN
+    edges = len(poses) - 1
+    for n in range(edges):
+        cost += least_sweep_cost(pose_row(poses, n), pose_row(poses, n + 1))
+    for order in range(edges):  # the first edge last: what it was part of is free already
+        if cost >= than:
+            return False
+        a, b = pose_row(poses, (order + 1) % edges), pose_row(poses, (order + 1) % edges + 1)
+        cost += sweep_cost(grid, discs, weight, a, b) - least_sweep_cost(a, b)
+    return cost < than
+
+
+@kernel
+def least_sweep_cost(a: Pose, b: Pose) -> float:
+    """What a sweep costs at least [m]."""
+    return distance(a[:3], b[:3]) + TURN_PRICE * abs(wrap(b[3] - a[3]))
+
+
+@kernel
+def shortcut_poses(grid: Grid, discs: Discs, weight: float, poses: Floats, draws: Floats) -> Floats:
+    """``shortcut`` for a body with a heading: it turns, goes straight ahead, and turns again.
+
+    Args:
+        grid: The distance field.
+        discs: The body's.
+        weight: Weight of the cell cost against length.
+        poses: Shape (n, 4), n >= 2, free pose by pose.
+        draws: Shape (m, 5): two places along the path in [0, 1) and the offset [m].
+
+    Returns:
+        Poses between the same ends, shape (k, 4).
+    """
+    points = poses.copy()
+    costs, arcs = sweep_costs(grid, discs, weight, points), pose_arcs(points)
+    fresh = np.empty((8, 4))
+    for draw in draws:
+        i, u = pose_at(points, arcs, min(draw[0], draw[1]) * arcs[-1])
+        j, v = pose_at(points, arcs, max(draw[0], draw[1]) * arcs[-1])
+        middle = between(u[:3], v[:3], 0.5)
+        apex = (middle[0] + draw[2], middle[1] + draw[3], middle[2] + draw[4])
+        old = np.sum(costs[i : j + 1])
+        fresh[0] = points[i]
+        for bent in (False, True):
+            end = head_along(u, apex, v, bent, fresh)
+            fresh[end] = points[j + 1]
+            if cheaper(grid, discs, weight, fresh[: end + 1], old):
+                points = np.concatenate((points[: i + 1], fresh[1:end], points[j + 1 :]))
+                inside = sweep_costs(grid, discs, weight, fresh[: end + 1])
+                costs = np.concatenate((costs[:i], inside, costs[j + 1 :]))
+                arcs = pose_arcs(points)
+                break
+    return prune_poses(grid, discs, weight, points)
+
+
+@kernel
+def sweep_costs(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Floats:
+    """Cost of each edge between poses [m], shape (n - 1,)."""
+    costs = np.empty(len(poses) - 1)
+    for n in range(len(costs)):
+        costs[n] = sweep_cost(grid, discs, weight, pose_row(poses, n), pose_row(poses, n + 1))
+    return costs
+
+
+@kernel
+def pose_arcs(poses: Floats) -> Floats:
+    """Arc length at each pose [m], shape (n,)."""
+    arcs = np.zeros(len(poses))
+    for n in range(len(poses) - 1):
+        arcs[n + 1] = arcs[n] + distance(pose_row(poses, n)[:3], pose_row(poses, n + 1)[:3])
+    return arcs
+
+
+@kernel
+def pose_at(poses: Floats, arcs: Floats, arc: float) -> tuple[int, Pose]:
+    """Edge and pose at an arc length [m] of the reference point's path."""
+    for n in range(len(poses) - 1):
+        if arc <= arcs[n + 1] and arcs[n + 1] > arcs[n]:
+            share = (arc - arcs[n]) / (arcs[n + 1] - arcs[n])
+            return n, pose_between(pose_row(poses, n), pose_row(poses, n + 1), share)
+    return len(poses) - 2, pose_row(poses, len(poses) - 1)
 
 
 @kernel

@@ -5,8 +5,7 @@ import math
 
 import numpy as np
 
-from planners.headings import edge_headings
-from planners.kernels import Floats
+from planners.kernels import Floats, edge_headings
 from planners.space import FreeSpace
 
 SPACING = 0.05  # of a resampled path [m]
@@ -22,25 +21,31 @@ SHARP_WINDOW = 0.3  # [m]
 
 def edge_lengths(path: Floats) -> Floats:
     """Length of each edge [m], shape (n - 1,)."""
-    edges = np.diff(path, axis=0)
+    edges = path[1:] - path[:-1]
     lengths: Floats = np.sqrt(_dot(edges, edges))
     return lengths
 
 
 def arc_lengths(path: Floats) -> Floats:
     """Arc length at each point [m], shape (n,); the first is 0."""
-    return np.concatenate(([0.0], np.cumsum(edge_lengths(path))))
+    arcs = np.zeros(len(path))
+    np.cumsum(edge_lengths(path), out=arcs[1:])
+    return arcs
 
 
 def edge_tangents(path: Floats) -> Floats:
     """Unit direction of each edge, shape (n - 1, 3); an edge of no length takes its neighbour's."""
-    lengths = edge_lengths(path)
+    edges = path[1:] - path[:-1]
+    lengths = np.sqrt(_dot(edges, edges))
+    if (lengths > LEAST_EDGE).all():
+        straight: Floats = edges / lengths[:, None]
+        return straight
     proper = np.flatnonzero(lengths > LEAST_EDGE)
     if len(proper) == 0:
         return np.zeros((len(lengths), 3))
     # The next edge that has a length, and at the end the last one.
     source = proper[np.minimum(np.searchsorted(proper, np.arange(len(lengths))), len(proper) - 1)]
-    tangents: Floats = np.diff(path, axis=0)[source] / lengths[source, None]
+    tangents: Floats = edges[source] / lengths[source, None]
     return tangents
 
 
@@ -143,12 +148,14 @@ def _blend(space: FreeSpace, corner: Floats, blend_length: float, spacing: float
     at = corner[1]
     lengths, tangents = edge_lengths(corner), edge_tangents(corner)
     length = min(blend_length, 0.5 * lengths[0], 0.5 * lengths[1])
+    if length < LEAST_EDGE:
+        return corner[1:2].copy()
     for _ in range(BLEND_SHRINKINGS):
         start, end = at - length * tangents[0], at + length * tangents[1]
         edges = max(math.ceil(2.0 * length / spacing), LEAST_BLEND_EDGES)
         t = np.linspace(0.0, 1.0, edges + 1)[:, None]
         points: Floats = (1.0 - t) * (1.0 - t) * start + 2.0 * t * (1.0 - t) * at + t * t * end
-        if length > 0.0 and _all_free(space, points):
+        if _all_free(space, points):
             return points
         length *= 0.5
     return corner[1:2].copy()

@@ -7,13 +7,17 @@ from typing import Literal
 import numpy as np
 
 from planners import kernels
-from planners.kernels import Floats
-from planners.sampling import PLANNERS, search
+from planners.field import head_along
+from planners.kernels import Floats, Pose
+from planners.sampling import PLANNERS, UNSEEDED, Budget, Query, planner_builder, search
 from planners.seeds import plan_seed
 from planners.space import CLEARANCE_WEIGHT, FreeSpace
+from planners.state_spaces import STATE_SPACES, StateSpace, state_space_for
 
 # How far a detour's apex is moved from the cut's middle at most, along each axis [m].
 DETOUR_REACH = 1.0
+# Headings tried at a goal that leaves it free.
+GOAL_HEADINGS = 16
 
 PlanLabel = Literal["none", "no_path", "start_blocked", "goal_blocked"]
 
@@ -26,7 +30,8 @@ class PlannerConfig:
     """What plans a path and how much it may spend.
 
     Attributes:
-        name: A key of ``PLANNERS``.
+        name: A key of ``PLANNERS``, or ``module:Class`` of a user's own ``ompl.base.Planner``, a
+            class that is made from a ``SpaceInformation``.
         iterations: Turns of the planner's own loop for one plan, shared by its restarts.
         restarts: Searches from other seeds, of which the cheapest path wins. A planner that
             improves its first path spends the whole budget on it and never restarts.
@@ -34,22 +39,35 @@ class PlannerConfig:
         clearance_weight: Weight of the cost of coming near obstacles against length.
         keep_ratio: A path that is still valid is replaced only by one that costs less than this
             share of it, so that the plan does not flip between sides.
+        state_space: What is planned: ``position``, ``pose``, ``reeds_shepp``, ``dubins``, or
+            ``auto``: a pose where the body is checked at its heading, else a position.
+        turning_radius: Least radius of ``reeds_shepp`` and ``dubins`` curves [m].
 
     Raises:
         ValueError: If a field is out of its range.
     """
 
-    name: str = "rrtconnect"
+    name: str = "field"
     iterations: int = 2000
     restarts: int = 4
     shortcuts: int = 300
     clearance_weight: float = CLEARANCE_WEIGHT
     keep_ratio: float = 0.9
+    state_space: str = "auto"
+    turning_radius: float = 0.5
 
     def __post_init__(self) -> None:
-        if self.name not in PLANNERS:
-            available = ", ".join(PLANNERS)
-            raise ValueError(f"planner.name: got {self.name!r}, expected one of {available}")
+        planner_builder(self.name)
+        if self.state_space not in ("auto", *STATE_SPACES):
+            available = ", ".join(("auto", *STATE_SPACES))
+            got = repr(self.state_space)
+            raise ValueError(f"planner.state_space: got {got}, expected one of {available}")
+        if self.name == "field" and self.state_space in ("reeds_shepp", "dubins"):
+            got = f"{self.state_space} for the planner field"
+            raise ValueError(f"planner.state_space: got {got}, expected auto, position or pose")
+        if not 0.0 < self.turning_radius < math.inf:
+            got = f"{self.turning_radius}"
+            raise ValueError(f"planner.turning_radius: got {got}, expected above 0, finite")
         for field, least in (("iterations", 1), ("restarts", 1), ("shortcuts", 0)):
             if not getattr(self, field) >= least:
                 got = getattr(self, field)
@@ -70,13 +88,16 @@ class Plan:
     """A path, or why there is none.
 
     Attributes:
-        waypoints: Shape (n, 3) [m], free edge by edge, from the start to the goal; None without.
+        waypoints: Shape (n, 3) [m], from the start to the goal; None without. Free edge by edge.
         cost: Length plus weighted nearness to obstacles [m]; infinite without a path.
         length: [m]; infinite without a path.
-        least_clearance: Least distance to a blocked cell along the path [m]; 0 without a path.
+        least_clearance: Least distance of the reference point to a blocked cell along the path [m];
+            0 without a path.
         iterations: Turns of the planner's loop that were used.
         label: ``none``, or why there is no path: ``no_path`` within the budget,
             ``start_blocked``, ``goal_blocked``.
+        headings: Shape (n,) [rad], of the body at each way point, between which it turns evenly;
+            None where only positions were planned.
     """
 
     waypoints: Floats | None
@@ -85,9 +106,18 @@ class Plan:
     least_clearance: float
     iterations: int
     label: PlanLabel
+    headings: Floats | None = None
 
 
-def plan(space: FreeSpace, start: Floats, goal: Floats, config: PlannerConfig, seed: int) -> Plan:
+def plan(
+    space: FreeSpace,
+    start: Floats,
+    goal: Floats,
+    config: PlannerConfig,
+    seed: int,
+    heading: float = 0.0,
+    goal_heading: float | None = None,
+) -> Plan:
     """Plan the cheapest path that the budget finds; a pure function of its arguments.
 
     Args:
@@ -96,34 +126,134 @@ def plan(space: FreeSpace, start: Floats, goal: Floats, config: PlannerConfig, s
         goal: World frame [m], shape (3,).
         config: The planner and its budget.
         seed: Seed of this plan; restarts derive theirs from it.
+        heading: Of the body at the start [rad], where headings are planned.
+        goal_heading: Of the body at the goal [rad]; none leaves it free: restarts take turns with
+            those at which it fits there, the one that is straight ahead from the start first.
 
     Returns:
         The path with its cost, or a label that says why there is none.
+
+    Raises:
+        ValueError: If the state space does not suit the body or the grid.
     """
-    if not space.is_free(start):
+    kind = state_space_for(config.state_space, space)
+    begin = _pose(start, heading)
+    if not _fits(space, kind, begin):
         return _without_path("start_blocked", 0)
-    if not space.is_free(goal):
+    ends = _goal_poses(space, kind, begin, goal, goal_heading)
+    if not ends:
         return _without_path("goal_blocked", 0)
     best, best_cost, used = None, math.inf, 0
-    for restart in range(config.restarts):
+    for restart in range(1 if config.name in UNSEEDED else config.restarts):
         if used >= config.iterations:
             break
-        path, spent = _search_once(
-            space,
-            start,
-            goal,
-            config,
-            config.iterations - used,
-            plan_seed(seed, "restart", restart),
-        )
+        query = Query(space, kind, begin, ends[restart % len(ends)], config.turning_radius)
+        left = config.iterations - used
+        poses, spent = _search_once(query, config, left, plan_seed(seed, "restart", restart))
         used += spent
-        cost = math.inf if path is None else space.path_cost(path, config.clearance_weight)
+        cost = math.inf if poses is None else _cost(query, poses, config.clearance_weight)
         if cost < best_cost:
-            best, best_cost = path, cost
+            best, best_cost = poses, cost
     if best is None:
         return _without_path("no_path", used)
-    length = float(kernels.path_length(best))
-    return Plan(best, best_cost, length, space.least_clearance(best), used, "none")
+    return _with_path(space, kind, best, best_cost, used)
+
+
+def finish_path(
+    space: FreeSpace,
+    start: Floats,
+    goal: Floats,
+    config: PlannerConfig,
+    seed: int,
+    heading: float,
+    path: Floats,
+    used: int,
+) -> Plan:
+    """Make a plan of a path of positions: head along it, cut it short, and tell its cost.
+
+    A body that has no room to head along it and to turn at its corners is planned for from anew.
+
+    Args:
+        space: Where the path may run.
+        start: World frame [m], shape (3,).
+        goal: World frame [m], shape (3,).
+        config: As for ``plan``.
+        seed: As for ``plan``.
+        heading: As for ``plan``.
+        path: From start to goal, shape (n, 3) [m], free edge by edge.
+        used: Turns of a planner's loop that it took.
+    """
+    kind = state_space_for(config.state_space, space)
+    begin = _pose(start, heading)
+    ends = _goal_poses(space, kind, begin, goal, None)
+    if kind.curved or not ends:
+        return plan(space, start, goal, config, seed, heading)
+    query = Query(space, kind, begin, ends[0], config.turning_radius)
+    poses = np.column_stack((path, np.zeros(len(path))))
+    if kind.oriented:
+        poses = head_along(path, begin, ends[0])
+        if not kernels.poses_free(space.grid, space.shape, poses):
+            return plan(space, start, goal, config, seed, heading)
+    poses = smoothed(query, poses, config, plan_seed(seed, "restart", 0))
+    return _with_path(space, kind, poses, _cost(query, poses, config.clearance_weight), used)
+
+
+def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> Floats:
+    """A path with its cost lowered by seeded shortcuts, shape (n, 4); curves stay as they are."""
+    space, weight = query.space, float(config.clearance_weight)
+    if query.kind.curved or config.shortcuts == 0:
+        return poses
+    draws = shortcut_draws(config.shortcuts, not space.flat, seed)
+    if query.kind.oriented:
+        return kernels.shortcut_poses(space.grid, space.shape, weight, poses, draws)
+    points = np.ascontiguousarray(poses[:, :3])
+    path = kernels.shortcut(space.grid, space.blocked_at_or_below, weight, points, draws)
+    return np.column_stack((path, np.zeros(len(path))))
+
+
+def _pose(point: Floats, heading: float) -> Pose:
+    return float(point[0]), float(point[1]), float(point[2]), float(heading)
+
+
+def _fits(space: FreeSpace, kind: StateSpace, pose: Pose) -> bool:
+    if kind.oriented:
+        return space.sweep_free(np.array(pose), np.array(pose))
+    return space.is_free(np.array(pose[:3]))
+
+
+def _goal_poses(
+    space: FreeSpace, kind: StateSpace, start: Pose, goal: Floats, heading: float | None
+) -> list[Pose]:
+    """The poses that a path may end in, the preferred one first."""
+    if not kind.oriented:
+        headings = [0.0]
+    elif heading is not None:
+        headings = [heading]
+    else:
+        ahead = float(kernels.heading_of(goal[0] - start[0], goal[1] - start[1]))
+        turns = sorted(range(GOAL_HEADINGS), key=lambda n: min(n, GOAL_HEADINGS - n))
+        headings = [kernels.wrap(ahead + n * kernels.TURN / GOAL_HEADINGS) for n in turns]
+    poses = [_pose(goal, heading) for heading in headings]
+    return [pose for pose in poses if _fits(space, kind, pose)]
+
+
+def _cost(query: Query, poses: Floats, weight: float) -> float:
+    if query.kind.oriented:
+        return query.space.sweep_cost(poses, weight)
+    return query.space.path_cost(poses[:, :3], weight)
+
+
+def _with_path(space: FreeSpace, kind: StateSpace, poses: Floats, cost: float, used: int) -> Plan:
+    path = np.ascontiguousarray(poses[:, :3])
+    return Plan(
+        path,
+        cost,
+        float(kernels.path_length(path)),
+        space.least_clearance(path),
+        used,
+        "none",
+        poses[:, 3].copy() if kind.oriented else None,
+    )
 
 
 def _without_path(label: PlanLabel, iterations: int) -> Plan:
@@ -131,20 +261,19 @@ def _without_path(label: PlanLabel, iterations: int) -> Plan:
 
 
 def _search_once(
-    space: FreeSpace, start: Floats, goal: Floats, config: PlannerConfig, budget: int, seed: int
+    query: Query, config: PlannerConfig, iterations: int, seed: int
 ) -> tuple[Floats | None, int]:
     """One search and its shortcuts: the path if there is one, and the turns used."""
-    if np.array_equal(start, goal):
-        return np.array([start, goal], dtype=np.float64), 1
-    path, used = search(space, start, goal, config.name, budget, seed)
-    if path is None or math.isinf(space.path_cost(path, config.clearance_weight)):
+    if query.start == query.goal:
+        return np.array([query.start, query.goal], dtype=np.float64), 1
+    budget = Budget(iterations, config.clearance_weight)
+    poses, used = search(query, config.name, budget, seed, config.shortcuts)
+    if poses is None or math.isinf(_cost(query, poses, config.clearance_weight)):
         return None, used
-    draws = _shortcut_draws(config.shortcuts, space.field.shape[2] > 1, seed)
-    threshold, weight = space.blocked_at_or_below, float(config.clearance_weight)
-    return kernels.shortcut(space.grid, threshold, weight, path, draws), used
+    return smoothed(query, poses, config, seed), used
 
 
-def _shortcut_draws(count: int, spatial: bool, seed: int) -> Floats:
+def shortcut_draws(count: int, spatial: bool, seed: int) -> Floats:
     """Two places along the path and an apex offset [m] for each attempt, shape (count, 5).
 
     The cube of a uniform draw keeps most offsets small, where they refine, and some large.

@@ -87,9 +87,14 @@ def ramped(positions: Floats, step: float) -> Profile:
     return Profile(
         tuple((step * begins).tolist()),
         tuple(
-            State(position, rate, 0.0)
-            for position, rate in zip(
-                positions[begins].tolist(), rates[begins].tolist(), strict=True
+            map(
+                State._make,
+                zip(
+                    positions[begins].tolist(),
+                    rates[begins].tolist(),
+                    itertools.repeat(0.0, len(begins)),
+                    strict=True,
+                ),
             )
         ),
         (0.0,) * len(begins),

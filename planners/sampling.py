@@ -5,7 +5,12 @@ its generator is reseeded before each plan, every object is new and built in a f
 thread, and a count ends the search, never the clock.
 """
 
+from __future__ import annotations
+
+import importlib
+import itertools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from ompl import base as ob
@@ -13,25 +18,37 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from planners import kernels
-from planners.kernels import Floats
+from planners.field import FieldPlanner
+from planners.kernels import Floats, Pose
 from planners.space import FreeSpace
+from planners.state_spaces import StateSpace, sample_curve
+from planners.validity import BodyValidity
 
 # Reseeding a generator that was used before makes OMPL print an error, although it reseeds.
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
-Builder = Callable[[ob.SpaceInformation, int], ob.Planner]
+
+class Budget(NamedTuple):
+    """What a planner is told when it is built."""
+
+    iterations: int
+    clearance_weight: float
 
 
-def _fmt(information: ob.SpaceInformation, iterations: int) -> ob.Planner:
+Builder = Callable[[ob.SpaceInformation, Budget], ob.Planner]
+
+
+def _fmt(information: ob.SpaceInformation, budget: Budget) -> ob.Planner:
     """FMT* spends a turn on each draw of a sample and up to one on expanding it."""
     planner = og.FMT(information)
-    planner.setNumSamples(max(iterations // 3, 1))
+    planner.setNumSamples(max(budget.iterations // 3, 1))
     return planner
 
 
 # Left out: PRM and PRM* (a thread of their own), and RRT, BFMT, SORRT* and the other KPIECE
 # variants, which differ little from the one of their family that is here.
 PLANNERS: dict[str, Builder] = {
+    "field": lambda information, budget: FieldPlanner(information, budget.clearance_weight),
     "rrtconnect": lambda information, _: og.RRTConnect(information),
     "rrtstar": lambda information, _: og.RRTstar(information),
     "informed_rrtstar": lambda information, _: og.InformedRRTstar(information),
@@ -40,6 +57,32 @@ PLANNERS: dict[str, Builder] = {
     "aorrtc": lambda information, _: og.AORRTC(information),
     "kpiece1": lambda information, _: og.KPIECE1(information),
 }
+
+UNSEEDED = ("field",)
+"""Planners that find the same path whatever the seed: they are never restarted."""
+
+
+def planner_builder(name: str) -> Builder:
+    """The planner of a name in ``PLANNERS``, or of ``module:Class``.
+
+    Raises:
+        ValueError: If there is no such planner, or the class is no ``ompl.base.Planner``.
+    """
+    if name in PLANNERS:
+        return PLANNERS[name]
+    module, separator, attribute = name.partition(":")
+    if not separator:
+        available = ", ".join(PLANNERS)
+        raise ValueError(
+            f"planner.name: got {name!r}, expected one of {available}, or module:Class"
+        )
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"planner.name: got {name!r}, which cannot be loaded: {error}") from None
+    if not (isinstance(found, type) and issubclass(found, ob.Planner)):
+        raise ValueError(f"planner.name: got {name!r}, expected a class made of ompl.base.Planner")
+    return lambda information, _: found(information)
 
 
 class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]
@@ -53,77 +96,103 @@ class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]
         return self._edge_free(a, b)
 
 
-def _point_reader(space: FreeSpace, height: float) -> Callable[[ob.State], kernels.Point]:
-    """How a state reads as a point: ground robots plan in the plane."""
-    if space.field.shape[2] == 1:
-        return lambda state: (state[0], state[1], height)
-    return lambda state: (state[0], state[1], state[2])
+class Query(NamedTuple):
+    """Where a path leads from and to, and how it may run.
 
+    Attributes:
+        space: Where the path may run.
+        kind: What a state is.
+        start: Free pose.
+        goal: Free pose.
+        turning_radius: Least radius of a curve [m], for curved kinds.
+    """
 
-def _state_space(space: FreeSpace) -> ob.RealVectorStateSpace:
-    shape = space.field.shape
-    dimensions = 2 if shape[2] == 1 else 3
-    bounds = ob.RealVectorBounds(dimensions)
-    for axis in range(dimensions):
-        bounds.setLow(axis, float(space.origin[axis]))
-        bounds.setHigh(axis, float(space.origin[axis] + shape[axis] * space.resolution))
-    state_space = ob.RealVectorStateSpace(dimensions)
-    state_space.setBounds(bounds)
-    return state_space
-
-
-def _state(information: ob.SpaceInformation, point: Floats) -> ob.State:
-    state = information.allocState()
-    for axis in range(information.getStateDimension()):
-        state[axis] = float(point[axis])
-    return state
+    space: FreeSpace
+    kind: StateSpace
+    start: Pose
+    goal: Pose
+    turning_radius: float
 
 
 def search(
-    space: FreeSpace, start: Floats, goal: Floats, name: str, iterations: int, seed: int
+    query: Query, name: str, budget: Budget, seed: int, simplifications: int
 ) -> tuple[Floats | None, int]:
     """Search one path with one planner.
 
     Args:
-        space: Where the path may run.
-        start: Free point [m], shape (3,).
-        goal: Free point [m], shape (3,).
-        name: A key of ``PLANNERS``.
-        iterations: Turns of the planner's own loop after which it is stopped. Planners that
-            improve their path use them all; the others stop at their first path.
+        query: The problem.
+        name: A key of ``PLANNERS``, or ``module:Class``.
+        budget: Turns of the planner's own loop after which it is stopped. Planners that improve
+            their path use them all; the others stop at their first path.
         seed: Seed of OMPL's generator, in [1, 2**31 - 1].
+        simplifications: Attempts of OMPL to leave states of a curved path out.
 
     Returns:
-        Way points, shape (n, 3), from start to goal, or None; and the turns used.
+        Poses, shape (n, 4), from start to goal, or None; and the turns used.
     """
     ou.RNG.setSeed(seed)
-    grid, threshold = space.grid, space.blocked_at_or_below
-    point = _point_reader(space, float(start[2]))
-
-    def edge_free(a: ob.State, b: ob.State) -> bool:
-        return bool(kernels.edge_free(grid, threshold, point(a), point(b)))
-
-    information = ob.SpaceInformation(_state_space(space))
-    information.setStateValidityChecker(lambda state: edge_free(state, state))
-    information.setMotionValidator(_EdgeValidator(information, edge_free))
-    information.setup()
-    problem = ob.ProblemDefinition(information)
-    problem.setStartAndGoalStates(_state(information, start), _state(information, goal))
-    problem.setOptimizationObjective(ob.PathLengthOptimizationObjective(information))
-    planner = PLANNERS[name](information, iterations)
-    planner.setProblemDefinition(problem)
+    information, definition = _problem(query)
+    planner = planner_builder(name)(information, budget)
+    planner.setProblemDefinition(definition)
     planner.setup()
     used = 0
 
     def spent() -> bool:
         nonlocal used
         used += 1
-        return used > iterations
+        return used > budget.iterations
 
     planner.solve(ob.PlannerTerminationCondition(spent))
-    used = min(used, iterations)
-    if not problem.hasExactSolution():
+    used = min(used, budget.iterations)
+    if not definition.hasExactSolution():
         return None, used
-    states = problem.getSolutionPath().getStates()
-    inner = [point(state) for state in states[1:-1]]
-    return np.array([start, *inner, goal], dtype=np.float64), used
+    path = definition.getSolutionPath()
+    if query.kind.curved and simplifications > 0:
+        og.PathSimplifier(information).reduceVertices(path, simplifications, simplifications, 1.0)
+    return _poses(query, information.getStateSpace(), path), used
+
+
+def _problem(query: Query) -> tuple[ob.SpaceInformation, ob.ProblemDefinition]:
+    """OMPL's view of a query; every object is new, so that no search leaves a trace in the next."""
+    state_space = query.kind.make(query.space, query.turning_radius)
+    information = ob.SpaceInformation(state_space)
+    information.setStateValidityChecker(
+        BodyValidity(information, query.space, query.kind, query.start[2])
+    )
+    information.setMotionValidator(_EdgeValidator(information, _edge_check(query, state_space)))
+    information.setup()
+    start, goal = information.allocState(), information.allocState()
+    query.kind.write(start, query.start)
+    query.kind.write(goal, query.goal)
+    definition = ob.ProblemDefinition(information)
+    definition.setStartAndGoalStates(start, goal)
+    definition.setOptimizationObjective(ob.PathLengthOptimizationObjective(information))
+    return information, definition
+
+
+def _edge_check(query: Query, state_space: ob.StateSpace) -> Callable[..., bool]:
+    """The one compiled check of an edge that this kind of state needs."""
+    space, kind, z = query.space, query.kind, query.start[2]
+    grid, threshold, shape, read = space.grid, space.blocked_at_or_below, space.shape, kind.read
+    if kind.curved:
+        radius = query.turning_radius
+        return lambda a, b: bool(
+            kernels.poses_free(grid, shape, sample_curve(state_space, kind, a, b, radius, z))
+        )
+    if kind.oriented:
+        return lambda a, b: bool(kernels.sweep_free(grid, shape, read(a, z), read(b, z)))
+    return lambda a, b: bool(kernels.edge_free(grid, threshold, read(a, z)[:3], read(b, z)[:3]))
+
+
+def _poses(query: Query, state_space: ob.StateSpace, path: og.PathGeometric) -> Floats:
+    """A path's poses, shape (n, 4); between them the body moves evenly."""
+    kind, z = query.kind, query.start[2]
+    states = path.getStates()
+    if not kind.curved:
+        inner = [kind.read(state, z) for state in states[1:-1]]
+        return np.array([query.start, *inner, query.goal], dtype=np.float64)
+    pieces = [
+        sample_curve(state_space, kind, a, b, query.turning_radius, z)[1:]
+        for a, b in itertools.pairwise(states)
+    ]
+    return np.vstack([np.array([query.start]), *pieces])

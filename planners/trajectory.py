@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planners import profile
-from planners.headings import edge_headings, turn_after, wrap
-from planners.kernels import Floats
-from planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits
+from planners.kernels import Floats, edge_headings, turn_after, wrap
+from planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
 from planners.profile import AxisLimits, Profile, State
 from planners.zones import LEAST_ZONE, Zone, travel
 
@@ -255,7 +254,9 @@ def _along(
 ) -> Trajectory:
     """A profile on its path, with the heading that follows the path's."""
     overshoot = motion.end - float(arc_lengths(path)[-1])
-    if overshoot <= LEAST_ZONE:
+    if overshoot < -LEAST_ZONE:  # a stop before the end: the rest is not committed to
+        path, overshoot = truncate(path, motion.end), 0.0
+    elif overshoot <= LEAST_ZONE:
         overshoot = 0.0
     elif len(path) > 1:
         path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))

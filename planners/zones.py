@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from planners._jit import kernel
 from planners.profile import AxisLimits, Leg, Profile, State, change_speed, join, solve
 
 # Lengths are cut by this before speeds are fitted into them, so that rounding never asks ruckig
@@ -120,6 +121,7 @@ def settled_velocity(state: State, limits: AxisLimits) -> float:
     return state.velocity + 0.5 * state.acceleration * abs(state.acceleration) / limits.jerk
 
 
+@kernel
 def speed_change_distance(a: float, b: float, limits: AxisLimits) -> float:
     """Least distance for a change between two speeds held without acceleration.
 
@@ -133,6 +135,7 @@ def speed_change_distance(a: float, b: float, limits: AxisLimits) -> float:
     return 0.5 * (a + b) * duration
 
 
+@kernel
 def fastest_within(speed: float, length: float, limits: AxisLimits) -> float:
     """Largest speed from which ``speed``, or to which one from it, can change within a length."""
     room = max(length - SLACK, 0.0)

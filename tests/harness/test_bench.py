@@ -34,7 +34,7 @@ def printed():
     """What the command prints, once for all tests: it casts at every scene."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        assert main(["bench", "rays", "--sweeps", "1", "--json"]) == 0
+        assert main(["bench", "rays", "--repeats", "1", "--json"]) == 0
     assert err.getvalue() == ""
     return json.loads(out.getvalue())
 
@@ -81,10 +81,13 @@ def test_without_json_a_table(rows):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["bench", "ray"], "unknown stage 'ray'; did you mean 'rays'? (available: rays)"),
-        (["bench", "nothing"], "unknown stage 'nothing' (available: rays)"),
+        (
+            ["bench", "ray"],
+            "unknown stage 'ray'; did you mean 'rays'? (available: loop, map, plan, rays)",
+        ),
+        (["bench", "nothing"], "unknown stage 'nothing' (available: loop, map, plan, rays)"),
         (["bench"], "the following arguments are required: STAGE"),
-        (["bench", "rays", "--sweeps", "0"], "sweeps: got 0, expected 1 to 1000"),
+        (["bench", "rays", "--repeats", "0"], "repeats: got 0, expected 1 to 1000"),
         (["bench", "rays", "--seed", "-1"], "seed: got -1"),
     ],
 )

@@ -57,3 +57,17 @@ def test_every_setting_name_can_be_set_to_its_own_value():
         for part in name.split("."):
             value = value[part]
         assert override(BASE, [f"{name}={json.dumps(value)}"]) == BASE, name
+
+
+def test_a_planner_of_the_users_is_named_by_module_and_class():
+    config = override(Config("empty", "drone", 0), ["planner.name=ompl.geometric:RRTConnect"])
+    assert config.planner.name == "ompl.geometric:RRTConnect"
+    with pytest.raises(InputError, match="cannot be loaded"):
+        override(Config("empty", "drone", 0), ["planner.name=no.such:Planner"])
+
+
+def test_no_code_is_loaded_because_a_log_names_it():
+    config = override(Config("empty", "drone", 0), ["planner.name=ompl.geometric:RRTConnect"])
+    with pytest.raises(InputError, match="expected --allow-plugins"):
+        from_json(to_json(config))
+    assert from_json(to_json(config), allow_plugins=True) == config

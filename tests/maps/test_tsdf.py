@@ -4,7 +4,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, TsdfMap, VoxelMap
+from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, TsdfMap, VoxelMap, states_in
 from maps import _tsdf_kernels as kernels
 
 SECOND = 10**9
@@ -49,7 +49,6 @@ def test_one_beam_by_hand():
     np.testing.assert_allclose(tsdf.probability_at(at)[-5:] - 0.5, sure)
     assert tsdf.probability_at(at)[0] == 0.25
     assert tsdf.counts() == {"free": 20, "occupied": 4}
-    np.testing.assert_allclose(tsdf.occupied_centres(), along_x(20, 21, 22, 23))
 
 
 def test_two_sweeps_are_averaged_by_weight():
@@ -146,7 +145,7 @@ def test_sweeps_are_those_of_a_naive_field():
     held = {i: (0, 0) for i in range(len(cells))}
     doubt = np.zeros(len(cells), bool)
     for seed in range(3):
-        directions, ranges_mm = scattered(seed, 60)
+        directions, ranges_mm = scattered(seed, 40)
         origin = np.random.default_rng(seed).uniform(-0.2, 0.2, 3)
         look(tsdf, *ranges_mm, directions=directions, origin=origin)
         best, unsure = naive_sweep(origin, directions, ranges_mm, cells)
@@ -158,7 +157,7 @@ def test_sweeps_are_those_of_a_naive_field():
             held[i] = math.floor(mean + Fraction(1, 2)), min(both, 120)
     points = (cells + 0.5) * 0.1 - [0.0, 0.0, 0.075]
     distances = np.array([held[i][0] / 2560 if held[i][1] else math.nan for i in held])
-    assert np.count_nonzero(~np.isnan(distances)) > 2000
+    assert np.count_nonzero(~np.isnan(distances)) > 1300
     assert doubt.mean() < 0.01
     np.testing.assert_allclose(tsdf.distance_at(points)[~doubt], distances[~doubt], atol=1e-12)
 
@@ -214,8 +213,8 @@ def test_a_flat_floor_seen_while_walking_stays_whole_and_free_above():
     box = (-9.0, -9.0, -0.07), (9.0, 9.0, 0.12)
     for k in range(11):
         look(tsdf, *ranges_mm, directions=directions, origin=(0.1 * k, 0, 0.42), limit=8.0)
-        ever_hit |= tsdf.states_in(*box)[:, :, 0] == OCCUPIED
-    floor, above = np.moveaxis(tsdf.states_in(*box), 2, 0)
+        ever_hit |= states_in(tsdf, *box)[:, :, 0] == OCCUPIED
+    floor, above = np.moveaxis(states_in(tsdf, *box), 2, 0)
     assert ever_hit.sum() > 2000
     assert np.all(floor[ever_hit] == OCCUPIED)
     assert not np.any(above == OCCUPIED)
@@ -248,17 +247,6 @@ def test_weights_fade_by_the_half_life_and_the_distance_stays():
     for k in range(5):
         step_by_step.advance(k * SECOND)
     assert late.version() == step_by_step.version()
-
-
-def test_what_is_held_skips_a_tick():
-    tsdf = make(half_life=1.0)
-    look(tsdf, 2000)
-    tsdf.advance(SECOND)
-    tsdf.hold((2.5, 1.0, 0.4), (2.6, 1.1, 0.6), SECOND)
-    tsdf.advance(2 * SECOND)
-    held, other = tsdf.probability_at(along_x(20, 10))
-    assert held == 0.75
-    assert other > 0.25
 
 
 def test_marks_spare_what_contradicts_them():
@@ -330,8 +318,8 @@ def test_a_region_of_interest_holds_what_a_map_without_bounds_does():
         for tsdf in (bounded, free):
             look(tsdf, *ranges_mm, directions=directions, origin=(0.0, 0.0, 0.2))
     box = (-0.49, -0.39, -0.29), (0.79, 0.89, 0.59)
-    assert (bounded.states_in(*box) == free.states_in(*box)).all()
-    assert np.count_nonzero(bounded.states_in(*box)) > 500
+    assert (states_in(bounded, *box) == states_in(free, *box)).all()
+    assert np.count_nonzero(states_in(bounded, *box)) > 500
     assert bounded.counts()["free"] < free.counts()["free"]
     with pytest.raises(ValueError, match="expected both corners or neither"):
         TsdfMap(config, 1, low)
@@ -365,7 +353,7 @@ def test_it_refuses_what_the_voxel_map_refuses(
     assert refusing.version() == before
 
 
-def test_too_large_a_sweep_and_files_are_refused():
+def test_too_large_a_sweep_is_refused():
     with pytest.raises(ValueError, match="expected at most 536870912: a shorter range or coarser"):
         look(
             make(resolution=0.01),
@@ -375,17 +363,3 @@ def test_too_large_a_sweep_and_files_are_refused():
             limit=20.4,
             directions=[[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]],
         )
-    with pytest.raises(ValueError, match="got 'tsdf', expected 'voxel' to save a map"):
-        make().save("map.bin")
-    with pytest.raises(ValueError, match="got 'tsdf', expected 'voxel' to load a map"):
-        TsdfMap.load("map.bin")
-
-
-def test_rays_end_where_the_states_say():
-    tsdf = make()
-    look(tsdf, 2000)
-    assert tsdf.cast_ray(EYE, (3.0, 0.0, 0.0), 9.0).distance == pytest.approx(1.95)
-    assert tsdf.cast_ray(EYE, (1.0, 0.0, 0.0), 1.9) is None
-    assert tsdf.cast_ray(EYE, (0.0, 1.0, 0.0), 9.0, stop_at_unknown=True).state == UNKNOWN
-    assert tsdf.is_free_along(EYE, along_x(19)[0])
-    assert not tsdf.is_free_along(EYE, along_x(20)[0])

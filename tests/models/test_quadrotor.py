@@ -7,10 +7,12 @@ import ruckig
 from scipy.linalg import logm
 from scipy.spatial.transform import Rotation
 
+from models.devices import SensorConfig
+from models.poses import Trail
 from models.robots.quadrotor import Quadrotor, kernels, warm_up
 from models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing
 from models.robots.robot import Setpoint
-from models.sensors import ROBOT_GROUP, RangefinderCaster, SweepCaster
+from models.sensors import ROBOT_GROUP, make_caster
 
 SCENE = """<mujoco>
   <option timestep="0.002" integrator="implicitfast"/>
@@ -115,23 +117,31 @@ def test_compiled_model_has_the_cited_figures():
 def test_every_sensor_of_the_spec_is_in_the_model():
     model, data, controller = build()
     controller.reset(data, np.array([0.0, 0.0, 1.0]), 0.0)
-    spec = Quadrotor().spec
-    for sensor in spec.sweep_sensors:
-        sweep = SweepCaster(model, sensor, "robot_").cast(data)
+    base = model.body("robot_base").id
+    lidar, depth, _ = Quadrotor().spec.mounts
+    for mount in (lidar, depth):
+        sweep = cast(make_caster(model, mount, base, "robot_", SensorConfig()), data)
         assert 0 < np.count_nonzero(sweep != 65535) < len(sweep)  # floor below, nothing above
-    lidar = SweepCaster(model, spec.sweep_sensors[0], "robot_").cast(data).reshape(32, 512)
+    caster = make_caster(model, lidar, base, "robot_", SensorConfig())
     height = 1.0 + model.site("robot_lidar").pos[2]
-    assert lidar[0, 0] == pytest.approx(1000.0 * height / sin(pi / 4), abs=1.0)
+    ranges = cast(caster, data).reshape(32, 512)
+    assert ranges[0, 0] == pytest.approx(1000.0 * height / sin(pi / 4), abs=1.0)
+
+
+def cast(caster, data):
+    at_rest = Trail(data.qpos[None, :3].copy(), data.qpos[None, 3:7].copy(), 0.002)
+    return caster.cast(data, at_rest, 0, 0)
 
 
 def test_altimeter_reads_the_height_of_the_belly():
     model, data, controller = build()
-    caster = RangefinderCaster(model, Quadrotor().spec.rangefinders[0], "robot_")
+    mount, base = Quadrotor().spec.mounts[2], model.body("robot_base").id
+    caster = make_caster(model, mount, base, "robot_", SensorConfig())
     for height in (0.5, 1.0, 3.25):
         controller.reset(data, np.array([1.0, -2.0, height]), 0.4)
-        assert caster.cast(data)[0] == round(1000.0 * (height - 0.1))
+        assert cast(caster, data)[0] == round(1000.0 * (height - 0.1))
     controller.reset(data, np.array([0.0, 0.0, 11.0]), 0.0)
-    assert caster.cast(data)[0] == 65535
+    assert cast(caster, data)[0] == 65535
 
 
 def test_hover_holds():

@@ -1,11 +1,15 @@
 import hashlib
 import itertools
 import math
+import os
 import subprocess
 import sys
+import types
 
 import numpy as np
 import pytest
+from ompl import base as ob
+from ompl import geometric as og
 
 from planners import PLANNERS, PlannerConfig, plan, plan_seed
 from tests.planners.worlds import make_space, point
@@ -53,24 +57,60 @@ import runpy, sys
 from tests.planners.worlds import make_boxes, make_maze
 test = runpy.run_path("tests/planners/test_plan.py")
 worlds = test["queries"](make_maze(), make_boxes())
-for job in reversed(sys.argv[1:]):
+for job in sys.stdin.read().split():
     print(job, test["run_job"](worlds, job))
 """
 
+PLANS = int(os.environ.get("PLANS", "20"))
+"""Of each planner; PLANS=1000 in the environment is the long run."""
+
 
 def test_a_plan_is_the_same_in_any_order_and_process(maze, boxes, pytestconfig):
-    jobs = [f"{name}:{world}:{seed}" for name in PLANNERS for world in (0, 1) for seed in (3, 4)]
+    counts = [(n % 2, n // 2) for n in range(PLANS)]
+    jobs = [f"{name}:{world}:{seed}" for name in PLANNERS for world, seed in counts]
     worlds = queries(maze, boxes)
 
     here = {job: run_job(worlds, job) for job in jobs}
     shuffled = np.random.default_rng(0).permutation(jobs).tolist()
-    assert {job: run_job(worlds, job) for job in shuffled} == here
-    command = [sys.executable, "-c", SCRIPT, *jobs]
     output = subprocess.run(
-        command, cwd=pytestconfig.rootpath, capture_output=True, text=True, check=True
+        [sys.executable, "-c", SCRIPT],
+        cwd=pytestconfig.rootpath,
+        input=" ".join(shuffled),
+        capture_output=True,
+        text=True,
+        check=True,
     ).stdout
     assert dict(line.split() for line in output.splitlines()) == here
     assert len(set(here.values())) == len(jobs)  # another seed is another path
+
+
+class Straight(ob.Planner):
+    """A user's planner: the straight line or nothing."""
+
+    def __init__(self, information):
+        super().__init__(information, "straight")
+
+    def solve(self, until):
+        until()
+        information, definition = self.getSpaceInformation(), self.getProblemDefinition()
+        start = self.getPlannerInputStates().nextStart()
+        goal = definition.getGoal().getState()
+        if not information.checkMotion(start, goal):
+            return ob.PlannerStatus(False, False)
+        path = og.PathGeometric(information, start, goal)
+        definition.addSolutionPath(path, False, 0.0, "straight")
+        return ob.PlannerStatus(True, False)
+
+
+def test_a_users_planner_is_named_by_its_module(maze, room, monkeypatch):
+    module = types.ModuleType("users_planner")
+    module.Straight = Straight
+    monkeypatch.setitem(sys.modules, "users_planner", module)
+    settings = PlannerConfig(name="users_planner:Straight")
+    found = plan(room, point(room, 20, 20), point(room, 150, 120), settings, seed=1)
+    assert found.length == pytest.approx(math.hypot(13.0, 10.0))
+    blocked = plan(maze, point(maze, 5.5, 5.5), point(maze, 55.5, 35.5), settings, seed=1)
+    assert (blocked.label, blocked.waypoints) == ("no_path", None)
 
 
 @pytest.mark.parametrize("name", PLANNERS)
@@ -111,7 +151,7 @@ def test_the_clearance_weight_buys_distance_with_length(maze):
 def test_more_restarts_never_cost_more(maze):
     start, goal = point(maze, 5.5, 5.5), point(maze, 55.5, 35.5)
     costs = [
-        plan(maze, start, goal, PlannerConfig(iterations=20_000, restarts=n), seed=5).cost
+        plan(maze, start, goal, PlannerConfig("rrtconnect", 20_000, restarts=n), seed=5).cost
         for n in (1, 2, 4, 8)
     ]
     assert costs == sorted(costs, reverse=True)
@@ -132,7 +172,18 @@ def test_seeds_are_named_draws():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"name": "rtt"}, r"planner\.name: got 'rtt', expected one of rrtconnect, "),
+        ({"name": "rtt"}, r"planner\.name: got 'rtt', expected one of field, "),
+        (
+            {"name": "nowhere:Planner"},
+            r"planner\.name: got 'nowhere:Planner', which cannot be loaded",
+        ),
+        ({"name": "math:floor"}, r"planner\.name: got 'math:floor', expected a class made of ompl"),
+        (
+            {"state_space": "se3"},
+            r"planner\.state_space: got 'se3', expected one of auto, position",
+        ),
+        ({"state_space": "dubins"}, r"planner\.state_space: got dubins for the planner field"),
+        ({"turning_radius": 0.0}, r"planner\.turning_radius: got 0\.0, expected above 0"),
         ({"iterations": 0}, r"planner\.iterations: got 0, expected 1 or more"),
         ({"restarts": 0}, r"planner\.restarts: got 0, expected 1 or more"),
         ({"shortcuts": -1}, r"planner\.shortcuts: got -1, expected 0 or more"),

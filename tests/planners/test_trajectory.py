@@ -17,7 +17,7 @@ from planners import (
     stopping_distance,
     turn_in_place,
 )
-from planners.headings import edge_headings, heading_of, turn_after, wrap
+from planners.kernels import edge_headings, heading_of, turn_after, wrap
 from tests.planners.worlds import point
 
 LIMITS = [

@@ -16,7 +16,7 @@ from models.robots.quadruped.kinematics import observe, standing_joints
 from models.robots.quadruped.mpc import condense
 from models.robots.quadruped.parameters import Parameters
 from models.robots.quadruped.rigid_body import composite_rigid_body
-from models.robots.quadruped.state import MEMORY, OBSERVATION, new_record
+from models.robots.quadruped.state import MEMORY, OBSERVATION, twin_records
 from models.robots.quadruped.torque import joint_torques
 from models.robots.quadruped.tracking import Tracker
 from models.robots.quadruped.wiring import wire
@@ -71,8 +71,8 @@ class QuadrupedController:
     def _restart(self) -> None:
         self._tick = 0
         self._tracker = Tracker(self.parameters.tracking, self.parameters.gait.standing_speed)
-        self._observation = new_record(OBSERVATION)
-        self.memory = new_record(MEMORY)
+        _, self._observation = twin_records(OBSERVATION)
+        self.memory, self._memory = twin_records(MEMORY)
         self._warm = np.zeros((2, self.parameters.prediction.steps, 4, 3))
 
     def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
@@ -94,7 +94,7 @@ class QuadrupedController:
             ValueError: The setpoint is not finite.
         """
         self._observe(data)
-        position, yaw = self._observation.position, float(self._observation.angles[2])
+        position, yaw = self._observation["position"], float(self._observation["angles"][2])
         self._act(data, self._tracker.velocity_command(position, yaw, setpoint))
 
     def walk(self, data: mujoco.MjData, velocity_command: Array) -> None:
@@ -111,10 +111,10 @@ class QuadrupedController:
         qpos, qvel = data.qpos[self._wiring.qpos], data.qvel[self._wiring.dofs]
         observe(self.parameters.geometry, self.body.centre, qpos, qvel, self._observation)
         if self._tick == 0:
-            begin(self.parameters.geometry, self._observation, self.memory)
+            begin(self.parameters.geometry, self._observation, self._memory)
 
     def _act(self, data: mujoco.MjData, command: Array) -> None:
-        p, observation, memory = self.parameters, self._observation, self.memory
+        p, observation, memory = self.parameters, self._observation, self._memory
         touch = data.sensordata[self._wiring.touch]
         advance(p.gait, p.geometry, self._timestep, command, touch, observation, memory)
         place_feet(p.gait, p.geometry, observation, memory)
@@ -132,7 +132,7 @@ class QuadrupedController:
             p.prediction,
             p.geometry,
             self._observation,
-            self.memory,
+            self._memory,
             self._state,
             self._reference,
             self._contact,
@@ -167,6 +167,6 @@ class QuadrupedController:
             bias,
             self._leg_inertia,
             self._observation,
-            self.memory,
+            self._memory,
             data.ctrl[self._wiring.controls],
         )

@@ -52,4 +52,14 @@ MEMORY = np.dtype(
 
 def new_record(dtype: np.dtype[Any]) -> Any:
     """One zeroed record whose fields are attributes, in kernels and outside them alike."""
-    return np.zeros(1, dtype).view(np.recarray)[0]
+    return twin_records(dtype)[0]
+
+
+def twin_records(dtype: np.dtype[Any]) -> tuple[Any, Any]:
+    """Two handles of one zeroed record: to read by attributes, and to hand to kernels.
+
+    numba asks a record for its bytes through the attributes' lookup, which takes numpy's records
+    2 us; the plain handle, whose fields are keys outside kernels, has none.
+    """
+    array = np.zeros(1, dtype)
+    return array.view(np.recarray)[0], array[0]

@@ -1,0 +1,352 @@
+"""The map lab: what a sweep costs, whether that depends on the map's extent, and what is mapped."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.map_trials import (
+    Accuracy,
+    Agreement,
+    Ghost,
+    accuracies,
+    agreement_with_octomap,
+    ghosts,
+)
+from harness.map_workload import (
+    HALL_SPACING,
+    RANGE,
+    RAYS,
+    ROOM_POSES,
+    SWEEP_NS,
+    Sweep,
+    hall_sweeps,
+    octomap_installed,
+    room_sweeps,
+)
+from maps import MapConfig, VoxelMap, warm_up
+from models import rays
+
+RESOLUTIONS = (0.05, 0.1, 0.2)  # m
+FINE, FINE_RANGE = 0.01, 3.0
+"""At 1 cm the room has 1.2e9 cells, more than the memory of a map: there, m, beams are cut at this
+range, m. The peer is left out, which would take most of the time of the command."""
+
+THREADS = (1, 2)
+SETTLING = 1  # sweeps before the timed ones
+SHORT, LONG = 10.0, 200.0  # m, of the trajectories whose cost is compared
+MIB = 2.0**20
+
+STILL = MapConfig(half_life=0.0)
+WIDE = replace(STILL, clamp_low=0.001, clamp_high=0.999)
+MODES = {
+    "clamped": STILL,
+    "clamped + decay": MapConfig(),
+    "wide": WIDE,
+    "wide + decay": replace(WIDE, half_life=30.0),
+}
+"""What is on: OctoMap's clamps or the widest that a config takes, decay or none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One measurement; what does not apply to its part is None.
+
+    Attributes:
+        part: `workload`, `speed`, `extent`, `ghosts`, `accuracy` or `agreement`.
+        library: `wayproof` or `pyoctomap`.
+        mode: What is on, see `MODES`; of the peer, how its points are thinned out.
+        threads: That it ran on.
+        rays: In a sweep.
+        resolution_m: Edge of a cell, m.
+        ms_per_sweep: Wall time, median over sweeps, ms.
+        ms_p99: Its 99th percentile, of few sweeps the worst, ms.
+        ratio_vs_pyoctomap: Median of the peer's fastest mode at this resolution over this one.
+        map_mib: What the map holds after the last sweep, MiB.
+        range_m: Beyond which beams only clear, m.
+        mean_ray_m: Mean length of the beams, m.
+        ray_voxel_steps: Cells that the beams of a sweep cross, each counted for each beam.
+        cells_updated: Different cells among them, median over sweeps.
+        end_cells: Different cells that beams end in, mean over sweeps.
+        trajectory_m: Length of the trajectory, m.
+        clamp_high: Greatest probability of a cell.
+        half_life_s: Of the decay, s; 0 without.
+        unseen_s: For how long nobody looked before the object was found gone, s.
+        sweeps_to_free: Sweeps through the place of an object that left until all of it is free.
+        sweeps_by_formula: The same by arithmetic, see `map_trials.sweeps_by_formula`.
+        floor_columns_lost: Share of the columns where beams met the floor that show no floor.
+        false_free: Share of the cells where beams met a surface that are mapped free.
+        agreement: Share of the cells known to this map or to OctoMap that have one state in both.
+        agreement_above_floor: The same without the floor's layer, where ours guards the floor.
+    """
+
+    part: str
+    library: str | None = None
+    mode: str | None = None
+    threads: int | None = None
+    rays: int | None = None
+    resolution_m: float | None = None
+    ms_per_sweep: float | None = None
+    ms_p99: float | None = None
+    ratio_vs_pyoctomap: float | None = None
+    map_mib: float | None = None
+    range_m: float | None = None
+    mean_ray_m: float | None = None
+    ray_voxel_steps: float | None = None
+    cells_updated: float | None = None
+    end_cells: float | None = None
+    trajectory_m: float | None = None
+    clamp_high: float | None = None
+    half_life_s: float | None = None
+    unseen_s: float | None = None
+    sweeps_to_free: int | None = None
+    sweeps_by_formula: int | None = None
+    floor_columns_lost: float | None = None
+    false_free: float | None = None
+    agreement: float | None = None
+    agreement_above_floor: float | None = None
+
+
+def bench_map(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Measure the map; one flat row (see `Row`) for each figure or pair of figures."""
+    progress("compiling kernels (some seconds the first time, then cached)")
+    warm_up()
+    rays.warm_up()
+    progress("map: casting sweeps")
+    room = room_sweeps(seed)
+    rows = [workload(room, resolution) for resolution in RESOLUTIONS]
+    for resolution in RESOLUTIONS:
+        progress(f"map: speed at {resolution:g} m")
+        rows += speed(room, resolution, RANGE, repeats, peers=octomap_installed())
+    progress(f"map: speed at {FINE:g} m")
+    rows += speed(room, FINE, FINE_RANGE, repeats, {"clamped": STILL})
+    progress(f"map: {SHORT:g} m and {LONG:g} m")
+    rows += extent(seed, SHORT, LONG, 0.05)
+    progress("map: ghosts")
+    rows += [_found_row("ghosts", ghost) for ghost in ghosts()]
+    for resolution in (0.05, 0.1):
+        progress(f"map: accuracy at {resolution:g} m")
+        rows += [_found_row("accuracy", found) for found in accuracies(room, resolution)]
+    if octomap_installed():
+        progress("map: agreement")
+        rows.append(_found_row("agreement", agreement_with_octomap(room, 0.1)))
+    return [asdict(row) for row in rows]
+
+
+def workload(room: Sequence[Sweep], resolution: float) -> Row:
+    """How much work the room's sweeps are."""
+    lengths, steps, ends = [], [], []
+    voxel_map = VoxelMap(replace(STILL, resolution=resolution))
+    updated = [_integrate(voxel_map, sweep, k, RANGE) for k, sweep in enumerate(room)]
+    for sweep in room:
+        length = np.minimum(sweep.ranges_mm / 1000.0, RANGE)
+        first = np.floor(sweep.origin / resolution)
+        last = np.floor((sweep.origin + sweep.directions * length[:, None]) / resolution)
+        lengths.append(length.mean())
+        steps.append(np.abs(last - first).sum() + len(last))
+        ends.append(len(np.unique(_packed(last))))
+    return Row(
+        part="workload",
+        rays=RAYS,
+        resolution_m=resolution,
+        mean_ray_m=float(np.mean(lengths)),
+        ray_voxel_steps=float(np.mean(steps)),
+        cells_updated=float(np.median(updated)),
+        end_cells=float(np.mean(ends)),
+    )
+
+
+def speed(
+    room: Sequence[Sweep],
+    resolution: float,
+    range_limit: float,
+    sweeps: int,
+    modes: Mapping[str, MapConfig] = MODES,
+    peers: bool = False,
+) -> list[Row]:
+    """Every mode and the peer on the same sweeps, so that load meets them alike.
+
+    In another order for each sweep: who comes after the peer finds the caches empty.
+    """
+    ours = [
+        _Ours(name, threads, replace(config, resolution=resolution), range_limit)
+        for name, config in modes.items()
+        for threads in THREADS
+    ]
+    theirs = [_OctoMap(name, resolution, range_limit) for name in THINNING] if peers else []
+    entrants: list[_Ours | _OctoMap] = [*ours, *theirs]
+    order = np.random.default_rng(sweeps)
+    for number in range(SETTLING + sweeps):
+        sweep = room[number % ROOM_POSES]
+        for place in order.permutation(len(entrants)):
+            entrants[place].take(sweep, number)
+    fastest = min((float(np.median(peer.timed())) for peer in theirs), default=None)
+    return [
+        replace(
+            _timed_row("speed", entrant.timed(), fastest),
+            library=entrant.library,
+            mode=entrant.name,
+            threads=entrant.threads,
+            resolution_m=resolution,
+            range_m=range_limit,
+            map_mib=entrant.memory_bytes() / MIB,
+        )
+        for entrant in entrants
+    ]
+
+
+def extent(seed: int, short: float, long: float, resolution: float) -> list[Row]:
+    """One long trajectory, and its every stretch again with a new map: the same work, twice.
+
+    Args:
+        seed: Of the noise.
+        short: Length of a stretch, m.
+        long: Of the whole, m.
+        resolution: Edge of a cell, m.
+    """
+    config = MapConfig(resolution=resolution)
+    stretch = round(short / HALL_SPACING)
+    whole = _Ours("decay", 1, config, RANGE)
+    parts: list[_Ours] = []
+    for number, sweep in enumerate(itertools.islice(hall_sweeps(seed), round(long / HALL_SPACING))):
+        if number % stretch == 0:
+            parts.append(_Ours("decay", 1, config, RANGE))
+        whole.take(sweep, number)
+        parts[-1].take(sweep, number)
+    both = (
+        (short, [ms for part in parts for ms in part.timed()], parts[-1]),
+        (long, whole.timed(), whole),
+    )
+    return [
+        replace(
+            _timed_row("extent", timed, None),
+            library="wayproof",
+            mode=entrant.name,
+            threads=1,
+            resolution_m=resolution,
+            range_m=RANGE,
+            trajectory_m=length,
+            map_mib=entrant.memory_bytes() / MIB,
+        )
+        for length, timed, entrant in both
+    ]
+
+
+@dataclass
+class _Ours:
+    """Our map in one mode."""
+
+    name: str
+    threads: int
+    config: MapConfig
+    range_limit: float
+    library: str = "wayproof"
+    _ms: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._map = VoxelMap(self.config, self.threads)
+
+    def take(self, sweep: Sweep, number: int) -> None:
+        """Integrate a sweep and note the time."""
+        started = time.perf_counter()
+        _integrate(self._map, sweep, number, self.range_limit)
+        self._ms.append((time.perf_counter() - started) * 1e3)
+
+    def timed(self) -> list[float]:
+        """Of each sweep after the first ones, ms."""
+        return self._ms[SETTLING:]
+
+    def memory_bytes(self) -> int:
+        return int(self._map.memory_bytes())
+
+
+def _as_they_are(points: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
+    return points
+
+
+def _first_in_each_cell(points: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
+    _, first = np.unique(_packed(np.floor(points / resolution)), return_index=True)
+    return points[first]
+
+
+Thinning = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
+
+THINNING: dict[str, tuple[Thinning, bool]] = {
+    "discretize": (_as_they_are, True),
+    "deduplicate": (_first_in_each_cell, False),
+}
+"""How the peer gets one point for each cell: by itself, which is a loop in the binding, or from
+numpy beforehand. Inner nodes wait in both, so no query is answered yet: its fastest way."""
+
+
+@dataclass
+class _OctoMap:
+    """The peer in one mode, called as its documentation says and not through our interface."""
+
+    name: str
+    resolution: float
+    range_limit: float
+    library: str = "pyoctomap"
+    threads: int = 1
+    _ms: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        pyoctomap = import_module("pyoctomap")
+
+        self._thin, self._discretize = THINNING[self.name]
+        self._tree = pyoctomap.OcTree(self.resolution)
+
+    def take(self, sweep: Sweep, number: int) -> None:
+        """Insert a sweep and note the time; points made from ranges beforehand are not timed."""
+        clears = sweep.ranges_mm > round(1000 * self.range_limit)
+        lengths = np.where(clears, 2.0 * self.range_limit, sweep.ranges_mm / 1000.0)
+        points = sweep.origin + sweep.directions * lengths[:, None]
+        started = time.perf_counter()
+        points = self._thin(points, self.resolution)
+        self._tree.insertPointCloud(points, sweep.origin, self.range_limit, True, self._discretize)
+        self._ms.append((time.perf_counter() - started) * 1e3)
+
+    def timed(self) -> list[float]:
+        """Of each sweep after the first ones, ms."""
+        return self._ms[SETTLING:]
+
+    def memory_bytes(self) -> int:
+        return int(self._tree.memoryUsage())
+
+
+def _integrate(voxel_map: Any, sweep: Sweep, number: int, range_limit: float) -> int:
+    """Integrate a sweep at its time; return how many cells it updated."""
+    statistics = voxel_map.integrate(
+        sweep.origin, sweep.directions, sweep.ranges_mm, range_limit, number * SWEEP_NS
+    )
+    return int(statistics.cells_updated)
+
+
+def _packed(cells: NDArray[np.float64]) -> NDArray[np.int64]:
+    """One number for each cell (n, 3): (n,)."""
+    x, y, z = cells.astype(np.int64).T
+    packed: NDArray[np.int64] = (x << 40) + (y << 20) + z
+    return packed
+
+
+def _timed_row(part: str, ms: Sequence[float], fastest_peer_ms: float | None) -> Row:
+    median = float(np.median(ms))
+    ratio = None if fastest_peer_ms is None else float(fastest_peer_ms / median)
+    return Row(
+        part=part,
+        rays=RAYS,
+        ms_per_sweep=median,
+        ms_p99=float(np.quantile(ms, 0.99)),
+        ratio_vs_pyoctomap=ratio,
+    )
+
+
+def _found_row(part: str, found: Ghost | Accuracy | Agreement) -> Row:
+    return Row(part=part, **asdict(found))

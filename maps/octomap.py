@@ -1,0 +1,358 @@
+"""OctoMap behind the interface of VoxelMap, by its Python binding: the peer to compare with."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maps._jit import kernel
+from maps.config import MapConfig
+from maps.grid import (
+    FLOOR_HEIGHT_IN_CELL,
+    FLOOR_LAYER,
+    cell_box,
+    cells_at,
+    centres,
+    finite_vector,
+)
+from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
+from maps.sweep import SweepStatistics, prepare_sweep
+
+UNITS = 1000
+"""Log-odds are told in thousandths; OctoMap holds them as single precision floats."""
+
+TREE_DEPTH = 16
+HALF_TREE = 1 << (TREE_DEPTH - 1)
+"""An octree's cells along each axis to either side of 0."""
+
+NODE_BYTES = 5  # of a written tree: log-odds as a float, and one bit for each child
+BLOCK = 16  # cells along the edge of a block, which carries the time of its last observation
+NEIGHBOURS = 4  # cells along the edge of a cube in which one beam's end stands for all
+WORD_BITS = 64
+DROPPED_MM = 0
+DISCRETIZE = (
+    True  # of `insertPointCloud`. Beams that end in the same cell are one, as VoxelMap has it.
+)
+
+
+class OctoMap:
+    """A map of log-odds in an octree (Hornung et al. 2013, "OctoMap", Autonomous Robots 34).
+
+    Sweeps go through OctoMap's own `insertPointCloud`: as in VoxelMap, each cell is updated once a
+    sweep and occupied wins over free. What differs: a beam that grazes a surface erases what others
+    of the surface did not hit; a beam without a return leaves its last cell as it was; and of a
+    rolling sweep the beams of each origin are a sweep of their own.
+
+    Leaves are never merged: that is faster, and trees of equal content are then of equal form.
+
+    Attributes:
+        config: The settings.
+        resolution: Edge of a cell, m.
+    """
+
+    def __init__(self, config: MapConfig, threads: int = 1) -> None:
+        """Make an unknown map.
+
+        Args:
+            config: The settings.
+            threads: Ignored, OctoMap uses one.
+
+        Raises:
+            ValueError: pyoctomap is not installed, or decay is asked for, which OctoMap does not
+                have.
+        """
+        if config.half_life != 0.0:
+            raise ValueError(
+                f"map.half_life: got {config.half_life:g}, expected 0 with map.kind 'octomap', "
+                "which has no decay"
+            )
+        self.config = config
+        self.resolution = config.resolution
+        self._tree = _empty_tree(config)
+        self._observed_ns: dict[int, int] = {}  # by the name of a block
+        self._boxes: list[NDArray[np.int64]] = []  # of cells, one for each update so far
+        self._read_at = -1  # number of updates when the leaves were last read
+        self._leaves()  # compiles
+
+    def integrate(
+        self,
+        origins: ArrayLike,
+        directions: NDArray[np.float64],
+        ranges_mm: NDArray[np.uint16],
+        range_limit: float,
+        time_ns: int,
+        moments: NDArray[np.int32] | None = None,
+    ) -> SweepStatistics:
+        """Take in one sweep, as `VoxelMap.integrate` does.
+
+        Returns:
+            What became of the beams; `cells_updated` is 0, for OctoMap does not tell.
+
+        Raises:
+            ValueError: As there; or the beams leave the tree.
+        """
+        sweep = prepare_sweep(
+            origins,
+            moments,
+            directions,
+            ranges_mm,
+            range_limit,
+            self.config.minimum_range,
+            self.resolution,
+        )
+        starts, directions, ranges_mm = sweep.origins, sweep.directions, sweep.ranges_mm
+        moments = sweep.moments if len(sweep.moments) else np.zeros(len(ranges_mm), np.int32)
+        self._check_reach(starts, range_limit)
+        self.advance(time_ns)
+        dropped = ranges_mm == DROPPED_MM
+        near = (ranges_mm < round(1000 * self.config.minimum_range)) & ~dropped
+        clears = (ranges_mm > round(1000 * range_limit)) & ~near
+        told = ~(dropped | near)
+        lengths = np.where(clears, range_limit, ranges_mm / 1000.0)
+        # OctoMap clears toward a point beyond its maximum range, up to that range.
+        points = starts[moments] + directions * np.where(clears, 2.0 * lengths, lengths)[:, None]
+        for moment in np.unique(moments[told]):
+            own = self._in_tree(points[told & (moments == moment)])
+            start = self._in_tree(starts[moment])
+            self._tree.insertPointCloud(own, start, range_limit, True, DISCRETIZE)
+        ends = starts[moments] + directions * lengths[:, None]
+        self._note(starts[moments][told], ends[told], time_ns)
+        returned = told & ~clears
+        hits, cleared, lost, ignored = (int(a.sum()) for a in (returned, clears, dropped, near))
+        return SweepStatistics(hits, cleared, lost, ignored, 0)
+
+    def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+        """Lower the cells whose centres lie in a box by one miss, except occupied ones."""
+        self._mark(_cells_within(*cell_box(low, high, self.resolution)), -self.config.miss, time_ns)
+
+    def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
+        """Lower the cells whose centres lie in a sphere by one miss, except occupied ones."""
+        middle = finite_vector("centre", centre)
+        cells = _cells_within(*cell_box(middle - radius, middle + radius, self.resolution))
+        squared = ((centres(cells, self.resolution) - middle) ** 2).sum(axis=1)
+        self._mark(cells[squared <= radius * radius], -self.config.miss, time_ns)
+
+    def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+        """Raise the floor's cells whose centres lie in a rectangle by one hit, except free ones."""
+        first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], self.resolution)
+        first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
+        self._mark(_cells_within(first, end), self.config.hit, time_ns)
+
+    def hold(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+        """Nothing: without decay, everything is held."""
+        self.advance(time_ns)
+
+    def advance(self, time_ns: int) -> None:
+        """Nothing happens: OctoMap has no decay.
+
+        Raises:
+            ValueError: The time is negative.
+        """
+        if time_ns < 0:
+            raise ValueError(f"time_ns: got {time_ns}, expected 0 or more")
+
+    def columns(
+        self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The occupied and the free cells of a box, each (nx, ny, words): z = 64 word + bit."""
+        nx, ny, words = shape
+        box = self._box(low_cell, (nx, ny, WORD_BITS * words))
+        return _words(box > 0), _words(box < 0)
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Boxes (k, 6) of cells that may have changed since a stamp (0: all), and a new stamp."""
+        return np.array(self._boxes[since:], np.int64).reshape(-1, 6), len(self._boxes)
+
+    def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
+        """The state at points (n, 3), m, world: (n,)."""
+        return _states(self._values_at(points))
+
+    def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The probability of occupancy at points (n, 3), m, world: (n,); 0.5 where unknown."""
+        odds: NDArray[np.float64] = np.exp(self._values_at(points) / UNITS)
+        return odds / (1.0 + odds)
+
+    def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
+        """When the blocks of points (n, 3), m, world, were last observed: (n,) ns; -1 never.
+
+        OctoMap does not know. It is noted here, for each block of 16 x 16 x 16 cells that a beam
+        was in at one of its steps of half a block.
+        """
+        blocks = _names(cells_at(points, self.resolution)[0] // BLOCK)
+        return np.array([self._observed_ns.get(name, -1) for name in blocks.tolist()], np.int64)
+
+    def version(self) -> str:
+        """Digest of geometry and log-odds, 32 hex digits: maps of equal content share it."""
+        names, values = self._leaves()
+        digest = hashlib.blake2b(struct.pack("<d", self.resolution), digest_size=16)
+        digest.update(names[values != 0].astype("<i8").tobytes())
+        digest.update(values[values != 0].astype("<i2").tobytes())
+        return digest.hexdigest()
+
+    def counts(self) -> dict[str, int]:
+        """Number of free and of occupied cells by the name of their state."""
+        states = _states(self._leaves()[1])
+        return {STATE_NAMES[state]: int((states == state).sum()) for state in (FREE, OCCUPIED)}
+
+    def memory_bytes(self) -> int:
+        """Bytes that OctoMap says its nodes take."""
+        return int(self._tree.memoryUsage())
+
+    def _check_reach(self, starts: NDArray[np.float64], range_limit: float) -> None:
+        limit = (HALF_TREE - 1) * self.resolution - 2.0 * range_limit
+        if not np.all(np.abs(self._in_tree(starts)) < limit):
+            raise ValueError(f"origin: got one beyond {limit:g} m, where OctoMap's tree ends")
+
+    def _mark(self, cells: NDArray[np.int64], step: float, time_ns: int) -> None:
+        """Add a step to cells (k, 3), but to none whose state contradicts it."""
+        self.advance(time_ns)
+        points = centres(cells, self.resolution)
+        points = points[self.state_at(points) != (OCCUPIED if step < 0.0 else FREE)]
+        self._tree.updateNodes(self._in_tree(points).tolist(), step, True)
+        self._note(points, points, time_ns)
+
+    def _note(self, starts: NDArray[np.float64], ends: NDArray[np.float64], time_ns: int) -> None:
+        """Note where beams went, each (n, 3) m, world, and when."""
+        if len(ends) == 0:
+            return
+        cells = cells_at(np.concatenate([starts, ends]), self.resolution)[0]
+        self._boxes.append(np.concatenate([cells.min(axis=0), cells.max(axis=0) + 1]))
+        # Beams that end side by side are followed once.
+        _, kept = np.unique(_names(cells[len(starts) :] // NEIGHBOURS), return_index=True)
+        starts, ends = starts[kept], ends[kept]
+        longest = np.sqrt(((ends - starts) ** 2).sum(axis=1).max())
+        steps = int(np.ceil(longest / (0.5 * BLOCK * self.resolution)))
+        for share in np.arange(steps + 1) / max(steps, 1):
+            cells, _ = cells_at(starts + share * (ends - starts), self.resolution)
+            for name in np.unique(_names(cells // BLOCK)).tolist():
+                self._observed_ns[name] = max(self._observed_ns.get(name, -1), time_ns)
+
+    def _in_tree(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) where OctoMap takes them to be: its cells start at z = 0, ours below."""
+        shifted: NDArray[np.float64] = points + np.array(
+            [0.0, 0.0, FLOOR_HEIGHT_IN_CELL * self.resolution]
+        )
+        return shifted
+
+    def _box(self, first: ArrayLike, shape: tuple[int, int, int]) -> NDArray[np.int16]:
+        """Log-odds of a box of cells from `first` (3,) on, thousandths, 0 where unknown."""
+        names, values = self._leaves()
+        cells = _cells(names) - np.asarray(first)
+        inside = np.all((cells >= 0) & (cells < shape), axis=1)
+        box = np.zeros(shape, np.int16)
+        box[tuple(cells[inside].T)] = values[inside]
+        return box
+
+    def _values_at(self, points: ArrayLike) -> NDArray[np.int16]:
+        """Log-odds at points (n, 3), m, world: (n,) thousandths, 0 where unknown."""
+        names, values = self._leaves()
+        wanted = _names(cells_at(points, self.resolution)[0])
+        if len(names) == 0:
+            return np.zeros(len(wanted), np.int16)
+        places = np.searchsorted(names, wanted).clip(max=len(names) - 1)
+        return np.where(names[places] == wanted, values[places], np.int16(0))
+
+    def _leaves(self) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
+        """Names (k,) of the tree's cells in order, and their log-odds (k,) in thousandths.
+
+        The binding knows no faster way to more than one cell than the file that it would write.
+        """
+        if self._read_at != len(self._boxes):
+            written = self._tree.write()
+            nodes = np.frombuffer(written, np.uint8, offset=written.index(b"\ndata\n") + 6).copy()
+            names = np.empty(len(nodes) // NODE_BYTES, np.int64)
+            places = np.empty(len(names), np.int64)
+            count = find_leaves(nodes, names, places)
+            log_odds = nodes[places[:count, None] + np.arange(4)].view("<f4")[:, 0]
+            order = np.argsort(names[:count])
+            self._leaf_names = names[order]
+            self._leaf_values = np.rint(UNITS * log_odds[order]).astype(np.int16)
+            self._read_at = len(self._boxes)
+        return self._leaf_names, self._leaf_values
+
+
+@kernel
+def find_leaves(
+    nodes: NDArray[np.uint8],  # (5 n,) a written tree: depth first, a node before its children
+    names: NDArray[np.int64],  # (n,) out: of the cell that a leaf is
+    places: NDArray[np.int64],  # (n,) out: of its log-odds among the bytes
+) -> int:
+    """Find the leaves, all of them one cell large; return their number."""
+    waiting = np.empty((8 * TREE_DEPTH, 2), np.int64)  # name and depth of nodes to come
+    waiting[0] = 0
+    top = 1 if nodes.shape[0] > 0 else 0
+    place = 0
+    count = 0
+    while top > 0:
+        top -= 1
+        name, depth = waiting[top]
+        if depth == TREE_DEPTH:
+            names[count] = name
+            places[count] = place
+            count += 1
+        children = np.int64(nodes[place + NODE_BYTES - 1])
+        below = TREE_DEPTH - 1 - depth
+        for child in range(7, -1, -1):  # the first child ends up on top
+            if children >> child & 1:
+                x, y, z = child & 1, child >> 1 & 1, child >> 2
+                waiting[top, 0] = name | ((x << 32 | y << 16 | z) << below)
+                waiting[top, 1] = depth + 1
+                top += 1
+        place += NODE_BYTES
+    return count
+
+
+def _empty_tree(config: MapConfig) -> Any:
+    """An octree with the map's steps and clamps.
+
+    Raises:
+        ValueError: pyoctomap is not installed.
+    """
+    try:
+        pyoctomap = importlib.import_module("pyoctomap")
+    except ModuleNotFoundError:
+        raise ValueError(
+            "map.kind: got 'octomap', expected pyoctomap to be installed (the extra 'dev')"
+        ) from None
+    tree = pyoctomap.OcTree(config.resolution)
+    tree.setProbHit(1.0 / (1.0 + np.exp(-config.hit)))
+    tree.setProbMiss(1.0 / (1.0 + np.exp(config.miss)))
+    tree.setClampingThresMin(config.clamp_low)
+    tree.setClampingThresMax(config.clamp_high)
+    return tree
+
+
+def _states(log_odds: NDArray[np.int16]) -> NDArray[np.uint8]:
+    states = np.full(log_odds.shape, UNKNOWN, np.uint8)
+    states[log_odds < 0] = FREE
+    states[log_odds > 0] = OCCUPIED
+    return states
+
+
+def _names(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """One number for each cell (k, 3), 16 bits an axis: (k,); -1 for those outside a tree."""
+    inside = np.all((cells >= -HALF_TREE) & (cells < HALF_TREE), axis=1)
+    x, y, z = (cells + HALF_TREE).T
+    return np.where(inside, x << 32 | y << 16 | z, -1)
+
+
+def _cells_within(first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The cells (k, 3) of a box."""
+    nx, ny, nz = (int(cells) for cells in end - first)
+    return (np.indices((nx, ny, nz)).transpose(1, 2, 3, 0) + first).reshape(-1, 3)
+
+
+def _cells(names: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The cells (k, 3) of names (k,)."""
+    return np.stack([names >> 32, names >> 16 & 0xFFFF, names & 0xFFFF], axis=1) - HALF_TREE
+
+
+def _words(bits: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    """Bits (nx, ny, 64 words) along z as words (nx, ny, words)."""
+    packed = np.packbits(bits, axis=-1, bitorder="little")
+    return packed.view("<u8").astype(np.uint64)

@@ -1,0 +1,370 @@
+"""Kernels of the search over a coarse lattice: exact integer costs-to-go, spread from the goal.
+
+A lattice cell is a block of grid cells, entered at the centre of its middle one. A step leads
+straight from one centre to a neighbour's; it always touches the same grid cells relative to where
+it begins, and is free if all of them are. So gaps much narrower than a block are found. Costs
+are integers, so the cost-to-go of a cell has one value, whatever the order of the search.
+
+Best-first search after Hart, Nilsson, Raphael, "A Formal Basis for the Heuristic Determination of
+Minimum Cost Paths", IEEE TSSC 1968, with the bucket queue of Dial, "Algorithm 360: Shortest-path
+forest with topological ordering", CACM 1969.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planners._jit import kernel
+
+UNSEEN = 0
+"""Rate of a lattice cell whose grid cells have not been looked at; 0, so that memory is lazy."""
+
+BLOCKED = -1
+
+FREE_RATE = 8
+"""Rate of a cell where nothing is near: costs are told to one part in eight of length."""
+
+LARGEST_RATE = 64 * FREE_RATE
+"""Nearness beyond this costs no more: it bounds the queue."""
+
+STEPS = (12, 17, 21)
+"""Length of a step along one, two and three axes: 1, 2^0.5 and 3^0.5 to 1 %, in integers."""
+
+NEW, OPEN, CLOSED, FORGOTTEN = 0, 1, 2, 3
+KEY, OPENED, EXPANDED = 0, 1, 2  # places in Lattice.now
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int32]
+Longs = NDArray[np.int64]
+
+
+class Lattice(NamedTuple):
+    """A lattice over a distance field and the state of one search on it.
+
+    The arrays by cell are flat and have a border of one blocked cell all around.
+    """
+
+    field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
+    cells: NDArray[np.uint16]  # (nx * ny * nz,) the same, flat
+    threshold: int  # a grid cell is forbidden at or below it
+    factor: Longs  # (3,) grid cells to a lattice cell
+    shape: Longs  # (3,) lattice cells, border included
+    rate_by_distance: Integers  # (t,) cost per length by squared distance
+    offsets: Longs  # (m,) flat offsets to the neighbours
+    steps: Integers  # (m,) lengths of the steps to them
+    touched: Longs  # (m, k) flat offsets of the grid cells that each step touches
+    counts: Longs  # (m,) how many they are
+    blocks: Longs  # (m, 8) flat offsets of the lattice cells that each step touches
+    bits: Longs  # (m, 8) the bits of their masks that it needs
+    rate: Integers  # (n,) cost per length, UNSEEN or BLOCKED
+    mask: Longs  # (n,) which of a block's grid cells are free, bit by bit; (0,) if not kept
+    state: Bytes  # (n,)
+    cost: Integers  # (n,) cost-to-go of an open or closed cell
+    via: Bytes  # (n,) way from the neighbour towards the goal that this cost is due to
+    head: Integers  # (b,) first cell of each bucket, -1 if none
+    after: Integers  # (n,) next cell in the same bucket
+    before: Integers  # (n,) previous cell in the same bucket
+    now: Longs  # (3,) key in progress, open cells, expansions
+
+
+@kernel
+def grid_index(field: NDArray[np.uint16], factor: Longs, shape: Longs, cell: int) -> int:
+    """Flat index of the grid cell in the middle of a lattice cell; -1 in the border."""
+    i, j, k = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
+    if i == 0 or j == 0 or k == 0 or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1:
+        return -1
+    x = (i - 1) * factor[0] + factor[0] // 2
+    y = (j - 1) * factor[1] + factor[1] // 2
+    z = (k - 1) * factor[2] + factor[2] // 2
+    return int((x * field.shape[1] + y) * field.shape[2] + z)
+
+
+@kernel
+def middle_rate(
+    field: NDArray[np.uint16],
+    threshold: int,
+    factor: Longs,
+    shape: Longs,
+    rate_by_distance: Integers,
+    cell: int,
+) -> int:
+    """Rate of a lattice cell by its middle grid cell."""
+    index = grid_index(field, factor, shape, cell)
+    if index < 0:
+        return BLOCKED
+    depth, plane = field.shape[2], field.shape[1] * field.shape[2]
+    value = int(field[index // plane, index % plane // depth, index % depth])
+    if value <= threshold:
+        return BLOCKED
+    return int(rate_by_distance[min(value, len(rate_by_distance) - 1)])
+
+
+@kernel
+def block_mask(
+    field: NDArray[np.uint16], threshold: int, factor: Longs, shape: Longs, cell: int
+) -> int:
+    """Which grid cells of a lattice cell are free, bit by bit; a block has at most 64."""
+    i, j, k = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
+    mask = 0
+    if i == 0 or j == 0 or k == 0 or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1:
+        return mask
+    x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
+    for u in range(x, x + factor[0]):
+        for v in range(y, y + factor[1]):
+            for w in range(z, z + factor[2]):
+                mask = (mask << 1) | int(field[u, v, w] > threshold)
+    return mask
+
+
+@kernel
+def look(lattice: Lattice, cell: int) -> int:
+    """Rate of a lattice cell, which is looked up once."""
+    field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
+    if lattice.rate[cell] == UNSEEN:
+        lattice.rate[cell] = middle_rate(
+            field, threshold, factor, lattice.shape, lattice.rate_by_distance, cell
+        )
+        if len(lattice.mask) > 0:
+            lattice.mask[cell] = block_mask(field, threshold, factor, lattice.shape, cell)
+    rate: int = lattice.rate[cell]
+    return rate
+
+
+@kernel
+def step_free(cells: NDArray[np.uint16], threshold: int, index: int, touched: Longs) -> bool:
+    """Whether all grid cells that a step from a grid cell touches are free."""
+    for offset in touched:
+        if cells[index + offset] <= threshold:
+            return False
+    return True
+
+
+@kernel
+def step_free_by_mask(mask: Longs, cell: int, blocks: Longs, bits: Longs) -> bool:
+    """The same, told by the masks of the lattice cells, which are fewer to read."""
+    for n in range(len(blocks)):
+        if mask[cell + blocks[n]] & bits[n] != bits[n]:
+            return False
+    return True
+
+
+@kernel
+def estimate(shape: Longs, cell: int, target: int) -> int:
+    """Least cost between two cells if all were free: never more than it costs, step by step."""
+    if target < 0:
+        return 0
+    width, depth = shape[1], shape[2]
+    x = abs(cell // (width * depth) - target // (width * depth))
+    y = abs((cell // depth) % width - (target // depth) % width)
+    z = abs(cell % depth - target % depth)
+    most, least = max(x, y, z), min(x, y, z)
+    middle = x + y + z - most - least
+    length = STEPS[2] * least + STEPS[1] * (middle - least) + STEPS[0] * (most - middle)
+    cost: int = 2 * FREE_RATE * length
+    return cost
+
+
+@kernel
+def put(lattice: Lattice, cell: int, cost: int, key: int) -> None:
+    """Open a cell: into the bucket of its key, last in, first out."""
+    insert(lattice.head, lattice.after, lattice.before, cell, key)
+    lattice.state[cell] = OPEN
+    lattice.cost[cell] = cost
+    lattice.now[OPENED] += 1
+
+
+@kernel
+def insert(head: Integers, after: Integers, before: Integers, cell: int, key: int) -> None:
+    """Put a cell first into the bucket of its key."""
+    bucket = key % len(head)
+    first = head[bucket]
+    after[cell] = first
+    before[cell] = -1
+    if first >= 0:
+        before[first] = cell
+    head[bucket] = cell
+
+
+@kernel
+def remove(head: Integers, after: Integers, before: Integers, cell: int, key: int) -> None:
+    """Take a cell out of the bucket of its key."""
+    if before[cell] >= 0:
+        after[before[cell]] = after[cell]
+    else:
+        head[key % len(head)] = after[cell]
+    if after[cell] >= 0:
+        before[after[cell]] = before[cell]
+
+
+@kernel
+def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
+    """Close cells in the order of their keys until a given one is closed.
+
+    Args:
+        lattice: With the cells open that the search goes on from.
+        until: The cell to close.
+        target: The cell that the search is drawn to, or -1: then all cells nearer to the goal are
+            closed before it.
+        budget: Most cells to close.
+
+    Returns:
+        Whether the cell is closed; if not, the budget is spent or no cell is open.
+    """
+    # Arrays are taken out of the tuple here: taken out in the loop they are counted each time.
+    field, threshold, cells = lattice.field, lattice.threshold, lattice.cells
+    factor, shape = lattice.factor, lattice.shape
+    rate_by_distance, offsets, steps = lattice.rate_by_distance, lattice.offsets, lattice.steps
+    touched, counts, rate = lattice.touched, lattice.counts, lattice.rate
+    blocks, bits = lattice.blocks, lattice.bits
+    mask, state, cost, via = lattice.mask, lattice.state, lattice.cost, lattice.via
+    head, after, before = lattice.head, lattice.after, lattice.before
+    key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
+    while opened > 0 and closed < budget and (state[until] != CLOSED or key < cost[until]):
+        cell = head[key % len(head)]
+        while cell >= 0 and cost[cell] + estimate(shape, cell, target) != key:
+            cell = after[cell]  # of a later round of the queue
+        if cell < 0:
+            key += 1
+            continue
+        remove(head, after, before, cell, key)
+        state[cell] = CLOSED
+        opened -= 1
+        closed += 1
+        index = grid_index(field, factor, shape, cell)
+        for way in range(len(offsets)):
+            other = cell + offsets[way]
+            if rate[other] == UNSEEN:
+                rate[other] = middle_rate(field, threshold, factor, shape, rate_by_distance, other)
+                if len(mask) > 0:
+                    mask[other] = block_mask(field, threshold, factor, shape, other)
+            if rate[other] < 0:
+                continue
+            through = cost[cell] + steps[way] * (rate[cell] + rate[other])
+            # After a repair a closed cell can be too dear; otherwise none is ever opened again.
+            if state[other] != NEW and through >= cost[other]:
+                continue
+            if len(mask) > 0:  # the sides are neighbours along fewer axes: looked at before
+                if not step_free_by_mask(mask, cell, blocks[way], bits[way]):
+                    continue
+            elif not step_free(cells, threshold, index, touched[way, : counts[way]]):
+                continue
+            rest = estimate(shape, other, target)
+            if state[other] == OPEN:
+                remove(head, after, before, other, cost[other] + rest)
+                opened -= 1
+            insert(head, after, before, other, through + rest)
+            opened += 1
+            state[other] = OPEN
+            cost[other] = through
+            via[other] = way
+    lattice.now[KEY], lattice.now[OPENED] = key, opened
+    lattice.now[EXPANDED] += closed
+    return bool(state[until] == CLOSED)
+
+
+@kernel
+def descend(lattice: Lattice, start: int) -> Integers:
+    """The cells from a closed one down the costs-to-go, the goal's last; the first way of equals.
+
+    Only closed cells are followed, whose costs are exact: the cheapest path on the lattice.
+    """
+    field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
+    offsets, steps, touched = lattice.offsets, lattice.steps, lattice.touched
+    rate, state, cost = lattice.rate, lattice.state, lattice.cost
+    cells = np.empty(len(rate), np.int32)
+    count, cell = 1, start
+    cells[0] = start
+    while cost[cell] > 0:
+        index = grid_index(field, factor, lattice.shape, cell)
+        for way in range(len(offsets)):
+            other = cell + offsets[way]
+            if state[other] != CLOSED:
+                continue
+            if cost[other] + steps[way] * (rate[cell] + rate[other]) != cost[cell]:
+                continue
+            if step_free(lattice.cells, threshold, index, touched[way, : lattice.counts[way]]):
+                cell = other
+                break
+        cells[count] = cell
+        count += 1
+    return cells[:count].copy()
+
+
+@kernel
+def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
+    """Look again at the lattice cells of a box that were looked at before; tell which changed."""
+    field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
+    shape, rates, rate_by_distance = lattice.shape, lattice.rate, lattice.rate_by_distance
+    masks = lattice.mask
+    changed = np.empty(len(rates), np.int32)
+    count = 0
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
+                cell = (i * shape[1] + j) * shape[2] + k
+                if rates[cell] == UNSEEN:
+                    continue
+                rate = middle_rate(field, threshold, factor, shape, rate_by_distance, cell)
+                mask = block_mask(field, threshold, factor, shape, cell)
+                if rate != rates[cell] or mask != masks[cell]:
+                    rates[cell], masks[cell] = rate, mask
+                    changed[count] = cell
+                    count += 1
+    return changed[:count].copy()
+
+
+@kernel
+def repair(lattice: Lattice, changed: Integers) -> None:
+    """Forget the costs-to-go that a change can have altered, and reopen the cells around them.
+
+    A change alters steps to, from and past its cell only, so the costs of its neighbours are
+    forgotten, and of all cells whose way leads over one that is. Those that are left are the costs
+    of ways that still exist; ``spread`` finds the cheaper ones. The goal's cost is never forgotten.
+
+    Args:
+        lattice: Its search was not drawn to a target.
+        changed: Cells whose rate is another now.
+    """
+    offsets, state, cost, via = lattice.offsets, lattice.state, lattice.cost, lattice.via
+    head, after, before = lattice.head, lattice.after, lattice.before
+    key, opened = lattice.now[KEY], lattice.now[OPENED]
+    forgotten = np.empty(len(state), np.int32)
+    count, done = 0, 0
+    for cell in changed:
+        for way in range(-1, len(offsets)):
+            near = cell if way < 0 else cell + offsets[way]
+            if state[near] == FORGOTTEN or (state[near] != NEW and cost[near] == 0):
+                continue
+            if state[near] == OPEN:
+                remove(head, after, before, near, cost[near])
+                opened -= 1
+            state[near] = FORGOTTEN
+            forgotten[count] = near
+            count += 1
+    while done < count:
+        cell = forgotten[done]
+        done += 1
+        for way in range(len(offsets)):
+            near = cell + offsets[way]
+            if near < 0 or near >= len(state):
+                continue  # of a cell in the border
+            if (state[near] != OPEN and state[near] != CLOSED) or via[near] != way:
+                continue
+            if cost[near] == 0:
+                continue
+            if state[near] == OPEN:
+                remove(head, after, before, near, cost[near])
+                opened -= 1
+            state[near] = FORGOTTEN
+            forgotten[count] = near
+            count += 1
+    for cell in forgotten[:count]:
+        for offset in offsets:
+            near = cell + offset
+            if 0 <= near < len(state) and state[near] == CLOSED:
+                state[near] = OPEN
+                insert(head, after, before, near, cost[near])
+                key, opened = min(key, cost[near]), opened + 1
+        state[cell] = NEW
+    lattice.now[KEY], lattice.now[OPENED] = key, opened

@@ -1,0 +1,75 @@
+"""The shape that is kept free: a ball, or several discs or balls along the body's x axis."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+ROUNDING = 1e-6  # of a cell
+
+
+class Disc(NamedTuple):
+    """A disc (in the plane) or ball (in space) of a body, as a distance field sees it."""
+
+    offset: float  # of its centre along the body's x axis [m]
+    blocked_at_or_below: int  # largest squared cell distance that its centre may not have
+
+
+@dataclass(frozen=True)
+class Body:
+    """Discs or balls along the body's x axis.
+
+    A body that is longer than wide fits through gaps that its circumscribed disc does not.
+
+    Attributes:
+        offsets: Of their centres along the body's x axis from the reference point [m].
+        radii: [m].
+
+    Raises:
+        ValueError: If there is none, their numbers differ, or a radius is not above 0.
+    """
+
+    offsets: tuple[float, ...]
+    radii: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not self.radii or len(self.radii) != len(self.offsets):
+            got = f"{len(self.offsets)} offsets and {len(self.radii)} radii"
+            raise ValueError(f"body: got {got}, expected as many of both, one or more")
+        for name, values, least in (("offsets", self.offsets, -math.inf), ("radii", self.radii, 0)):
+            if not all(least < value < math.inf for value in values):
+                raise ValueError(f"body.{name}: got {values}, expected above {least}, finite")
+
+    @property
+    def circumscribed_radius(self) -> float:
+        """Of the disc about the reference point that holds the body at any heading [m]."""
+        return max(abs(o) + r for o, r in zip(self.offsets, self.radii, strict=True))
+
+    def discs(self, margin: float, resolution: float, flat: bool) -> tuple[Disc, ...]:
+        """What each disc may not be near to.
+
+        Args:
+            margin: Localization margin [m].
+            resolution: Cell size [m].
+            flat: Whether the cells are those of a plane.
+        """
+        return tuple(
+            Disc(offset, blocked_at_or_below(radius + margin, resolution, flat))
+            for offset, radius in zip(self.offsets, self.radii, strict=True)
+        )
+
+
+def blocked_at_or_below(radius: float, resolution: float, flat: bool) -> int:
+    """Largest squared cell distance to a blocked cell's centre that a disc may not have.
+
+    Distances are between centres, but a surface may lie anywhere in its cell: half of a cell's
+    diagonal more. Where in its own cell the disc stands is for the margin to cover.
+
+    Args:
+        radius: Of the disc or ball, with the margin [m].
+        resolution: Cell size [m].
+        flat: Whether the cells are those of a plane.
+    """
+    cells = radius / resolution + 0.5 * math.sqrt(2.0 if flat else 3.0)
+    return math.floor(cells * cells + ROUNDING)

@@ -1,0 +1,136 @@
+"""Our own planner: the cheapest way on a coarse lattice, pulled straight at full resolution.
+
+It is written as an OMPL planner, so that it is chosen, bounded, logged and measured as the others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+from ompl import base as ob
+from ompl import geometric as og
+
+from planners import _lattice_kernels, kernels, lattice
+from planners.kernels import Floats, Pose
+from planners.space import FreeSpace
+from planners.state_spaces import StateSpace
+
+EXPANSIONS = 1000
+"""Lattice cells that are closed in one turn, after which the termination condition is asked."""
+
+
+NARROW = 3.0
+"""What length costs more where a body of discs has no room to turn."""
+
+
+class FieldPlanner(ob.Planner):  # type: ignore[misc]
+    """Any-angle planning over a cost field; bounded, and the same for any seed.
+
+    The search costs length and nearness to obstacles on lattices that grow finer until one has a
+    way, so a gap that is closed on the coarse lattice is found on the grid itself. Its path is
+    pulled straight where that costs no more. A body of discs heads along the path and turns in
+    place; where it has no room for that, RRT-Connect (Kuffner and LaValle 2000) goes on.
+    """
+
+    def __init__(self, information: ob.SpaceInformation, clearance_weight: float) -> None:
+        """Plan in the space that the information's validity checker holds.
+
+        Args:
+            information: Its validity checker is a ``BodyValidity``.
+            clearance_weight: Weight of the cell cost against length.
+        """
+        super().__init__(information, "field")
+        self._weight = float(clearance_weight)
+
+    def solve(self, until: ob.PlannerTerminationCondition) -> ob.PlannerStatus:
+        """Add the path to the problem definition, if there is one within the bound."""
+        validity = self.getSpaceInformation().getStateValidityChecker()
+        definition = self.getProblemDefinition()
+        kind, space = validity.kind, validity.space
+        # Not definition.getStartState: its binding frees the state that it lends.
+        start = kind.read(self.getPlannerInputStates().nextStart(), validity.z)
+        goal = kind.read(definition.getGoal().getState(), validity.z)
+        costs, weight = searched(space, kind, self._weight)
+        points = lattice_path(costs, start, goal, weight, until)
+        if points is None:
+            return ob.PlannerStatus(False, False)
+        if not kind.oriented:
+            self._add([(x, y, z, 0.0) for x, y, z in points.tolist()])
+            return ob.PlannerStatus(True, False)
+        poses = head_along(points, start, goal)
+        if kernels.poses_free(space.grid, space.shape, poses):
+            self._add(poses.tolist())
+            return ob.PlannerStatus(True, False)
+        sampling = og.RRTConnect(self.getSpaceInformation())
+        sampling.setProblemDefinition(definition)
+        sampling.setup()
+        return sampling.solve(until)
+
+    def _add(self, poses: list[Pose]) -> None:
+        information = self.getSpaceInformation()
+        write = information.getStateValidityChecker().kind.write
+        path, state = og.PathGeometric(information), information.allocState()
+        for pose in poses:
+            write(state, pose)
+            path.append(state)  # copies it
+        self.getProblemDefinition().addSolutionPath(path, False, 0.0, self.getName())
+
+
+def searched(space: FreeSpace, kind: StateSpace, weight: float) -> tuple[FreeSpace, float]:
+    """The costs that positions are searched with, and their weight.
+
+    A body of discs can turn only where the disc about it is free: cells that lack that room cost
+    more by ``NARROW``, so a way leads through a gap only if that is much shorter, and bends beside
+    it.
+    """
+    if not kind.oriented:
+        return space, weight
+    room = max(
+        abs(offset) / space.resolution + math.sqrt(threshold)
+        for offset, threshold in zip(space.shape.offsets, space.shape.thresholds, strict=True)
+    )
+    squared = np.arange(max(len(space.cost_by_distance), math.ceil(room * room) + 2))
+    table = space.grid.cost_by_distance[np.minimum(squared, len(space.cost_by_distance) - 1)]
+    costs = np.where(table < math.inf, weight * table, 0.0) + NARROW * (squared <= room * room)
+    return dataclasses.replace(space, cost_by_distance=costs), 1.0
+
+
+def lattice_path(
+    space: FreeSpace,
+    start: Pose,
+    goal: Pose,
+    weight: float,
+    until: ob.PlannerTerminationCondition,
+) -> Floats | None:
+    """The cheapest way on the first lattice that has one, pulled straight, shape (n, 3) [m]."""
+    a, b = np.array(start[:3]), np.array(goal[:3])
+    for factor in lattice.factors(space):
+        grid = lattice.make_lattice(space, factor, weight)
+        entered, goal_cell = lattice.entry(grid, space, a), lattice.entry(grid, space, b)
+        if entered < 0 or goal_cell < 0:
+            continue
+        lattice.open_goal(grid, goal_cell, entered)
+        found = False
+        while not found and grid.now[_lattice_kernels.OPENED] > 0:
+            if until():
+                return None
+            found = _lattice_kernels.spread(grid, entered, entered, EXPANSIONS)
+        if found:
+            path = lattice.way_down(grid, space, a, b, entered)
+            return kernels.prune(space.grid, space.blocked_at_or_below, weight, path)
+    return None
+
+
+def head_along(points: Floats, start: Pose, goal: Pose) -> Floats:
+    """Poses of a body that heads along a path and turns at its corners, shape (n, 4)."""
+    poses = [start]
+    for a, b in itertools.pairwise(points):
+        if b[0] == a[0] and b[1] == a[1]:
+            heading = poses[-1][3]  # straight up or down
+        else:
+            heading = float(kernels.heading_of(b[0] - a[0], b[1] - a[1]))
+        poses += [(*a, heading), (*b, heading)]
+    return np.array([*poses, goal], dtype=np.float64)

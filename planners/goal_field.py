@@ -1,0 +1,117 @@
+"""Replanning to one goal: costs-to-go are kept, and searched anew only where the map changed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planners import _lattice_kernels, kernels, lattice
+from planners._lattice_kernels import Lattice
+from planners.field import EXPANSIONS, searched
+from planners.kernels import Floats
+from planners.problem import Plan, PlannerConfig, finish_path, plan
+from planners.space import FreeSpace
+from planners.state_spaces import state_space_for
+
+Cells = NDArray[np.int64]
+
+
+class GoalField:
+    """The costs-to-go of one goal on the coarse lattice, from which any start is planned at once.
+
+    Costs are integers and exact, so what is kept is what a new search would find: a plan is the
+    same as that of a new ``GoalField``, bit by bit, whatever was planned before. When the map
+    changes, the costs of all ways over what changed are forgotten, and the search goes on from the
+    border of those (after Ramalingam and Reps, "An Incremental Algorithm for a Generalization of
+    the Shortest-Path Problem", Journal of Algorithms 1996).
+
+    Attributes:
+        goal: World frame [m], shape (3,).
+        config: The planner's settings; its name and restarts are used only for the plans that the
+            coarse lattice has no way for.
+    """
+
+    def __init__(self, goal: Floats, config: PlannerConfig) -> None:
+        """Know the goal; the first plan searches."""
+        self.goal = np.array(goal, dtype=np.float64)
+        self.config = config
+        self._lattice: Lattice | None = None
+        self._known: tuple[object, ...] = ()
+        self._goal_cell = -1
+
+    def plan(
+        self,
+        space: FreeSpace,
+        start: Floats,
+        seed: int,
+        heading: float = 0.0,
+        changed: tuple[Cells, Cells] | None = None,
+    ) -> Plan:
+        """Plan from a start to the goal.
+
+        Args:
+            space: Where the path may run.
+            start: World frame [m], shape (3,).
+            seed: Of the shortcuts.
+            heading: Of the body at the start [rad], where headings are planned.
+            changed: Box of the field's cells, low and one past high, each shape (3,), outside of
+                which the field is as in the last plan; none looks at all of it.
+
+        Returns:
+            The path with its cost, or a label that says why there is none.
+        """
+        kind = state_space_for(self.config.state_space, space)
+        costs, weight = searched(space, kind, float(self.config.clearance_weight))
+        grid = self._follow(costs, weight, changed)
+        entered = lattice.entry(grid, space, start) if self._goal_cell >= 0 else -1
+        before = int(grid.now[_lattice_kernels.EXPANDED])
+        budget = self.config.iterations * EXPANSIONS
+        if entered < 0 or not _lattice_kernels.spread(grid, entered, -1, budget):
+            if grid.now[_lattice_kernels.OPENED] > 0:
+                self._lattice = None  # the next plan has the whole budget, as a new object has
+            return plan(space, start, self.goal, self.config, seed, heading)
+        spent = int(grid.now[_lattice_kernels.EXPANDED]) - before
+        path = lattice.way_down(grid, space, start, self.goal, entered)
+        path = kernels.prune(costs.grid, space.blocked_at_or_below, weight, path)
+        return finish_path(
+            space, start, self.goal, self.config, seed, heading, path, 1 + spent // EXPANSIONS
+        )
+
+    def _follow(
+        self, space: FreeSpace, weight: float, changed: tuple[Cells, Cells] | None
+    ) -> Lattice:
+        """The lattice as the space is now, without the costs-to-go that a change may alter."""
+        rates = lattice.rates(space, weight)
+        geometry = (space.field.shape, space.grid.origin.tobytes(), space.grid.resolution)
+        known = (*geometry, space.blocked_at_or_below, rates.tobytes())
+        if self._lattice is None or known != self._known:
+            return self._begin(space, weight, known)
+        grid = self._lattice._replace(field=space.grid.field, cells=space.grid.field.reshape(-1))
+        low, high = _lattice_box(grid, space, changed)
+        changes = _lattice_kernels.look_again(grid, low, high)
+        if self._goal_cell in changes or lattice.entry(grid, space, self.goal) != self._goal_cell:
+            return self._begin(space, weight, known)
+        _lattice_kernels.repair(grid, changes)
+        self._lattice = grid
+        return grid
+
+    def _begin(self, space: FreeSpace, weight: float, known: tuple[object, ...]) -> Lattice:
+        """A lattice on which only the goal's cell is open."""
+        grid = lattice.make_lattice(space, lattice.factors(space)[0], weight, repairable=True)
+        self._goal_cell = lattice.entry(grid, space, self.goal)
+        if self._goal_cell >= 0:
+            lattice.open_goal(grid, self._goal_cell)
+        self._lattice, self._known = grid, known
+        return grid
+
+
+def _lattice_box(
+    grid: Lattice, space: FreeSpace, changed: tuple[Cells, Cells] | None
+) -> tuple[Cells, Cells]:
+    """The lattice cells that a box of cells touches, low and one past high, border left out."""
+    if changed is None:
+        return np.ones(3, np.int64), grid.shape - 1
+    low, high = (np.asarray(corner, np.int64) for corner in changed)
+    first = np.maximum(low // grid.factor, 0) + 1
+    end = np.minimum(-(-high // grid.factor), grid.shape - 2) + 1
+    return first, end

@@ -1,0 +1,36 @@
+"""Whether a state is free: what OMPL asks, and where a planner finds the space that it plans in."""
+
+from __future__ import annotations
+
+from ompl import base as ob
+
+from planners import kernels
+from planners.space import FreeSpace
+from planners.state_spaces import StateSpace
+
+
+class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]
+    """Checks one state; ``getStateValidityChecker()`` hands it to planners that look at the field.
+
+    Attributes:
+        space: Where the body may be.
+        kind: What a state is.
+        z: Of all states in a plane [m].
+    """
+
+    def __init__(
+        self, information: ob.SpaceInformation, space: FreeSpace, kind: StateSpace, z: float
+    ) -> None:
+        """Check states of a kind in a space."""
+        super().__init__(information)
+        self.space = space
+        self.kind = kind
+        self.z = z
+
+    def isValid(self, state: ob.State) -> bool:
+        """Whether the body is free there."""
+        pose = self.kind.read(state, self.z)
+        if self.kind.oriented:
+            return bool(kernels.sweep_free(self.space.grid, self.space.shape, pose, pose))
+        threshold = self.space.blocked_at_or_below
+        return bool(kernels.edge_free(self.space.grid, threshold, pose[:3], pose[:3]))

@@ -1,0 +1,170 @@
+import dataclasses
+import heapq
+import itertools
+
+import numpy as np
+import pytest
+
+from planners import (
+    FreeSpace,
+    GoalField,
+    PlannerConfig,
+    _lattice_kernels,
+    lattice,
+    plan,
+)
+from planners.kernels import walk_path
+from tests.planners.worlds import make_space, point
+
+
+def random_space(seed: int, shape=(24, 20, 1)) -> FreeSpace:
+    """Random boxes in cells of 1 m from the origin, whose centres are exact in binary."""
+    rng = np.random.default_rng(seed)
+    blocked = np.zeros(shape, dtype=bool)
+    for low in rng.integers(0, np.array(shape), size=(6, 3)):
+        blocked[tuple(slice(corner, corner + 4) for corner in low)] = True
+    return dataclasses.replace(make_space(blocked), origin=np.zeros(3), resolution=1.0)
+
+
+def free_lattice(space: FreeSpace, factor: int, repairable: bool = False):
+    grid = lattice.make_lattice(space, factor, 2.0, repairable)
+    free = [n for n in range(len(grid.rate)) if _lattice_kernels.look(grid, n) > 0]
+    return grid, free
+
+
+def naive_costs(space: FreeSpace, grid, free: list[int], goal: int) -> dict[int, int]:
+    """Dijkstra with a heap over the free cells; a step is free if the grid's own walk says so."""
+    centre = dict(zip(free, lattice.centres(grid, space, np.array(free)), strict=True))
+    costs, queue = {}, [(0, goal)]
+    while queue:
+        cost, cell = heapq.heappop(queue)
+        if cell in costs:
+            continue
+        costs[cell] = cost
+        for offset, step in zip(grid.offsets.tolist(), grid.steps.tolist(), strict=True):
+            other = cell + offset
+            if other not in centre or not space.edge_free(centre[cell], centre[other]):
+                continue
+            both = int(grid.rate[cell]) + int(grid.rate[other])
+            heapq.heappush(queue, (cost + step * both, other))
+    return costs
+
+
+def closed_costs(grid) -> dict[int, int]:
+    closed = np.flatnonzero(grid.state == _lattice_kernels.CLOSED)
+    return {int(cell): int(grid.cost[cell]) for cell in closed}
+
+
+@pytest.mark.parametrize("repairable", [False, True])
+@pytest.mark.parametrize(
+    ("shape", "factor"), [((24, 20, 1), 1), ((25, 21, 1), 2), ((21, 18, 13), 3)]
+)
+def test_costs_to_go_are_those_of_a_naive_search(shape, factor, repairable):
+    space = random_space(3, shape)
+    grid, free = free_lattice(space, factor, repairable)
+    goal = free[len(free) // 2]
+    lattice.open_goal(grid, goal)
+    _lattice_kernels.spread(grid, 0, -1, 10**6)  # the border's cell is never closed
+    assert closed_costs(grid) == naive_costs(space, grid, free, goal)
+
+
+def test_a_search_drawn_to_a_target_costs_the_same_and_looks_at_less():
+    space = random_space(5, (60, 60, 1))
+    whole, free = free_lattice(space, 1)
+    goal = free[10]
+    lattice.open_goal(whole, goal)
+    _lattice_kernels.spread(whole, 0, -1, 10**6)
+    for start in [cell for cell in free[::97] if whole.state[cell] == _lattice_kernels.CLOSED]:
+        drawn, _ = free_lattice(space, 1)
+        lattice.open_goal(drawn, goal, start)
+        assert _lattice_kernels.spread(drawn, start, start, 10**6)
+        assert drawn.cost[start] == whole.cost[start]
+        assert drawn.now[2] <= whole.now[2]
+        cells = _lattice_kernels.descend(drawn, start)
+        assert (cells[0], cells[-1]) == (start, goal)
+
+
+def test_a_straight_way_costs_its_length_by_hand():
+    space = make_space(np.zeros((20, 9, 1), dtype=bool))
+    grid = lattice.make_lattice(space, 1, 0.0)
+    start, goal = (lattice.entry(grid, space, point(space, x, 4.5)) for x in (2.5, 12.5))
+    lattice.open_goal(grid, goal, start)
+    assert _lattice_kernels.spread(grid, start, start, 1000)
+    assert grid.cost[start] == 10 * 12 * (8 + 8)  # steps, their length, both cells' rates
+    assert len(_lattice_kernels.descend(grid, start)) == 11
+
+
+def test_compiled_lattice_kernels_equal_python():
+    space = random_space(3, (13, 12, 7))
+    pair = [free_lattice(space, 2, repairable=True) for _ in range(2)]
+    goal, start = pair[0][1][0], pair[0][1][-1]
+    for (grid, _), python in zip(pair, (False, True), strict=True):
+        lattice.open_goal(grid, goal)
+        spread, repair, look_again, descend = (
+            getattr(_lattice_kernels, name).py_func if python else getattr(_lattice_kernels, name)
+            for name in ("spread", "repair", "look_again", "descend")
+        )
+        assert spread(grid, start, -1, 10**6)
+        space.grid.field[6:9, 4:8, 2:5] = 0
+        changed = look_again(grid, np.ones(3, np.int64), grid.shape - 1)
+        repair(grid, changed)
+        spread(grid, start, -1, 10**6)
+        if grid.state[start] == _lattice_kernels.CLOSED:
+            assert descend(grid, start)[-1] == goal
+        space.grid.field[6:9, 4:8, 2:5] = 200
+    (compiled, _), (python, _) = pair
+    assert closed_costs(compiled) == closed_costs(python)
+    assert compiled.rate.tobytes() == python.rate.tobytes()
+
+
+def test_a_gap_that_the_coarse_lattice_lacks_is_found_on_the_grid():
+    blocked = np.zeros((60, 60, 1), dtype=bool)
+    blocked[30] = True
+    field = np.where(blocked, 0, 100).astype(np.uint16)
+    field[30, 32] = 100  # one cell wide, not in the middle of any block of two
+    space = FreeSpace(field, np.zeros(3), 0.05, 4, np.zeros(101))
+    start, goal = np.array([0.5, 0.5, 0.025]), np.array([2.5, 0.5, 0.025])
+    found = plan(space, start, goal, PlannerConfig(name="field"), seed=1)
+    assert found.label == "none"
+    assert all(space.edge_free(a, b) for a, b in itertools.pairwise(found.waypoints))
+    crossing = np.abs(found.waypoints[:, 0] - 1.525).argmin()
+    assert found.waypoints[crossing, 1] == pytest.approx(1.625, abs=0.1)
+
+
+def put_box(space: FreeSpace, rng: np.random.Generator, boxes: list[np.ndarray]):
+    """A random box comes and the oldest of four goes; the new space, and the cells that differ."""
+    low = rng.integers(0, np.array(space.field.shape))
+    boxes.append(np.array([low, low + rng.integers(2, 7, size=3)]))
+    del boxes[:-4]
+    blocked = np.zeros(space.field.shape, dtype=bool)
+    for box in boxes:
+        blocked[tuple(slice(a, b) for a, b in zip(*box, strict=True))] = True
+    after = make_space(blocked)
+    differ = np.argwhere(after.field != space.field)
+    return after, (differ.min(axis=0), differ.max(axis=0) + 1)
+
+
+@pytest.mark.parametrize("shape", [(60, 50, 1), (30, 26, 16)])
+@pytest.mark.parametrize("told", [False, True])
+def test_replanning_is_the_same_as_planning_anew(shape, told):
+    rng = np.random.default_rng(7)
+    space, boxes = make_space(np.zeros(shape, dtype=bool)), []
+    depth = 0.5 if shape[2] == 1 else 8.5
+    goal = point(space, shape[0] - 4.5, 5.5, depth)
+    kept, plans = GoalField(goal, PlannerConfig()), set()
+    for step in range(40):
+        space, box = put_box(space, rng, boxes)
+        start = point(space, 4.5 + 0.2 * step, shape[1] - 5.5, depth)
+        if step % 5 == 4:  # a start or goal that is blocked must not make it miss a change
+            start = point(space, -1.0, 0.0, depth)
+        again = kept.plan(space, start, seed=step + 1, changed=box if told else None)
+        fresh = GoalField(goal, PlannerConfig()).plan(space, start, seed=step + 1)
+        assert again.label == fresh.label
+        if again.waypoints is None:
+            continue
+        plans.add(again.waypoints.tobytes())
+        assert again.waypoints.tobytes() == fresh.waypoints.tobytes()
+        assert again.cost == fresh.cost
+        _, least, _ = walk_path(space.grid, space.blocked_at_or_below, 0.0, again.waypoints)
+        assert least > space.blocked_at_or_below
+    assert len(plans) > 25
