@@ -7,15 +7,19 @@ import numpy as np
 from maps.columns import states_in
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
+from maps.grid2d import Grid2D
 from maps.inflation import inflate
 from maps.octomap import OctoMap
 from maps.representation import Maker, Representation
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
+from maps.tsdf import TsdfMap
 from maps.voxel import RayEnd, VoxelMap
 
 MAPS: dict[str, Maker] = {
+    "grid2d": Grid2D,
     "octomap": OctoMap,
+    "tsdf": TsdfMap,
     "voxel": VoxelMap,
 }
 """Representations by name."""
@@ -28,10 +32,12 @@ __all__ = [
     "STATE_NAMES",
     "UNKNOWN",
     "Costmap",
+    "Grid2D",
     "MapConfig",
     "RayEnd",
     "Representation",
     "SweepStatistics",
+    "TsdfMap",
     "UnknownPolicy",
     "VoxelMap",
     "inflate",
@@ -45,11 +51,15 @@ def warm_up() -> None:
     config = MapConfig(memory_mib=1)
     tiny = VoxelMap(config)
     beams = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    tiny.integrate((0.5, 0.5, 0.5), beams, np.array([400, 65535], np.uint16), 1.0, 0)
-    tiny.advance(round(2e9 * config.decay_period))
-    tiny.probability_at([[0.5, 0.5, 0.5]])
+    for representation in (Grid2D(config), TsdfMap(config), tiny):
+        ranges_mm = np.array([400, 65535], np.uint16)
+        representation.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)
+        representation.columns((0, 0, 0), (1, 1, 1))
+        representation.advance(round(2e9 * config.decay_period))
+        representation.probability_at([[0.5, 0.5, 0.5]])
+        representation.version()
+        representation.counts()
     tiny.cast_ray((0.5, 0.5, 0.5), (1.0, 0.0, 0.0), 1.0)
-    tiny.version()
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
     Costmap(config, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
     costmap = Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)

@@ -30,6 +30,9 @@ class MapConfig:
         minimum_range: Nearer returns are dropped, m: they are mostly the sensor's own housing.
         surface_guard: `floor`: a beam that ends in the floor's layer takes no evidence from that
             layer, as it would at grazing angles; `none`: it does.
+        band_low: Lower end of the heights that a flat grid sees, m above the floor; above the noise
+            of the floor's own returns.
+        band_high: Upper end, m; the `max_obstacle_height` of Nav2's obstacle layer.
         memory_mib: Bound on the memory of the map's bricks, MiB; beyond it the bricks observed
             longest ago are dropped.
         inflation_margin: Localization margin that is added to the body's radius, m.
@@ -53,6 +56,8 @@ class MapConfig:
     decay_period: float = 1.0
     minimum_range: float = 0.3
     surface_guard: SurfaceGuard = "floor"
+    band_low: float = 0.05
+    band_high: float = 2.0
     memory_mib: int = 512
     inflation_margin: float = 0.1
     cost_scaling_factor: float = 4.0
@@ -70,6 +75,8 @@ class MapConfig:
         self._check("half_life", 0.0, 1e6, " s")
         self._check("decay_period", 0.01, 3600.0, " s")
         self._check("minimum_range", 0.0, 60.0, " m")
+        self._check("band_low", 0.0, 10.0, " m")
+        self._check("band_high", self.band_low + 0.01, 100.0, " m")
         self._check("memory_mib", 1, 65536, " MiB")
         self._check("inflation_margin", 0.0, 5.0, " m")
         self._check("cost_scaling_factor", 0.1, 1000.0, " 1/m")

@@ -1,0 +1,243 @@
+"""Compiled kernels of the signed distance field: what a sweep tells of cells, and its update.
+
+All of them live in this file because a cached kernel is not recompiled when another file changes.
+
+Positions are whole 1/1024 of a cell, distances whole 1/256. A beam tells a cell that it crosses the
+distance from the cell's middle to its end, along the beam: positive before the surface, negative
+behind. Of several beams that cross a cell in one sweep one is heard, whose telling has the highest
+score: the nearest to the surface, for a distance along a beam is never shorter than the true one;
+and one that saw the cell before one whose surface hides it. The greatest score does not depend on
+the order, so neither does the map depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps._jit import kernel
+from maps.states import FREE, OCCUPIED, UNKNOWN
+
+HALVES_BITS = 10
+HALVES = 1 << HALVES_BITS  # to a cell: the middles of cells and of sub-cells are whole
+HALVES_IN_UNIT = 4
+UNITS = HALVES // HALVES_IN_UNIT  # of distance to a cell
+
+TRUNCATION_CELLS = 4  # Oleynikova et al. 2017, "Voxblox", IV-C: truncation of 4 cells,
+DROP_OFF_CELLS = 1  # and from one cell behind the surface on the weight falls to 0 there
+TRUNCATION = TRUNCATION_CELLS * UNITS
+DROP_OFF = DROP_OFF_CELLS * UNITS
+SURFACE = 221  # half the diagonal of a cell, 256 sqrt(3) / 2, rounded down
+
+FULL_WEIGHT = 8  # of one sweep
+MAX_WEIGHT = 15 * FULL_WEIGHT  # fits an int8, and lets go of what has moved within few sweeps
+
+EDGE_BITS = 4
+EDGE = 1 << EDGE_BITS  # cells along a block's edge; Voxblox's as well
+CELLS_BITS = 3 * EDGE_BITS
+
+BEST = 8191  # score of distance 0; 0 is that of a cell that no beam tells of
+HIDDEN = 4096
+
+CHANGED = 1
+TURNED = 2
+
+
+@kernel
+def score_of(distance: int) -> int:
+    """How well a distance is told; of two equally long ones the negative is heard."""
+    rank = 2 * abs(distance) + (1 if distance > 0 else 0)
+    return BEST - rank - (HIDDEN if distance < -SURFACE - 1 else 0)
+
+
+@kernel
+def distance_of(score: int) -> int:
+    """The distance that has a score."""
+    rank = (BEST - score) & (HIDDEN - 1)
+    return rank >> 1 if rank & 1 else -(rank >> 1)
+
+
+@kernel
+def weight_of(distance: int) -> int:
+    """Weight of one sweep's distance (Oleynikova et al. 2017, eq. 2, but the same at any range).
+
+    Their 1 / z^2 is the noise of a depth camera; that of a lidar does not grow with the range.
+    """
+    if distance >= -DROP_OFF:
+        return FULL_WEIGHT
+    return max(FULL_WEIGHT * (distance + TRUNCATION) // (TRUNCATION - DROP_OFF), 0)
+
+
+@kernel
+def state_of(distance: int, weight: int) -> int:
+    """A cell that the surface may touch, or behind it, is occupied."""
+    if weight == 0:
+        return UNKNOWN
+    return OCCUPIED if distance <= SURFACE else FREE
+
+
+@kernel
+def trace(
+    start: tuple[int, int, int],  # from the window's corner, odd
+    end: tuple[int, int, int],  # odd
+    returned: bool,
+    guarded_layer: int,  # -1: none
+    shape: tuple[int, int, int],  # blocks of the window
+    inside: NDArray[np.int64],  # (2, 3) least cell that counts and one past the greatest
+    scores: NDArray[np.uint16],  # (cells,) in, out, block by block
+    touched: NDArray[np.bool_],  # (blocks,) out
+) -> None:
+    """Tell the cells that one beam crosses, up to the truncation behind its end.
+
+    Amanatides & Woo (1987), "A fast voxel traversal algorithm for ray tracing", in integers. A beam
+    from above that ends in the guarded layer ends at a level floor: it does not clear that layer,
+    and what is above it is free, though less than half a cell's diagonal away.
+    """
+    way_x, way_y, way_z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    length = int(np.sqrt(float(way_x * way_x + way_y * way_y + way_z * way_z)))
+    far_x, far_y, far_z = end
+    if returned and length > 0:
+        beyond = TRUNCATION_CELLS * HALVES
+        far_x = (far_x + beyond * way_x // length) | 1  # odd: never on a face
+        far_y = (far_y + beyond * way_y // length) | 1
+        far_z = (far_z + beyond * way_z // length) | 1
+    run_x, run_y, run_z = abs(far_x - start[0]), abs(far_y - start[1]), abs(far_z - start[2])
+    step_x = 1 if far_x > start[0] else -1
+    step_y = 1 if far_y > start[1] else -1
+    step_z = 1 if far_z > start[2] else -1
+    x, y, z = start[0] >> HALVES_BITS, start[1] >> HALVES_BITS, start[2] >> HALVES_BITS
+    # To the next face along each axis.
+    to_x = (x + 1) * HALVES - start[0] if step_x > 0 else start[0] - x * HALVES
+    to_y = (y + 1) * HALVES - start[1] if step_y > 0 else start[1] - y * HALVES
+    to_z = (z + 1) * HALVES - start[2] if step_z > 0 else start[2] - z * HALVES
+    steps = abs((far_x >> HALVES_BITS) - x)
+    steps += abs((far_y >> HALVES_BITS) - y) + abs((far_z >> HALVES_BITS) - z)
+    spares = returned and end[2] >> HALVES_BITS == guarded_layer and z > guarded_layer
+    middle = HALVES // 2
+    ahead = (  # the way from the cell's middle to the end, along the beam, times its length
+        (end[0] - x * HALVES - middle) * way_x
+        + (end[1] - y * HALVES - middle) * way_y
+        + (end[2] - z * HALVES - middle) * way_z
+    )
+    unit = max(HALVES_IN_UNIT * length, 1)
+    for _ in range(steps + 1):
+        distance = TRUNCATION
+        if returned and ahead < TRUNCATION * unit:
+            distance = ahead // unit
+        if spares and z > guarded_layer:
+            distance = max(distance, SURFACE + 1)
+        counts = inside[0, 0] <= x < inside[1, 0] and inside[0, 1] <= y < inside[1, 1]
+        counts = counts and inside[0, 2] <= z < inside[1, 2] and distance > -TRUNCATION
+        if counts and not (spares and z == guarded_layer and distance > SURFACE):
+            block = ((x >> EDGE_BITS) * shape[1] + (y >> EDGE_BITS)) * shape[2] + (z >> EDGE_BITS)
+            place = (x & (EDGE - 1)) << (2 * EDGE_BITS) | (y & (EDGE - 1)) << EDGE_BITS
+            at = block << CELLS_BITS | place | z & (EDGE - 1)
+            scores[at] = max(scores[at], score_of(distance))
+            touched[block] = True
+        # Where two faces are met at once, x goes first, then y.
+        if to_x * run_y <= to_y * run_x and to_x * run_z <= to_z * run_x and run_x > 0:
+            x += step_x
+            to_x += HALVES
+            ahead -= step_x * HALVES * way_x
+        elif to_y * run_z <= to_z * run_y and run_y > 0:
+            y += step_y
+            to_y += HALVES
+            ahead -= step_y * HALVES * way_y
+        else:
+            z += step_z
+            to_z += HALVES
+            ahead -= step_z * HALVES * way_z
+
+
+@kernel
+def trace_all(
+    starts: NDArray[np.int64],  # (k, 3) 1/1024 of a cell from the window's corner, odd
+    ends: NDArray[np.int64],  # (k, 3)
+    returned: NDArray[np.bool_],  # (k,)
+    part: tuple[int, int],
+    guarded_layer: int,
+    shape: tuple[int, int, int],
+    inside: NDArray[np.int64],
+    scores: NDArray[np.uint16],
+    touched: NDArray[np.bool_],
+) -> None:
+    """Tell the cells that beams cross."""
+    for i in range(part[0], part[1]):
+        start = (starts[i, 0], starts[i, 1], starts[i, 2])
+        end = (ends[i, 0], ends[i, 1], ends[i, 2])
+        trace(start, end, returned[i], guarded_layer, shape, inside, scores, touched)
+
+
+@kernel
+def update_blocks(
+    slots: NDArray[np.int64],  # (k,) -1: there was no room
+    places: NDArray[np.int64],  # (k,) of each block in the window
+    part: tuple[int, int],
+    scores: NDArray[np.uint16],  # (threads, cells) zero after
+    distances: NDArray[np.int16],  # (slots, 4096) in, out
+    weights: NDArray[np.int8],  # (slots, 4096) in, out
+    fresh: NDArray[np.bool_],  # (slots, 4096) out
+    changes: NDArray[np.uint8],  # (k,) out
+    updated: NDArray[np.int64],  # (k,) out: cells
+) -> None:
+    """Average what was told into the cells (Curless & Levoy 1996, eq. 3 and 4)."""
+    for i in range(part[0], part[1]):
+        slot = slots[i]
+        for cell in range(1 << CELLS_BITS):
+            at = (places[i] << CELLS_BITS) + cell
+            score = 0
+            for thread in range(scores.shape[0]):
+                score = max(score, int(scores[thread, at]))
+                scores[thread, at] = 0
+            distance = distance_of(score)
+            weight = weight_of(distance)
+            if score == 0 or slot < 0 or weight == 0:
+                continue
+            before, held = int(distances[slot, cell]), int(weights[slot, cell])
+            both = held + weight
+            after = (2 * (held * before + weight * distance) + both) // (2 * both)
+            left = min(both, MAX_WEIGHT)
+            distances[slot, cell], weights[slot, cell] = after, left
+            fresh[slot, cell] = True
+            updated[i] += 1
+            if after != before or left != held:
+                changes[i] |= CHANGED
+            if state_of(after, left) != state_of(before, held):
+                changes[i] |= TURNED
+
+
+@kernel
+def states_of(
+    distances: NDArray[np.int16],  # (n,)
+    weights: NDArray[np.int8],  # (n,)
+    states: NDArray[np.uint8],  # (n,) out
+) -> None:
+    """The states of cells."""
+    for i in range(distances.shape[0]):
+        states[i] = state_of(int(distances[i]), int(weights[i]))
+
+
+@kernel
+def write_columns(
+    slots: NDArray[np.int64],  # (k,)
+    firsts: NDArray[np.int64],  # (k, 3) least cell of each block, from the window's
+    distances: NDArray[np.int16],  # (slots, 4096)
+    weights: NDArray[np.int8],  # (slots, 4096)
+    occupied: NDArray[np.uint64],  # (nx, ny, words) out, zero before
+    free: NDArray[np.uint64],  # (nx, ny, words) out, zero before
+) -> None:
+    """Write the states of a window of cells, a bit each."""
+    nx, ny, words = occupied.shape
+    for i in range(slots.shape[0]):
+        slot = slots[i]
+        for x in range(max(firsts[i, 0], 0), min(firsts[i, 0] + EDGE, nx)):
+            for y in range(max(firsts[i, 1], 0), min(firsts[i, 1] + EDGE, ny)):
+                column = ((x - firsts[i, 0]) << EDGE_BITS | (y - firsts[i, 1])) << EDGE_BITS
+                for z in range(max(firsts[i, 2], 0), min(firsts[i, 2] + EDGE, 64 * words)):
+                    cell = column + z - firsts[i, 2]
+                    state = state_of(int(distances[slot, cell]), int(weights[slot, cell]))
+                    bit = np.uint64(1) << np.uint64(z & 63)
+                    if state == OCCUPIED:
+                        occupied[x, y, z >> 6] |= bit
+                    elif state == FREE:
+                        free[x, y, z >> 6] |= bit

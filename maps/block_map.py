@@ -1,0 +1,172 @@
+"""What the representations in blocks have in common: decay, queries, changes and the version."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from maps import _block_kernels as kernels
+from maps import _decay_kernels as decay
+from maps.blocks import Blocks
+from maps.columns import Window
+from maps.config import MapConfig
+from maps.evidence import MOST, tick_losses
+from maps.grid import cells_at
+from maps.states import FREE, OCCUPIED, STATE_NAMES
+from maps.team import Team
+
+CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Least cell (3,) of a box, and one past the greatest."""
+
+
+class BlockMap:
+    """What a representation that keeps its cells in `Blocks` does whatever these hold.
+
+    One layer holds the evidence of each cell, of which decay takes; where it is 0 the cell is
+    unknown. Decay follows the schedule and the law of VoxelMap, tick by tick for all blocks.
+
+    Attributes:
+        config: The settings.
+        resolution: Edge of a cell, m.
+    """
+
+    evidence: str  # the layer that decay takes of
+    told: tuple[str, ...]  # layers that make up the version
+
+    def __init__(
+        self,
+        config: MapConfig,
+        threads: int,
+        low: ArrayLike | None,
+        high: ArrayLike | None,
+        shape: tuple[int, int, int],
+        layers: Mapping[str, DTypeLike],
+    ) -> None:
+        """Make an unknown map of blocks of a shape, with these layers besides `fresh`."""
+        self.config = config
+        self.resolution = config.resolution
+        self._team = Team(threads)
+        self._region = _region(low, high, config.resolution)
+        self._blocks = Blocks(config.memory_mib, shape, {**layers, "fresh": np.bool_})
+        self._losses = tick_losses(config)
+        self._tick_ns = round(config.decay_period * 1e9)
+        self._ticks = 0
+        self._stamp = 1
+
+    def advance(self, time_ns: int) -> None:
+        """Apply every decay tick due up to and at `time_ns`, as VoxelMap does.
+
+        A tick leaves what was updated since the one before, and moves the rest toward unknown by
+        the half-life. A time before the latest does nothing.
+
+        Args:
+            time_ns: Simulated time, ns.
+
+        Raises:
+            ValueError: The time is negative.
+        """
+        if time_ns < 0:
+            raise ValueError(f"time_ns: got {time_ns}, expected 0 or more")
+        if self.config.half_life == 0.0 or time_ns // self._tick_ns <= self._ticks:
+            return
+        until = time_ns // self._tick_ns
+        rest, spared = (np.arange(MOST + 1).astype(np.int8) for _ in range(2))
+        for values, seen in ((rest, self._ticks), (spared, self._ticks + 1)):
+            decay.fade_values(values, np.full(MOST + 1, seen), until, self._losses)
+        self._ticks = until
+        self._fade(rest, spared)
+
+    def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
+        """The state at points (n, 3), m, world: (n,)."""
+        cells, inside = cells_at(points, self.resolution)
+        return np.where(inside, self._states_of(cells), 0).astype(np.uint8)
+
+    def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
+        """When the blocks of points (n, 3), m, world, were last observed: (n,) ns; -1 never."""
+        cells, inside = cells_at(points, self.resolution)
+        slots, _ = self._blocks.locate(self._held_cells(cells))
+        return np.where(inside & (slots >= 0), self._blocks.observed_ns[slots], -1)
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Where states changed since an earlier call.
+
+        Args:
+            since: What that call returned as `now`; 0 for everything that is held.
+
+        Returns:
+            Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), one for each block, and `now`.
+        """
+        return self._blocks.changed(since), self._stamp
+
+    def counts(self) -> dict[str, int]:
+        """Number of free and of occupied cells by the name of their state."""
+        states = [self._held_states(slot) for slot in self._blocks.live()]
+        return {
+            STATE_NAMES[state]: sum(int(np.count_nonzero(s == state)) for s in states)
+            for state in (FREE, OCCUPIED)
+        }
+
+    def version(self) -> str:
+        """Digest of the content and the tick, 32 hex digits: equal content, equal version."""
+        total = self._blocks.digest(self.told)
+        ticks = self._ticks if self.config.half_life > 0.0 and total else 0
+        head = struct.pack("<dq", self.resolution, ticks) + self._units()
+        return hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16).hexdigest()
+
+    def memory_bytes(self) -> int:
+        """Bytes of the blocks in use."""
+        return self._blocks.nbytes
+
+    def _units(self) -> bytes:
+        """What else the content means, for the version."""
+        raise NotImplementedError
+
+    def _held_cells(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The cells (n, 3) in which evidence of cells (n, 3) of space is held."""
+        return cells
+
+    def _states_of(self, cells: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """States (n,) of cells (n, 3) of space."""
+        raise NotImplementedError
+
+    def _held_states(self, slot: int) -> NDArray[np.uint8]:
+        """States (cells,) of all cells of a block."""
+        raise NotImplementedError
+
+    def _forget(self, slots: NDArray[np.int64]) -> None:
+        """Clear what else is held of cells of blocks (k,) that became unknown."""
+
+    def _fade(self, rest: NDArray[np.int8], spared: NDArray[np.int8]) -> None:
+        """Replace the evidence of all blocks, and give up those that are all unknown."""
+        blocks, live = self._blocks, self._blocks.live()
+        evidence, fresh = blocks.layers[self.evidence], blocks.layers["fresh"]
+        changed, passed, alive = (np.zeros(len(live), np.bool_) for _ in range(3))
+
+        def fade(_: int, part: tuple[int, int]) -> None:
+            kernels.fade_blocks(live, part, rest, spared, evidence, fresh, changed, passed, alive)
+
+        self._team.share(fade, len(live), parts_each=1)
+        self._stamp += 1
+        blocks.dirty[live[changed]] = True
+        blocks.stamps[live[passed]] = self._stamp
+        self._forget(live[passed])
+        blocks.release(live[~alive], self._stamp)
+
+
+def _region(low: ArrayLike | None, high: ArrayLike | None, resolution: float) -> CellBox | None:
+    """The cells of a region of interest, if there is one.
+
+    Raises:
+        ValueError: Only one corner, or the region is empty, not finite or too large.
+    """
+    if low is None and high is None:
+        return None
+    if low is None or high is None:
+        raise ValueError(f"low, high: got {low!r} and {high!r}, expected both corners or neither")
+    window = Window.covering(low, high, resolution)
+    first = np.array(window.first, np.int64)
+    return first, first + np.array(window.shape, np.int64)

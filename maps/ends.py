@@ -1,0 +1,89 @@
+"""Where the beams of a sweep end, in whole sub-cells: 1/512 of a cell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps import _beam_kernels as beams
+from maps.sweep import Sweep, SweepStatistics
+
+
+@dataclass(frozen=True)
+class Ends:
+    """What the beams of a sweep tell: those that were dropped or too near tell nothing.
+
+    Attributes:
+        points: (k, 3) sub-cells that they end in.
+        moments: (k,) index of the origin of each.
+        returned: (k,) whether each met a surface; else it only clears.
+        count: Of all beams by their fate: returned, cleared, dropped, too near.
+    """
+
+    points: NDArray[np.int64]
+    moments: NDArray[np.int64]
+    returned: NDArray[np.bool_]
+    count: tuple[int, int, int, int]
+
+    @classmethod
+    def of(cls, sweep: Sweep) -> Self:
+        """Find the ends.
+
+        Raises:
+            ValueError: A direction is not of unit length.
+        """
+        squared = (sweep.directions**2).sum(axis=1)
+        strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
+        if strange.any():
+            raise ValueError(
+                f"directions: got {sweep.directions[strange][0]}, expected unit length"
+            )
+        nearest, farthest = sweep.limits_mm
+        millimetres = sweep.ranges_mm.astype(np.int64)
+        dropped = millimetres == beams.DROPPED_MM
+        near = (millimetres < nearest) & ~dropped
+        cleared = (millimetres > farthest) & ~near
+        told = ~(dropped | near)
+        moments = np.zeros(len(told), np.int64) if len(sweep.moments) == 0 else sweep.moments
+        lengths = np.where(cleared, farthest, millimetres)[told] / 1000.0
+        reached = sweep.origins[moments[told]] + sweep.directions[told] * lengths[:, None]
+        places = np.floor(reached * (beams.SUBCELLS / sweep.resolution)).astype(np.int64)
+        returned = ~cleared[told]
+        count = np.count_nonzero(returned), np.count_nonzero(cleared & told)
+        return cls(
+            places + np.array([0, 0, beams.FLOOR_SUBCELLS]),
+            moments[told].astype(np.int64),
+            returned,
+            (int(count[0]), int(count[1]), int(dropped.sum()), int(near.sum())),
+        )
+
+    def merged(self) -> Ends:
+        """One beam for all that leave one origin and end in one cell, to the mean of their ends.
+
+        Those with a return stay apart from those without (the merged integrator of Oleynikova et
+        al. 2017, "Voxblox", IV-B).
+        """
+        if len(self.points) == 0:
+            return self
+        cells = self.points >> beams.SUBCELL_BITS
+        corner = cells.min(axis=0)
+        extent = cells.max(axis=0) - corner + 1
+        names = 2 * self.moments + self.returned
+        for axis in range(3):
+            names = names * extent[axis] + (cells[:, axis] - corner[axis])
+        _, first, group, members = np.unique(
+            names, return_index=True, return_inverse=True, return_counts=True
+        )
+        # Sums of whole numbers below 2^53: exact in whatever order.
+        inside = self.points - (corner << beams.SUBCELL_BITS)
+        sums = [np.bincount(group, weights=inside[:, axis]) for axis in range(3)]
+        means = np.stack(sums, axis=1).astype(np.int64) // members[:, None]
+        points = means + (corner << beams.SUBCELL_BITS)
+        return Ends(points, self.moments[first], self.returned[first], self.count)
+
+    def statistics(self, cells_updated: int) -> SweepStatistics:
+        """What became of the sweep."""
+        return SweepStatistics(*self.count, cells_updated)

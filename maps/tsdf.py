@@ -1,0 +1,315 @@
+"""A truncated signed distance field: averaged distances to surfaces instead of log-odds."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maps import _beam_kernels as beams
+from maps import _tsdf_kernels as kernels
+from maps.block_map import BlockMap, CellBox
+from maps.config import MapConfig
+from maps.ends import Ends
+from maps.grid import FLOOR_LAYER, cell_box, cells_at, centres, finite_vector
+from maps.states import FREE, OCCUPIED
+from maps.sweep import SweepStatistics, prepare_sweep
+
+MAX_WINDOW_CELLS = 1 << 29
+NO_GUARD = -1
+
+
+class TsdfMap(BlockMap):
+    """Cells over all space, each with the signed distance to the nearest surface and a weight.
+
+    Each sweep gives each cell one distance, at most 4 cells long, that is averaged with what is
+    held by weight (Curless & Levoy 1996, "A volumetric method for building complex models from
+    range images"). Beams are merged by the cell that they end in and clear all of their way, and
+    the weight falls off behind a surface (Oleynikova et al. 2017, "Voxblox"). All is counted in
+    whole 1/256 of a cell: see `_tsdf_kernels`.
+
+    A cell is occupied where the distance is at most half a cell's diagonal, so that the surface may
+    touch it, or negative; free where it is more; unknown where the weight is 0. So what is seen
+    from one side only is up to 4 cells thick, and a surface is a cell thicker than VoxelMap's.
+
+    Hits, misses and clamps of the configuration have no meaning here. A standing body's marks weigh
+    as one sweep.
+    """
+
+    evidence = "weight"
+    told = ("distance", "weight")
+
+    def __init__(
+        self,
+        config: MapConfig,
+        threads: int = 1,
+        low: ArrayLike | None = None,
+        high: ArrayLike | None = None,
+    ) -> None:
+        """Make an unknown map.
+
+        Args:
+            config: The settings.
+            threads: Number of threads that share the work of a sweep.
+            low: (3,) least corner of the region of interest, m, world; None for all space. What is
+                outside stays unknown.
+            high: (3,) greatest corner, m, world.
+
+        Raises:
+            ValueError: Not 1 to 64 threads, only one corner, or a region that is empty, not finite
+                or of more cells than a costmap may have.
+        """
+        layers = {"distance": np.int16, "weight": np.int8}
+        super().__init__(config, threads, low, high, (kernels.EDGE,) * 3, layers)
+        self._scores = np.zeros((threads, 0), np.uint16)
+
+    def integrate(
+        self,
+        origins: ArrayLike,
+        directions: NDArray[np.float64],
+        ranges_mm: NDArray[np.uint16],
+        range_limit: float,
+        time_ns: int,
+        moments: NDArray[np.int32] | None = None,
+    ) -> SweepStatistics:
+        """Take in one sweep; the arguments are those of `VoxelMap.integrate`.
+
+        With the surface guard, a beam that ends in the floor's layer does not clear that layer, at
+        grazing angles, and the cells above it are free however near the floor is.
+
+        Raises:
+            ValueError: As there; the beams may span 2^29 cells. The map is then as before.
+        """
+        config = self.config
+        sweep = prepare_sweep(
+            origins,
+            moments,
+            directions,
+            ranges_mm,
+            range_limit,
+            config.minimum_range,
+            self.resolution,
+        )
+        ends = Ends.of(sweep).merged()
+        starts = sweep.sensors[ends.moments]
+        cells = np.concatenate([starts, ends.points]) >> beams.SUBCELL_BITS
+        if len(cells) == 0:
+            self.advance(time_ns)
+            return ends.statistics(0)
+        reach = kernels.TRUNCATION_CELLS
+        box = self._clip(cells.min(axis=0) - reach, cells.max(axis=0) + reach + 1)
+        corner, shape = self._open(box)
+        self.advance(time_ns)
+        touched = np.zeros((self._team.size, int(np.prod(shape))), np.bool_)
+        low = corner * kernels.EDGE  # cells
+        guard = FLOOR_LAYER - int(low[2]) if config.surface_guard == "floor" else NO_GUARD
+        shift = low << beams.SUBCELL_BITS
+        first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
+        inside = np.stack(box) - low
+
+        def trace(member: int, part: tuple[int, int]) -> None:
+            kernels.trace_all(
+                first,
+                last,
+                ends.returned,
+                part,
+                guard,
+                shape,
+                inside,
+                self._scores[member],
+                touched[member],
+            )
+
+        self._team.share(trace, len(starts))
+        return ends.statistics(self._update(corner, shape, np.bitwise_or.reduce(touched), time_ns))
+
+    def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+        """Tell the cells whose centres lie in a box that they are free, except occupied ones.
+
+        Args:
+            low: (3,) least corner, m, world.
+            high: (3,) greatest corner, m, world.
+            time_ns: Simulated time, ns.
+
+        Raises:
+            ValueError: A corner is not finite.
+        """
+        box = cell_box(low, high, self.resolution)
+        self._mark(box, None, kernels.TRUNCATION, OCCUPIED, time_ns)
+
+    def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
+        """Tell the cells whose centres lie in a sphere that they are free, except occupied ones.
+
+        Args:
+            centre: (3,) m, world.
+            radius: m.
+            time_ns: Simulated time, ns.
+
+        Raises:
+            ValueError: The sphere is not finite.
+        """
+        middle = finite_vector("centre", centre)
+        box = cell_box(middle - radius, middle + radius, self.resolution)
+        self._mark(box, (middle, radius), kernels.TRUNCATION, OCCUPIED, time_ns)
+
+    def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+        """Tell the floor's cells whose centres lie in a rectangle of a surface, except free ones.
+
+        Args:
+            low: (2,) least corner, m, world.
+            high: (2,) greatest corner, m, world.
+            time_ns: Simulated time, ns.
+
+        Raises:
+            ValueError: A corner is not finite.
+        """
+        first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], self.resolution)
+        first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
+        self._mark((first, end), None, 0, FREE, time_ns)
+
+    def distance_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Signed distance to the surface at the cells of points (n, 3), m, world: (n,) m.
+
+        At most 4 cells, negative behind the surface; NaN where unknown.
+        """
+        cells, inside = cells_at(points, self.resolution)
+        distances, weights = self._held_at(cells)
+        metres = distances * (self.resolution / kernels.UNITS)
+        return np.where(inside & (weights > 0), metres, np.nan)
+
+    def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """How sure the state is, as a probability of occupancy at points (n, 3): (n,).
+
+        A distance field keeps none. Told is 1/2 where unknown, 1/2 (1 + w / (w + 1)) where occupied
+        and 1/2 (1 - w / (w + 1)) where free, with w the weight in sweeps.
+        """
+        cells, inside = cells_at(points, self.resolution)
+        _, weights = self._held_at(cells)
+        sweeps = weights / kernels.FULL_WEIGHT
+        sure = 0.5 * sweeps / (sweeps + 1.0)
+        sign = np.where(self._states_of(cells) == OCCUPIED, 1.0, -1.0)
+        return np.where(inside, 0.5 + sign * sure, 0.5)
+
+    def columns(
+        self, low_cell: ArrayLike, shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The states of a window of cells, a bit each, as `VoxelMap.columns` tells them."""
+        occupied, free = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
+        low = np.array(np.ravel(low_cell), np.int64)
+        if occupied.size:
+            blocks = self._blocks
+            live = blocks.live()
+            firsts = blocks.keys[live] * kernels.EDGE - low
+            size = np.array([shape[0], shape[1], 64 * shape[2]])
+            near = np.all((firsts > -kernels.EDGE) & (firsts < size), axis=1)
+            held = blocks.layers["distance"], blocks.layers["weight"]
+            kernels.write_columns(live[near], firsts[near], *held, occupied, free)
+        return occupied, free
+
+    def memory_bytes(self) -> int:
+        """Bytes of the blocks in use and of the scores of a sweep.
+
+        Of the scores the system holds only those that a sweep ever told.
+        """
+        return super().memory_bytes() + self._scores.nbytes
+
+    def _units(self) -> bytes:
+        return b"tsdf" + struct.pack("<2q", kernels.UNITS, kernels.FULL_WEIGHT)
+
+    def _states_of(self, cells: NDArray[np.int64]) -> NDArray[np.uint8]:
+        distances, weights = self._held_at(cells)
+        states = np.empty(len(cells), np.uint8)
+        kernels.states_of(distances, weights, states)
+        return states
+
+    def _held_states(self, slot: int) -> NDArray[np.uint8]:
+        layers = self._blocks.layers
+        states = np.empty(1 << kernels.CELLS_BITS, np.uint8)
+        kernels.states_of(layers["distance"][slot], layers["weight"][slot], states)
+        return states
+
+    def _held_at(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.int16], NDArray[np.int8]]:
+        """Distances and weights (n,) of cells (n, 3); 0 where nothing is held."""
+        slots, places = self._blocks.locate(cells)
+        distances, weights = (self._blocks.layers[n][slots, places] for n in self.told)
+        distances[slots < 0] = weights[slots < 0] = 0
+        return distances, weights
+
+    def _forget(self, slots: NDArray[np.int64]) -> None:
+        layers = self._blocks.layers
+        for slot in slots:
+            layers["distance"][slot][layers["weight"][slot] == 0] = 0
+
+    def _mark(
+        self,
+        box: CellBox,
+        ball: tuple[NDArray[np.float64], float] | None,
+        distance: int,
+        except_for: int,
+        time_ns: int,
+    ) -> None:
+        """Tell the cells of a box, or of a ball in it, a distance; spare those of one state."""
+        first, end = self._clip(*box)
+        shape = tuple(int(n) for n in end - first)
+        corner, blocks = self._open((first, end))
+        self.advance(time_ns)
+        cells = np.moveaxis(np.indices(shape), 0, -1).reshape(-1, 3) + first
+        if ball is not None:
+            squared = ((centres(cells, self.resolution) - ball[0]) ** 2).sum(axis=1)
+            cells = cells[squared <= ball[1] * ball[1]]
+        cells = cells[self._states_of(cells) != except_for]
+        block = np.ravel_multi_index(tuple((cells // kernels.EDGE - corner).T), blocks)
+        place = np.ravel_multi_index(tuple((cells % kernels.EDGE).T), (kernels.EDGE,) * 3)
+        self._scores[0][(block << kernels.CELLS_BITS) + place] = kernels.score_of(distance)
+        touched = np.zeros(int(np.prod(blocks)), np.bool_)
+        touched[block] = True
+        self._update(corner, blocks, touched, time_ns)
+
+    def _clip(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> CellBox:
+        """The part of a box of cells that lies in the region of interest; may be empty."""
+        if self._region is not None:
+            first, end = np.maximum(first, self._region[0]), np.minimum(end, self._region[1])
+        return first, np.maximum(first, end)
+
+    def _open(self, box: CellBox) -> tuple[NDArray[np.int64], tuple[int, int, int]]:
+        """Make room for the scores of a box: its first block, and the number of blocks."""
+        first, end = box
+        corner = first // kernels.EDGE
+        nx, ny, nz = (int(n) for n in -(-end // kernels.EDGE) - corner)
+        cells = nx * ny * nz << kernels.CELLS_BITS
+        if cells > MAX_WINDOW_CELLS:
+            raise ValueError(
+                f"beams: got {cells} cells around them, expected at most {MAX_WINDOW_CELLS}: "
+                "a shorter range or coarser cells"
+            )
+        if self._scores.shape[1] < cells:
+            self._scores = np.zeros((self._team.size, cells), np.uint16)
+        return corner, (nx, ny, nz)
+
+    def _update(
+        self,
+        corner: NDArray[np.int64],
+        shape: tuple[int, int, int],
+        touched: NDArray[np.bool_],  # (blocks,)
+        time_ns: int,
+    ) -> int:
+        """Average the scores into the cells; return the number of cells that were told."""
+        blocks = self._blocks
+        self._stamp += 1
+        places = np.flatnonzero(touched)
+        keys = np.stack(np.unravel_index(places, shape), axis=1) + corner
+        slots = blocks.reserve(keys, self._stamp)
+        changes, updated = np.zeros(len(places), np.uint8), np.zeros(len(places), np.int64)
+        layers = blocks.layers["distance"], blocks.layers["weight"], blocks.layers["fresh"]
+
+        def update(_: int, part: tuple[int, int]) -> None:
+            kernels.update_blocks(slots, places, part, self._scores, *layers, changes, updated)
+
+        self._team.share(update, len(places), parts_each=1)
+        known = slots >= 0
+        held = slots[known]
+        blocks.observed_ns[held] = np.maximum(blocks.observed_ns[held], time_ns)
+        blocks.dirty[held[changes[known] & kernels.CHANGED > 0]] = True
+        blocks.stamps[held[changes[known] & kernels.TURNED > 0]] = self._stamp
+        return int(updated.sum())

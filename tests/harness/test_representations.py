@@ -1,0 +1,39 @@
+"""Episodes on the other representations: they drive safely, replay, and refuse what they cannot."""
+
+from pathlib import Path
+
+import pytest
+
+from harness.config import Config, override
+from harness.episode import run_episode
+from harness.errors import InputError
+from harness.reader import open_log
+from harness.replay import replay
+from harness.scenario import build
+
+
+@pytest.mark.parametrize("kind", ["grid2d", "tsdf"])
+def test_a_quadruped_drives_through_the_corridor(recorded, kind):
+    result = recorded("corridor", "quadruped", 1, f"map.kind={kind}", "episode.time_limit=8")
+    assert result.outcome == "timeout", result.reason
+    assert result.collisions == 0
+    assert result.path_length_m > 3.0
+    assert result.min_clearance_m > 0.1
+    again = replay(Path(result.log))
+    assert again.identical
+    decisions = [record.decision for record in open_log(Path(result.log)).records()]
+    assert {decision.representation for decision in decisions} == {kind}
+    assert len({decision.map_version for decision in decisions}) > 70
+
+
+def test_a_drone_reaches_its_goal_on_a_distance_field(recorded):
+    result = recorded("empty", "drone", 1, "map.kind=tsdf", "map.resolution=0.2", "goal=[6.0, 4.0]")
+    assert result.outcome == "success", result.reason
+    assert result.collisions == 0
+    assert replay(Path(result.log)).identical
+
+
+def test_a_flat_grid_refuses_a_drone_in_one_line(tmp_path):
+    scenario = build(override(Config("empty", "drone", 1), ["map.kind=grid2d"]))
+    with pytest.raises(InputError, match=r"no map for this mission: map.kind: got 'grid2d' for a"):
+        run_episode(scenario, tmp_path / "refused.mcap")

@@ -1,0 +1,365 @@
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, TsdfMap, VoxelMap, states_in
+from maps import _tsdf_kernels as kernels
+
+SECOND = 10**9
+FORWARD = np.array([[1.0, 0.0, 0.0]])
+EYE = (0.55, 1.05, 0.475)  # the middle of a cell
+
+
+def make(threads=1, **settings):
+    return TsdfMap(MapConfig(**({"half_life": 0.0, "memory_mib": 16} | settings)), threads)
+
+
+def look(tsdf, *ranges_mm, directions=None, origin=EYE, time_ns=0, limit=3.0):
+    directions = np.repeat(FORWARD, len(ranges_mm), 0) if directions is None else directions
+    ranges_mm = np.array(ranges_mm, np.uint16)
+    return tsdf.integrate(origin, np.array(directions, float), ranges_mm, limit, time_ns)
+
+
+def along_x(*cells):
+    """Centres of cells ahead of the eye, whose own is 0."""
+    return np.array(EYE) + np.array(cells)[:, None] * [0.1, 0.0, 0.0]
+
+
+def scattered(seed, count=300):
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return directions, rng.integers(300, 1600, count).astype(np.uint16)
+
+
+def test_one_beam_by_hand():
+    tsdf = make()
+    statistics = look(tsdf, 2000)
+    assert (statistics.hits, statistics.cells_updated) == (1, 24)  # 4 cells beyond weigh nothing
+    at = along_x(0, 16, 17, 18, 19, 20, 21, 22, 23, 24)
+    expected = [0.4, 0.4, 0.3, 0.2, 0.1, 0.0, -0.1, -0.2, -0.3, math.nan]
+    np.testing.assert_allclose(tsdf.distance_at(at), expected, atol=1e-12)
+    # 0.1 m is more than half a diagonal, 0.087 m.
+    states = [FREE] * 5 + [OCCUPIED] * 4 + [UNKNOWN]
+    assert tsdf.state_at(at).tolist() == states
+    # Weights 8, and behind one cell 8 * 512 // 768 = 5 and 8 * 256 // 768 = 2, of 8 a sweep.
+    sure = [0.5 * w / (w + 8) for w in (8, 8, 5, 2, 0)]
+    np.testing.assert_allclose(tsdf.probability_at(at)[-5:] - 0.5, sure)
+    assert tsdf.probability_at(at)[0] == 0.25
+    assert tsdf.counts() == {"free": 20, "occupied": 4}
+
+
+def test_two_sweeps_are_averaged_by_weight():
+    tsdf = make()
+    look(tsdf, 2000)
+    look(tsdf, 2100)
+    # Cell 20: 0 and 256 units; 21: -256 and 0; 22: -512 with 5 and -256 with 8; 24: -768 with 2.
+    expected = [128, -128, round((-512 * 5 - 256 * 8) / 13), -768]
+    got = tsdf.distance_at(along_x(20, 21, 22, 24)) * 2560
+    np.testing.assert_allclose(got, expected, atol=1e-9)
+    assert tsdf.state_at(along_x(20)).tolist() == [OCCUPIED]
+
+
+def test_what_has_gone_is_free_after_a_few_sweeps_however_often_it_was_seen():
+    tsdf = make()
+    for _ in range(40):
+        look(tsdf, 2000)
+    assert tsdf.probability_at(along_x(20))[0] == 0.5 + 0.5 * 15 / 16  # at most 15 sweeps
+    sweeps = 0
+    while tsdf.state_at(along_x(20))[0] == OCCUPIED:
+        look(tsdf, 2900)
+        sweeps += 1
+    # 1024 (1 - (15/16)^n) > 221: n = 4 by hand, all but rounding: 64, 124, 180, 233 units.
+    assert sweeps == 4
+
+
+def test_a_beam_without_return_clears_and_tells_of_no_surface():
+    tsdf = make()
+    look(tsdf, 65535)
+    assert tsdf.counts() == {"free": 31, "occupied": 0}
+    assert look(tsdf, 0, 299).cells_updated == 0
+
+
+def test_a_surface_wins_over_beams_that_pass_it_in_the_same_sweep():
+    tsdf = make()
+    for _ in range(5):
+        look(tsdf, 2000, 2900)
+    assert tsdf.state_at(along_x(20, 21)).tolist() == [OCCUPIED, FREE]  # 21 was passed as well
+
+
+def test_beams_are_merged_to_the_mean_of_their_ends():
+    tsdf, single = make(), make()
+    look(tsdf, 1960, 2040)
+    look(single, 2000)
+    at = along_x(18, 19, 20, 21, 22)
+    np.testing.assert_allclose(tsdf.distance_at(at), single.distance_at(at), atol=0.1 / 256 + 1e-9)
+    assert tsdf.counts() == single.counts()
+
+
+def naive_crossed(start, end, cells):
+    """Whether a segment crosses the inside of cells (n, 3), and whether it is beyond doubt."""
+    way = (end - start).astype(float)
+    enter, leave = np.zeros(len(cells)), np.ones(len(cells))
+    for axis in range(3):
+        if way[axis] == 0:
+            miss = cells[:, axis] != start[axis] >> 10
+            leave[miss] = -1.0
+            continue
+        faces = (cells[:, axis, None] * 1024 + [0, 1024] - start[axis]) / way[axis]
+        enter = np.maximum(enter, faces.min(axis=1))
+        leave = np.minimum(leave, faces.max(axis=1))
+    return leave - enter > 1e-9, np.abs(leave - enter) > 1e-9
+
+
+def naive_sweep(origin, directions, ranges_mm, cells):
+    """What a sweep tells cells (n, 3): by cell the best (distance, weight), and where doubtful."""
+    start = np.floor(np.array(origin) * 5120).astype(int) + np.array([0, 0, 384])
+    groups = {}
+    for direction, millimetres in zip(directions, ranges_mm.tolist(), strict=True):
+        end = np.floor((np.array(origin) + direction * (millimetres / 1000)) * 5120).astype(int)
+        end += [0, 0, 384]
+        groups.setdefault(tuple(end // 512), []).append(end)
+    best, doubt = {}, np.zeros(len(cells), bool)
+    for ends in groups.values():
+        first, last = 2 * start + 1, 2 * (np.sum(ends, axis=0) // len(ends)) + 1
+        way = last - first
+        length = math.isqrt(int(way @ way))
+        beyond = (last + 4096 * way // length) | 1
+        crossed, sure = naive_crossed(first, beyond, cells)
+        doubt |= ~sure
+        for i in np.flatnonzero(crossed).tolist():
+            dot = int((last - cells[i] * 1024 - 512) @ way)
+            distance = min(math.floor(Fraction(dot, 4 * length)), 1024)
+            weight = 8 if distance >= -256 else 8 * (distance + 1024) // 768
+            if distance > -1024 and weight > 0:
+                told = (distance < -222, abs(distance), distance > 0, distance, weight)
+                best[i] = min(best.get(i, told), told)
+    return best, doubt
+
+
+def test_sweeps_are_those_of_a_naive_field():
+    cells = np.moveaxis(np.indices((44, 44, 44)), 0, -1).reshape(-1, 3) - 22
+    tsdf = make(surface_guard="none", minimum_range=0.0)
+    held = {i: (0, 0) for i in range(len(cells))}
+    doubt = np.zeros(len(cells), bool)
+    for seed in range(3):
+        directions, ranges_mm = scattered(seed, 40)
+        origin = np.random.default_rng(seed).uniform(-0.2, 0.2, 3)
+        look(tsdf, *ranges_mm, directions=directions, origin=origin)
+        best, unsure = naive_sweep(origin, directions, ranges_mm, cells)
+        doubt |= unsure
+        for i, (*_, distance, weight) in best.items():
+            before, weight_before = held[i]
+            both = weight_before + weight
+            mean = Fraction(before * weight_before + distance * weight, both)
+            held[i] = math.floor(mean + Fraction(1, 2)), min(both, 120)
+    points = (cells + 0.5) * 0.1 - [0.0, 0.0, 0.075]
+    distances = np.array([held[i][0] / 2560 if held[i][1] else math.nan for i in held])
+    assert np.count_nonzero(~np.isnan(distances)) > 1300
+    assert doubt.mean() < 0.01
+    np.testing.assert_allclose(tsdf.distance_at(points)[~doubt], distances[~doubt], atol=1e-12)
+
+
+def test_scores_hold_their_distances_and_order_them():
+    distances = list(range(-1023, 1025))
+    assert [kernels.distance_of(kernels.score_of(d)) for d in distances] == distances
+    for kernel, inputs in (
+        (kernels.score_of, distances),
+        (kernels.weight_of, distances),
+        (kernels.distance_of, range(2000, 8192)),
+    ):
+        assert [kernel(i) for i in inputs] == [kernel.py_func(i) for i in inputs]
+    order = sorted(distances, key=kernels.score_of, reverse=True)
+    assert order[:5] == [0, -1, 1, -2, 2]
+    assert order[-1] == -1023
+    assert order.index(1024) < order.index(-223)  # seen before hidden
+    assert min(kernels.score_of(d) for d in distances) > 0
+
+
+@pytest.mark.parametrize("threads", [2, 5])
+def test_neither_threads_nor_the_order_of_beams_count(threads):
+    alone, team, shuffled = make(), make(threads), make()
+    for k in range(4):
+        directions, ranges_mm = scattered(k)
+        order = np.random.default_rng(k).permutation(len(directions))
+        told = [
+            look(alone, *ranges_mm, directions=directions),
+            look(team, *ranges_mm, directions=directions),
+            look(shuffled, *ranges_mm[order], directions=directions[order]),
+        ]
+        assert told[0] == told[1] == told[2]
+        assert alone.version() == team.version() == shuffled.version()
+    assert alone.counts()["occupied"] > 500
+
+
+def test_a_flat_floor_seen_while_walking_stays_whole_and_free_above():
+    elevation = np.deg2rad(np.linspace(-45.0, 15.0, 32))[:, None]
+    azimuth = np.arange(250) * (2.0 * np.pi / 250)
+    directions = np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation) + 0.0 * azimuth,
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    with np.errstate(divide="ignore"):
+        ranges = np.where(directions[:, 2] < 0.0, -0.42 / directions[:, 2], np.inf)
+    ranges_mm = np.where(ranges > 8.0, 65535, np.round(1000.0 * ranges)).astype(np.uint16)
+    tsdf = make(memory_mib=64)
+    ever_hit = np.zeros((180, 180), bool)
+    box = (-9.0, -9.0, -0.07), (9.0, 9.0, 0.12)
+    for k in range(11):
+        look(tsdf, *ranges_mm, directions=directions, origin=(0.1 * k, 0, 0.42), limit=8.0)
+        ever_hit |= states_in(tsdf, *box)[:, :, 0] == OCCUPIED
+    floor, above = np.moveaxis(states_in(tsdf, *box), 2, 0)
+    assert ever_hit.sum() > 2000
+    assert np.all(floor[ever_hit] == OCCUPIED)
+    assert not np.any(above == OCCUPIED)
+
+
+def test_weights_fade_by_the_half_life_and_the_distance_stays():
+    tsdf = make(half_life=1.0)  # halves with every tick
+    look(tsdf, 2000, time_ns=100)
+    tsdf.advance(SECOND)  # fresh: seen since the tick before
+    assert tsdf.probability_at(along_x(20))[0] == 0.75
+    versions, weights = set(), []
+    for k in range(2, 12):
+        tsdf.advance(k * SECOND)
+        versions.add(tsdf.version())
+        sure = 2.0 * (tsdf.probability_at(along_x(20))[0] - 0.5)
+        weights.append(round(8 * sure / (1 - sure)))
+        if weights[-1] > 0:
+            assert tsdf.distance_at(along_x(20))[0] == 0.0
+    assert weights == sorted(weights, reverse=True)
+    assert weights[0] in (3, 4, 5)
+    assert weights[-1] == 0
+    assert tsdf.version() == make(half_life=1.0).version()
+    assert tsdf.observed_ns_at(along_x(20)).tolist() == [-1]
+    assert len(versions) > 3
+    late = make(half_life=1.0)
+    look(late, 2000, time_ns=100)
+    late.advance(4 * SECOND)
+    step_by_step = make(half_life=1.0)
+    look(step_by_step, 2000, time_ns=100)
+    for k in range(5):
+        step_by_step.advance(k * SECOND)
+    assert late.version() == step_by_step.version()
+
+
+def test_marks_spare_what_contradicts_them():
+    tsdf = make()
+    look(tsdf, 2000)
+    tsdf.mark_free((2.4, 0.9, 0.4), (2.8, 1.2, 0.6), 3)
+    beside = [2.55, 1.15, 0.475]
+    assert tsdf.state_at([*along_x(20), beside]).tolist() == [OCCUPIED, FREE]
+    assert tsdf.distance_at([beside]).tolist() == [0.4]
+    sphere = make()
+    sphere.mark_free_sphere((2.05, 1.05, 0.975), 0.21, 0)
+    assert sphere.counts() == {"free": 33, "occupied": 0}
+    sphere.mark_floor((1.0, 1.0), (1.2, 1.2), 7)
+    assert sphere.counts() == {"free": 33, "occupied": 4}
+    sphere.mark_free((1.0, 1.0, -0.1), (1.4, 1.2, 0.0), 9)
+    assert sphere.counts() == {"free": 37, "occupied": 4}
+    assert sphere.observed_ns_at([[1.0, 1.0, 0.0]]).tolist() == [9]
+
+
+def test_columns_tell_the_states():
+    tsdf = make()
+    directions, ranges_mm = scattered(3)
+    look(tsdf, *ranges_mm, directions=directions, origin=(0.0, 0.0, 0.0))
+    low = np.array([-9, -7, -70])
+    occupied, free = tsdf.columns(low, (20, 18, 2))
+    cells = np.moveaxis(np.indices((20, 18, 128)), 0, -1) + low
+    points = (cells.reshape(-1, 3) + 0.5) * 0.1 - [0.0, 0.0, 0.075]
+    states = tsdf.state_at(points).reshape(20, 18, 128)
+    for words, state in ((occupied, OCCUPIED), (free, FREE)):
+        bits = np.unpackbits(words.view(np.uint8), axis=2, bitorder="little")
+        assert (bits == (states == state)).all()
+        assert bits.sum() > 300
+
+
+def test_a_costmap_that_follows_is_one_made_anew():
+    tsdf = make(half_life=2.0)
+    body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), "air", 0.15, 0.2, 0.0
+    following = Costmap(tsdf.config, tsdf, *body)
+    for k in range(12):
+        directions, ranges_mm = scattered(k)
+        if k < 6:
+            look(tsdf, *ranges_mm, directions=directions, origin=(0, 0, 0.4), time_ns=k * SECOND)
+        tsdf.advance(2 * k * SECOND)
+        following.update(0.1)
+        anew = Costmap(tsdf.config, tsdf, *body)
+        assert (following.clearance == anew.clearance).all()
+        assert (following.obstacle_clearance == anew.obstacle_clearance).all()
+
+
+def test_memory_is_bounded_and_the_oldest_goes():
+    tsdf = make(memory_mib=1)
+    for k in range(150):
+        look(tsdf, 2000, origin=(10.0 * k, 1.05, 0.475), time_ns=k)
+        assert tsdf._blocks.nbytes <= 1 << 20
+    first, last = [[1.95, 1.05, 0.475]], [[1491.95, 1.05, 0.475]]
+    assert tsdf.state_at(first).tolist() == [UNKNOWN]
+    assert tsdf.state_at(last).tolist() == [OCCUPIED]
+    boxes, now = tsdf.changed(1)
+    assert [16, 0, 0, 32, 16, 16] in boxes.tolist()  # that of the first one's end, which is gone
+    assert len(tsdf.changed(now)[0]) == 0
+
+
+def test_a_region_of_interest_holds_what_a_map_without_bounds_does():
+    low, high = (-0.5, -0.4, -0.3), (0.8, 0.9, 0.6)
+    config = MapConfig(half_life=0.0, memory_mib=16)
+    bounded, free = TsdfMap(config, 1, low, high), TsdfMap(config)
+    for k in range(3):
+        directions, ranges_mm = scattered(k)
+        for tsdf in (bounded, free):
+            look(tsdf, *ranges_mm, directions=directions, origin=(0.0, 0.0, 0.2))
+    box = (-0.49, -0.39, -0.29), (0.79, 0.89, 0.59)
+    assert (states_in(bounded, *box) == states_in(free, *box)).all()
+    assert np.count_nonzero(states_in(bounded, *box)) > 500
+    assert bounded.counts()["free"] < free.counts()["free"]
+    with pytest.raises(ValueError, match="expected both corners or neither"):
+        TsdfMap(config, 1, low)
+
+
+@pytest.mark.parametrize("place", [(-777.7, 12.3), (9.9e5, -9.9e5)])
+def test_a_robot_may_be_anywhere(place):
+    tsdf, origin = make(), (*place, 0.475)
+    look(tsdf, 2000, origin=origin)
+    at = np.array([[1.8, 0.0, 0.0], [2.0, 0.0, 0.0]]) + origin
+    assert tsdf.state_at(at).tolist() == [FREE, OCCUPIED]
+
+
+@pytest.mark.parametrize("make_map", [TsdfMap, VoxelMap])
+@pytest.mark.parametrize(
+    ("origin", "directions", "limit", "time_ns", "message"),
+    [
+        ((np.nan, 0, 0), FORWARD, 3.0, 0, "origins: got"),
+        (EYE, [[2.0, 0.0, 0.0]], 3.0, 0, "directions: got .* expected unit length"),
+        (EYE, FORWARD, 300.0, 0, "range_limit: got 300, expected up to 204.7 m"),
+        (EYE, FORWARD, 3.0, -1, "time_ns: got -1, expected 0 or more"),
+    ],
+)
+def test_it_refuses_what_the_voxel_map_refuses(
+    make_map, origin, directions, limit, time_ns, message
+):
+    refusing = make_map(MapConfig(memory_mib=1))
+    before = refusing.version()
+    with pytest.raises(ValueError, match=message):
+        look(refusing, 1000, directions=directions, origin=origin, limit=limit, time_ns=time_ns)
+    assert refusing.version() == before
+
+
+def test_too_large_a_sweep_is_refused():
+    with pytest.raises(ValueError, match="expected at most 536870912: a shorter range or coarser"):
+        look(
+            make(resolution=0.01),
+            20000,
+            20000,
+            20000,
+            limit=20.4,
+            directions=[[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]],
+        )
