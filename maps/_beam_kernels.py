@@ -49,7 +49,8 @@ GRAZED = np.uint8(2)  # a beam ends in its guarded layer
 
 EVERY_LAYER = -(1 << 30)  # below all that a beam may mark
 SECTORS = 4096
-MAX_STEPS = 2 * MAX_BEAM_CELLS + 4
+MAX_STEPS = 2 * MAX_BEAM_CELLS + 18
+LANES = 16  # columns are looked at in whole vectors, also beyond the last one
 
 ONE, TWO = np.uint64(1), np.uint64(2)
 FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
@@ -345,7 +346,7 @@ def trace(
     start: int,  # word of the end's column
     jumps: tuple[int, int],  # words from column to column along x and y
     places: NDArray[np.int64],  # (n,) out: word of each column
-    ways: NDArray[np.int64],  # (n,) out: where the beam enters it
+    ways: NDArray[np.int64],  # (n,) out: where the beam enters it; beyond its way, the whole way
 ) -> None:
     """Find the columns that a beam crosses, from its end on.
 
@@ -365,7 +366,7 @@ def trace(
         place = start + s * jumps[1] + i * turn
         places[k] = place + turn if one_less else place
         way = max(way_x, way_y - pitch_y) if one_less else max(way_x - pitch_x, way_y)
-        ways[k] = max(way, 0)
+        ways[k] = min(max(way, 0), WHOLE_WAY)
 
 
 @kernel
@@ -493,18 +494,20 @@ def carve(
         if n <= 0:
             continue
         jumps = (ny * words if to_x > 0 else -ny * words, words if to_y > 0 else -words)
-        trace(first, halves, (x * ny + y) * words, jumps, places[: n + 1], ways[: n + 1])
-        ways[0], ways[n] = max(ways[0], to_layers), min(ways[n], WHOLE_WAY)
+        padded = -(-n // LANES) * LANES
+        end = padded + 1
+        trace(first, halves, (x * ny + y) * words, jumps, places[:end], ways[:end])
+        ways[0] = max(ways[0], to_layers)
         for word in range(box[2] >> 6, (box[5] >> 6) + 1):
             bottom = 64 * word
-            for s in range(n):
+            for s in range(padded):
                 masks[s] = 0
             for i in range(first_run, at):
                 run = order[i]
                 low, high = int(runs[run, 3]) - bottom, int(runs[run, 4]) - bottom
                 least = min(max(max(int(runs[run, 5]), box[2]) - bottom, 0), 64)
                 keep = bits_from(least) & (bits_from(min(box[5] + 1 - bottom, 64)) ^ FULL)
-                top, end = sensor[2] - bottom * HALVES, n + 1
-                mark_run(low, high, top, keep, ways[:end], lower[:end], upper[:end], masks[:n])
+                top, across = sensor[2] - bottom * HALVES, masks[:padded]
+                mark_run(low, high, top, keep, ways[:end], lower[:end], upper[:end], across)
             for s in range(n):
                 free[np.uint64(places[s] + word)] |= masks[s]
