@@ -141,7 +141,7 @@ class VoxelMap:
         updated = self._apply(marks, time_ns)
         kinds = (beams.RETURNED, beams.CLEARED, beams.DROPPED, beams.TOO_NEAR)
         counts = [int(np.count_nonzero(fates == kind)) for kind in kinds]
-        return SweepStatistics(*counts, cells_updated=updated)
+        return SweepStatistics(counts[0], counts[1], counts[2], counts[3], updated)
 
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Lower the cells whose centres lie in a box by one miss, except occupied ones.
