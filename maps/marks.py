@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from maps import _beam_kernels as beams
 from maps import _brick_kernels as bricks
+from maps import _carve_kernels as carving
 from maps import _update_kernels as update
 from maps.grid import FLOOR_LAYER
 from maps.sweep import Sweep
@@ -165,7 +166,7 @@ class SweepWindow:
         beams.order_runs(runs[:listed], sensors, columns, order)
 
         def carve(member: int, part: tuple[int, int]) -> None:
-            beams.carve(runs, order, part, sensors, within, shape, self._free[member])
+            carving.carve(runs, order, part, sensors, within, shape, self._free[member])
 
         self._team.share(carve, listed)
         return self._collect(corner, shape)

@@ -139,8 +139,9 @@ class VoxelMap:
         self.advance(time_ns)
         marks = self._window.carve(sweep, ends, fates, box, config.surface_guard == "floor")
         updated = self._apply(marks, time_ns)
-        count = np.bincount(fates, minlength=4)
-        return SweepStatistics(int(count[0]), int(count[1]), int(count[2]), int(count[3]), updated)
+        kinds = (beams.RETURNED, beams.CLEARED, beams.DROPPED, beams.TOO_NEAR)
+        counts = [int(np.count_nonzero(fates == kind)) for kind in kinds]
+        return SweepStatistics(counts[0], counts[1], counts[2], counts[3], updated)
 
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Lower the cells whose centres lie in a box by one miss, except occupied ones.

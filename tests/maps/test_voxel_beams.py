@@ -7,8 +7,10 @@ import pytest
 
 from maps import MapConfig, VoxelMap
 from maps import _beam_kernels as kernels
+from maps import _carve_kernels as carving
 
 HALVES = 1024
+KERNELS = {**vars(kernels), "carve": carving.carve}
 WAYS = 2**40
 
 
@@ -133,9 +135,9 @@ def test_a_thousand_sweeps_equal_the_definition_cell_by_cell(threads):
 
 def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
     """Cells of the free marks for beams to the given ends, and those of the hits."""
-    ends, kernel = np.array(ends, np.int32), (lambda name: getattr(kernels, name))
+    ends, kernel = np.array(ends, np.int32), (lambda name: KERNELS[name])
     if run == "python":
-        kernel = lambda name: getattr(kernels, name).py_func  # noqa: E731
+        kernel = lambda name: KERNELS[name].py_func  # noqa: E731
     nx, ny, words = shape
     box = box or (0, 0, 0, nx - 1, ny - 1, 64 * words - 1)
     hits, free, aims = (np.zeros(nx * ny * words, np.uint64) for _ in range(3))
