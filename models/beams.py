@@ -12,6 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from models._jit import kernel
+
 NO_RETURN = np.uint16(65535)
 """A beam that met nothing within range: it clears space up to the sensor's range."""
 
@@ -229,6 +231,24 @@ def rotate(
         R_world_sensor: (3, 3), or (n, 3, 3) of each beam its own.
         directions: (n, 3), sensor frame.
     """
-    x, y, z = directions[:, :1], directions[:, 1:2], directions[:, 2:]
-    R = R_world_sensor
-    return x * R[..., 0] + y * R[..., 1] + z * R[..., 2]
+    turned = np.empty((len(directions), 3))
+    several = np.ndim(R_world_sensor) == 3
+    rotations = R_world_sensor if several else np.asarray(R_world_sensor)[None]
+    # Writable, as numba compiles anew for arrays that are not.
+    turn(*(np.require(array, np.float64, "CW") for array in (rotations, directions)), turned)
+    return turned
+
+
+@kernel
+def turn(
+    rotations: NDArray[np.float64],  # (n, 3, 3), or (1, 3, 3) for all
+    directions: NDArray[np.float64],  # (n, 3)
+    turned: NDArray[np.float64],  # (n, 3) out
+) -> None:
+    """Directions turned by their rotations."""
+    step = 1 if len(rotations) > 1 else 0
+    for i in range(len(directions)):
+        R = rotations[i * step]
+        x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
+        for axis in range(3):
+            turned[i, axis] = x * R[axis, 0] + y * R[axis, 1] + z * R[axis, 2]

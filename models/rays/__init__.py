@@ -11,6 +11,7 @@ Rays that share nothing have a caster of their own.
 import mujoco
 import numpy as np
 
+from models.beams import rotate
 from models.rays.caster import TileCaster
 from models.rays.kernels import Pattern
 from models.rays.ray_caster import RayCaster
@@ -28,6 +29,7 @@ def warm_up() -> None:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     down, above = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
+    rotate(np.eye(3), down)
     pattern, groups = cut_scattered(down), np.ones(mujoco.mjNGROUP, np.uint8)
     caster = TileCaster(model, groups, range=2.0)
     for poses in (1, 2):
