@@ -235,7 +235,9 @@ def rotate(
     several = np.ndim(R_world_sensor) == 3
     rotations = R_world_sensor if several else np.asarray(R_world_sensor)[None]
     # Writable, as numba compiles anew for arrays that are not.
-    turn(*(np.require(array, np.float64, "CW") for array in (rotations, directions)), turned)
+    writable: tuple[Literal["C"], Literal["W"]] = ("C", "W")
+    beams = np.require(directions, np.float64, writable)
+    turn(np.require(rotations, np.float64, writable), beams, turned)
     return turned
 
 
