@@ -6,12 +6,13 @@ import numpy as np
 
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
+from maps.dynamic import DynamicMap
 from maps.inflation import inflate
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
 from maps.voxel import RayEnd, VoxelMap
 
-MAPS = {"voxel": VoxelMap}
+MAPS = {"voxel": VoxelMap, "dynamic": DynamicMap}
 """Representations by name. Each answers the methods of VoxelMap."""
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "STATE_NAMES",
     "UNKNOWN",
     "Costmap",
+    "DynamicMap",
     "MapConfig",
     "RayEnd",
     "SweepStatistics",
