@@ -43,8 +43,9 @@ class MapConfig:
             5 sweeps of 0.1 s, the burn-in of Dynablox (Schmid et al. 2023, RA-L 8).
         vacated_after: Sweeps in a row that have to cross such a cell before it is free again; 2 is
             Dynablox's temporal buffer, which bridges the gaps between beams.
-        static_after: Time after which something that stays in such a cell is part of the
-            surroundings, s; 150 sweeps of 0.1 s, after which Dynablox resets a cell.
+        static_after: Time after which something that was first met in such a cell is part of the
+            surroundings, s. Dynablox waits for 150 sweeps of 0.1 s; but what looks like motion is
+            often a surface between sparse beams, and at 0.25 m/s a body of 0.5 m has passed.
         look_ahead: Time for which moving things are foretold and their ways held occupied, s.
             The default spans two sweeps of 0.1 s.
 
@@ -69,7 +70,7 @@ class MapConfig:
     unknown_policy: UnknownPolicy = "forbid"
     dynamic_after: float = 0.5
     vacated_after: int = 2
-    static_after: float = 15.0
+    static_after: float = 2.0
     look_ahead: float = 0.2
 
     def __post_init__(self) -> None:

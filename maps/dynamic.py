@@ -37,7 +37,7 @@ class Sightings:
 
     Attributes:
         cells: (m, 3) in lexical order.
-        since_ns: (m,) when something entered.
+        since_ns: (m,) when something was first met.
         hit_ns: (m,) when it was last hit.
         crossings: (m,) sweeps that crossed it since it was last hit.
     """
@@ -271,14 +271,13 @@ class DynamicMap(VoxelMap):
         places = np.empty(len(met), np.int64)
         kernels.locate_all(known.cells, met, places)
         again, fresh = places[places >= 0], met[places < 0]
-        entered = again[known.crossings[again] >= self.config.vacated_after]
         cells = np.concatenate([known.cells, fresh])
         since, hit = (
             np.concatenate([times, np.full(len(fresh), self._now_ns)])
             for times in (known.since_ns, known.hit_ns)
         )
         crossings = np.concatenate([known.crossings + crossed, np.zeros(len(fresh), np.int64)])
-        since[entered], hit[again], crossings[again] = self._now_ns, self._now_ns, 0
+        hit[again], crossings[again] = self._now_ns, 0
         order = np.lexsort(cells.T[::-1])
         return Sightings(cells, since, hit, crossings).part(order)
 

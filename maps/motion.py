@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,11 @@ MEMORY_NS = SECOND_NS // 2
 """The velocity is that over this time; a thing that was not met for as long is forgotten."""
 
 MIN_SIGHTINGS = 3
+MIN_TRAVEL = 2 * POINTS
+"""A centroid that came less far may be at rest: as more of a surface comes into view, it wanders.
+
+Slower things than these do not leave their cells within a look-ahead of 0.2 s either.
+"""
 
 Point = tuple[int, int, int]
 
@@ -58,6 +63,14 @@ class Track:
         end_ns, (x, y, z) = self.sightings[-1]
         dx, dy, dz = self.shift(time_ns - end_ns)
         return x + dx, y + dy, z + dz
+
+    @property
+    def moves(self) -> bool:
+        """Whether it went somewhere: far enough, and not to and fro."""
+        points = [centroid for _, centroid in self.sightings]
+        travel = _apart(points[0], points[-1])
+        steps = sum(_apart(a, b) for a, b in pairwise(points))
+        return len(points) >= MIN_SIGHTINGS and travel >= MIN_TRAVEL and steps <= 2 * travel
 
     def seen(self, time_ns: int, centroid: Point) -> Track:
         """The track with one more sighting; a second one at the same time replaces the first."""
@@ -112,7 +125,7 @@ class Traffic:
         ways = [
             way_ahead(cluster, matched[i].shift(self.look_ahead_ns))
             for i, cluster in enumerate(clusters)
-            if len(matched[i].sightings) >= MIN_SIGHTINGS
+            if matched[i].moves
             and len(cluster) >= MIN_CELLS
             and np.ptp(cluster, axis=0).max() < longest
         ]
@@ -161,3 +174,7 @@ def _centroid(cells: NDArray[np.int64]) -> Point:
 
 def _squared(a: Point, b: Point) -> int:
     return sum((i - j) ** 2 for i, j in zip(a, b, strict=True))
+
+
+def _apart(a: Point, b: Point) -> int:
+    return sum(abs(i - j) for i, j in zip(a, b, strict=True))
