@@ -29,9 +29,9 @@ def seek(
     last = directory.shape[0] - 1
     entry = ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & last
     while True:
-        row = directory[entry]
+        row = int(directory[entry])
         if row < 0 or (cells[row, 0] == x and cells[row, 1] == y and cells[row, 2] == z):
-            return entry
+            return int(entry)
         entry = (entry + 1) & last
 
 

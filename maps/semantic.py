@@ -27,8 +27,8 @@ class SemanticLayer:
     when it was seen, and whether it is still there is for the map to say. After something else has
     taken a place, its votes have to outnumber the old ones first.
 
-    Once the memory is full, votes in cells that have none yet are lost, and counted in `lost`; those
-    in known cells still count. A count stays at 2^32 - 1.
+    Once the memory is full, votes in cells that have none yet are lost, and counted in `lost`;
+    those in known cells still count. A count stays at 2^32 - 1.
 
     It stands for itself: the sweeps that an episode logs hold ranges and no classes, so no robot
     makes one.

@@ -46,7 +46,7 @@ def test_many_votes_equal_counting_in_a_dictionary():
         for point, name in zip(points, labels, strict=True):
             cell = tuple(np.floor(point / 0.2 + [0.0, 0.0, 0.75]).astype(int))
             counted.setdefault(cell, np.zeros(7, int))[name] += 1
-    middles = (np.array(list(counted)) + [0.5, 0.5, -0.25]) * 0.2
+    middles = (np.array(list(counted)) + np.array([0.5, 0.5, -0.25])) * 0.2
     np.testing.assert_array_equal(layer.votes_at(middles), list(counted.values()))
     assert layer.lost == 0
 
