@@ -133,11 +133,10 @@ def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
 
 def test_a_cell_beside_something_is_not_dynamic():
     voxel_map, k = confident()
-    edge = np.array([[0.0, -1.0, 0.0]])
-    beam(voxel_map, 500, k, edge)  # ends at y = 0.05, beside what nobody has seen
+    beam(voxel_map, 2900, k, limit=3.0)  # cell 29, beside what nobody has seen
     assert len(voxel_map.dynamic_centres()) == 0
-    beam(voxel_map, 400, k + 1, edge)
-    assert len(voxel_map.dynamic_centres()) == 1
+    beam(voxel_map, 2800, k + 1, limit=3.0)
+    np.testing.assert_allclose(voxel_map.dynamic_centres(), [[2.85, 0.55, 0.575]])
 
 
 def test_a_thing_that_moves_is_foretold_in_whole_cells():
@@ -280,7 +279,7 @@ def test_confidence_needs_a_period_and_every_neighbour():
     assert space.holds(middle)[0]
     assert not space.holds(edge)[0]  # its neighbours were never seen
     digest = space.digest()
-    space.forget(middle, middle + [1, 0, 0])
+    space.forget(middle, middle + np.array([1, 0, 0]))
     told = space.holds(middle + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 2, 0]]))
     assert told.tolist() == [False, True, False, True]
     assert space.digest() != digest
@@ -310,7 +309,7 @@ def test_a_bad_sweep_changes_nothing():
     before = voxel_map.version()
     with pytest.raises(ValueError, match=r"^directions: got .*, expected unit length$"):
         beam(voxel_map, 1000, k + 1, 2.0 * ALONG_X)
-    with pytest.raises(ValueError, match="^threads"):
+    with pytest.raises(ValueError, match=r"^threads"):
         DynamicMap(MapConfig(), threads=0)
     assert voxel_map.version() == before
 
@@ -368,11 +367,10 @@ def box_at(place):
     return (*(place - HALF), 0.0), (*(place + HALF), TALL)
 
 
-def drive(kind, way, threads=1, directions=None, each=lambda *_: None, **settings):
+def drive(kind, way, threads=1, each=lambda *_: None, **settings):
     """Watch the room, in which a box goes its way if there is one."""
-    directions = lidar() if directions is None else directions
     # Off the axes, so that no beam runs within a face.
-    directions = directions @ np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    directions = lidar() @ np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
     config = MapConfig(kind=kind, memory_mib=64, **settings)
     voxel_map = MAPS[kind](config, threads)
     for k in range(round(10 * ENDS)):
@@ -454,7 +452,7 @@ def test_what_two_time_scales_do_not_explain_is_as_in_a_voxel_map():
     window = ((-64, -64, -8), (128, 128, 1))
     differ = np.zeros((128, 128), np.uint64)
     for mine, theirs in zip(one.columns(*window), other.columns(*window), strict=True):
-        differ |= mine ^ theirs
+        differ |= (mine ^ theirs)[..., 0]
     x, y = np.argwhere(differ).T - 64
     assert len(x) > 10
     assert y.min() >= 16
@@ -464,26 +462,32 @@ def test_what_two_time_scales_do_not_explain_is_as_in_a_voxel_map():
 
 
 def test_a_wall_seen_at_grazing_angles_does_not_flicker():
-    """Beams within 3 degrees of a wall, from a sensor that moves along it, for 50 sweeps."""
-    azimuth = np.deg2rad(np.linspace(0.2, 3.0, 300))
-    directions = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(300)], axis=1)
-    turned = {}
-    for kind in ("voxel", "dynamic"):
-        voxel_map, seen, turned[kind] = MAPS[kind](MapConfig(kind=kind, memory_mib=16)), set(), 0
-        for k in range(50):
-            origin = np.array([0.02 * k, 0.433, 0.55])
-            ranges_mm = np.rint((0.5 - origin[1]) / directions[:, 1] * 1000)  # the wall y = 0.5
-            ranges_mm = np.where(ranges_mm <= 6000, ranges_mm, 65535).astype(np.uint16)
+    """A sensor that moves along a wall, within 0.4 m of it and seeing 6 m of it, for 50 sweeps."""
+    azimuth = np.deg2rad(np.linspace(3.5, 40.0, 300))
+    elevation = np.deg2rad(np.linspace(-20.0, 20.0, 41))[:, None]
+    flat, rise = np.cos(elevation), np.broadcast_to(np.sin(elevation), (41, 300))
+    directions = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1)
+    directions = directions.reshape(-1, 3)
+    one, other = (MAPS[kind](MapConfig(kind=kind, memory_mib=16)) for kind in MAPS)
+    seen, turned, told = set(), 0, 0
+    for k in range(50):
+        origin = np.array([0.02 * k, 0.133, 1.05])
+        ranges_mm = np.rint(0.4 / directions[:, 1] * 1000)  # the wall y = 0.533
+        ranges_mm = np.where(ranges_mm <= 6000, ranges_mm, 65535).astype(np.uint16)
+        for voxel_map in (one, other):
             voxel_map.integrate(origin, directions, ranges_mm, 6.0, k * TENTH)
-            now = set(map(tuple, voxel_map.occupied_centres().tolist()))
-            turned[kind] += len(seen - now)
-            seen = now
-        assert len(seen) > 30
-    assert turned == {"voxel": 0, "dynamic": 0}
+        now = other.occupied_centres()
+        np.testing.assert_array_equal(one.occupied_centres(), now)
+        cells = set(map(tuple, now.tolist()))
+        turned, told, seen = turned + len(seen - cells), told + len(cells), cells
+    assert len(seen) > 1000
+    assert turned < 0.001 * told  # cells met once, 6 m away
+    assert len(other.dynamic_centres()) == 0
+    assert other._space.holds(np.array([[20, 3, 10]]))[0]  # the space before the wall
 
 
 def test_the_same_bytes_for_any_threads_and_on_repetition():
-    maps = [drive("dynamic", WAYS["obliquely"], threads, lidar(16, 300)) for threads in (1, 1, 3)]
+    maps = [drive("dynamic", WAYS["obliquely"], threads) for threads in (1, 1, 3)]
     assert len(maps[0].dynamic_centres()) > 20
     assert len({voxel_map.version() for voxel_map in maps}) == 1
     columns = [voxel_map.columns((-64, -64, -8), (128, 128, 1)) for voxel_map in maps]
@@ -504,21 +508,21 @@ def test_every_change_is_told():
         last["columns"] = columns
         last["moved"] += len(differ) if k > 20 else 0
 
-    voxel_map = drive("dynamic", WAYS["across"], directions=lidar(16, 300), each=check)
+    voxel_map = drive("dynamic", WAYS["across"], each=check)
     assert last["moved"] > 100
     assert len(voxel_map.changed(last["now"])[0]) == 0
-    for states in (voxel_map.columns(*window), (np.zeros(0),)):
-        assert len(voxel_map.changed(0)[0]) >= len(states) - 1
+    assert len(voxel_map.changed(0)[0]) > 50
 
 
 def test_the_questions_agree_amid_traffic():
-    voxel_map = drive("dynamic", WAYS["away"], directions=lidar(16, 300))
-    occupied, free = voxel_map.columns((-64, -64, -8), (128, 128, 1))
-    states = voxel_map.states_in((-6.4, -6.4, -0.875), (6.4, 6.4, 5.5))
-    cells = np.argwhere(states != UNKNOWN)[::7] + [-64, -64, -8]
+    voxel_map = drive("dynamic", WAYS["away"])
+    corner = np.array([-128, -128, -8])
+    occupied, free = voxel_map.columns(corner, (256, 256, 1))
+    states = voxel_map.states_in((-12.8, -12.8, -0.875), (12.8, 12.8, 5.5))
+    cells = np.argwhere(states != UNKNOWN)[::7] + corner
     middles = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
     told = voxel_map.state_at(middles)
-    np.testing.assert_array_equal(told, states[tuple((cells + [64, 64, 8]).T)])
+    np.testing.assert_array_equal(told, states[tuple((cells - corner).T)])
     count = [int(np.bitwise_count(words).sum()) for words in (free, occupied)]
     assert list(voxel_map.counts().values()) == count
     assert len(voxel_map.occupied_centres()) == count[1]
