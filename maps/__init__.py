@@ -8,6 +8,7 @@ from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
 from maps.dynamic import DynamicMap
 from maps.inflation import inflate
+from maps.semantic import UNLABELLED, SemanticLayer
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
 from maps.voxel import RayEnd, VoxelMap
@@ -22,10 +23,12 @@ __all__ = [
     "OCCUPIED",
     "STATE_NAMES",
     "UNKNOWN",
+    "UNLABELLED",
     "Costmap",
     "DynamicMap",
     "MapConfig",
     "RayEnd",
+    "SemanticLayer",
     "SweepStatistics",
     "UnknownPolicy",
     "VoxelMap",
@@ -50,4 +53,10 @@ def warm_up() -> None:
     costmap.clearance_at([[0.5, 0.5, 0.5]])
     costmap.cost_at([[0.5, 0.5, 0.5]])
     inflate(np.zeros((1, 1, 1), np.uint64), 1)
+    traffic = DynamicMap(config)
+    traffic.integrate((0.5, 0.5, 0.5), beams, np.array([400, 65535], np.uint16), 1.0, 10**10)
+    traffic.columns((0, 0, 0), (1, 1, 1))
+    labels = SemanticLayer(config.resolution, classes=1, memory_mib=1)
+    labels.integrate([[0.5, 0.5, 0.5]], np.zeros(1, np.uint8))
+    labels.label_at([[0.5, 0.5, 0.5]])
     tiny.advance(round(1e4 * 1e9 * config.decay_period))  # forgets its bricks

@@ -285,11 +285,10 @@ class DynamicMap(VoxelMap):
         """Leave to the lasting evidence what stayed, and what has been left and is free by it."""
         left = sightings.crossings >= self.config.vacated_after
         lasting = super().state_at(centres(sightings.cells, self.resolution))
-        stayed = ~left & (
-            self._now_ns - sightings.since_ns >= round(self.config.static_after * 1e9)
-        )
-        kept = sightings.part(~(stayed | (left & (lasting != OCCUPIED))))
-        surfaces = sightings.cells[stayed & (lasting != FREE)]
+        age_ns = self._now_ns - sightings.since_ns
+        old = age_ns >= round(self.config.static_after * 1e9)
+        done = (left & (lasting == FREE)) | (old & ~(left & (lasting == OCCUPIED)))
+        kept, surfaces = sightings.part(~done), sightings.cells[done & (lasting != FREE)]
         self._space.forget(surfaces, kept.cells)
         return kept
 

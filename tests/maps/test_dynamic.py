@@ -131,6 +131,21 @@ def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
     assert voxel_map.state_at(AHEAD)[0] == FREE
 
 
+def test_a_cell_that_was_hit_within_the_period_is_not_dynamic():
+    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8)
+    voxel_map = DynamicMap(config)
+    for _ in range(5):
+        voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
+    for k in range(11):
+        beam(voxel_map, 1000 if k == 7 else NOTHING, k)
+    assert voxel_map.state_at(AHEAD)[0] == FREE  # -33 units
+    for range_mm in (900, 1000, 1100):  # nor are its neighbours
+        beam(voxel_map, range_mm, 11)
+    assert len(voxel_map.dynamic_centres()) == 0
+    beam(voxel_map, 1200, 11)
+    assert len(voxel_map.dynamic_centres()) == 1
+
+
 def test_a_cell_beside_something_is_not_dynamic():
     voxel_map, k = confident()
     beam(voxel_map, 2900, k, limit=3.0)  # cell 29, beside what nobody has seen
@@ -532,6 +547,23 @@ def test_the_questions_agree_amid_traffic():
     assert end.state == OCCUPIED
     assert end.distance <= np.linalg.norm(target - SENSOR) + 0.1
     assert voxel_map.memory_bytes() > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "error"),
+    [
+        ("across", 0.45),  # m/s; while it passes one of its sides comes into view, one goes
+        ("toward", 0.2),
+        ("away", 0.2),
+        ("obliquely", 0.2),
+    ],
+)
+def test_velocities_are_near_the_true_ones(name, error):
+    voxel_map = drive("dynamic", WAYS[name])
+    largest = max(voxel_map._traffic.tracks, key=lambda track: sum(map(abs, track.shift(TENTH))))
+    velocity = np.array(largest.shift(10 * TENTH)) / POINTS * 0.1  # m/s
+    true = WAYS[name](1.0) - WAYS[name](0.0)
+    assert np.linalg.norm(velocity[:2] - true) < error
 
 
 def test_memory_stays_bounded_along_a_long_way():
