@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from maps import _beam_kernels as beams
 from maps import _motion_kernels as kernels
 from maps.bricks import EVERYWHERE, MAX_GONE
+from maps.cell_sets import as_set, member, slabs
 from maps.config import MapConfig
 from maps.grid import cells_at, centres, finite_vector
 from maps.marks import brick_cells, brick_of
@@ -128,7 +129,7 @@ class DynamicMap(VoxelMap):
         self._now_ns = max(self._now_ns, time_ns)
         self._learn_free()
         hits = _hit_cells(origins, directions, ranges_mm, range_limit, moments, self.config)
-        met = _as_set(hits[self._space.strike(hits)])
+        met = as_set(hits[self._space.strike(hits)])
         self._sightings = self._retire(self._meet(met, crossed))
         self._close_period()
         self._foretell()
@@ -138,7 +139,7 @@ class DynamicMap(VoxelMap):
         """The state at points (n, 3), m, world: (n,)."""
         states = super().state_at(points)
         cells, inside = cells_at(points, self.resolution)
-        claimed, vacated = (_member(part, cells) & inside for part in self._overlay)
+        claimed, vacated = (member(part, cells) & inside for part in self._overlay)
         states[vacated & (states == OCCUPIED)] = FREE
         states[claimed] = OCCUPIED
         return states
@@ -180,7 +181,7 @@ class DynamicMap(VoxelMap):
             inside = end.point + BEYOND * toward
             if self.state_at(inside[None])[0] == OCCUPIED:
                 break
-            _, exits = _slabs(
+            _, exits = slabs(
                 cells_at(inside[None], self.resolution)[0], start, toward, self.resolution
             )
             travelled = float(exits[0]) + BEYOND
@@ -191,7 +192,7 @@ class DynamicMap(VoxelMap):
             end = super().cast_ray(start + travelled * toward, toward, left, stop_at_unknown)
             if end is not None:
                 end = RayEnd(end.state, end.distance + travelled, end.point)
-        entries, exits = _slabs(self._overlay.claimed, start, toward, self.resolution)
+        entries, exits = slabs(self._overlay.claimed, start, toward, self.resolution)
         entries = np.maximum(entries[(entries < exits) & (exits > 0.0)], 0.0)
         nearest = float(entries.min(initial=np.inf))
         if nearest <= max_range and (end is None or nearest < end.distance):
@@ -202,16 +203,14 @@ class DynamicMap(VoxelMap):
         """Centres of all occupied cells, (n, 3) m, world, by brick and then by cell."""
         cells, _ = cells_at(super().occupied_centres(), self.resolution)
         claimed, vacated = self._overlay
-        cells = np.concatenate(
-            [cells[~_member(vacated, cells) & ~_member(claimed, cells)], claimed]
-        )
+        cells = np.concatenate([cells[~member(vacated, cells) & ~member(claimed, cells)], claimed])
         order = np.lexsort((*cells.T[::-1], *brick_of(cells).T[::-1]))
         return centres(cells[order], self.resolution)
 
     def counts(self) -> dict[str, int]:
         """Number of free and of occupied cells by the name of their state."""
         counts = super().counts()
-        middles = centres(_as_set(np.concatenate(self._overlay)), self.resolution)
+        middles = centres(as_set(np.concatenate(self._overlay)), self.resolution)
         lasting, told = super().state_at(middles), self.state_at(middles)
         for state in (FREE, OCCUPIED):
             more = np.count_nonzero(told == state) - np.count_nonzero(lasting == state)
@@ -306,14 +305,14 @@ class DynamicMap(VoxelMap):
         # Not what a thing hides of the way that it came: that would hold it back.
         recent = ~left & (self._now_ns - sightings.hit_ns <= RECENT_NS)
         ahead = self._traffic.follow(sightings.cells[recent], self._now_ns)
-        overlay = Overlay(_as_set(np.concatenate([present, ahead])), sightings.cells[left])
+        overlay = Overlay(as_set(np.concatenate([present, ahead])), sightings.cells[left])
         changes = [
-            part[~_member(other, part)]
+            part[~member(other, part)]
             for old, new in zip(self._overlay, overlay, strict=True)
             for part, other in ((old, new), (new, old))
         ]
         self._overlay = overlay
-        keys = _as_set(brick_of(np.concatenate(changes)))
+        keys = as_set(brick_of(np.concatenate(changes)))
         if len(keys) == 0:
             return
         self._stamp += 1
@@ -342,38 +341,3 @@ def _hit_cells(
     subcells[:, 2] += beams.FLOOR_SUBCELLS
     cells: NDArray[np.int64] = subcells >> beams.SUBCELL_BITS
     return cells
-
-
-def _as_set(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Cells (n, 3) in lexical order, each once."""
-    ordered = cells[np.lexsort(cells.T[::-1])]
-    first = np.ones(len(ordered), np.bool_)
-    first[1:] = np.any(ordered[1:] != ordered[:-1], axis=1)
-    return ordered[first]
-
-
-def _member(part: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether cells (n, 3) are in a set (m, 3): (n,)."""
-    places = np.empty(len(cells), np.int64)
-    kernels.locate_all(part, cells, places)
-    return places >= 0
-
-
-def _slabs(
-    cells: NDArray[np.int64],
-    start: NDArray[np.float64],
-    toward: NDArray[np.float64],
-    resolution: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where a ray enters and leaves cells (n, 3), m along it, (n,); it misses if not in order.
-
-    Kay & Kajiya 1986, "Ray tracing complex scenes".
-    """
-    middles, half = centres(cells, resolution), 0.5 * resolution
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first = (middles - half - start) / toward
-        second = (middles + half - start) / toward
-    # 0 / 0: the ray runs in a face, which belongs to the cell above it.
-    first, second = np.nan_to_num(first, nan=-np.inf), np.nan_to_num(second, nan=-np.inf)
-    entries = np.minimum(first, second).max(axis=1, initial=-np.inf)
-    return entries, np.maximum(first, second).min(axis=1, initial=np.inf)

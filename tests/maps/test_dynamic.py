@@ -566,12 +566,48 @@ def test_velocities_are_near_the_true_ones(name, error):
     assert np.linalg.norm(velocity[:2] - true) < error
 
 
-def test_memory_stays_bounded_along_a_long_way():
+def test_a_rolling_sweep_is_met_where_its_moments_were():
+    voxel_map, k = confident()
+    origins = np.array([[0.05, 0.55, 0.55], [0.25, 0.35, 0.55]])
+    moments = np.array([1, 0, 0], np.int32)
+    ranges_mm = np.array([1000, 500, NOTHING], np.uint16)
+    voxel_map.integrate(origins, np.repeat(ALONG_X, 3, axis=0), ranges_mm, 2.5, k * TENTH, moments)
+    expected = [[0.55, 0.55, 0.575], [1.25, 0.35, 0.575]]
+    np.testing.assert_allclose(voxel_map.dynamic_centres(), expected)
+
+
+def test_the_version_binds_what_is_followed():
+    voxel_map, k = confident()
+    beam(voxel_map, 1000, k)
+    before = voxel_map.version()
+    assert voxel_map.version() == before
+    voxel_map._traffic.tracks = ()
+    assert voxel_map.version() != before
+
+
+def along_a_long_way():
     directions = lidar(8, 100)
-    voxel_map = DynamicMap(MapConfig(kind="dynamic", memory_mib=1, half_life=0.0))
     ranges_mm = np.full(len(directions), 1500, np.uint16)
+    voxel_map, now = DynamicMap(MapConfig(kind="dynamic", memory_mib=1, half_life=0.0)), 0
+    everywhere = 0
     for k in range(60):
         voxel_map.integrate((2.0 * k, 0.0, 0.5), directions, ranges_mm, 3.0, 3 * k * TENTH)
+        boxes, now = voxel_map.changed(now)
+        everywhere += int((boxes[:, 3] - boxes[:, 0] > 16).any())
+    return voxel_map, everywhere
+
+
+def test_a_map_that_cannot_tell_what_it_gave_up_learns_the_same(monkeypatch):
+    told, none = along_a_long_way()
+    monkeypatch.setattr("maps.bricks.MAX_GONE", 1)
+    monkeypatch.setattr("maps.dynamic.MAX_GONE", 1)
+    untold, everywhere = along_a_long_way()
+    assert none == 0 < everywhere
+    assert told.version() == untold.version()
+
+
+def test_memory_stays_bounded_along_a_long_way():
+    voxel_map, _ = along_a_long_way()
     held = len(voxel_map._bricks.live())
     assert held < 60
     assert len(voxel_map._space.keys()) <= 2 * held
