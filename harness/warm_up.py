@@ -8,9 +8,9 @@ from models import rays, truth
 from models.robots import ROBOTS
 
 
-def warm_up(robot: str) -> None:
-    """Compile what an episode of `robot` runs, or load it from the cache."""
-    maps.warm_up()
+def warm_up(robot: str, kind: str = "voxel") -> None:
+    """Compile what an episode of `robot` on a kind of map runs, or load it from the cache."""
+    maps.warm_up(kind)
     planners.warm_up()
     rays.warm_up()
     truth.warm_up()

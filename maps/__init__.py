@@ -7,16 +7,19 @@ import numpy as np
 from maps.columns import states_in
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
+from maps.dynamic import DynamicMap
 from maps.grid2d import Grid2D
 from maps.inflation import inflate
 from maps.octomap import OctoMap
 from maps.representation import Maker, Representation
+from maps.semantic import UNLABELLED, SemanticLayer
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.sweep import SweepStatistics
 from maps.tsdf import TsdfMap
 from maps.voxel import RayEnd, VoxelMap
 
 MAPS: dict[str, Maker] = {
+    "dynamic": DynamicMap,
     "grid2d": Grid2D,
     "octomap": OctoMap,
     "tsdf": TsdfMap,
@@ -31,11 +34,14 @@ __all__ = [
     "OCCUPIED",
     "STATE_NAMES",
     "UNKNOWN",
+    "UNLABELLED",
     "Costmap",
+    "DynamicMap",
     "Grid2D",
     "MapConfig",
     "RayEnd",
     "Representation",
+    "SemanticLayer",
     "SweepStatistics",
     "TsdfMap",
     "UnknownPolicy",
@@ -46,20 +52,19 @@ __all__ = [
 ]
 
 
-def warm_up() -> None:
-    """Compile every kernel of the package, so that nothing timed pays for it."""
-    config = MapConfig(memory_mib=1)
-    tiny = VoxelMap(config)
-    beams = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    for representation in (Grid2D(config), TsdfMap(config), tiny):
-        ranges_mm = np.array([400, 65535], np.uint16)
-        representation.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)
-        representation.columns((0, 0, 0), (1, 1, 1))
-        representation.advance(round(2e9 * config.decay_period))
-        representation.probability_at([[0.5, 0.5, 0.5]])
-        representation.version()
-        representation.counts()
-    tiny.cast_ray((0.5, 0.5, 0.5), (1.0, 0.0, 0.0), 1.0)
+def warm_up(kind: str = "voxel") -> None:
+    """Compile what an episode on one representation runs, so that nothing timed pays for it."""
+    half_life = 0.0 if kind == "octomap" else 1.0  # OctoMap refuses any
+    config = MapConfig(kind=kind, memory_mib=1, half_life=half_life)
+    tiny = MAPS[kind](config)
+    beams, ranges_mm = np.array([[1.0, 0, 0], [0, 0, -1.0]]), np.array([400, 65535], np.uint16)
+    tiny.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)
+    tiny.advance(round(2e9 * config.decay_period))
+    tiny.probability_at([[0.5, 0.5, 0.5]])
+    tiny.version()
+    tiny.counts()
+    if isinstance(tiny, VoxelMap):
+        tiny.cast_ray((0.5, 0.5, 0.5), (1.0, 0.0, 0.0), 1.0)
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
     Costmap(config, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
     costmap = Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)

@@ -41,6 +41,16 @@ class MapConfig:
         cost_range: Distance beyond the forbidden radius over which cost is told, m.
         unknown_policy: `forbid`: unknown space is not entered; `penalize`: at a cost and slowly;
             `allow`: like free space.
+        dynamic_after: Time for which a cell and its neighbours have to be free before something
+            that appears there is held to have moved there, s; kind `dynamic` only, as all below.
+            5 sweeps of 0.1 s, the burn-in of Dynablox (Schmid et al. 2023, RA-L 8).
+        vacated_after: Sweeps in a row that have to cross such a cell before it is free again; 2 is
+            Dynablox's temporal buffer, which bridges the gaps between beams.
+        static_after: Time after which something that was first met in such a cell is part of the
+            surroundings, s. Dynablox waits for 150 sweeps of 0.1 s; but what looks like motion is
+            often a surface between sparse beams, and at 0.25 m/s a body of 0.5 m has passed.
+        look_ahead: Time for which moving things are foretold and their ways held occupied, s.
+            The default spans two sweeps of 0.1 s.
 
     Raises:
         ValueError: A value is out of its range.
@@ -63,6 +73,10 @@ class MapConfig:
     cost_scaling_factor: float = 4.0
     cost_range: float = 0.6
     unknown_policy: UnknownPolicy = "forbid"
+    dynamic_after: float = 0.5
+    vacated_after: int = 2
+    static_after: float = 2.0
+    look_ahead: float = 0.2
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -81,6 +95,10 @@ class MapConfig:
         self._check("inflation_margin", 0.0, 5.0, " m")
         self._check("cost_scaling_factor", 0.1, 1000.0, " 1/m")
         self._check("cost_range", 0.0, 10.0, " m")
+        self._check("dynamic_after", 0.01, 3600.0, " s")
+        self._check("vacated_after", 1, 1000, " sweeps")
+        self._check("static_after", 0.01, 1e6, " s")
+        self._check("look_ahead", 0.0, 10.0, " s")
         self._check_choice("surface_guard", get_args(SurfaceGuard))
         self._check_choice("unknown_policy", get_args(UnknownPolicy))
 

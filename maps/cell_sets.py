@@ -1,0 +1,45 @@
+"""Sets of cells, as arrays (m, 3) in lexical order without repetition."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps import _motion_kernels as kernels
+from maps.grid import centres
+
+
+def as_set(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Cells (n, 3) in lexical order, each once."""
+    ordered = cells[np.lexsort(cells.T[::-1])]
+    first = np.ones(len(ordered), np.bool_)
+    first[1:] = np.any(ordered[1:] != ordered[:-1], axis=1)
+    return ordered[first]
+
+
+def member(part: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether cells (n, 3) are in a set (m, 3): (n,)."""
+    places = np.empty(len(cells), np.int64)
+    kernels.locate_all(part, cells, places)
+    return places >= 0
+
+
+def slabs(
+    cells: NDArray[np.int64],
+    start: NDArray[np.float64],
+    toward: NDArray[np.float64],
+    resolution: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where a ray enters and leaves cells (n, 3), m along it, (n,); it misses if not in order.
+
+    Kay & Kajiya 1986, "Ray tracing complex scenes".
+    """
+    middles, half = centres(cells, resolution), 0.5 * resolution
+    way = toward + 0.0  # -0 would turn the faces around
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first = (middles - half - start) / way
+        second = (middles + half - start) / way
+    # 0 / 0: the ray runs in a face, which belongs to the cell above it.
+    first, second = np.nan_to_num(first, nan=-np.inf), np.nan_to_num(second, nan=-np.inf)
+    entries = np.minimum(first, second).max(axis=1, initial=-np.inf)
+    return entries, np.maximum(first, second).min(axis=1, initial=np.inf)

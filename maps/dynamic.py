@@ -1,0 +1,351 @@
+"""A voxel map for worlds with traffic: what moves is seen at once, left at once, and foretold."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maps import _beam_kernels as beams
+from maps import _motion_kernels as kernels
+from maps.bricks import EVERYWHERE, MAX_GONE
+from maps.cell_sets import as_set, member, slabs
+from maps.config import MapConfig
+from maps.grid import cells_at, centres, finite_vector
+from maps.marks import brick_cells, brick_of
+from maps.motion import Traffic
+from maps.states import FREE, OCCUPIED, STATE_NAMES
+from maps.sweep import SweepStatistics
+from maps.trust import ConfidentSpace
+from maps.voxel import RayEnd, VoxelMap
+
+BRICK_SHAPE = (16, 16, 1)  # columns and words
+RECENT_NS = 100_000_000
+"""Where a thing is now is told by the cells hit within this time: a sweep or two of each sensor."""
+
+NO_CELLS = np.empty((0, 3), np.int64)
+BEYOND = 1e-6  # m: past a cell's face, so that the next ray starts in the next cell
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Cells in confident space in which something was met: the short-term evidence.
+
+    Attributes:
+        cells: (m, 3) in lexical order.
+        since_ns: (m,) when something was first met.
+        hit_ns: (m,) when it was last hit.
+        crossings: (m,) sweeps that crossed it since it was last hit.
+    """
+
+    cells: NDArray[np.int64]
+    since_ns: NDArray[np.int64]
+    hit_ns: NDArray[np.int64]
+    crossings: NDArray[np.int64]
+
+    def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Sightings:
+        """Those chosen by a mask, or in another order."""
+        return Sightings(
+            self.cells[chosen], self.since_ns[chosen], self.hit_ns[chosen], self.crossings[chosen]
+        )
+
+
+class Overlay(NamedTuple):
+    """How the map differs from its lasting evidence; each a set of cells (n, 3).
+
+    Attributes:
+        claimed: Occupied: something moving is there, or will be.
+        vacated: Free, where the lasting evidence still says occupied.
+    """
+
+    claimed: NDArray[np.int64]
+    vacated: NDArray[np.int64]
+
+
+class DynamicMap(VoxelMap):
+    """A voxel map with evidence of two time scales, and a look ahead.
+
+    The lasting evidence is that of `VoxelMap`, update for update. On top, each cell that was
+    confidently free for `dynamic_after` (see `ConfidentSpace`) and is hit is *dynamic*: occupied
+    with that hit, and free again once `vacated_after` sweeps in a row cross it. The clamp, which
+    keeps a wall from flickering, makes a voxel map slower at both. A dynamic cell that is not left
+    for `static_after` is one of the lasting ones from then on.
+
+    Dynamic cells that touch are a cluster, and clusters of successive sweeps are matched by place.
+    Each moves on at constant velocity, and the cells that it comes through within `look_ahead` are
+    told as occupied. So only surfaces that were seen are foretold; a hidden back is not.
+
+    `state_at`, `columns`, `changed`, `version` and what follows from them tell all of this;
+    `probability_at` and a saved file hold the lasting evidence alone.
+    """
+
+    def __init__(
+        self,
+        config: MapConfig,
+        threads: int = 1,
+        low: ArrayLike | None = None,
+        high: ArrayLike | None = None,
+    ) -> None:
+        """Make an unknown map.
+
+        Args:
+            config: The settings.
+            threads: Number of threads that share the work of a sweep.
+            low: (3,) least corner of the region of interest, m, world; None for all space.
+            high: (3,) greatest corner, m, world.
+
+        Raises:
+            ValueError: As `VoxelMap` does.
+        """
+        super().__init__(config, threads, low, high)
+        self._space = ConfidentSpace()
+        self._traffic = Traffic(config.resolution, round(config.look_ahead * 1e9))
+        self._sightings = Sightings(NO_CELLS, *(np.empty(0, np.int64) for _ in range(3)))
+        self._overlay = Overlay(NO_CELLS, NO_CELLS)
+        self._turned: dict[tuple[int, int, int], int] = {}  # stamps of bricks
+        self._lost_before = 0  # of the changes up to this stamp not all are remembered
+        self._period_ns = round(config.dynamic_after * 1e9)
+        self._period = 0
+        self._seen = 0  # stamp up to which the confident space knows the map
+        self._now_ns = 0
+
+    def integrate(
+        self,
+        origins: ArrayLike,
+        directions: NDArray[np.float64],
+        ranges_mm: NDArray[np.uint16],
+        range_limit: float,
+        time_ns: int,
+        moments: NDArray[np.int32] | None = None,
+    ) -> SweepStatistics:
+        """Take in one sweep as `VoxelMap.integrate` does, and follow what moves in it.
+
+        Raises:
+            ValueError: As there; decay ticks due are applied even then.
+        """
+        self.advance(time_ns)
+        before = self._evidence()
+        statistics = super().integrate(
+            origins, directions, ranges_mm, range_limit, time_ns, moments
+        )
+        crossed = self._evidence() < before
+        self._now_ns = max(self._now_ns, time_ns)
+        self._learn_free()
+        hits = _hit_cells(origins, directions, ranges_mm, range_limit, moments, self.config)
+        met = as_set(hits[self._space.strike(hits)])
+        self._sightings = self._retire(self._meet(met, crossed))
+        self._close_period()
+        self._foretell()
+        return statistics
+
+    def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
+        """The state at points (n, 3), m, world: (n,)."""
+        states = super().state_at(points)
+        cells, inside = cells_at(points, self.resolution)
+        claimed, vacated = (member(part, cells) & inside for part in self._overlay)
+        states[vacated & (states == OCCUPIED)] = FREE
+        states[claimed] = OCCUPIED
+        return states
+
+    def columns(
+        self, low_cell: ArrayLike, shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The states of a window of cells, a bit each, as `VoxelMap.columns` tells them."""
+        occupied, free = super().columns(low_cell, shape)
+        x, y, z = (int(cell) for cell in np.ravel(low_cell))
+        kernels.lay_over((x, y, z), self._overlay.vacated, True, occupied, free)
+        kernels.lay_over((x, y, z), self._overlay.claimed, False, free, occupied)
+        return occupied, free
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
+        boxes, now = super().changed(since)
+        if 0 < since < self._lost_before:
+            return EVERYWHERE.copy(), now
+        turned = [key for key, stamp in self._turned.items() if stamp > since]
+        keys = np.array(turned, np.int64).reshape(-1, 3)
+        return np.concatenate([boxes, np.hstack([brick_cells(keys), brick_cells(keys + 1)])]), now
+
+    def cast_ray(
+        self,
+        origin: ArrayLike,
+        direction: ArrayLike,
+        max_range: float,
+        stop_at_unknown: bool = False,
+    ) -> RayEnd | None:
+        """Follow a ray to the first occupied cell, or the first that is unknown as well.
+
+        See `VoxelMap.cast_ray`.
+        """
+        end = super().cast_ray(origin, direction, max_range, stop_at_unknown)
+        start, toward = finite_vector("origin", origin), finite_vector("direction", direction)
+        toward /= np.sqrt(toward @ toward)
+        while end is not None and end.state == OCCUPIED:
+            inside = end.point + BEYOND * toward
+            if self.state_at(inside[None])[0] == OCCUPIED:
+                break
+            _, exits = slabs(
+                cells_at(inside[None], self.resolution)[0], start, toward, self.resolution
+            )
+            travelled = float(exits[0]) + BEYOND
+            if travelled >= max_range:
+                end = None
+                break
+            left = max_range - travelled
+            end = super().cast_ray(start + travelled * toward, toward, left, stop_at_unknown)
+            if end is not None:
+                end = RayEnd(end.state, end.distance + travelled, end.point)
+        entries, exits = slabs(self._overlay.claimed, start, toward, self.resolution)
+        entries = np.maximum(entries[(entries < exits) & (exits > 0.0)], 0.0)
+        nearest = float(entries.min(initial=np.inf))
+        if nearest <= max_range and (end is None or nearest < end.distance):
+            return RayEnd(OCCUPIED, nearest, start + nearest * toward)
+        return end
+
+    def occupied_centres(self) -> NDArray[np.float64]:
+        """Centres of all occupied cells, (n, 3) m, world, by brick and then by cell."""
+        cells, _ = cells_at(super().occupied_centres(), self.resolution)
+        claimed, vacated = self._overlay
+        cells = np.concatenate([cells[~member(vacated, cells) & ~member(claimed, cells)], claimed])
+        order = np.lexsort((*cells.T[::-1], *brick_of(cells).T[::-1]))
+        return centres(cells[order], self.resolution)
+
+    def counts(self) -> dict[str, int]:
+        """Number of free and of occupied cells by the name of their state."""
+        counts = super().counts()
+        middles = centres(as_set(np.concatenate(self._overlay)), self.resolution)
+        lasting, told = super().state_at(middles), self.state_at(middles)
+        for state in (FREE, OCCUPIED):
+            more = np.count_nonzero(told == state) - np.count_nonzero(lasting == state)
+            counts[STATE_NAMES[state]] += int(more)
+        return counts
+
+    def version(self) -> str:
+        """Digest of the content, 32 hex digits: the same sweeps and ticks give the same one.
+
+        It binds the lasting evidence, the confident space, the dynamic cells, what is followed, and
+        what is foretold.
+        """
+        whole = hashlib.blake2b(super().version().encode(), digest_size=16)
+        whole.update(self._space.digest().to_bytes(16, "little"))
+        whole.update(struct.pack("<q", self._period))
+        sightings = self._sightings
+        times = sightings.since_ns, sightings.hit_ns
+        for part in (*self._overlay, sightings.cells, *times, sightings.crossings):
+            whole.update(struct.pack("<q", len(part)))
+            whole.update(part.astype("<i8").tobytes())
+        tracks = [(track.number, track.sightings) for track in self._traffic.tracks]
+        whole.update(json.dumps(tracks).encode())
+        return whole.hexdigest()
+
+    def memory_bytes(self) -> int:
+        """Bytes of the bricks in use, of the masks of a sweep, and of the confident space."""
+        return super().memory_bytes() + self._space.nbytes
+
+    def dynamic_centres(self) -> NDArray[np.float64]:
+        """Centres of the cells in which something moving is now, (n, 3) m, world, in order."""
+        left = self._sightings.crossings >= self.config.vacated_after
+        return centres(self._sightings.cells[~left], self.resolution)
+
+    def _evidence(self) -> NDArray[np.float64]:
+        """Of the cells that something was met in: a sweep that crosses one lowers it."""
+        return self.probability_at(centres(self._sightings.cells, self.resolution))
+
+    def _read_free(self, keys: NDArray[np.int64]) -> NDArray[np.uint64]:
+        """The free cells (k, 256) of bricks (k, 3) by the lasting evidence."""
+        free = np.empty((len(keys), BRICK_SHAPE[0] * BRICK_SHAPE[1]), np.uint64)
+        for i, corner in enumerate(brick_cells(keys)):
+            free[i] = super().columns(corner, BRICK_SHAPE)[1].reshape(-1)
+        return free
+
+    def _learn_free(self) -> None:
+        """Bring the confident space up to date with what changed in the lasting evidence."""
+        boxes, now = super().changed(self._seen)
+        keys = brick_of(boxes[:, :3])
+        if np.any(boxes[:, 3] - boxes[:, 0] > BRICK_SHAPE[0]):  # all of space
+            keys = np.concatenate([brick_of(super().changed(0)[0][:, :3]), self._space.keys()])
+        self._space.narrow(keys, self._read_free(keys), self._sightings.cells)
+        self._seen = now
+
+    def _meet(self, met: NDArray[np.int64], crossed: NDArray[np.bool_]) -> Sightings:
+        """Take in the confident cells (n, 3) that were hit, and which known ones were crossed."""
+        known = self._sightings
+        places = np.empty(len(met), np.int64)
+        kernels.locate_all(known.cells, met, places)
+        again, fresh = places[places >= 0], met[places < 0]
+        cells = np.concatenate([known.cells, fresh])
+        since, hit = (
+            np.concatenate([times, np.full(len(fresh), self._now_ns)])
+            for times in (known.since_ns, known.hit_ns)
+        )
+        crossings = np.concatenate([known.crossings + crossed, np.zeros(len(fresh), np.int64)])
+        hit[again], crossings[again] = self._now_ns, 0
+        order = np.lexsort(cells.T[::-1])
+        return Sightings(cells, since, hit, crossings).part(order)
+
+    def _retire(self, sightings: Sightings) -> Sightings:
+        """Leave to the lasting evidence what stayed, and what has been left and is free by it."""
+        left = sightings.crossings >= self.config.vacated_after
+        lasting = super().state_at(centres(sightings.cells, self.resolution))
+        age_ns = self._now_ns - sightings.since_ns
+        old = age_ns >= round(self.config.static_after * 1e9)
+        done = (left & (lasting == FREE)) | (old & ~(left & (lasting == OCCUPIED)))
+        kept, surfaces = sightings.part(~done), sightings.cells[done & (lasting != FREE)]
+        self._space.forget(surfaces, kept.cells)
+        return kept
+
+    def _close_period(self) -> None:
+        period = self._now_ns // self._period_ns
+        if period > self._period:
+            self._period = period
+            self._space.close_period(self._read_free)
+
+    def _foretell(self) -> None:
+        """Move the clusters on, and note where that changed what the map tells."""
+        sightings = self._sightings
+        left = sightings.crossings >= self.config.vacated_after
+        present = sightings.cells[~left]
+        # Not what a thing hides of the way that it came: that would hold it back.
+        recent = ~left & (self._now_ns - sightings.hit_ns <= RECENT_NS)
+        ahead = self._traffic.follow(sightings.cells[recent], self._now_ns)
+        overlay = Overlay(as_set(np.concatenate([present, ahead])), sightings.cells[left])
+        changes = [
+            part[~member(other, part)]
+            for old, new in zip(self._overlay, overlay, strict=True)
+            for part, other in ((old, new), (new, old))
+        ]
+        self._overlay = overlay
+        keys = as_set(brick_of(np.concatenate(changes)))
+        if len(keys) == 0:
+            return
+        self._stamp += 1
+        self._turned.update(((x, y, z), self._stamp) for x, y, z in keys.tolist())
+        if len(self._turned) > MAX_GONE:
+            self._turned.clear()
+            self._lost_before = self._stamp
+
+
+def _hit_cells(
+    origins: ArrayLike,
+    directions: NDArray[np.float64],
+    ranges_mm: NDArray[np.uint16],
+    range_limit: float,
+    moments: NDArray[np.int32] | None,
+    config: MapConfig,
+) -> NDArray[np.int64]:
+    """The cells (n, 3) that beams with a return end in, with repetition."""
+    near, far = max(round(config.minimum_range * 1000), 1), round(range_limit * 1000)
+    returned = (ranges_mm >= near) & (ranges_mm <= far) & (ranges_mm != beams.NO_RETURN_MM)
+    starts = np.array(origins, np.float64, ndmin=2)
+    starts = starts[0] if moments is None else starts[moments[returned]]
+    points = starts + directions[returned] * (ranges_mm[returned, None] / 1000.0)
+    # The sweep's own rounding: at a cell's face another one would name another cell.
+    subcells = np.floor(points * (beams.SUBCELLS / config.resolution)).astype(np.int64)
+    subcells[:, 2] += beams.FLOOR_SUBCELLS
+    cells: NDArray[np.int64] = subcells >> beams.SUBCELL_BITS
+    return cells

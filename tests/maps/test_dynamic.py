@@ -1,0 +1,613 @@
+"""What moves: cells by hand, kernels against slow truths, and a small world with traffic."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from maps import FREE, MAPS, OCCUPIED, UNKNOWN, Costmap, DynamicMap, MapConfig, VoxelMap
+from maps import _motion_kernels as kernels
+from maps.motion import POINTS, Traffic, clusters_of, way_ahead
+from maps.trust import ConfidentSpace
+
+TENTH = 100_000_000  # ns
+ORIGIN = (0.05, 0.55, 0.55)  # cell (0, 5, 6)
+ALONG_X = np.array([[1.0, 0.0, 0.0]])
+NOTHING = 0  # mm: a dropped beam
+AHEAD = np.array([[1.05, 0.55, 0.55]])  # in cell (10, 5, 6)
+
+
+def confident(kind="dynamic", **settings):
+    """A map whose block from the origin to (3, 1.2, 1.2) has been free for long, and the time."""
+    config = MapConfig(kind=kind, **({"half_life": 0.0, "memory_mib": 8} | settings))
+    voxel_map = MAPS[kind](config)
+    for _ in range(5):  # 5 misses of 12 units: at the lower clamp, -60
+        voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
+    for k in range(11):
+        beam(voxel_map, NOTHING, k)
+    return voxel_map, 11
+
+
+def beam(voxel_map, range_mm, k, direction=ALONG_X, limit=2.5):
+    ranges_mm = np.array([range_mm], np.uint16)
+    return voxel_map.integrate(ORIGIN, direction, ranges_mm, limit, k * TENTH)
+
+
+def sweeps_until(voxel_map, k, range_mm, state):
+    """Number of beams of one range until the cell ahead is in a state."""
+    for count in range(1, 30):
+        beam(voxel_map, range_mm, k + count)
+        if voxel_map.state_at(AHEAD)[0] == state:
+            return count
+    return None
+
+
+@pytest.mark.parametrize(("kind", "entered", "left"), [("voxel", 3, 9), ("dynamic", 1, 2)])
+def test_sweeps_until_a_cell_is_occupied_and_until_it_is_free_again(kind, entered, left):
+    voxel_map, k = confident(kind)
+    assert voxel_map.state_at(AHEAD)[0] == FREE
+    # Voxel: -60, then -33, -6, 21 units of 27 a hit.
+    assert sweeps_until(voxel_map, k, 1000, OCCUPIED) == entered
+    for j in range(6):
+        beam(voxel_map, 1000, k + entered + j)
+    # At the upper clamp, 104 units, 12 a miss: 9 take it to -4.
+    assert sweeps_until(voxel_map, k + entered + 6, 2000, FREE) == left
+
+
+def test_a_hit_between_two_crossings_keeps_the_cell():
+    voxel_map, k = confident(look_ahead=0.0)
+    told = []
+    for j in range(10):
+        beam(voxel_map, 1000 if j % 2 == 0 else 2000, k + j)
+        told.append(int(voxel_map.state_at(AHEAD)[0]))
+    assert told == [OCCUPIED] * 10
+
+
+def test_what_stays_is_of_the_surroundings_and_noise_beside_it_is_no_motion():
+    voxel_map, k = confident()
+    for j in range(20):
+        beam(voxel_map, 1000, k + j)
+        assert len(voxel_map.dynamic_centres()) == 1
+    beam(voxel_map, 1000, k + 20)  # 2 s after the first
+    assert len(voxel_map.dynamic_centres()) == 0
+    assert voxel_map.state_at(AHEAD)[0] == OCCUPIED
+    beam(voxel_map, 900, k + 21)
+    assert len(voxel_map.dynamic_centres()) == 0
+    assert sweeps_until(voxel_map, k + 21, 2000, FREE) == 9
+
+
+def test_a_dynamic_cell_is_told_alike_by_every_question():
+    voxel_map, k = confident()
+    before = voxel_map.counts(), voxel_map.version()
+    beam(voxel_map, 1000, k)
+    np.testing.assert_allclose(voxel_map.dynamic_centres(), [[1.05, 0.55, 0.575]])
+    np.testing.assert_allclose(voxel_map.occupied_centres(), [[1.05, 0.55, 0.575]])
+    states = voxel_map.states_in((1.0, 0.5, 0.525), (1.1, 0.6, 0.625))
+    assert states.tolist() == [[[OCCUPIED]]]
+    occupied, free = voxel_map.columns((10, 5, 0), (1, 1, 1))
+    assert int(occupied[0, 0, 0]) == 1 << 6
+    assert not int(free[0, 0, 0]) & 1 << 6
+    assert voxel_map.counts()["occupied"] == before[0]["occupied"] + 1 == 1
+    assert voxel_map.counts()["free"] == before[0]["free"] - 1
+    assert voxel_map.version() != before[1]
+    end = voxel_map.cast_ray(ORIGIN, (2.0, 0.0, 0.0), 2.0)
+    assert end.state == OCCUPIED
+    assert end.distance == pytest.approx(0.95)
+    assert not voxel_map.is_free_along(ORIGIN, (1.5, 0.55, 0.55))
+    assert voxel_map.cast_ray(ORIGIN, (1.0, 0.0, 0.0), 0.9) is None
+    assert voxel_map.cast_ray(ORIGIN, (1.0, 0.1, 0.0), 0.9) is None
+    # The lasting evidence is that of one hit: -60 + 27 of 30 units to one of log-odds.
+    assert voxel_map.probability_at(AHEAD)[0] == pytest.approx(1.0 / (1.0 + np.exp(33.0 / 30.0)))
+
+
+def test_a_vacated_cell_is_told_alike_by_every_question():
+    voxel_map, k = confident()
+    for j in range(7):
+        beam(voxel_map, 1000, k + j)
+    for j in range(2):
+        beam(voxel_map, 2000, k + 7 + j)
+    assert VoxelMap.state_at(voxel_map, AHEAD)[0] == OCCUPIED
+    assert voxel_map.state_at(AHEAD)[0] == FREE
+    occupied, free = voxel_map.columns((10, 5, 0), (1, 1, 1))
+    assert int(occupied[0, 0, 0]) == 0
+    assert int(free[0, 0, 0]) & 1 << 6
+    # The second beam's end, 2 m on, was in confident space as well.
+    np.testing.assert_allclose(voxel_map.occupied_centres(), [[2.05, 0.55, 0.575]])
+    assert voxel_map.counts()["occupied"] == 1
+    end = voxel_map.cast_ray(ORIGIN, (1.0, 0.0, 0.0), 3.0)
+    assert end.distance == pytest.approx(1.95)
+    assert voxel_map.is_free_along(ORIGIN, (1.5, 0.55, 0.55))
+
+
+def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
+    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8)
+    voxel_map = DynamicMap(config)
+    for _ in range(5):
+        voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
+    for k in (0, 5, 9):  # the period from 0.5 s on is not over
+        beam(voxel_map, NOTHING, k)
+    beam(voxel_map, 1000, 9)
+    assert len(voxel_map.dynamic_centres()) == 0
+    assert voxel_map.state_at(AHEAD)[0] == FREE
+
+
+def test_a_cell_that_was_hit_within_the_period_is_not_dynamic():
+    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8)
+    voxel_map = DynamicMap(config)
+    for _ in range(5):
+        voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
+    for k in range(11):
+        beam(voxel_map, 1000 if k == 7 else NOTHING, k)
+    assert voxel_map.state_at(AHEAD)[0] == FREE  # -33 units
+    for range_mm in (900, 1000, 1100):  # nor are its neighbours
+        beam(voxel_map, range_mm, 11)
+    assert len(voxel_map.dynamic_centres()) == 0
+    beam(voxel_map, 1200, 11)
+    assert len(voxel_map.dynamic_centres()) == 1
+
+
+def test_a_cell_beside_something_is_not_dynamic():
+    voxel_map, k = confident()
+    beam(voxel_map, 2900, k, limit=3.0)  # cell 29, beside what nobody has seen
+    assert len(voxel_map.dynamic_centres()) == 0
+    beam(voxel_map, 2800, k + 1, limit=3.0)
+    np.testing.assert_allclose(voxel_map.dynamic_centres(), [[2.85, 0.55, 0.575]])
+
+
+def test_a_thing_that_moves_is_foretold_in_whole_cells():
+    traffic, ahead = Traffic(0.1, 2 * TENTH), []
+    for k in range(4):
+        wall = np.array([[k + 5, y, z] for y, z in product(range(3), range(3))])
+        ahead = traffic.follow(wall, k * TENTH)
+        if k < 2:
+            assert len(ahead) == 0
+    assert [track.number for track in traffic.tracks] == [0]
+    assert traffic.tracks[0].shift(10 * TENTH) == (10 * POINTS, 0, 0)  # 1 m/s
+    expected = {(x, y, z) for x in (9, 10) for y in range(3) for z in range(3)}
+    assert set(map(tuple, ahead.tolist())) == expected
+
+
+def test_what_goes_to_and_fro_or_is_too_large_is_not_foretold():
+    for step, width in ((lambda k: 3 * (k % 2), 3), (lambda k: k, 45)):
+        traffic = Traffic(0.1, 2 * TENTH)
+        for k in range(6):
+            wall = np.array([[step(k), y, 0] for y in range(width)])
+            assert len(traffic.follow(wall, k * TENTH)) == 0
+
+
+def test_two_things_that_pass_keep_their_velocities():
+    traffic = Traffic(0.1, TENTH)
+    for k in range(20):
+        pair = [[k, y, 0] for y in range(3)] + [[19 - k, y, 0] for y in range(8, 11)]
+        traffic.follow(np.array(sorted(pair)), k * TENTH)
+    assert [(t.number, t.shift(10 * TENTH)[0]) for t in traffic.tracks] == [
+        (0, 10 * POINTS),
+        (1, -10 * POINTS),
+    ]
+
+
+def test_a_thing_that_jumps_farther_than_the_gate_is_another_one():
+    traffic = Traffic(0.1, TENTH)
+    traffic.follow(np.array([[0, 0, 0]]), 0)
+    traffic.follow(np.array([[6, 0, 0]]), TENTH)  # 5 m/s and a cell: 6 cells
+    assert [t.number for t in traffic.tracks] == [0]
+    traffic.follow(np.array([[19, 0, 0]]), 2 * TENTH)  # expected at 12, 7 from there
+    assert [t.number for t in traffic.tracks] == [0, 1]
+    traffic.follow(np.empty((0, 3), np.int64), 9 * TENTH)
+    assert traffic.tracks == ()
+
+
+def test_the_way_ahead_by_hand():
+    cells = np.array([[0, 0, 0], [0, 1, 0]])
+    ahead = way_ahead(cells, (3 * POINTS, -3 * POINTS // 2, 100))
+    # Steps of 1, -1/2, and 1/30 cells; halves are rounded up.
+    assert ahead.tolist() == [[1, 0, 0], [1, 1, 0], [2, -1, 0], [2, 0, 0], [3, -1, 0], [3, 0, 0]]
+    assert len(way_ahead(cells, (0, 0, 0))) == 0
+
+
+def random_set(rng, count, size):
+    return np.unique(rng.integers(-size, size, (count, 3)), axis=0)
+
+
+@pytest.mark.parametrize("run", [kernels.label_parts, kernels.label_parts.py_func])
+def test_parts_equal_a_slow_flood(run):
+    for seed in range(6):
+        cells = random_set(np.random.default_rng(seed), 60, 9)
+        labels = np.empty(len(cells), np.int64)
+        parts = run(cells, labels)
+        flood, number = np.full(len(cells), -1), 0
+        for start in range(len(cells)):
+            if flood[start] >= 0:
+                continue
+            reached = np.arange(len(cells)) == start
+            for _ in range(len(cells)):
+                gaps = np.abs(cells[:, None] - cells[reached]).max(axis=2)
+                reached = (gaps <= 2).any(axis=1)
+            flood[reached] = number
+            number += 1
+        assert parts == number > 1
+        np.testing.assert_array_equal(labels, flood)
+        assert sum(map(len, clusters_of(cells))) == len(cells)
+
+
+@pytest.mark.parametrize("run", [kernels.locate_all, kernels.locate_all.py_func])
+def test_places_in_a_set(run):
+    rng = np.random.default_rng(1)
+    cells, wanted = random_set(rng, 100, 4), rng.integers(-5, 5, (300, 3))
+    places = np.empty(300, np.int64)
+    run(cells, wanted, places)
+    index = {tuple(cell): i for i, cell in enumerate(cells.tolist())}
+    assert places.tolist() == [index.get(tuple(cell), -1) for cell in wanted.tolist()]
+
+
+@pytest.mark.parametrize("run", [kernels.shrink, kernels.shrink.py_func])
+def test_shrinking_equals_a_slow_minimum_over_neighbours(run):
+    rng = np.random.default_rng(2)
+    dense = rng.random((48, 48, 192)) < 0.97
+    dense[:, 20:, 70:] = True
+    words = np.packbits(dense, axis=2, bitorder="little").view(np.uint64)  # (48, 48, 3)
+    planes = np.stack(
+        [
+            words[16 * x : 16 * x + 16, 16 * y : 16 * y + 16, z].reshape(256)
+            for x, y, z in np.ndindex(3, 3, 3)
+        ]
+    )
+    shrunk = np.empty((2, 256), np.uint64)
+    around = np.stack([np.arange(27).reshape(3, 3, 3), np.full((3, 3, 3), -1)])
+    around[1, 1, 1, 1] = 26
+    run(planes, around, shrunk)
+    slow = np.ones((16, 16, 64), np.bool_)
+    for x, y, z in np.ndindex(3, 3, 3):
+        slow &= dense[15 + x : 31 + x, 15 + y : 31 + y, 63 + z : 127 + z]
+    bits = np.unpackbits(shrunk[0].reshape(16, 16, 1).view(np.uint8), axis=2, bitorder="little")
+    np.testing.assert_array_equal(bits.astype(np.bool_), slow)
+    assert 0 < slow.sum() < slow.size
+    # Without neighbours nothing at the edge is left.
+    edge = shrunk[1].reshape(16, 16)
+    assert not edge[[0, -1]].any()
+    assert not edge[:, [0, -1]].any()
+    assert not (edge & np.uint64(1 | 1 << 63)).any()
+    assert edge.any()
+
+
+@pytest.mark.parametrize("run", [kernels.lay_over, kernels.lay_over.py_func])
+def test_laying_cells_over_a_window(run):
+    source, target = np.full((2, 2, 2), 0b1011, np.uint64), np.zeros((2, 2, 2), np.uint64)
+    cells = np.array([[5, 6, -3], [5, 6, -1], [6, 7, 61], [7, 7, 0], [5, 6, 125], [5, 6, -4]])
+    run((5, 6, -3), cells, True, source, target)
+    assert source[0, 0].tolist() == [0b1010, 0b1011]
+    assert target[0, 0].tolist() == [1, 0]  # cell 2 was not set, and 128 is outside
+    assert (source[1, 1].tolist(), target[1, 1].tolist()) == ([0b1011, 0b1010], [0, 1])
+    run((5, 6, -3), cells[1:2], False, source, target)
+    assert target[0, 0].tolist() == [0b101, 0]
+
+
+def test_confidence_needs_a_period_and_every_neighbour():
+    space, key = ConfidentSpace(), np.zeros((1, 3), np.int64)
+    full = np.full((1, 256), np.uint64(2**64 - 1))
+    none = np.empty((0, 3), np.int64)
+    middle, edge = np.array([[8, 8, 8]]), np.array([[0, 8, 8]])
+    space.narrow(key, full, none)
+    space.close_period(lambda keys: np.repeat(full, len(keys), axis=0))
+    assert not space.holds(middle)[0]
+    space.close_period(lambda keys: np.repeat(full, len(keys), axis=0))
+    assert space.holds(middle)[0]
+    assert not space.holds(edge)[0]  # its neighbours were never seen
+    digest = space.digest()
+    space.forget(middle, middle + np.array([1, 0, 0]))
+    told = space.holds(middle + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 2, 0]]))
+    assert told.tolist() == [False, True, False, True]
+    assert space.digest() != digest
+    space.narrow(key, np.zeros((1, 256), np.uint64), none)
+    space.close_period(lambda keys: np.zeros((len(keys), 256), np.uint64))
+    assert len(space.keys()) == 0
+    assert space.digest() == ConfidentSpace().digest()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [
+        ("dynamic_after", 0.0, r"0\.01 to 3600 s"),
+        ("vacated_after", 0, "1 to 1000 sweeps"),
+        ("static_after", -1.0, r"0\.01 to 1e\+06 s"),
+        ("look_ahead", 11.0, "0 to 10 s"),
+    ],
+)
+def test_a_bad_setting_is_refused_in_one_line(field, value, expected):
+    with pytest.raises(ValueError, match=rf"^map\.{field}: got {value:g}, expected {expected}$"):
+        MapConfig(**{field: value})
+
+
+def test_a_bad_sweep_changes_nothing():
+    voxel_map, k = confident()
+    beam(voxel_map, 1000, k)
+    before = voxel_map.version()
+    with pytest.raises(ValueError, match=r"^directions: got .*, expected unit length$"):
+        beam(voxel_map, 1000, k + 1, 2.0 * ALONG_X)
+    with pytest.raises(ValueError, match=r"^threads"):
+        DynamicMap(MapConfig(), threads=0)
+    assert voxel_map.version() == before
+
+
+def test_a_file_holds_the_lasting_evidence(tmp_path):
+    voxel_map, k = confident()
+    beam(voxel_map, 1000, k)
+    voxel_map.save(tmp_path / "map")
+    loaded = DynamicMap.load(tmp_path / "map")
+    assert loaded.config == voxel_map.config
+    assert loaded.probability_at(AHEAD) == voxel_map.probability_at(AHEAD)
+    assert len(loaded.dynamic_centres()) == 0
+
+
+# A small world with traffic: a room of 12 m with a box of 0.5 m at 1 m/s, and a lidar in it.
+
+SENSOR = np.array([0.03, 0.02, 0.45])
+HALF, TALL = 0.25, 1.2
+ROOM = [
+    ((-6.0, -6.0, -1.0), (6.0, 6.0, 0.0)),
+    ((-6.0, -6.0, 0.0), (-5.5, 6.0, 2.0)),
+    ((5.5, -6.0, 0.0), (6.0, 6.0, 2.0)),
+    ((-6.0, -6.0, 0.0), (6.0, -5.5, 2.0)),
+    ((-6.0, 5.5, 0.0), (6.0, 6.0, 2.0)),
+]
+WAYS = {
+    "across": lambda t: np.array([t - 4.0, 2.0]),
+    "toward": lambda t: np.array([5.5 - t, 0.6]),
+    "away": lambda t: np.array([t - 0.3, 0.6]),
+    "obliquely": lambda t: np.array([0.7 * t - 3.55, 0.7 * t - 0.05]),
+}
+ENTERS, WATCHED, ENDS = 1.5, 2.5, 4.0  # s
+
+
+def lidar(rows=32, columns=625):
+    elevation = np.deg2rad(np.linspace(-45.0, 20.0, rows))[:, None]
+    azimuth = np.linspace(0.0, 2.0 * np.pi, columns, endpoint=False)
+    flat = np.cos(elevation)
+    rise = np.broadcast_to(np.sin(elevation), (rows, columns))
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1).reshape(-1, 3)
+
+
+def cast(origin, directions, boxes):
+    """Ranges of beams to boxes, mm."""
+    nearest = np.full(len(directions), np.inf)
+    for low, high in boxes:
+        first, second = (low - origin) / directions, (high - origin) / directions
+        entry = np.minimum(first, second).max(axis=1)
+        met = (entry > 0.0) & (entry <= np.maximum(first, second).min(axis=1))
+        nearest[met] = np.minimum(nearest[met], entry[met])
+    return np.where(nearest <= 12.0, np.rint(1000 * np.minimum(nearest, 20.0)), 65535)
+
+
+def box_at(place):
+    return (*(place - HALF), 0.0), (*(place + HALF), TALL)
+
+
+def drive(kind, way, threads=1, each=lambda *_: None, **settings):
+    """Watch the room, in which a box goes its way if there is one."""
+    # Off the axes, so that no beam runs within a face.
+    directions = lidar() @ np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    config = MapConfig(kind=kind, memory_mib=64, **settings)
+    voxel_map = MAPS[kind](config, threads)
+    for k in range(round(10 * ENDS)):
+        moving = way is not None and k >= 10 * ENTERS
+        boxes = [*ROOM, box_at(way(0.1 * k))] if moving else ROOM
+        ranges_mm = cast(SENSOR, directions, boxes).astype(np.uint16)
+        voxel_map.integrate(SENSOR, directions, ranges_mm, 12.0, k * TENTH)
+        each(voxel_map, k)
+    return voxel_map
+
+
+class Judge:
+    """Compares what a costmap blocks with where the box is, and will be 0.2 s later."""
+
+    def __init__(self, way):
+        self.way, self.costmap, self.rows = way, None, []
+
+    def __call__(self, voxel_map, k):
+        if self.costmap is None:
+            low, high = (-5.4, -5.4, -0.3), (5.4, 5.4, 2.0)
+            self.costmap = Costmap(voxel_map.config, voxel_map, low, high, "ground", 0.3, 0.5, 0.15)
+        self.costmap.update(0.1)
+        if k < 10 * WATCHED:
+            return
+        costmap, now, later = self.costmap, self.way(0.1 * k), self.way(0.1 * k + 0.2)
+        blocked = costmap.obstacle_clearance[:, :, 0] <= costmap.blocked_at_or_below
+        reach = costmap.radius + costmap.margin
+        true = self.near(later, reach)
+        # A cell's diagonal is what a map on a grid may be off.
+        live = np.zeros_like(true)
+        for share in np.linspace(0.0, 1.0, 5):
+            live |= self.near(now + share * (later - now), costmap.inflation_radius + 0.14)
+        room = self.near(np.zeros(2), 4.4)  # whose walls do not count
+        ghosts = blocked & ~live & room
+        self.rows.append(
+            (blocked[self.near(later, 0.0)].mean(), blocked[true & room].mean(), ghosts.sum())
+        )
+
+    def near(self, place, reach):
+        nx, ny, _ = self.costmap.shape
+        x = self.costmap.origin[0] + 0.1 * (np.arange(nx)[:, None] + 0.5)
+        y = self.costmap.origin[1] + 0.1 * (np.arange(ny) + 0.5)
+        apart = [np.maximum(np.abs(a - c) - HALF, 0.0) for a, c in zip((x, y), place, strict=True)]
+        return apart[0] ** 2 + apart[1] ** 2 <= reach * reach
+
+
+def test_table_of_true_future_cells_and_ghosts():
+    """Prints the table of docs/moving.md when run with -s."""
+    figures = {}
+    for name, (kind, settings) in product(
+        WAYS, (("voxel", {}), ("dynamic", {"look_ahead": 0.0}), ("dynamic", {}))
+    ):
+        judge = Judge(WAYS[name])
+        drive(kind, WAYS[name], each=judge, **settings)
+        label = kind + (", no look-ahead" if settings else "")
+        figures[name, label] = figure = np.mean(judge.rows, axis=0)
+        print(f"| {name} | {label} | {figure[0]:.2f} | {figure[1]:.2f} | {figure[2]:.0f} |")
+    for name in WAYS:
+        voxel, dynamic = figures[name, "voxel"], figures[name, "dynamic"]
+        assert dynamic[0] > voxel[0] + 0.1
+        assert dynamic[1] > voxel[1] + 0.2
+        assert dynamic[1] > figures[name, "dynamic, no look-ahead"][1]
+    for name in ("across", "away"):  # nothing of what they leave lies in their shadow
+        assert figures[name, "dynamic"][2] < 0.6 * figures[name, "voxel"][2]
+
+
+def test_with_nothing_moving_it_ends_as_a_voxel_map():
+    one, other = drive("voxel", None), drive("dynamic", None)
+    assert len(other.dynamic_centres()) == 0
+    window = ((-64, -64, -8), (128, 128, 1))
+    for mine, theirs in zip(one.columns(*window), other.columns(*window), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    assert one.counts() == other.counts()
+
+
+def test_what_two_time_scales_do_not_explain_is_as_in_a_voxel_map():
+    """With a box that passes: cells differ only where the box was or is foretold to be."""
+    one, other = drive("voxel", WAYS["across"]), drive("dynamic", WAYS["across"])
+    window = ((-64, -64, -8), (128, 128, 1))
+    differ = np.zeros((128, 128), np.uint64)
+    for mine, theirs in zip(one.columns(*window), other.columns(*window), strict=True):
+        differ |= (mine ^ theirs)[..., 0]
+    x, y = np.argwhere(differ).T - 64
+    assert len(x) > 10
+    assert y.min() >= 16
+    assert y.max() <= 24
+    assert x.min() >= 10 * (WAYS["across"](ENTERS)[0] - HALF) - 1
+    assert x.max() <= 10 * (WAYS["across"](ENDS)[0] + HALF + 0.2)
+
+
+def test_a_wall_seen_at_grazing_angles_does_not_flicker():
+    """A sensor that moves along a wall, within 0.4 m of it and seeing 6 m of it, for 50 sweeps."""
+    azimuth = np.deg2rad(np.linspace(3.5, 40.0, 300))
+    elevation = np.deg2rad(np.linspace(-20.0, 20.0, 41))[:, None]
+    flat, rise = np.cos(elevation), np.broadcast_to(np.sin(elevation), (41, 300))
+    directions = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1)
+    directions = directions.reshape(-1, 3)
+    one, other = (MAPS[kind](MapConfig(kind=kind, memory_mib=16)) for kind in ("dynamic", "voxel"))
+    seen, turned, told = set(), 0, 0
+    for k in range(50):
+        origin = np.array([0.02 * k, 0.133, 1.05])
+        ranges_mm = np.rint(0.4 / directions[:, 1] * 1000)  # the wall y = 0.533
+        ranges_mm = np.where(ranges_mm <= 6000, ranges_mm, 65535).astype(np.uint16)
+        for voxel_map in (one, other):
+            voxel_map.integrate(origin, directions, ranges_mm, 6.0, k * TENTH)
+        now = other.occupied_centres()
+        np.testing.assert_array_equal(one.occupied_centres(), now)
+        cells = set(map(tuple, now.tolist()))
+        turned, told, seen = turned + len(seen - cells), told + len(cells), cells
+    assert len(seen) > 1000
+    assert turned < 0.001 * told  # cells met once, 6 m away
+    assert len(other.dynamic_centres()) == 0
+    assert other._space.holds(np.array([[20, 3, 10]]))[0]  # the space before the wall
+
+
+def test_the_same_bytes_for_any_threads_and_on_repetition():
+    maps = [drive("dynamic", WAYS["obliquely"], threads) for threads in (1, 1, 3)]
+    assert len(maps[0].dynamic_centres()) > 20
+    assert len({voxel_map.version() for voxel_map in maps}) == 1
+    columns = [voxel_map.columns((-64, -64, -8), (128, 128, 1)) for voxel_map in maps]
+    for other in columns[1:]:
+        np.testing.assert_array_equal(columns[0], other)
+
+
+def test_every_change_is_told():
+    window = ((-64, -64, -8), (128, 128, 1))
+    last = {"now": 0, "columns": np.zeros((2, 128, 128, 1), np.uint64), "moved": 0}
+
+    def check(voxel_map, k):
+        boxes, last["now"] = voxel_map.changed(last["now"])
+        columns = np.array(voxel_map.columns(*window))
+        differ = np.argwhere((columns ^ last["columns"]).any(axis=(0, 3))) - 64
+        inside = (differ[:, None] >= boxes[:, :2]) & (differ[:, None] < boxes[:, 3:5])
+        assert inside.all(axis=2).any(axis=1).all()
+        last["columns"] = columns
+        last["moved"] += len(differ) if k > 20 else 0
+
+    voxel_map = drive("dynamic", WAYS["across"], each=check)
+    assert last["moved"] > 100
+    assert len(voxel_map.changed(last["now"])[0]) == 0
+    assert len(voxel_map.changed(0)[0]) > 50
+
+
+def test_the_questions_agree_amid_traffic():
+    voxel_map = drive("dynamic", WAYS["away"])
+    corner = np.array([-128, -128, -8])
+    occupied, free = voxel_map.columns(corner, (256, 256, 1))
+    states = voxel_map.states_in((-12.8, -12.8, -0.875), (12.8, 12.8, 5.5))
+    cells = np.argwhere(states != UNKNOWN)[::7] + corner
+    middles = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
+    told = voxel_map.state_at(middles)
+    np.testing.assert_array_equal(told, states[tuple((cells - corner).T)])
+    count = [int(np.bitwise_count(words).sum()) for words in (free, occupied)]
+    assert list(voxel_map.counts().values()) == count
+    assert len(voxel_map.occupied_centres()) == count[1]
+    assert (voxel_map.state_at(voxel_map.occupied_centres()) == OCCUPIED).all()
+    target = voxel_map.dynamic_centres()[0]
+    end = voxel_map.cast_ray(SENSOR, target - SENSOR, 12.0)
+    assert end.state == OCCUPIED
+    assert end.distance <= np.linalg.norm(target - SENSOR) + 0.1
+    assert voxel_map.memory_bytes() > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "error"),
+    [
+        ("across", 0.45),  # m/s; while it passes one of its sides comes into view, one goes
+        ("toward", 0.2),
+        ("away", 0.2),
+        ("obliquely", 0.2),
+    ],
+)
+def test_velocities_are_near_the_true_ones(name, error):
+    voxel_map = drive("dynamic", WAYS[name])
+    largest = max(voxel_map._traffic.tracks, key=lambda track: sum(map(abs, track.shift(TENTH))))
+    velocity = np.array(largest.shift(10 * TENTH)) / POINTS * 0.1  # m/s
+    true = WAYS[name](1.0) - WAYS[name](0.0)
+    assert np.linalg.norm(velocity[:2] - true) < error
+
+
+def test_a_rolling_sweep_is_met_where_its_moments_were():
+    voxel_map, k = confident()
+    origins = np.array([[0.05, 0.55, 0.55], [0.25, 0.35, 0.55]])
+    moments = np.array([1, 0, 0], np.int32)
+    ranges_mm = np.array([1000, 500, NOTHING], np.uint16)
+    voxel_map.integrate(origins, np.repeat(ALONG_X, 3, axis=0), ranges_mm, 2.5, k * TENTH, moments)
+    expected = [[0.55, 0.55, 0.575], [1.25, 0.35, 0.575]]
+    np.testing.assert_allclose(voxel_map.dynamic_centres(), expected)
+
+
+def test_the_version_binds_what_is_followed():
+    voxel_map, k = confident()
+    beam(voxel_map, 1000, k)
+    before = voxel_map.version()
+    assert voxel_map.version() == before
+    voxel_map._traffic.tracks = ()
+    assert voxel_map.version() != before
+
+
+def along_a_long_way():
+    directions = lidar(8, 100)
+    ranges_mm = np.full(len(directions), 1500, np.uint16)
+    voxel_map, now = DynamicMap(MapConfig(kind="dynamic", memory_mib=1, half_life=0.0)), 0
+    everywhere = 0
+    for k in range(60):
+        voxel_map.integrate((2.0 * k, 0.0, 0.5), directions, ranges_mm, 3.0, 3 * k * TENTH)
+        boxes, now = voxel_map.changed(now)
+        everywhere += int((boxes[:, 3] - boxes[:, 0] > 16).any())
+    return voxel_map, everywhere
+
+
+def test_a_map_that_cannot_tell_what_it_gave_up_learns_the_same(monkeypatch):
+    told, none = along_a_long_way()
+    monkeypatch.setattr("maps.bricks.MAX_GONE", 1)
+    monkeypatch.setattr("maps.dynamic.MAX_GONE", 1)
+    untold, everywhere = along_a_long_way()
+    assert none == 0 < everywhere
+    assert told.version() == untold.version()
+
+
+def test_memory_stays_bounded_along_a_long_way():
+    voxel_map, _ = along_a_long_way()
+    held = len(voxel_map._bricks.live())
+    assert held < 60
+    assert len(voxel_map._space.keys()) <= 2 * held

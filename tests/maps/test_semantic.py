@@ -1,0 +1,141 @@
+import numpy as np
+import pytest
+
+from maps import _label_kernels as kernels
+from maps.semantic import UNLABELLED, SemanticLayer
+
+
+def label(layer, point, *labels):
+    points = np.tile(point, (len(labels), 1))
+    layer.integrate(points, np.array(labels, np.uint8))
+
+
+def test_the_most_votes_win_and_of_equal_ones_the_least_class():
+    layer = SemanticLayer(0.1, 4)
+    label(layer, (0.05, 0.05, 0.0), 3, 1, 3)
+    label(layer, (0.15, 0.05, 0.0), 2, 1)
+    points = [[0.09, 0.01, -0.07], [0.19, 0.09, 0.02], [0.25, 0.05, 0.0]]
+    np.testing.assert_array_equal(layer.label_at(points), [3, 1, UNLABELLED])
+    np.testing.assert_array_equal(layer.votes_at(points), [[0, 1, 0, 2], [0, 1, 1, 0], [0] * 4])
+
+
+def test_votes_do_not_fade_and_a_new_thing_has_to_outvote_the_old_one():
+    layer = SemanticLayer(0.1, 2)
+    label(layer, (1.0, 1.0, 1.0), 0, 0, 0)
+    told = []
+    for _ in range(4):
+        label(layer, (1.0, 1.0, 1.0), 1)
+        told.append(int(layer.label_at([(1.0, 1.0, 1.0)])[0]))
+    assert told == [0, 0, 0, 1]
+
+
+def test_a_point_is_in_the_cell_that_the_map_has_it_in():
+    layer = SemanticLayer(0.1, 2)
+    label(layer, (-0.05, -0.05, 0.02), 1)  # z: floor(0.2 + 0.75) = 0, up to 0.025
+    points = [[-0.01, -0.09, -0.07], [0.01, -0.05, 0.02], [-0.05, -0.05, 0.03]]
+    np.testing.assert_array_equal(layer.label_at(points), [1, UNLABELLED, UNLABELLED])
+
+
+def test_many_votes_equal_counting_in_a_dictionary():
+    rng = np.random.default_rng(5)
+    layer, counted = SemanticLayer(0.2, 7), {}
+    for _ in range(5):
+        points = rng.normal(scale=2.0, size=(2000, 3)) + rng.choice([0.0, -9e5], 3)
+        labels = rng.integers(0, 7, 2000).astype(np.uint8)
+        layer.integrate(points, labels)
+        for point, name in zip(points, labels, strict=True):
+            cell = tuple(np.floor(point / 0.2 + [0.0, 0.0, 0.75]).astype(int))
+            counted.setdefault(cell, np.zeros(7, int))[name] += 1
+    middles = (np.array(list(counted)) + np.array([0.5, 0.5, -0.25])) * 0.2
+    np.testing.assert_array_equal(layer.votes_at(middles), list(counted.values()))
+    assert layer.lost == 0
+
+
+def test_equal_votes_have_equal_versions_in_any_order():
+    rng = np.random.default_rng(6)
+    points, labels = rng.normal(size=(300, 3)), rng.integers(0, 3, 300).astype(np.uint8)
+    there, back, other = (SemanticLayer(0.1, 3) for _ in range(3))
+    there.integrate(points, labels)
+    back.integrate(points[::-1], labels[::-1])
+    other.integrate(points[1:], labels[1:])
+    versions = {layer.version() for layer in (there, other, SemanticLayer(0.1, 3))}
+    assert there.version() == back.version()
+    assert len(versions) == 3
+    assert len(SemanticLayer(0.1, 3).version()) == 32
+
+
+def test_a_full_layer_keeps_what_it_has_and_counts_what_it_loses():
+    layer = SemanticLayer(0.5, 200, memory_mib=1)
+    assert 500 < layer.capacity < 2000
+    assert layer.memory_bytes() <= 1 << 20
+    more = layer.capacity + 50
+    points = np.stack([0.5 * np.arange(more) + 0.25, np.zeros(more), np.zeros(more)], axis=1)
+    layer.integrate(points, np.full(more, 9, np.uint8))
+    assert layer.lost == 50
+    label(layer, points[0], 5, 5)
+    assert layer.lost == 50
+    told = layer.label_at(points)
+    assert told[0] == 5
+    assert (told[1 : layer.capacity] == 9).all()
+    assert (told[layer.capacity :] == UNLABELLED).all()
+
+
+def test_a_full_count_stays():
+    layer = SemanticLayer(0.1, 2)
+    label(layer, (0.0, 0.0, 0.0), 1)
+    layer._votes[0, 1] = 2**32 - 2
+    label(layer, (0.0, 0.0, 0.0), 1, 1, 1)
+    assert layer.votes_at([(0.0, 0.0, 0.0)]).tolist() == [[0, 2**32 - 1]]
+
+
+def test_the_compiled_kernel_equals_its_python():
+    rng = np.random.default_rng(7)
+    voters = rng.integers(-3, 3, (200, 3))
+    labels = rng.integers(0, 2, 200).astype(np.uint8)
+    results = []
+    for run in (kernels.vote, kernels.vote.py_func):
+        directory, cells = np.full(256, -1, np.int32), np.zeros((60, 3), np.int64)
+        votes = np.zeros((60, 2), np.uint32)
+        numbers = run(directory, cells, votes, 0, voters, labels)
+        results.append((numbers, directory.tobytes(), cells.tobytes(), votes.tobytes()))
+    assert results[0] == results[1]
+    assert results[0][0][0] == 60
+    assert results[0][0][1] > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.0, 3), r"^resolution: got 0, expected 0\.01 to 0\.5 m$"),
+        ((0.1, 0), r"^classes: got 0, expected 1 to 255$"),
+        ((0.1, 256), r"^classes: got 256, expected 1 to 255$"),
+        ((0.1, 3, 0), r"^memory_mib: got 0, expected 1 to 65536 MiB$"),
+    ],
+)
+def test_a_bad_setting_is_refused_in_one_line(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        SemanticLayer(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("points", "labels", "message"),
+    [
+        ([[0.0, 0.0]], np.zeros(1, np.uint8), r"^points: got shape \(1, 2\), expected \(n, 3\)$"),
+        ([[0.0, 0.0, np.nan]], np.zeros(1, np.uint8), r"^points: got .*, expected finite"),
+        ([[0.0, 0.0, 0.0]], np.zeros(2, np.uint8), r"^labels: got uint8 \(2,\), expected uint8"),
+        ([[0.0, 0.0, 0.0]], np.zeros(1, np.int64), r"^labels: got int64 \(1,\), expected uint8"),
+        ([[0.0, 0.0, 0.0]], np.full(1, 3, np.uint8), r"^labels: got 3, expected 0 to 2"),
+    ],
+)
+def test_bad_votes_are_refused_and_none_is_counted(points, labels, message):
+    layer = SemanticLayer(0.1, 3)
+    with pytest.raises(ValueError, match=message):
+        layer.integrate(points, labels)
+    assert layer.version() == SemanticLayer(0.1, 3).version()
+
+
+def test_nothing_may_be_voted_and_asked():
+    layer = SemanticLayer(0.1, 3)
+    layer.integrate(np.empty((0, 3)), np.empty(0, np.uint8))
+    assert layer.label_at(np.empty((0, 3))).shape == (0,)
+    assert layer.lost == 0
