@@ -56,6 +56,7 @@ def warm_up() -> None:
     for representation in (Grid2D(config), TsdfMap(config), tiny):
         ranges_mm = np.array([400, 65535], np.uint16)
         representation.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)
+        representation.mark_free((0.0, 0.0, 0.1), (0.2, 0.2, 0.3), 0)
         representation.columns((0, 0, 0), (1, 1, 1))
         representation.advance(round(2e9 * config.decay_period))
         representation.probability_at([[0.5, 0.5, 0.5]])
