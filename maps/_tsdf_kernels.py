@@ -5,9 +5,9 @@ All of them live in this file because a cached kernel is not recompiled when ano
 Positions are whole 1/1024 of a cell, distances whole 1/256. A beam tells a cell that it crosses the
 distance from the cell's middle to its end, along the beam: positive before the surface, negative
 behind. Of several beams that cross a cell in one sweep one is heard, whose telling has the highest
-score: the nearest to the surface, for a distance along a beam is never shorter than the true one;
-and one that saw the cell before one whose surface hides it. The greatest score does not depend on
-the order, so neither does the map depend on the number of threads.
+score: the one that is nearest to a surface there, so that none that grazes it erases it; but one
+that passed through the cell before one whose surface hides it. The greatest score does not depend
+on the order, so neither does the map depend on the number of threads.
 """
 
 from __future__ import annotations

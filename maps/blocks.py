@@ -74,10 +74,17 @@ class Blocks:
 
     def locate(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Slots of the blocks of cells (n, 3), -1 where none is held, and their places in these."""
-        keys, inverse = np.unique(cells // self.shape, axis=0, return_inverse=True)
+        if len(cells) == 0:
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        keys = cells // self.shape
+        inside = keys - keys.min(axis=0)
+        names = np.zeros(len(keys), np.int64)
+        for axis in range(3):  # numbered anew after each, so that none overflows
+            wide = names * (inside[:, axis].max() + 1) + inside[:, axis]
+            _, first, names = np.unique(wide, return_index=True, return_inverse=True)
         x, y, z = (cells % self.shape).T
         _, ny, nz = self.shape
-        return self.find(keys)[inverse.reshape(-1)], (x * ny + y) * nz + z
+        return self.find(keys[first])[names], (x * ny + y) * nz + z
 
     def reserve(self, keys: NDArray[np.int64], stamp: int) -> NDArray[np.int64]:
         """Slots of blocks (k, 3), which are made if they are not held: (k,).

@@ -99,22 +99,18 @@ class Grid2D(BlockMap):
             self.advance(time_ns)
             return ends.statistics(0)
         cells = np.concatenate([starts, ends.points])[:, :2] >> beams.SUBCELL_BITS
-        corner, extent = self._window(cells.min(axis=0), cells.max(axis=0) + 1)
+        tile, marks, inside = self._open(cells.min(axis=0), cells.max(axis=0) + 1)
         self.advance(time_ns)
-        marks = np.zeros((self._team.size, *extent), np.uint8)
-        shift = np.array([*corner, 0]) << beams.SUBCELL_BITS
+        shift = np.array([*(tile * TILE), 0]) << beams.SUBCELL_BITS
         first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
-        inside = np.array([(0, 0), extent])
 
         def trace(member: int, part: tuple[int, int]) -> None:
             kernels.trace_all(first, last, ends.returned, part, self._band, inside, marks[member])
 
         self._team.share(trace, len(starts))
-        merged = np.bitwise_or.reduce(marks, axis=0)
-        marked = np.argwhere(merged)
-        raised = merged[tuple(marked.T)] & kernels.HIT > 0
-        self._update(marked + corner, np.where(raised, self.units.hit, -self.units.miss), time_ns)
-        return ends.statistics(len(marked))
+        merged: NDArray[np.uint8] = np.bitwise_or.reduce(marks)
+        self._update(tile, merged, False, time_ns)
+        return ends.statistics(int(np.count_nonzero(merged)))
 
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Lower the cells whose columns stand in a box by one miss, except occupied ones.
@@ -131,10 +127,10 @@ class Grid2D(BlockMap):
         self.advance(time_ns)
         if end[2] <= max(first[2], FLOOR_LAYER + 1):
             return  # nothing of it is above the floor
-        corner, extent = self._window(first[:2], end[:2])
-        cells = _cells_of(corner, extent)
-        cells = cells[self._log_odds(cells) <= 0]
-        self._update(cells, np.full(len(cells), -self.units.miss), time_ns)
+        tile, marks, inside = self._open(first[:2], end[:2])
+        (x0, y0), (x1, y1) = inside
+        marks[0, x0:x1, y0:y1] = kernels.CROSSED
+        self._update(tile, marks[0], True, time_ns)
 
     def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
         """Refuse: a body in a ball of free space flies, and the grid knows no heights.
@@ -180,8 +176,7 @@ class Grid2D(BlockMap):
         floor = FLOOR_LAYER - z
         if not 0 <= floor < layers:
             raise ValueError(_no_heights("a window without the floor"))
-        cells = _cells_of((x, y), (nx, ny))
-        values = self._log_odds(cells).reshape(nx, ny, 1)
+        values = self._log_odds_in(x, y, nx, ny)[:, :, None]
         above = layer_bits(floor + 1, layers, layers)
         standing = layer_bits(floor, floor + 1, layers)
         return above * (values > 0) | standing * (values != 0), above * (values < 0)
@@ -217,46 +212,74 @@ class Grid2D(BlockMap):
         values[slots < 0] = 0
         return values
 
-    def _window(
+    def _log_odds_in(self, x: int, y: int, nx: int, ny: int) -> NDArray[np.int8]:
+        """Log-odds (nx, ny) of the cells of a rectangle of floor from (x, y) on, units."""
+        values = np.zeros((nx, ny), np.int8)
+        for slot in self._blocks.live():
+            low_x, low_y = (int(k) * TILE for k in self._blocks.keys[slot, :2])
+            x0, x1 = max(low_x, x), min(low_x + TILE, x + nx)
+            y0, y1 = max(low_y, y), min(low_y + TILE, y + ny)
+            if x0 < x1 and y0 < y1:
+                tile = self._blocks.layers["log_odds"][slot].reshape(TILE, TILE)
+                held = tile[x0 - low_x : x1 - low_x, y0 - low_y : y1 - low_y]
+                values[x0 - x : x1 - x, y0 - y : y1 - y] = held
+        return values
+
+    def _open(
         self, first: NDArray[np.int64], end: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], tuple[int, int]]:
-        """The part of a rectangle of cells in the region of interest: least cell and extent."""
+    ) -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.int64]]:
+        """A window of whole tiles around a rectangle of cells.
+
+        Returns:
+            Its first tile (2,), empty marks (threads, nx, ny), and the part of the rectangle that
+            lies in the region of interest, (2, 2) counted from the window's corner.
+        """
         if self._region is not None:
             first = np.maximum(first, self._region[0][:2])
             end = np.minimum(end, self._region[1][:2])
-        nx, ny = (max(int(n), 0) for n in end - first)
+        end = np.maximum(first, end)
+        tile = first // TILE
+        nx, ny = (int(n) * TILE for n in -(-end // TILE) - tile)
         if nx * ny > MAX_WINDOW_CELLS:
             raise ValueError(
                 f"beams: got {nx * ny} cells of floor around them, "
                 f"expected at most {MAX_WINDOW_CELLS}: a shorter range or coarser cells"
             )
-        return first, (nx, ny)
+        marks = np.zeros((self._team.size, nx, ny), np.uint8)
+        return tile, marks, np.stack([first, end]) - tile * TILE
 
-    def _update(self, cells: NDArray[np.int64], steps: NDArray[np.int64], time_ns: int) -> None:
-        """Add a step to each of the cells (n, 2), which all differ."""
+    def _update(
+        self, tile: NDArray[np.int64], marks: NDArray[np.uint8], spare: bool, time_ns: int
+    ) -> None:
+        """Raise the cells that were hit, and lower those that were crossed, once each.
+
+        Args:
+            tile: (2,) first tile of the window.
+            marks: (nx, ny) of its cells.
+            spare: Whether occupied cells stay as they are.
+            time_ns: Simulated time, ns.
+        """
         blocks = self._blocks
         self._stamp += 1
-        cells = np.pad(cells, ((0, 0), (0, 1)))
-        keys = np.unique(cells // blocks.shape, axis=0)
-        held = blocks.reserve(keys, self._stamp)
-        slots, places = blocks.locate(cells)
-        known = slots >= 0  # the others found no room
-        slots, places, steps = slots[known], places[known], steps[known]
-        values = blocks.layers["log_odds"]
-        before = values[slots, places].astype(np.int64)
+        across, along = (n // TILE for n in marks.shape)
+        tiles = marks.reshape(across, TILE, along, TILE).swapaxes(1, 2).reshape(-1, TILE * TILE)
+        touched = np.flatnonzero(tiles.any(axis=1))
+        x, y = np.divmod(touched, max(along, 1))
+        keys = np.stack([x + tile[0], y + tile[1], np.zeros_like(x)], axis=1)
+        slots = blocks.reserve(keys, self._stamp)
+        touched, slots = touched[slots >= 0], slots[slots >= 0]  # the others found no room
+        told = tiles[touched]
+        before = blocks.layers["log_odds"][slots].astype(np.int64)
+        if spare:
+            told[before > 0] = 0
+        steps = np.where(told & kernels.HIT > 0, self.units.hit, -self.units.miss)
         after = np.clip(before + steps, self.units.low, self.units.high)
-        values[slots, places] = after
-        blocks.layers["fresh"][slots, places] = True
-        held = held[held >= 0]
-        blocks.observed_ns[held] = np.maximum(blocks.observed_ns[held], time_ns)
-        blocks.dirty[slots[after != before]] = True
-        blocks.stamps[slots[np.sign(after) != np.sign(before)]] = self._stamp
-
-
-def _cells_of(first: ArrayLike, extent: tuple[int, int]) -> NDArray[np.int64]:
-    """All cells (n, 2) of a rectangle."""
-    cells: NDArray[np.int64] = np.argwhere(np.ones(extent, np.bool_)) + np.asarray(first)
-    return cells
+        after = np.where(told > 0, after, before)
+        blocks.layers["log_odds"][slots] = after
+        blocks.layers["fresh"][slots] |= told > 0
+        blocks.observed_ns[slots] = np.maximum(blocks.observed_ns[slots], time_ns)
+        blocks.dirty[slots[(after != before).any(axis=1)]] = True
+        blocks.stamps[slots[(np.sign(after) != np.sign(before)).any(axis=1)]] = self._stamp
 
 
 def _no_heights(asked: str) -> str:

@@ -338,3 +338,26 @@ def test_a_region_of_interest_holds_what_a_map_without_bounds_does():
     box = (-0.49, -0.39, -0.07), (0.79, 0.89, 0.3)
     assert (states_in(bounded, *box) == states_in(unbounded, *box)).all()
     assert bounded.counts()["free"] < unbounded.counts()["free"]
+
+
+def test_nothing_to_tell_changes_nothing():
+    far_off = Grid2D(MapConfig(memory_mib=1), 1, (50.0, 50.0, -0.2), (51.0, 51.0, 1.0))
+    statistics = look(far_off, 2000)
+    assert (statistics.hits, statistics.cells_updated) == (1, 0)
+    far_off.mark_free((0.0, 0.0, 0.1), (1.0, 1.0, 1.0), 0)
+    assert far_off.version() == make().version()
+    grid = make()
+    grid.mark_free((1.0, 1.0, 1.0), (0.9, 1.0, 1.0), 0)
+    grid.mark_floor((1.0, 1.0), (0.0, 0.0), 0)
+    empty = grid.integrate(EYE, np.empty((0, 3)), np.empty(0, np.uint16), 3.0, 0)
+    assert (empty.hits, empty.cells_updated) == (0, 0)
+    assert grid.version() == make().version()
+    assert grid.state_at(np.empty((0, 3))).shape == (0,)
+
+
+def test_a_rolling_sweep_starts_each_beam_where_the_sensor_was():
+    grid, origins = make(), np.array([EYE, (0.55, 1.55, 0.475)])
+    ranges_mm, moments = np.array([2000, 1500], np.uint16), np.array([1, 0], np.int32)
+    grid.integrate(origins, np.repeat(FORWARD, 2, 0), ranges_mm, 3.0, 0, moments)
+    at = [[2.55, 1.55, 0.475], [2.05, 1.05, 0.475], [1.75, 1.05, 0.475], [2.55, 1.05, 0.475]]
+    assert grid.state_at(at).tolist() == [OCCUPIED, OCCUPIED, FREE, UNKNOWN]
