@@ -59,6 +59,7 @@ def warm_up(kind: str = "voxel") -> None:
     tiny = MAPS[kind](config)
     beams, ranges_mm = np.array([[1.0, 0, 0], [0, 0, -1.0]]), np.array([400, 65535], np.uint16)
     tiny.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)
+    tiny.mark_free((0.0, 0.0, 0.1), (0.2, 0.2, 0.3), 0)
     tiny.advance(round(2e9 * config.decay_period))
     tiny.probability_at([[0.5, 0.5, 0.5]])
     tiny.version()

@@ -483,7 +483,7 @@ def test_a_wall_seen_at_grazing_angles_does_not_flicker():
     flat, rise = np.cos(elevation), np.broadcast_to(np.sin(elevation), (41, 300))
     directions = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1)
     directions = directions.reshape(-1, 3)
-    one, other = (MAPS[kind](MapConfig(kind=kind, memory_mib=16)) for kind in ("dynamic", "voxel"))
+    one, other = (MAPS[kind](MapConfig(kind=kind, memory_mib=16)) for kind in ("voxel", "dynamic"))
     seen, turned, told = set(), 0, 0
     for k in range(50):
         origin = np.array([0.02 * k, 0.133, 1.05])
