@@ -68,8 +68,6 @@ def bench_loop(repeats: int, seed: int, progress: Callable[[str], None]) -> list
     """
     rows = []
     for robot in ROBOTS:
-        progress("compiling kernels (some seconds the first time, then cached)")
-        warm_up(robot)
         for settings in LOADS:
             rows.append(asdict(_measure(robot, settings, range(seed, seed + repeats), progress)))
     return rows
@@ -89,7 +87,9 @@ def _measure(
         for seed in seeds:
             progress(f"loop: {robot}, {', '.join(settings)}, seed {seed}")
             named = {"world": WORLD, "robot": robot, "seed": seed}
-            scenario = build(override(from_document(named), settings))
+            config = override(from_document(named), settings)
+            warm_up(config)
+            scenario = build(config)
             rays = sum(caster.table.beams for caster in scenario.scene.casters)
             result = run_episode(scenario, Path(folder) / "episode.mcap", note)
             simulated += result.sim_time_s

@@ -157,7 +157,7 @@ def _run_one(config: Config, path: Path, console: Console) -> Any:
         print(f"wayproof: warning: {warning}", file=sys.stderr)
     check_folder(path.parent)
     with console.status("compiling kernels (a minute the first time, then cached)"):
-        warm_up(config.robot, config.map.kind)
+        warm_up(config)
     try:
         with LiveLine(console, config.robot) as line:
             return run_episode(scenario, path, line)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import maps
 import planners
+from harness.config import Config
 from models import rays, truth
 from models.robots import ROBOTS
 
 
-def warm_up(robot: str, kind: str = "voxel") -> None:
-    """Compile what an episode of `robot` on a kind of map runs, or load it from the cache."""
-    maps.warm_up(kind)
-    planners.warm_up()
+def warm_up(config: Config) -> None:
+    """Compile what an episode runs, or load it from the cache."""
+    maps.warm_up(config.map.kind)
+    planners.warm_up(config.planner)
     rays.warm_up()
     truth.warm_up()
-    ROBOTS[robot].warm_up()
+    ROBOTS[config.robot].warm_up()

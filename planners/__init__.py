@@ -5,6 +5,7 @@ import numpy as np
 from planners.body import Body, Disc, blocked_at_or_below
 from planners.frontier import best_frontier
 from planners.goal_field import GoalField
+from planners.kernels import Floats
 from planners.path import (
     arc_lengths,
     blend_corners,
@@ -67,24 +68,22 @@ __all__ = [
 ]
 
 
-def warm_up() -> None:
-    """Compile every kernel, or load it from the cache, by planning across small empty rooms."""
-    body = Body((-0.1, 0.1), (0.1, 0.1)).discs(margin=0.0, resolution=0.1, flat=True)
+def warm_up(config: PlannerConfig | None = None) -> None:
+    """Compile what plans and trajectories need, or load it from the cache.
+
+    Args:
+        config: What a body of one disc or ball is planned for; None: everything that there is.
+    """
     field = np.full((20, 20, 1), 100, dtype=np.uint16)
-    pose_space = FreeSpace(field, np.zeros(3), 0.1, 2, np.zeros(101), body)
     space = FreeSpace(field, np.zeros(3), 0.1, 4, np.zeros(101))
     start, goal = np.array([0.25, 0.25, 0.05]), np.array([1.75, 1.75, 0.05])
-    for name in ("field", "rrtconnect"):
-        for body_space in (space, pose_space):
-            found = plan(body_space, start, goal, PlannerConfig(name=name), seed=1)
-            if found.waypoints is None:
-                raise RuntimeError(f"planners.warm_up: got {found.label}, expected a path")
-    curved = PlannerConfig(name="rrtconnect", state_space="dubins", turning_radius=0.2, restarts=1)
-    plan(pose_space, start, goal, curved, seed=1)
-    pose_space.free_sweep_length(np.array([[*start, 0.0], [*goal, 0.0]]))
-    to_goal = GoalField(goal, PlannerConfig())
-    for _ in range(2):
-        to_goal.plan(space, start, seed=1)
+    if config is None:
+        _warm_up_poses(start, goal)
+        to_goal = GoalField(goal, PlannerConfig())
+        for _ in range(2):
+            to_goal.plan(space, start, seed=1)
+    for one in [PlannerConfig(name="field"), PlannerConfig()] if config is None else [config]:
+        plan(space, start, goal, one, seed=1)
     corner = np.array([start, [1.75, 0.25, 0.05], goal])
     path = blend_corners(space, corner, blend_length=0.4)
     space.free_length(path)
@@ -94,3 +93,15 @@ def warm_up() -> None:
     )
     follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, limits, speed_cap=1.0).at(0)
     turn_in_place(start, 0, 0.0, 1.0, limits)
+
+
+def _warm_up_poses(start: Floats, goal: Floats) -> None:
+    """Bodies of several discs, with every way of planning for them."""
+    body = Body((-0.1, 0.1), (0.1, 0.1)).discs(margin=0.0, resolution=0.1, flat=True)
+    field = np.full((20, 20, 1), 100, dtype=np.uint16)
+    space = FreeSpace(field, np.zeros(3), 0.1, 2, np.zeros(101), body)
+    for name in ("field", "rrtconnect"):
+        plan(space, start, goal, PlannerConfig(name=name), seed=1)
+    curved = PlannerConfig(name="rrtconnect", state_space="dubins", turning_radius=0.2, restarts=1)
+    plan(space, start, goal, curved, seed=1)
+    space.free_sweep_length(np.array([[*start, 0.0], [*goal, 0.0]]))

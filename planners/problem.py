@@ -47,7 +47,7 @@ class PlannerConfig:
         ValueError: If a field is out of its range.
     """
 
-    name: str = "field"
+    name: str = "rrtconnect"
     iterations: int = 2000
     restarts: int = 4
     shortcuts: int = 300
