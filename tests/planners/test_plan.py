@@ -182,7 +182,10 @@ def test_seeds_are_named_draws():
             {"state_space": "se3"},
             r"planner\.state_space: got 'se3', expected one of auto, position",
         ),
-        ({"name": "field", "state_space": "dubins"}, r"planner\.state_space: got dubins for the planner field"),
+        (
+            {"name": "field", "state_space": "dubins"},
+            r"planner\.state_space: got dubins for the planner field",
+        ),
         ({"turning_radius": 0.0}, r"planner\.turning_radius: got 0\.0, expected above 0"),
         ({"iterations": 0}, r"planner\.iterations: got 0, expected 1 or more"),
         ({"restarts": 0}, r"planner\.restarts: got 0, expected 1 or more"),
