@@ -58,7 +58,7 @@ class Audit:
         swept: Of these, with a path that leads somewhere, checked cell by cell.
         stops: Of the others, the ones that brake on a path that was admitted before, because what
             it leads through no longer is.
-        recoveries: Of the others, the ones that step out of the inflation.
+        recoveries: Of the others, the ones that step out of the inflation; their ends are checked.
         violations: In order.
     """
 
@@ -126,6 +126,9 @@ def _check(
     if _length(path) < SAME_PLACE or decision.deadline_missed:
         return "", found
     if decision.action == "recover":
+        # It starts inside the inflation, so its way cannot be free; where it leads to must be.
+        if body.first_blocked(voxel_map, path[-1:], decision.localization_margin_m):
+            found.append(("swept", "action recover: its end is no admitted place"))
         return "recovery", found
     blocked = body.first_blocked(voxel_map, path, decision.localization_margin_m)
     if blocked is None:

@@ -166,25 +166,32 @@ class MujocoEngine:
     ) -> Hits:
         """Cast a sweep from the poses of its moments."""
         count = len(firing.moments)
-        hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty((count, 3)))
+        told = count if normals else 0
+        hits = Hits(np.empty(count), np.empty(count, np.int32), np.empty((told, 3)))
         for moment, (origin, R_world_sensor) in enumerate(zip(origins, rotations, strict=True)):
             beams = np.flatnonzero(firing.moments == moment) if len(origins) > 1 else slice(None)
             rays = rotate(R_world_sensor, firing.directions[beams])
-            part = self._cast_from(data, origin, rays)
+            part = self._cast_from(data, origin, rays, normals)
             hits.distance[beams], hits.geom_id[beams] = part.distance, part.geom_id
-            hits.normals[beams] = part.normals
-        return hits if normals else hits._replace(normals=np.empty((0, 3)))
+            if normals:
+                hits.normals[beams] = part.normals
+        return hits
 
     def _cast_from(
-        self, data: mujoco.MjData, origin: NDArray[np.float64], rays: NDArray[np.float64]
+        self,
+        data: mujoco.MjData,
+        origin: NDArray[np.float64],
+        rays: NDArray[np.float64],
+        normals: bool,
     ) -> Hits:
         count = len(rays)
-        distance, geom_id, normals = np.empty(count), np.empty(count, np.int32), np.empty(3 * count)
+        distance, geom_id = np.empty(count), np.empty(count, np.int32)
+        facing = np.empty(3 * count if normals else 0)
         mujoco.mj_multiRay(
             self._model, data, origin, rays.ravel(), self._groups, 1, -1,
-            geom_id, distance, normals, count, self._range,
+            geom_id, distance, facing if normals else None, count, self._range,
         )  # fmt: skip
-        return Hits(distance, geom_id, normals.reshape(count, 3))
+        return Hits(distance, geom_id, facing.reshape(-1, 3))
 
 
 ENGINES: dict[str, type[TileEngine] | type[MujocoEngine]] = {

@@ -81,6 +81,11 @@ def through_the_wall(decision):
         point.y += 0.1 * k
 
 
+def recovers_into_the_wall(decision):
+    decision.action = "recover"
+    through_the_wall(decision)
+
+
 def never_at_rest(decision):
     samples = decision.trajectory.arc_length
     del samples[len(samples) // 2 :]
@@ -106,6 +111,7 @@ def from_elsewhere(decision):
         (nothing, set()),
         (another_map, {"version"}),
         (through_the_wall, {"swept"}),
+        (recovers_into_the_wall, {"swept"}),
         (never_at_rest, {"rest"}),
         (beyond_its_path, {"rest"}),
         (too_fast, {"limits", "rest"}),

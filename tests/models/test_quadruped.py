@@ -11,7 +11,7 @@ import pytest
 from models.robots.quadruped import Quadruped, warm_up
 from models.robots.quadruped.gait import advance
 from models.robots.quadruped.parameters import Actuators, Gait, Geometry, Legs, Parameters, Tracking
-from models.robots.quadruped.state import MEMORY, OBSERVATION, new_record
+from models.robots.quadruped.state import MEMORY, OBSERVATION, twin_records
 from models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
 from models.robots.quadruped.tracking import Tracker
 from models.robots.robot import Setpoint
@@ -274,7 +274,7 @@ def test_swing_curves_start_and_end_where_they_should():
 
 
 def test_diagonal_pairs_alternate():
-    memory, observation = new_record(MEMORY), new_record(OBSERVATION)
+    memory, observation = twin_records(MEMORY)[0], twin_records(OBSERVATION)[0]
     seen = set()
     for _ in range(400):
         arguments = np.array([1.0, 0.0, 0.0]), np.zeros(4)
@@ -285,7 +285,11 @@ def test_diagonal_pairs_alternate():
 
 def test_compiled_gait_and_torques_equal_python():
     rng = np.random.default_rng(3)
-    observation, compiled, python = new_record(OBSERVATION), new_record(MEMORY), new_record(MEMORY)
+    observation, compiled, python = (
+        twin_records(OBSERVATION)[0],
+        twin_records(MEMORY)[0],
+        twin_records(MEMORY)[0],
+    )
     for name in OBSERVATION.names:
         observation[name][...] = rng.normal(scale=0.2, size=observation[name].shape)
     inputs = rng.normal(size=12), rng.normal(size=12), rng.normal(size=(4, 3, 3))

@@ -50,11 +50,6 @@ MEMORY = np.dtype(
 """Carried from tick to tick."""
 
 
-def new_record(dtype: np.dtype[Any]) -> Any:
-    """One zeroed record whose fields are attributes, in kernels and outside them alike."""
-    return twin_records(dtype)[0]
-
-
 def twin_records(dtype: np.dtype[Any]) -> tuple[Any, Any]:
     """Two handles of one zeroed record: to read by attributes, and to hand to kernels.
 
