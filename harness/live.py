@@ -1,18 +1,12 @@
-"""What a person sees of a running episode: one live line, then a verdict."""
+"""What a person sees of a running episode: one live line."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Console
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
-from harness.audit import Audit
-from harness.episode import Result
-from harness.replay import Replay
 from harness.schema import wayproof_pb2 as pb
 
 ACTION_STYLES = {
@@ -24,8 +18,6 @@ ACTION_STYLES = {
     "goal": "bold green",
     "abort": "bold red",
 }
-
-SHOWN_VIOLATIONS = 10
 
 
 class LiveLine:
@@ -66,71 +58,3 @@ class LiveLine:
         self._live.stop()
         if not self._console.is_terminal:  # there the last state is printed without its newline
             self._console.line()
-
-
-def print_verdict(console: Console, result: Result) -> None:
-    """One episode's verdict in two lines."""
-    style = "bold green" if result.outcome == "success" else "bold red"
-    console.print(
-        Text.assemble(
-            (result.outcome, style),
-            f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s,"
-            f" {result.decisions} decisions, {result.collisions} collisions,"
-            f" least clearance {result.min_clearance_m:.2f} m",
-        ),
-        soft_wrap=True,
-    )
-    console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
-
-
-def print_audit(console: Console, audited: Audit) -> None:
-    """One audit's verdict in a line, and what broke which rule."""
-    count = len(audited.violations)
-    verdict = (f"{count} violations", "bold red") if count else ("no violation", "bold green")
-    text = Text.assemble(
-        verdict,
-        f" of '{audited.policy}' in {audited.decisions} decisions: {audited.swept} paths swept, "
-        f"{audited.stops} late stops, {audited.recoveries} recoveries; {audited.log}",
-    )
-    console.print(text, soft_wrap=True)
-    for violation in audited.violations[:SHOWN_VIOLATIONS]:
-        console.print(f"  {violation.sequence}: {violation.rule}: {violation.text}", soft_wrap=True)
-    if count > SHOWN_VIOLATIONS:
-        console.print(f"  and {count - SHOWN_VIOLATIONS} more", soft_wrap=True)
-
-
-def print_replay(console: Console, replayed: Replay) -> None:
-    """One replay's verdict in a line."""
-    if replayed.identical:
-        text = Text.assemble(
-            ("identical", "bold green"), f": {replayed.decisions} of {replayed.decisions} decisions"
-        )
-    else:
-        first = "none" if replayed.first_difference is None else str(replayed.first_difference)
-        text = Text.assemble(
-            ("differs", "bold red"),
-            f": {replayed.differing} of {replayed.decisions} decisions,"
-            f" first {first} in {', '.join(replayed.fields) or 'the chain'}",
-        )
-    text.append(f"; {replayed.wall_time_s:.1f} s; chain {replayed.chain}; {replayed.log}")
-    console.print(text, soft_wrap=True)
-
-
-def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> None:
-    """Verdicts of several episodes and of their replays."""
-    table = Table(title="Verdicts: warehouse", title_justify="left")
-    for heading in ("robot", "outcome", "time", "x real", "decisions", "clearance", "replay"):
-        table.add_column(heading, justify="left" if heading in ("robot", "outcome") else "right")
-    for title, result, replayed in rows:
-        table.add_row(
-            title,
-            result.outcome,
-            f"{result.sim_time_s:.1f} s",
-            f"{result.sim_time_s / result.wall_time_s:.1f}",
-            str(result.decisions),
-            f"{result.min_clearance_m:.2f} m",
-            "identical" if replayed.identical else "differs",
-        )
-    console.print(table)
-    for _, result, _ in rows:
-        console.print(f"log: {result.log}", soft_wrap=True, highlight=False)

@@ -1,0 +1,16 @@
+"""The verbs of the command line, one file each."""
+
+from harness.verbs import audit, bench, demo, listing, replay, run
+from harness.verbs.verb import Document, Verb
+
+VERBS: dict[str, Verb] = {
+    "run": run.VERB,
+    "replay": replay.VERB,
+    "audit": audit.VERB,
+    "list": listing.VERB,
+    "demo": demo.VERB,
+    "bench": bench.VERB,
+}
+"""Name on the command line -> verb, in the order in which `--help` shows them."""
+
+__all__ = ["VERBS", "Document", "Verb"]

@@ -1,0 +1,64 @@
+"""`wayproof audit`: every committed path against the map that it names, by slow code."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from typing import TYPE_CHECKING, get_args
+
+from rich.console import Console
+from rich.text import Text
+
+from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
+
+if TYPE_CHECKING:
+    from harness.audit import Audit
+
+SHOWN_VIOLATIONS = 10
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Check the decisions of one or more logs."""
+    from harness.audit import audit
+
+    audits = []
+    for path in options.log:
+        audits.append(audit(path, options.policy, options.allow_plugins))
+        print_audit(console, audits[-1])
+    code = 1 if any(one.violations for one in audits) else 0
+    return code, one_or_all("audits", [asdict(one) for one in audits])
+
+
+def print_audit(console: Console, audited: Audit) -> None:
+    """One audit's verdict in a line, and what broke which rule."""
+    count = len(audited.violations)
+    verdict = (f"{count} violations", "bold red") if count else ("no violation", "bold green")
+    text = Text.assemble(
+        verdict,
+        f" of '{audited.policy}' in {audited.decisions} decisions: {audited.swept} paths swept, "
+        f"{audited.stops} late stops, {audited.recoveries} recoveries; {audited.log}",
+    )
+    console.print(text, soft_wrap=True)
+    for violation in audited.violations[:SHOWN_VIOLATIONS]:
+        console.print(f"  {violation.sequence}: {violation.rule}: {violation.text}", soft_wrap=True)
+    if count > SHOWN_VIOLATIONS:
+        console.print(f"  and {count - SHOWN_VIOLATIONS} more", soft_wrap=True)
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    from maps import UnknownPolicy
+
+    add_log_paths(parser)
+    parser.add_argument(
+        "--policy",
+        choices=get_args(UnknownPolicy),
+        help="hold paths against this unknown policy in place of the log's own",
+    )
+
+
+VERB = Verb(
+    help="check that every committed path lay in space its map knew to be free",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof audit logs/warehouse-drone-3.mcap",
+)

@@ -1,0 +1,37 @@
+"""`wayproof bench`: how fast and how right one stage is on this machine."""
+
+from __future__ import annotations
+
+import argparse
+
+from rich.console import Console
+
+from harness.verbs.verb import Document, Verb
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Measure one stage."""
+    from harness.bench import print_rows, run_stage
+
+    rows = run_stage(options.stage, options.repeats, options.seed)
+    print_rows(console, f"bench {options.stage}, seed {options.seed}", rows)
+    return 0, {"rows": rows}
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("stage", metavar="STAGE", help="a wrong one lists those that there are")
+    parser.add_argument(
+        "--repeats",
+        type=int,
+        metavar="N",
+        help="sweeps, queries or episodes of each row; by default as many as the stage needs",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: 0)")
+
+
+VERB = Verb(
+    help="how fast one stage is on this machine, and whether its results are right",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof bench rays --json",
+)

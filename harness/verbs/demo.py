@@ -1,0 +1,67 @@
+"""`wayproof demo`: both robots across one warehouse, and both logs replayed."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from harness.config import from_document
+from harness.verbs.run import episode_name, run_one
+from harness.verbs.verb import Document, Verb, add_log_folder
+
+if TYPE_CHECKING:
+    from harness.episode import Result
+    from harness.replay import Replay
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Send both robots across and replay their logs."""
+    from harness.replay import replay
+
+    rows = []
+    for robot in ("quadruped", "drone"):
+        config = from_document({"world": "warehouse", "robot": robot, "seed": options.seed})
+        result = run_one(config, options.logs / f"{episode_name(config)}.mcap", console)
+        rows.append((robot, result, replay(Path(result.log))))
+    print_demo(console, rows)
+    good = all(r.outcome == "success" and again.identical for _, r, again in rows)
+    document = {"episodes": [{**asdict(r), "replay": asdict(again)} for _, r, again in rows]}
+    return (0 if good else 1), document
+
+
+def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> None:
+    """Verdicts of several episodes and of their replays."""
+    table = Table(title="Verdicts: warehouse", title_justify="left")
+    for heading in ("robot", "outcome", "time", "x real", "decisions", "clearance", "replay"):
+        table.add_column(heading, justify="left" if heading in ("robot", "outcome") else "right")
+    for title, result, replayed in rows:
+        table.add_row(
+            title,
+            result.outcome,
+            f"{result.sim_time_s:.1f} s",
+            f"{result.sim_time_s / result.wall_time_s:.1f}",
+            str(result.decisions),
+            f"{result.min_clearance_m:.2f} m",
+            "identical" if replayed.identical else "differs",
+        )
+    console.print(table)
+    for _, result, _ in rows:
+        console.print(f"log: {result.log}", soft_wrap=True, highlight=False)
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seed", type=int, default=0)
+    add_log_folder(parser)
+
+
+VERB = Verb(
+    help="both robots across a warehouse, and both logs replayed",
+    add_arguments=_add_arguments,
+    run=run,
+)

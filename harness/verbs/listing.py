@@ -1,0 +1,38 @@
+"""`wayproof list`: what is registered."""
+
+from __future__ import annotations
+
+import argparse
+
+from rich.console import Console
+
+from harness.config import setting_names
+from harness.verbs.verb import Document, Verb
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Tell what is registered."""
+    from maps import MAPS
+    from models.devices import DEVICES
+    from models.robots import ROBOTS
+    from models.worlds import WORLDS
+    from planners import PLANNERS
+
+    document = {
+        "worlds": sorted(WORLDS),
+        "robots": sorted(ROBOTS),
+        "sensors": sorted(DEVICES),
+        "maps": sorted(MAPS),
+        "planners": sorted(PLANNERS),
+        "settings": setting_names(),
+    }
+    for kind, names in document.items():
+        console.print(f"[bold]{kind}[/]: {', '.join(names)}", highlight=False)
+    return 0, document
+
+
+VERB = Verb(
+    help="worlds, robots, maps, planners and settings",
+    add_arguments=lambda parser: None,
+    run=run,
+)

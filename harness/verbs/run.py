@@ -1,0 +1,103 @@
+"""`wayproof run`: one episode."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import hashlib
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.text import Text
+
+from harness.config import Config, from_document, override, to_json
+from harness.errors import InputError
+from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
+
+if TYPE_CHECKING:
+    from harness.episode import Result
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Run one episode."""
+    named = {"world": options.world, "robot": options.robot, "seed": options.seed}
+    config = override(from_document(named), options.set)
+    for name in ("goal", "start"):
+        if getattr(options, name) is not None:
+            config = override(config, [f"{name}=[{getattr(options, name)}]"])
+    path = options.log or options.logs / f"{episode_name(config)}.mcap"
+    result = run_one(config, path, console)
+    print_verdict(console, result)
+    return (0 if result.outcome == "success" else 1), asdict(result)
+
+
+def episode_name(config: Config) -> str:
+    """`world-robot-seed`, and eight digits of the config's hash where anything was set."""
+    name = f"{config.world}-{config.robot}-{config.seed}"
+    if config == Config(config.world, config.robot, config.seed):
+        return name
+    return f"{name}-{hashlib.sha256(to_json(config)).hexdigest()[:8]}"
+
+
+def run_one(config: Config, path: Path, console: Console) -> Result:
+    """Build, compile, run with a live line; a disk that fills up is told as such.
+
+    Raises:
+        InputError: The config cannot be run, or its log cannot be written.
+    """
+    from harness.episode import run_episode
+    from harness.live import LiveLine
+    from harness.log import check_folder
+    from harness.scenario import build
+    from harness.warm_up import warm_up
+
+    scenario = build(config)
+    for warning in scenario.warnings:
+        print(f"wayproof: warning: {warning}", file=sys.stderr)
+    check_folder(path.parent)
+    with console.status("compiling kernels (a minute the first time, then cached)"):
+        warm_up(config)
+    try:
+        with LiveLine(console, config.robot) as line:
+            return run_episode(scenario, path, line)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+            raise
+        raise InputError(f"log '{path}': {error.strerror}; what fitted is in .partial") from None
+
+
+def print_verdict(console: Console, result: Result) -> None:
+    """One episode's verdict in two lines."""
+    style = "bold green" if result.outcome == "success" else "bold red"
+    console.print(
+        Text.assemble(
+            (result.outcome, style),
+            f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s,"
+            f" {result.decisions} decisions, {result.collisions} collisions,"
+            f" least clearance {result.min_clearance_m:.2f} m",
+        ),
+        soft_wrap=True,
+    )
+    console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("world", metavar="WORLD", help="see 'wayproof list'")
+    parser.add_argument("--robot", required=True, help="see 'wayproof list'")
+    parser.add_argument("--seed", required=True, type=int, help="of the world and all randomness")
+    parser.add_argument("--goal", metavar="X,Y[,Z]", help="in place of the world's own, m")
+    parser.add_argument("--start", metavar="X,Y[,Z]", help="in place of the world's own, m")
+    add_settings(parser)
+    parser.add_argument("--log", type=Path, metavar="FILE", help="the log's name")
+    add_log_folder(parser)
+
+
+VERB = Verb(
+    help="run one episode and write its log",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof run warehouse --robot drone --seed 3 --set map.resolution=0.05",
+)

@@ -1,0 +1,64 @@
+"""What a verb of the command line is, and the options that several share."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+Document = dict[str, Any]
+
+LOGS = Path("logs")
+
+
+@dataclass(frozen=True)
+class Verb:
+    """One verb: `wayproof NAME ...`.
+
+    Attributes:
+        help: What it does, in a line.
+        add_arguments: Declares its arguments, `--json` apart.
+        run: Does it and returns the exit code and the document that `--json` prints. It imports
+            what it needs itself, so that `--help` need not load the simulator.
+        example: A line that can be typed.
+    """
+
+    help: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace, Console], tuple[int, Document]]
+    example: str = ""
+
+
+def add_log_paths(parser: argparse.ArgumentParser) -> None:
+    """One or more logs, and leave to run code that they name."""
+    parser.add_argument("log", metavar="LOG", type=Path, nargs="+")
+    parser.add_argument(
+        "--allow-plugins",
+        action="store_true",
+        help="import the planner that a log names as module:Class",
+    )
+
+
+def add_log_folder(parser: argparse.ArgumentParser) -> None:
+    """Where new logs go."""
+    parser.add_argument("--logs", type=Path, default=LOGS, metavar="FOLDER", help="log folder")
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Settings in place of their defaults."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override a setting, repeatable; names by 'wayproof list'",
+    )
+
+
+def one_or_all(name: str, documents: list[Document]) -> Document:
+    """The document of a verb that takes several logs: flat for one, a list under `name` else."""
+    return documents[0] if len(documents) == 1 else {name: documents}
