@@ -1,0 +1,208 @@
+"""Intervals and tests for rates and for pairs of episodes; scipy does the numerics.
+
+An episode of one seed and its perturbed twin are a pair; pairs that share a world are a cluster,
+since repeats in one world tell less than as many worlds would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+CONFIDENCE = 0.95
+
+RESAMPLES = 4000
+"""Bootstrap resamples: the ends of a 95 % interval then move by about 2 % of its width."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate and how far the data bear it out.
+
+    Attributes:
+        estimate: The point estimate, in the unit of what is estimated.
+        low: Lower end of the interval.
+        high: Upper end.
+    """
+
+    estimate: float
+    low: float
+    high: float
+
+
+def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Interval:
+    """Score interval of a rate (Wilson 1927, "Probable inference").
+
+    Raises:
+        ValueError: No trials, or more successes than trials.
+    """
+    if not 0 <= successes <= trials or trials == 0:
+        raise ValueError(f"got {successes} successes in {trials} trials, expected 0 to all of some")
+    bounds = stats.binomtest(successes, trials).proportion_ci(confidence, method="wilson")
+    return Interval(successes / trials, float(bounds.low), float(bounds.high))
+
+
+def mcnemar(only_first: int, only_second: int) -> float:
+    """Two-sided exact p-value that discordant pairs fall either way alike (McNemar 1947).
+
+    Args:
+        only_first: Pairs in which the first alone succeeded.
+        only_second: Pairs in which the second alone did.
+    """
+    discordant = only_first + only_second
+    if discordant == 0:
+        return 1.0
+    return float(stats.binomtest(only_first, discordant, 0.5).pvalue)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values adjusted for their number, step down (Holm 1979); in the order given."""
+    count = len(p_values)
+    adjusted = [0.0] * count
+    highest = 0.0
+    for rank, index in enumerate(sorted(range(count), key=lambda k: p_values[k])):
+        highest = max(highest, min(1.0, (count - rank) * p_values[index]))
+        adjusted[index] = highest
+    return adjusted
+
+
+def paired_rate_difference(
+    first: ArrayLike, second: ArrayLike, confidence: float = CONFIDENCE
+) -> Interval:
+    """Rate of the second less that of the first, for pairs that are independent of each other.
+
+    Newcombe (1998), "Improved confidence intervals for the difference between binomial proportions
+    based on paired data", method 10: the Wilson limits of both rates, combined with the correlation
+    of the pairs. Unlike a bootstrap it knows that no flip in n pairs does not mean none ever.
+
+    Args:
+        first: (n,) successes, 0 or 1.
+        second: (n,) of the same episodes, the other way.
+        confidence: Coverage.
+
+    Raises:
+        ValueError: No pairs, or not as many of one as of the other.
+    """
+    a, b = _pairs(first, second)
+    count = len(a)
+    p, q = wilson(int(a.sum()), count, confidence), wilson(int(b.sum()), count, confidence)
+    phi = _phi(a, b)
+    down, up = q.estimate - q.low, q.high - q.estimate
+    left, right = p.estimate - p.low, p.high - p.estimate
+    difference = q.estimate - p.estimate
+    below = np.sqrt(max(down**2 - 2 * phi * down * right + right**2, 0.0))
+    above = np.sqrt(max(up**2 - 2 * phi * up * left + left**2, 0.0))
+    return Interval(difference, float(difference - below), float(difference + above))
+
+
+def _phi(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Correlation of two binary samples, with Newcombe's continuity correction where positive."""
+    both, only_a = float((a * b).sum()), float((a * (1 - b)).sum())
+    only_b, neither = float(((1 - a) * b).sum()), float(((1 - a) * (1 - b)).sum())
+    margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
+    if margins == 0.0:
+        return 0.0
+    numerator = both * neither - only_a * only_b
+    if numerator > 0.0:
+        numerator = max(numerator - len(a) / 2, 0.0)
+    return float(numerator / np.sqrt(margins))
+
+
+def paired_difference(
+    first: ArrayLike,
+    second: ArrayLike,
+    clusters: Sequence[object],
+    seed: int,
+    confidence: float = CONFIDENCE,
+) -> Interval:
+    """Mean of second - first over pairs, by a bootstrap that draws whole clusters.
+
+    The t-bootstrap of Efron and Tibshirani (1993), "An Introduction to the Bootstrap", section
+    12.5, on cluster totals: it keeps its coverage down to some ten clusters, where the percentile
+    method falls short.
+
+    Args:
+        first: (n,) any metric.
+        second: (n,) of the same episodes, the other way.
+        clusters: (n,) what the pair shares with others: its world.
+        seed: Of the resampling.
+        confidence: Coverage.
+
+    Raises:
+        ValueError: No pairs, or not as many of each, or fewer than two clusters.
+    """
+    a, b = _pairs(first, second)
+    if len(clusters) != len(a):
+        raise ValueError(f"got {len(clusters)} clusters for {len(a)} pairs")
+    names = {name: k for k, name in enumerate(dict.fromkeys(clusters))}
+    if len(names) < 2:
+        raise ValueError(f"got {len(names)} cluster, expected at least 2 to tell worlds from luck")
+    member = np.array([names[name] for name in clusters])
+    totals = np.bincount(member, weights=b - a)  # (clusters,)
+    sizes = np.bincount(member).astype(np.float64)
+    estimate, error = _ratio(totals, sizes)
+    if error == 0.0:  # every cluster differs by the same: no spread to resample
+        return Interval(float(estimate), float(estimate), float(estimate))
+    generator = np.random.default_rng([seed, len(names)])
+    drawn = generator.integers(len(names), size=(RESAMPLES, len(names)))
+    estimates, errors = _ratio(totals[drawn], sizes[drawn])
+    spread = errors > 1e-9 * error
+    t = (estimates[spread] - estimate) / errors[spread]
+    tail = (1.0 - confidence) / 2.0
+    low, high = np.quantile(t, [tail, 1.0 - tail])
+    return Interval(float(estimate), float(estimate - high * error), float(estimate - low * error))
+
+
+def _ratio(
+    totals: NDArray[np.float64], sizes: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean over pairs from cluster totals (..., k), and its standard error by linearisation."""
+    count = totals.shape[-1]
+    estimate = totals.sum(axis=-1) / sizes.sum(axis=-1)
+    residuals = totals - estimate[..., None] * sizes
+    variance = np.square(residuals).sum(axis=-1) * count / (count - 1)
+    return estimate, np.sqrt(variance) / sizes.sum(axis=-1)
+
+
+def restricted_mean(times: ArrayLike, reached: ArrayLike, limit: float) -> float:
+    """Mean time to goal up to a limit, s: an episode that never gets there counts the whole limit.
+
+    Royston and Parmar (2013), "Restricted mean survival time". A mean over those who arrived would
+    fall when the slow ones begin to fail.
+
+    Args:
+        times: (n,) s.
+        reached: (n,) whether the goal was reached.
+        limit: s.
+    """
+    capped = np.where(np.asarray(reached, bool), np.minimum(times, limit), limit)
+    return float(capped.mean())
+
+
+def pairs_needed(discordant: float, drop: float, power: float = 0.8) -> int:
+    """Pairs that show a drop of a rate at 5 % (Connor 1987, McNemar's test for paired rates).
+
+    Args:
+        discordant: Share of the pairs in which the two outcomes differ.
+        drop: The drop to be found, as a share.
+        power: Chance to find it.
+
+    Raises:
+        ValueError: The drop is not positive, or larger than the discordant share.
+    """
+    if not 0.0 < drop <= discordant <= 1.0:
+        raise ValueError(f"got a drop of {drop:g} in {discordant:g} discordant, expected 0 < drop")
+    z_alpha, z_power = stats.norm.ppf(0.975), stats.norm.ppf(power)
+    root = z_alpha * np.sqrt(discordant) + z_power * np.sqrt(discordant - drop**2)
+    return int(np.ceil((root / drop) ** 2))
+
+
+def _pairs(first: ArrayLike, second: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    if a.shape != b.shape or a.ndim != 1 or len(a) == 0:
+        raise ValueError(f"got {a.shape} and {b.shape}, expected as many of each, at least one")
+    return a, b
