@@ -142,7 +142,7 @@ def paired_difference(
     if len(names) < 2:
         raise ValueError(f"got {len(names)} cluster, expected at least 2 to tell worlds from luck")
     member = np.array([names[name] for name in clusters])
-    totals = np.bincount(member, weights=b - a)  # (clusters,)
+    totals = np.bincount(member, weights=b - a).astype(np.float64)  # (clusters,)
     sizes = np.bincount(member).astype(np.float64)
     estimate, error = _ratio(totals, sizes)
     if error == 0.0:  # every cluster differs by the same: no spread to resample

@@ -1,12 +1,13 @@
 """The verbs of the command line, one file each."""
 
-from harness.verbs import audit, bench, demo, listing, replay, run
+from harness.verbs import audit, bench, demo, listing, replay, run, score
 from harness.verbs.verb import Document, Verb
 
 VERBS: dict[str, Verb] = {
     "run": run.VERB,
     "replay": replay.VERB,
     "audit": audit.VERB,
+    "score": score.VERB,
     "list": listing.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,

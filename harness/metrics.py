@@ -1,0 +1,268 @@
+"""What an episode was worth: pure functions of its log, each with unit, formula and source.
+
+None of them runs the simulator or the stack; `wayproof score` recomputes them from logs alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.reader import Log, read_messages
+from harness.schema import wayproof_pb2 as pb
+
+Array = NDArray[np.float64]
+
+STANDING_SPEED = 0.05
+"""Slower than this the robot counts as stopped, m/s; a trot in place sways by about 0.03."""
+
+BARN_SPEED = 2.0
+"""Speed by which BARN turns a reference length into an optimal time, m/s."""
+
+BARN_CLIP = (2.0, 8.0)
+"""Times the optimal time between which BARN's score counts the actual time (edition of 2024)."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """An episode as its metrics need it; one entry for each of n decisions.
+
+    Attributes:
+        outcome: As the log's result states it.
+        duration: Simulated time to the end, s.
+        collisions: Times that the robot began to touch an obstacle.
+        goal_distance: True distance from the goal at the end, m.
+        route_length: Shortest path that the world allows this body, m; none where nobody knows.
+        times: (n,) s.
+        positions: (n, 3) true, of the base, m.
+        velocities: (n, 3) true, m/s.
+        clearances: (n,) least true distance to anything but the floor, m.
+        actions: (n,) names.
+        latencies: (n,) wall time of a decision's stages together, ms.
+        missed: (n,) whether it was past its deadline.
+        start_distance: Distance of the start from the goal, measured as `goal_distance` is, m.
+    """
+
+    outcome: str
+    duration: float
+    collisions: int
+    goal_distance: float
+    route_length: float | None
+    times: Array
+    positions: Array
+    velocities: Array
+    clearances: Array
+    actions: tuple[str, ...]
+    latencies: Array
+    missed: NDArray[np.bool_]
+    start_distance: float
+
+    @property
+    def success(self) -> bool:
+        """Whether the goal was reached, by the simulator's truth."""
+        return self.outcome == "success"
+
+    @property
+    def path_length(self) -> float:
+        """Distance travelled, m."""
+        return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
+
+
+def read_trace(log: Log) -> Trace:
+    """Read a trace from a log.
+
+    Raises:
+        InputError: The log breaks off or is damaged.
+    """
+    decisions, truths = _read(log.path)
+    stages = [decision.stages for decision in decisions]
+    route = log.result.get("route_length_m")
+    axes = 2 if log.mission.motion == "ground" else 3
+    return Trace(
+        outcome=log.result["outcome"],
+        duration=float(log.result["sim_time_s"]),
+        collisions=int(log.result["collisions"]),
+        goal_distance=float(log.result["goal_distance_m"]),
+        route_length=float(route) if route not in (None, "", "None") else None,
+        times=np.array([truth.timestamp.ToNanoseconds() * 1e-9 for truth in truths]),
+        positions=np.array([truth.position for truth in truths]).reshape(-1, 3),
+        velocities=np.array([truth.velocity for truth in truths]).reshape(-1, 3),
+        clearances=np.array([truth.clearance_m for truth in truths]),
+        actions=tuple(decision.action for decision in decisions),
+        latencies=np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages]),
+        missed=np.array([decision.deadline_missed for decision in decisions], bool),
+        start_distance=math.dist(log.mission.start[:axes], log.mission.goal[:axes]),
+    )
+
+
+def _read(path: Path) -> tuple[list[pb.Decision], list[pb.Truth]]:
+    decisions, truths = [], []
+    for message in read_messages(path):
+        if isinstance(message, pb.Decision):
+            decisions.append(message)
+        elif isinstance(message, pb.Truth):
+            truths.append(message)
+    return decisions, truths
+
+
+def success(trace: Trace) -> float:
+    """1 if the goal was reached; a timeout, a crash and an error are failures alike."""
+    return float(trace.success)
+
+
+def spl(trace: Trace) -> float | None:
+    """S l / max(p, l): success weighted by path length (Anderson et al. 2018, equation 1)."""
+    return None if trace.route_length is None else success(trace) * _efficiency(trace)
+
+
+def soft_spl(trace: Trace) -> float | None:
+    """(1 - d_end / d_start) l / max(p, l), progress clipped to [0, 1] (Habitat-Lab, nav.py)."""
+    if trace.route_length is None:
+        return None
+    started = trace.start_distance
+    progress = 1.0 - trace.goal_distance / started if started > 0.0 else success(trace)
+    return min(max(progress, 0.0), 1.0) * _efficiency(trace)
+
+
+def _efficiency(trace: Trace) -> float:
+    assert trace.route_length is not None
+    longest = max(trace.path_length, trace.route_length)
+    return trace.route_length / longest if longest > 0.0 else 1.0
+
+
+def barn_score(trace: Trace) -> float | None:
+    """S OT / clip(AT, 2 OT, 8 OT), OT = l / (2 m/s) (the BARN challenge's run.py)."""
+    if trace.route_length is None:
+        return None
+    optimal = trace.route_length / BARN_SPEED
+    shortest, longest = (factor * optimal for factor in BARN_CLIP)
+    return success(trace) * optimal / min(max(trace.duration, shortest), longest)
+
+
+def collisions(trace: Trace) -> float:
+    """Times that the robot began to touch something but the floor."""
+    return float(trace.collisions)
+
+
+def least_clearance(trace: Trace) -> float:
+    """Least true distance from the body to anything but the floor, at decision times, m."""
+    return float(trace.clearances.min())
+
+
+def path_length(trace: Trace) -> float:
+    """Distance travelled, true, sampled at decisions, m."""
+    return trace.path_length
+
+
+def path_ratio(trace: Trace) -> float | None:
+    """Distance travelled over the shortest route; told for successes alone."""
+    if trace.route_length is None or not trace.success or trace.route_length == 0.0:
+        return None
+    return trace.path_length / trace.route_length
+
+
+def time_to_goal(trace: Trace) -> float | None:
+    """Simulated time to the goal, s; told for successes alone (average it restricted)."""
+    return trace.duration if trace.success else None
+
+
+def time_stopped(trace: Trace) -> float:
+    """Time slower than 0.05 m/s, s; a stop still under way at the end counts up to the end."""
+    spans = np.diff(np.append(trace.times, max(trace.duration, trace.times[-1])))
+    return float(spans[np.linalg.norm(trace.velocities, axis=1) < STANDING_SPEED].sum())
+
+
+def explorations(trace: Trace) -> float:
+    """Errands to look from elsewhere: runs of `explore`, not decisions."""
+    return float(sum(now and not before for before, now in _runs(trace, "explore")))
+
+
+def stops(trace: Trace) -> float:
+    """Times that the stack chose to stop and wait: runs, not decisions."""
+    return float(sum(now and not before for before, now in _runs(trace, "stop_and_wait")))
+
+
+def _runs(trace: Trace, action: str) -> list[tuple[bool, bool]]:
+    chosen = [name == action for name in trace.actions]
+    return list(zip([False, *chosen[:-1]], chosen, strict=True))
+
+
+def jerk(trace: Trace) -> float | None:
+    """Root mean square of the second difference of velocity over the square of its step, m/s^3.
+
+    n samples have n - 1 steps and n - 2 second differences; each is divided by the true time
+    between its samples, so that the figure does not scale with the rate of decisions.
+    """
+    if len(trace.times) < 3:
+        return None
+    steps = np.diff(trace.times)[:, None]
+    acceleration = np.diff(trace.velocities, axis=0) / steps  # (n - 1, 3)
+    between = (steps[1:] + steps[:-1]) / 2.0
+    squares = np.square(np.diff(acceleration, axis=0) / between).sum(axis=1)
+    return float(np.sqrt(squares.mean()))
+
+
+def latency_p50(trace: Trace) -> float:
+    """Median wall time from the sweep to the decision, ms."""
+    return float(np.percentile(trace.latencies, 50))
+
+
+def latency_p99(trace: Trace) -> float:
+    """99th percentile of the wall time from the sweep to the decision, ms."""
+    return float(np.percentile(trace.latencies, 99))
+
+
+def latency_max(trace: Trace) -> float:
+    """Longest wall time from the sweep to the decision, ms."""
+    return float(trace.latencies.max())
+
+
+def deadline_misses(trace: Trace) -> float:
+    """Decisions that took effect too late and were discarded."""
+    return float(trace.missed.sum())
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A figure of an episode.
+
+    Attributes:
+        function: From a trace; none where the episode has no such figure.
+        unit: Empty for a share or a count.
+        higher_is_better: Which way is better; none where neither is.
+    """
+
+    function: Callable[[Trace], float | None]
+    unit: str
+    higher_is_better: bool | None
+
+
+METRICS: dict[str, Metric] = {
+    "success": Metric(success, "", True),
+    "spl": Metric(spl, "", True),
+    "soft_spl": Metric(soft_spl, "", True),
+    "barn_score": Metric(barn_score, "", True),
+    "collisions": Metric(collisions, "", False),
+    "least_clearance": Metric(least_clearance, "m", True),
+    "path_length": Metric(path_length, "m", None),
+    "path_ratio": Metric(path_ratio, "", False),
+    "time_to_goal": Metric(time_to_goal, "s", False),
+    "time_stopped": Metric(time_stopped, "s", False),
+    "explorations": Metric(explorations, "", None),
+    "stops": Metric(stops, "", None),
+    "jerk": Metric(jerk, "m/s^3", False),
+    "latency_p50": Metric(latency_p50, "ms", False),
+    "latency_p99": Metric(latency_p99, "ms", False),
+    "latency_max": Metric(latency_max, "ms", False),
+    "deadline_misses": Metric(deadline_misses, "", False),
+}
+
+
+def score(trace: Trace) -> dict[str, float | None]:
+    """Every metric of an episode, by name."""
+    return {name: metric.function(trace) for name, metric in METRICS.items()}

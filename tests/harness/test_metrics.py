@@ -1,0 +1,119 @@
+"""Metrics on hand-made episodes, on which the wrong formulas known from elsewhere differ."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.metrics import METRICS, Trace, read_trace, score
+
+
+def trace(**changes: object) -> Trace:
+    """Four seconds along x: 1 m/s, 1 m/s, at rest, and at rest at the end."""
+    made = Trace(
+        outcome="success",
+        duration=4.0,
+        collisions=0,
+        goal_distance=0.1,
+        route_length=2.0,
+        times=np.array([0.0, 1.0, 2.0, 3.0]),
+        positions=np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 0.5, 0]]),
+        velocities=np.array([[1.0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0]]),
+        clearances=np.array([0.5, 0.4, 0.3, 0.6]),
+        actions=("follow", "explore", "explore", "stop_and_wait"),
+        latencies=np.array([10.0, 20.0, 30.0, 40.0]),
+        missed=np.array([False, True, False, False]),
+        start_distance=2.0,
+    )
+    return dataclasses.replace(made, **changes)  # type: ignore[arg-type]
+
+
+def test_every_metric_by_hand() -> None:
+    assert score(trace()) == pytest.approx(
+        {
+            "success": 1.0,
+            "spl": 2.0 / 2.5,
+            "soft_spl": 0.95 * 2.0 / 2.5,
+            "barn_score": 0.25,  # OT = 1 s, 4 s lie within [2, 8]
+            "collisions": 0.0,
+            "least_clearance": 0.3,
+            "path_length": 2.5,
+            "path_ratio": 1.25,
+            "time_to_goal": 4.0,
+            "time_stopped": 2.0,
+            "explorations": 1.0,
+            "stops": 1.0,
+            # Accelerations 0, -1, 0; their differences -1, 1.
+            "jerk": 1.0,
+            "latency_p50": 25.0,
+            "latency_p99": 39.7,
+            "latency_max": 40.0,
+            "deadline_misses": 1.0,
+        }
+    )
+
+
+def test_a_stop_that_is_open_at_the_end_counts() -> None:
+    """Closing intervals only where motion resumes would drop the 2 s from t = 2 on."""
+    assert METRICS["time_stopped"].function(trace()) == 2.0
+    assert METRICS["time_stopped"].function(trace(duration=10.0)) == 8.0
+
+
+def test_jerk_does_not_scale_with_the_rate() -> None:
+    """v = 0.25 t^3 has jerk 1.5 t; dividing by the number of samples would scale it by n / (n-1)."""
+    figures = []
+    for rate in (50, 200):
+        times = np.arange(2 * rate + 1) / rate
+        velocities = np.stack([0.25 * times**3, 0 * times, 0 * times], axis=1)
+        figures.append(METRICS["jerk"].function(trace(times=times, velocities=velocities)))
+    assert figures[0] == pytest.approx(np.sqrt(3.0), rel=1e-2)  # rms of 1.5 t over 0 to 2 s
+    assert figures == pytest.approx([np.sqrt(3.0)] * 2, rel=2e-2)
+
+
+def test_jerk_of_a_constant_acceleration_is_none_at_uneven_times() -> None:
+    times = np.array([0.0, 0.1, 0.3, 0.35, 1.0])
+    velocities = np.stack([2.0 * times, 0 * times, 0 * times], axis=1)
+    assert METRICS["jerk"].function(trace(times=times, velocities=velocities)) == pytest.approx(0.0)
+    assert METRICS["jerk"].function(trace(times=times[:2], velocities=velocities[:2])) is None
+
+
+@pytest.mark.parametrize("outcome", ["timeout", "stuck", "error", "collision", "aborted"])
+def test_no_failure_is_dropped_or_renamed(outcome: str) -> None:
+    scores = score(trace(outcome=outcome, goal_distance=1.0))
+    assert scores["success"] == scores["spl"] == scores["barn_score"] == 0.0
+    assert scores["collisions"] == 0.0  # a timeout is no collision
+    assert scores["time_to_goal"] is scores["path_ratio"] is None
+    assert scores["soft_spl"] == pytest.approx(0.5 * 0.8)
+
+
+def test_progress_is_clipped() -> None:
+    assert METRICS["soft_spl"].function(trace(goal_distance=5.0)) == 0.0
+
+
+def test_barn_score_is_clipped_at_both_ends() -> None:
+    barn = METRICS["barn_score"].function
+    assert barn(trace(duration=0.5)) == 0.5
+    assert barn(trace(duration=100.0)) == 0.125
+
+
+def test_unknown_routes_leave_their_metrics_open() -> None:
+    scores = score(trace(route_length=None))
+    assert [name for name, value in scores.items() if value is None] == [
+        "spl",
+        "soft_spl",
+        "barn_score",
+        "path_ratio",
+    ]
+
+
+def test_a_real_log_scores_as_its_result_says(recorded) -> None:
+    from harness.reader import open_log
+
+    log = open_log(Path(recorded("empty", "drone", 1).log))
+    read = read_trace(log)
+    assert read.path_length == pytest.approx(float(log.result["path_length_m"]), abs=1e-9)
+    assert len(read.actions) == len(read.times) == int(log.result["decisions"])
+    assert score(read)["least_clearance"] == pytest.approx(float(log.result["min_clearance_m"]))
