@@ -1,6 +1,6 @@
 """The verbs of the command line, one file each."""
 
-from harness.verbs import audit, bench, demo, listing, replay, run, score
+from harness.verbs import audit, bench, demo, listing, replay, run, score, study
 from harness.verbs.verb import Document, Verb
 
 VERBS: dict[str, Verb] = {
@@ -8,6 +8,7 @@ VERBS: dict[str, Verb] = {
     "replay": replay.VERB,
     "audit": audit.VERB,
     "score": score.VERB,
+    "study": study.VERB,
     "list": listing.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,

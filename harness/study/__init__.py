@@ -1,0 +1,1 @@
+"""Studies: many episodes, paired, judged."""

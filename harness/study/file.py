@@ -1,0 +1,245 @@
+"""A study file (TOML): what is varied, over which seeds, and what must hold."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import msgspec
+
+from harness.config import Config, from_document, override
+from harness.errors import InputError, unknown_name
+from harness.metrics import METRICS
+
+PACKAGED = Path(__file__).parent.parent / "studies"
+"""Studies to start from: `wayproof study NAME`."""
+
+CLEAN = "none"
+"""What an arm without a perturbation is called."""
+
+MOST_EPISODES = 1_000_000
+
+
+class Bounds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What one episode may take before it becomes an `error` row.
+
+    Attributes:
+        wall_s: Wall time, s.
+        memory_mib: Private memory of its process, MiB.
+    """
+
+    wall_s: float = 900.0
+    memory_mib: int = 6144
+
+
+class StudyFile(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"settings": "set"}
+):
+    """A study as written.
+
+    Attributes:
+        name: Of the study and of its folder.
+        worlds: Names or files of worlds.
+        robots: Names of robots.
+        seeds: How many, counted from 0, or which.
+        settings: `section.field` -> value, for every episode.
+        axes: `section.field` -> values; every combination is a variant, the first is the reference.
+        perturbations: Name -> severities; each is paired with the unperturbed twin of its seed.
+        gates: What must hold, as `success.drop <= 0.05`.
+        bounds: Of one episode.
+    """
+
+    name: str
+    worlds: list[str]
+    robots: list[str]
+    seeds: int | list[int]
+    settings: dict[str, Any] = {}
+    axes: dict[str, list[Any]] = {}
+    perturbations: dict[str, list[int]] = {}
+    gates: list[str] = []
+    bounds: Bounds = Bounds()
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What the episodes of one group share.
+
+    Attributes:
+        world: Name.
+        robot: Name.
+        variant: Settings of the axes, `a=1 b=2`; empty without axes.
+        perturbation: Name, or `none`.
+        severity: 1 to 5, or 0.
+    """
+
+    world: str
+    robot: str
+    variant: str
+    perturbation: str
+    severity: int
+
+
+@dataclass(frozen=True)
+class Planned:
+    """An episode that the study asks for."""
+
+    arm: Arm
+    seed: int
+    config: Config
+
+
+Statistic = Literal["drop", "rise", "mean"]
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A bound on a metric.
+
+    Attributes:
+        text: As written.
+        metric: Name in METRICS.
+        statistic: `drop` and `rise` against the reference, by pairs; `mean` of each arm.
+        at_most: Whether the bound is an upper one.
+        bound: In the metric's unit.
+        proven: The whole interval has to keep the bound; else a gate fails only where the interval
+            shows that it is broken.
+    """
+
+    text: str
+    metric: str
+    statistic: Statistic
+    at_most: bool
+    bound: float
+    proven: bool
+
+
+def read_study(name: str) -> StudyFile:
+    """Read a study file, or a packaged study by its name.
+
+    Raises:
+        InputError: No such file or study, no TOML, or fields that are missing, unknown or wrong.
+    """
+    path = Path(name)
+    if not path.suffix and not path.is_file():
+        path = PACKAGED / f"{name}.toml"
+        if not path.is_file():
+            raise unknown_name("study", name, [one.stem for one in PACKAGED.glob("*.toml")])
+    try:
+        document = tomllib.loads(path.read_text())
+        study = msgspec.convert(document, StudyFile)
+    except OSError as error:
+        raise InputError(f"study '{name}': {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
+        raise InputError(f"study '{name}': {' '.join(str(error).split())}") from None
+    _check(study)
+    return study
+
+
+def _check(study: StudyFile) -> None:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", study.name):
+        raise InputError(
+            f"study name '{study.name}': expected letters, digits, '_', '.', '-', at most 64"
+        )
+    for field in ("worlds", "robots"):
+        if not getattr(study, field):
+            raise InputError(f"study '{study.name}': {field} is empty, expected at least one")
+    if not seeds_of(study):
+        raise InputError(f"study '{study.name}': seeds is empty, expected at least one")
+    if study.bounds.wall_s <= 0 or study.bounds.memory_mib < 512:
+        raise InputError(
+            f"study '{study.name}': bounds of {study.bounds.wall_s:g} s and "
+            f"{study.bounds.memory_mib} MiB, expected more than 0 s and at least 512 MiB"
+        )
+    for text in study.gates:
+        read_gate(text)
+
+
+def seeds_of(study: StudyFile) -> list[int]:
+    """The seeds, without repetition, in the order given."""
+    seeds = range(study.seeds) if isinstance(study.seeds, int) else study.seeds
+    return list(dict.fromkeys(seeds))
+
+
+def read_gate(text: str) -> Gate:
+    """Read `metric.statistic <= bound` or `>=`, with `proven` behind it where the interval counts.
+
+    Raises:
+        InputError: It is none.
+    """
+    form = r"\s*(\w+)\.(\w+)\s*(<=|>=)\s*([-+.\deE]+)\s*(proven)?\s*"
+    match = re.fullmatch(form, text)
+    statistics = get_args(Statistic)
+    if match is None or match[2] not in statistics:
+        raise InputError(
+            f"gate '{text}': expected METRIC.STATISTIC <= BOUND, STATISTIC one of "
+            f"{', '.join(statistics)}, as in 'success.drop <= 0.05'"
+        )
+    if match[1] not in METRICS:
+        raise unknown_name(f"metric in gate '{text}'", match[1], METRICS)
+    try:
+        bound = float(match[4])
+    except ValueError:
+        raise InputError(f"gate '{text}': '{match[4]}' is no number") from None
+    statistic: Statistic = match[2]  # type: ignore[assignment]  # one of them, as checked
+    return Gate(text.strip(), match[1], statistic, match[3] == "<=", bound, match[5] is not None)
+
+
+def plan_episodes(study: StudyFile) -> list[Planned]:
+    """Every episode, each with its resolved settings, seed by seed so that pairs end together.
+
+    Raises:
+        InputError: A setting that the config refuses, or too many episodes.
+    """
+    variants = _variants(study)
+    perturbed = [(CLEAN, 0), *_severities(study)]
+    arms = itertools.product(study.worlds, study.robots, variants, perturbed)
+    configs = []
+    for world, robot, variant, (perturbation, severity) in arms:
+        settings = [*_settings(study.settings), *variant, *_perturb(perturbation, severity)]
+        config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
+        configs.append((Arm(world, robot, " ".join(variant), perturbation, severity), config))
+    seeds = seeds_of(study)
+    if len(seeds) * len(configs) > MOST_EPISODES:
+        raise InputError(
+            f"study '{study.name}': {len(seeds) * len(configs)} episodes, expected at most "
+            f"{MOST_EPISODES}"
+        )
+    return [
+        Planned(arm, seed, replace(config, seed=seed)) for seed in seeds for arm, config in configs
+    ]
+
+
+def _variants(study: StudyFile) -> list[tuple[str, ...]]:
+    """Settings of each combination of the axes; one empty combination without any."""
+    for name, values in study.axes.items():
+        if not values:
+            raise InputError(f"axis '{name}' is empty, expected at least one value")
+    columns = [_settings_of(name, values) for name, values in study.axes.items()]
+    return list(itertools.product(*columns))
+
+
+def _settings_of(name: str, values: Sequence[Any]) -> list[str]:
+    return [_setting(name, value) for value in values]
+
+
+def _settings(values: dict[str, Any]) -> list[str]:
+    return [_setting(name, value) for name, value in values.items()]
+
+
+def _setting(name: str, value: Any) -> str:
+    return f"{name}={value if isinstance(value, str) else json.dumps(value)}"
+
+
+def _severities(study: StudyFile) -> list[tuple[str, int]]:
+    return [(name, level) for name, levels in study.perturbations.items() for level in levels]
+
+
+def _perturb(name: str, severity: int) -> list[str]:
+    """The settings that perturb an episode."""
+    return [] if name == CLEAN else [f"perturbation={name}:{severity}"]

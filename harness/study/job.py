@@ -1,0 +1,88 @@
+"""One episode of a study as a unit of work: what a worker is sent, does, and answers."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+import time
+import traceback
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from harness.config import Config, from_json, to_json
+from harness.errors import InputError
+
+PARENT_POLL = 0.2
+"""How often a worker looks whether whoever started it is still there, s."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """An episode to run.
+
+    Attributes:
+        key: Hash of the resolved config and of the version that runs it.
+        config: JSON.
+        log: Where its log goes.
+    """
+
+    key: str
+    config: bytes
+    log: Path
+
+
+@dataclass(frozen=True)
+class Done:
+    """What came of a job: its log lies where it was asked for, or there is an error."""
+
+    key: str
+    error: str = ""
+
+
+def episode_key(config: Config) -> str:
+    """Content address of an episode: the same key is the same episode, on any machine."""
+    version = metadata.version("wayproof").encode()
+    return hashlib.sha256(version + b"\n" + to_json(config)).hexdigest()[:24]
+
+
+def run_job(job: Job) -> Done:
+    """Run one episode; whatever it raises becomes its error text."""
+    from harness.episode import run_episode
+    from harness.scenario import build
+
+    try:
+        run_episode(build(from_json(job.config, allow_plugins=True)), job.log)
+    except InputError as error:
+        return Done(job.key, str(error))
+    except MemoryError:
+        return Done(job.key, "took more memory than bounds.memory_mib allows")
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        text = " ".join(str(error).split())
+        name = f"{Path(place.filename).name}:{place.lineno}"
+        return Done(job.key, f"{type(error).__name__} at {name}: {text}")
+    return Done(job.key)
+
+
+def warm_up_job(config: bytes) -> None:
+    """Compile what episodes of this config need, so that workers find it cached."""
+    from harness.warm_up import warm_up
+
+    warm_up(from_json(config, allow_plugins=True))
+
+
+def start_worker(memory_mib: int, parent: int) -> None:
+    """Bound this process's memory, and end it with its parent: nobody would read its answers."""
+    import resource
+
+    limit = memory_mib * 2**20
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_POLL)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

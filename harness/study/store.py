@@ -1,0 +1,118 @@
+"""A study's folder: the logs are the record, by key; everything else is derived from them."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from harness.errors import InputError
+from harness.reader import open_log
+
+
+class Store:
+    """The folder of one study.
+
+    `logs/KEY.mcap` is a finished episode, `errors/KEY.json` one that ended without a log.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Name the folder; nothing is made before `open`."""
+        self.folder = folder
+        self.logs = folder / "logs"
+        self.errors = folder / "errors"
+
+    @contextlib.contextmanager
+    def open(self) -> Iterator[None]:
+        """Make the folder and hold it: two runs of one study would write the same logs.
+
+        Raises:
+            InputError: The folder cannot be made, or another run holds it.
+        """
+        try:
+            self.logs.mkdir(parents=True, exist_ok=True)
+            self.errors.mkdir(exist_ok=True)
+            file = (self.folder / ".lock").open("w")
+        except OSError as error:
+            raise InputError(f"study folder '{self.folder}': {error.strerror}") from None
+        with file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise InputError(
+                    f"study folder '{self.folder}': another run is writing to it"
+                ) from None
+            yield
+
+    def log(self, key: str) -> Path:
+        """Where the log of an episode lies or will lie."""
+        return self.logs / f"{key}.mcap"
+
+    def error(self, key: str) -> str | None:
+        """Why an episode has no log, or none."""
+        path = self.errors / f"{key}.json"
+        try:
+            return str(json.loads(path.read_bytes())["error"])
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(f"'{path}': {error}; delete it to run the episode again") from None
+
+    def is_done(self, key: str) -> bool:
+        """Whether the episode needs no further run."""
+        return self.log(key).is_file() or self.error(key) is not None
+
+    def record_error(self, key: str, text: str) -> None:
+        """Write down that an episode ended without a log."""
+        path = self.errors / f"{key}.json"
+        draft = path.with_suffix(".partial")
+        draft.write_text(json.dumps({"key": key, "error": text}) + "\n")
+        draft.replace(path)
+
+    def forget_errors(self) -> None:
+        """Let the episodes that ended without a log run again."""
+        for path in self.errors.glob("*.json"):
+            path.unlink()
+
+    def clear_partial(self) -> None:
+        """Remove what killed runs left half written."""
+        for path in (*self.logs.glob("*.partial"), *self.errors.glob("*.partial")):
+            path.unlink()
+
+
+def merge(target: Store, sources: Sequence[Path]) -> int:
+    """Copy the episodes of other folders of the same study into one.
+
+    Returns:
+        How many were new.
+
+    Raises:
+        InputError: A folder is none of a study, or two hold different results for one key; then
+            nothing has been copied.
+    """
+    found: dict[str, Path] = {path.stem: path for path in target.logs.glob("*.mcap")}
+    new: dict[str, Path] = {}
+    for folder in sources:
+        if not (folder / "logs").is_dir():
+            raise InputError(f"'{folder}': no folder of a study (it has no logs/)")
+        for path in sorted((folder / "logs").glob("*.mcap")):
+            known = found.setdefault(path.stem, path)
+            if known is path:
+                new[path.stem] = path
+            elif _chain(known) != _chain(path):
+                raise InputError(
+                    f"episode {path.stem} has two different results: '{known}' and '{path}'"
+                )
+    for key, path in new.items():
+        draft = target.log(key).with_suffix(".partial")
+        shutil.copyfile(path, draft)
+        os.replace(draft, target.log(key))
+    return len(new)
+
+
+def _chain(path: Path) -> str:
+    return open_log(path, allow_plugins=True).result["chain"]

@@ -1,0 +1,174 @@
+"""`wayproof study`: many episodes, paired, judged by gates."""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from harness.errors import InputError, unknown_name
+from harness.verbs.verb import LOGS, Document, Verb
+
+if TYPE_CHECKING:
+    from harness.study.analysis import ArmSummary
+    from harness.study.file import Bounds
+    from harness.study.job import Done
+    from harness.study.study import Engine, StudyResult
+
+ENGINES = ("processes", "ray")
+
+VERDICT_STYLES = {"held": "green", "failed": "bold red", "open": "yellow"}
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Run a study, or go on with it."""
+    from harness.study.file import plan_episodes, read_study
+    from harness.study.store import Store, merge
+    from harness.study.study import count_missing, run_study, shard
+
+    study = read_study(options.file)
+    planned = plan_episodes(study)
+    if options.shard:
+        planned = shard(planned, options.shard)
+    store = Store(options.out or LOGS / study.name)
+    if options.merge:
+        with store.open():
+            console.print(f"{merge(store, options.merge)} episodes copied to {store.folder}")
+    if options.retry_errors:
+        store.forget_errors()
+    engine = _engine(options, study.bounds)
+    missing = count_missing(planned, store)
+    console.print(
+        f"study {study.name}: {len(planned)} episodes, {missing} to run, {options.jobs} at a time;"
+        f" logs in {store.folder}"
+    )
+    with _Watch(console, len(planned), missing) as watch:
+        result = run_study(study, planned, store, engine, watch.finished)
+    print_study(console, result)
+    return result.exit_code, {**asdict(result), "folder": str(store.folder)}
+
+
+def _engine(options: argparse.Namespace, bounds: Bounds) -> Engine:
+    if options.engine not in ENGINES:
+        raise unknown_name("engine", options.engine, ENGINES)
+    if options.jobs < 1:
+        raise InputError(f"--jobs {options.jobs}: expected at least 1")
+    if options.engine == "ray":
+        from harness.study.cluster import run_on_ray
+
+        return functools.partial(
+            run_on_ray, workers=options.jobs, bounds=bounds, address=options.address
+        )
+    if options.address:
+        raise InputError("--address: only --engine ray has one")
+    from harness.study.processes import run_in_processes
+
+    return functools.partial(run_in_processes, workers=options.jobs, bounds=bounds)
+
+
+class _Watch:
+    """A progress bar: episodes done, errors so far, time left."""
+
+    def __init__(self, console: Console, episodes: int, missing: int) -> None:
+        self._errors = 0
+        self._progress = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._task = self._progress.add_task("episodes", total=episodes)
+        self._progress.advance(self._task, episodes - missing)
+
+    def finished(self, done: Done) -> None:
+        """Count an episode."""
+        self._errors += bool(done.error)
+        told = f"episodes, {self._errors} errors" if self._errors else "episodes"
+        self._progress.update(self._task, advance=1, description=told)
+
+    def __enter__(self) -> _Watch:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+
+def print_study(console: Console, result: StudyResult) -> None:
+    """Each arm in two lines, then the gates."""
+    for one in result.arms:
+        console.print(f"[bold]{name_of(one.arm)}[/]", highlight=False, soft_wrap=True)
+        console.print(f"  {_told(one)}", highlight=False, soft_wrap=True)
+    for gate in result.gates:
+        style, interval = VERDICT_STYLES[gate.verdict], gate.interval
+        console.print(
+            f"[{style}]{gate.verdict}[/]: {gate.gate} for {name_of(gate.arm)}: "
+            f"{interval.estimate:.3f} ({interval.low:.3f} to {interval.high:.3f})",
+            highlight=False,
+            soft_wrap=True,
+        )
+    if result.missing:
+        console.print(f"{result.missing} of {result.episodes} episodes are missing: run it again")
+
+
+def _told(one: ArmSummary) -> str:
+    rate, against = one.success, one.against
+    failures = [f"{n} {name}" for name, n in one.outcomes.items() if name != "success"]
+    text = (
+        f"{one.episodes} episodes, success {rate.estimate:.2f} ({rate.low:.2f}-{rate.high:.2f}), "
+        f"{one.mean_time:.1f} s" + "".join(f", {failure}" for failure in failures)
+    )
+    if against is None:
+        return text
+    return (
+        f"{text}; drop {against.drop.estimate:+.2f} ({against.drop.low:+.2f} to "
+        f"{against.drop.high:+.2f}), p {against.p_adjusted:.3f}, lost {len(against.lost)}, won "
+        f"{len(against.won)}, acted otherwise in {against.changed} of {against.pairs}"
+    )
+
+
+def name_of(arm: Any) -> str:
+    """An arm in words."""
+    perturbed = "" if arm.severity == 0 else f"{arm.perturbation}:{arm.severity}"
+    return " ".join(part for part in (arm.world, arm.robot, arm.variant, perturbed) if part)
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    cores = os.cpu_count() or 1
+    parser.add_argument(
+        "file", metavar="FILE", help="a study in TOML, or the name of a packaged one"
+    )
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: logs/NAME")
+    parser.add_argument(
+        "--jobs", type=int, default=cores, metavar="N", help="processes, one a core"
+    )
+    parser.add_argument("--shard", metavar="I/N", help="run the I-th of N parts alone")
+    parser.add_argument(
+        "--merge", type=Path, nargs="+", metavar="FOLDER", help="take over other folders' episodes"
+    )
+    parser.add_argument("--retry-errors", action="store_true", help="run episodes in error again")
+    parser.add_argument("--engine", default="processes", help=f"one of {', '.join(ENGINES)}")
+    parser.add_argument("--address", metavar="HOST:PORT", help="of a running Ray cluster")
+
+
+VERB = Verb(
+    help="many episodes, each paired with its twin, judged by gates",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof study smoke",
+)
