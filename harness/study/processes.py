@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 import pebble
 
+from harness.errors import InputError
 from harness.study.file import Bounds
 from harness.study.job import Done, Job, run_job, start_worker, warm_up_job
 
 TRIES = 3
 """Of a job whose worker is killed from outside: the machine is at fault before the job is."""
 
+BREAKS = 10
+"""Times in a row that all workers may die before any ends an episode."""
+
+POLL = 0.5
+"""How often the pool is looked at while nothing ends, s."""
+
 Finished = Callable[[Done], None]
+
+Tries = list[tuple[Job, int]]
+"""Jobs, each with the number of the try that is next or under way."""
 
 
 def run_in_processes(
@@ -35,8 +47,25 @@ def run_in_processes(
         finished: Called in this process.
         workers: Processes.
         bounds: Of one job.
+
+    Raises:
+        InputError: Workers die before they end any job.
     """
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    waiting = [(job, 1) for job in reversed(jobs)]
+    broken = 0
+    while waiting:
+        before = len(waiting)
+        with _pool(workers, bounds) as pool:
+            _warm_up(pool, stacks)
+            waiting = _run(pool, waiting, workers, bounds, finished)
+        broken = broken + 1 if len(waiting) == before else 0
+        if broken == BREAKS:
+            raise InputError(f"workers died {BREAKS} times before they ended any episode")
+
+
+@contextlib.contextmanager
+def _pool(workers: int, bounds: Bounds) -> Iterator[pebble.ProcessPool]:
     pool = pebble.ProcessPool(
         max_workers=workers,
         context=multiprocessing.get_context("spawn"),
@@ -44,40 +73,50 @@ def run_in_processes(
         initargs=(bounds.memory_mib, os.getpid()),
     )
     try:
-        for future in [pool.schedule(warm_up_job, args=[config]) for config in stacks]:
-            future.result()
-        _run(pool, jobs, workers, bounds, finished)
+        yield pool
     finally:
         pool.stop()
         pool.join()
 
 
+def _warm_up(pool: pebble.ProcessPool, stacks: Sequence[bytes]) -> None:
+    """Compile before the clocks of episodes run; what fails here will tell so as an episode."""
+    running = [pool.schedule(warm_up_job, args=[config]) for config in stacks]
+    while pool.active and wait(running, timeout=POLL).not_done:
+        pass
+
+
 def _run(
-    pool: pebble.ProcessPool, jobs: Sequence[Job], workers: int, bounds: Bounds, finished: Finished
-) -> None:
-    """Keep a few jobs scheduled ahead, so that a study of any length holds little."""
-    waiting = list(reversed([(job, 1) for job in jobs]))
+    pool: pebble.ProcessPool, waiting: Tries, workers: int, bounds: Bounds, finished: Finished
+) -> Tries:
+    """Keep a few jobs scheduled ahead, so that a study of any length holds little.
+
+    Returns:
+        The jobs that are left where the pool broke, as it does when an idle worker is killed.
+    """
     running: dict[Future[Any], tuple[Job, int]] = {}
-    while waiting or running:
+    while (waiting or running) and pool.active:
         while waiting and len(running) < 2 * workers:
-            job, tries = waiting.pop()
-            future: Future[Any] = pool.schedule(run_job, args=[job], timeout=bounds.wall_s)
-            running[future] = job, tries
-        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            job, tries = waiting[-1]
+            try:
+                future: Future[Any] = pool.schedule(run_job, args=[job], timeout=bounds.wall_s)
+            except RuntimeError:  # broken since we looked
+                break
+            running[future] = waiting.pop()
+        for future in wait(running, timeout=POLL, return_when=FIRST_COMPLETED).done:
             job, tries = running.pop(future)
             error = future.exception()
-            if isinstance(error, pebble.ProcessExpired) and tries < TRIES:
+            if isinstance(error, BrokenProcessPool):
+                waiting.append((job, tries))
+            elif isinstance(error, pebble.ProcessExpired) and tries < TRIES:
                 waiting.append((job, tries + 1))
-                continue
-            finished(_done(job, future, error, bounds, tries))
+            else:
+                finished(_done(job, future, error, bounds, tries))
+    return [*waiting, *running.values()]
 
 
 def _done(
-    job: Job,
-    future: Future[Any],
-    error: BaseException | None,
-    bounds: Bounds,
-    tries: int,
+    job: Job, future: Future[Any], error: BaseException | None, bounds: Bounds, tries: int
 ) -> Done:
     if error is None:
         return future.result()  # type: ignore[no-any-return]

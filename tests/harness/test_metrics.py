@@ -63,7 +63,7 @@ def test_a_stop_that_is_open_at_the_end_counts() -> None:
 
 
 def test_jerk_does_not_scale_with_the_rate() -> None:
-    """v = 0.25 t^3 has jerk 1.5 t; dividing by the number of samples would scale it by n / (n-1)."""
+    """v = 0.25 t^3 has jerk 1.5 t; dividing by one sample too many would make it n / (n - 1)."""
     figures = []
     for rate in (50, 200):
         times = np.arange(2 * rate + 1) / rate

@@ -1,0 +1,256 @@
+"""Studies: planned whole, run in processes, resumed, merged."""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from harness.errors import InputError
+from harness.study.file import Bounds, plan_episodes, read_gate, read_study
+from harness.study.job import Done, Job, episode_key
+from harness.study.processes import run_in_processes
+from harness.study.store import Store, merge
+from harness.study.study import StudyResult, count_missing, read_rows, run_study, shard
+
+SHORT = """
+name = "short"
+worlds = ["empty"]
+robots = ["drone"]
+seeds = 2
+gates = ["success.drop <= 0"]
+[set]
+"episode.time_limit" = 3
+[axes]
+"map.unknown_policy" = ["forbid", "allow"]
+"""
+
+Engine = functools.partial(run_in_processes, workers=2, bounds=Bounds())
+
+
+def written(folder: Path, text: str = SHORT) -> str:
+    path = folder / "study.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def run(folder: Path, text: str = SHORT, engine: object = Engine) -> StudyResult:
+    study = read_study(written(folder, text))
+    done: list[Done] = []
+    store = Store(folder / "out")
+    return run_study(study, plan_episodes(study), store, engine, done.append)  # type: ignore[arg-type]
+
+
+def chains(folder: Path, text: str = SHORT) -> dict[str, str]:
+    planned = plan_episodes(read_study(written(folder, text)))
+    return {row.key: row.chain for row in read_rows(planned, Store(folder / "out"))}
+
+
+def test_a_plan_crosses_everything_and_keys_tell_episodes_apart(tmp_path: Path) -> None:
+    study = read_study(written(tmp_path, SHORT.replace('["empty"]', '["empty", "corridor"]')))
+    planned = plan_episodes(study)
+    assert len(planned) == 2 * 2 * 2
+    assert len({episode_key(one.config) for one in planned}) == len(planned)
+    assert [one.seed for one in planned] == sorted(one.seed for one in planned)
+    assert {one.config.map.unknown_policy for one in planned} == {"forbid", "allow"}
+    assert all(one.config.episode.time_limit == 3.0 for one in planned)
+
+
+def test_shards_are_a_partition_that_keeps_twins_together(tmp_path: Path) -> None:
+    planned = plan_episodes(read_study(written(tmp_path, SHORT.replace("seeds = 2", "seeds = 7"))))
+    parts = [shard(planned, f"{i}/3") for i in (1, 2, 3)]
+    placed = [planned.index(one) for part in parts for one in part]
+    assert sorted(placed) == list(range(len(planned)))
+    seeds = [{one.seed for one in part} for part in parts]
+    assert not (seeds[0] & seeds[1] | seeds[1] & seeds[2] | seeds[0] & seeds[2])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("nam = 1", "unknown field `nam`"),
+        ("seeds = 1", "missing required field `name`"),
+        (SHORT.replace("seeds = 2", 'seeds = "many"'), "seeds"),
+        (SHORT.replace("seeds = 2", "seeds = 0"), "seeds is empty"),
+        (SHORT + '"map.nonsense" = [1]', "unknown setting 'map.nonsense'"),
+        (SHORT + '"map.resolution" = []', "axis 'map.resolution' is empty"),
+        (SHORT.replace("success.drop <= 0", "sucess.drop <= 0"), "did you mean 'success'"),
+        (SHORT.replace("success.drop <= 0", "success.fall <= 0"), "STATISTIC one of drop, rise"),
+        (SHORT.replace('name = "short"', 'name = "../up"'), "expected letters"),
+        (SHORT.replace("= 3\n", "= three\n"), "Invalid value"),
+        (SHORT + "[bounds]\nwall_s = 0", "bounds of 0 s"),
+        (SHORT + "[colour]\nred = 1", "unknown field `colour`"),
+    ],
+)
+def test_a_wrong_study_is_one_line(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        plan_episodes(read_study(written(tmp_path, text)))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_packaged_study_lists_those_there_are() -> None:
+    with pytest.raises(InputError, match=r"unknown study 'smoky'; did you mean 'smoke'\?"):
+        read_study("smoky")
+
+
+def test_gates_are_read() -> None:
+    gate = read_gate("least_clearance.mean >= 0.1 proven")
+    assert (gate.metric, gate.statistic, gate.at_most) == ("least_clearance", "mean", False)
+    assert (gate.bound, gate.proven) == (0.1, True)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study that ran through."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    result = run(folder)
+    assert (result.episodes, result.missing, result.errors) == (4, 0, 0)
+    return folder
+
+
+def test_a_finished_study_runs_nothing_again(undisturbed: Path) -> None:
+    def refuse(jobs: list[Job], *_: object) -> None:
+        raise AssertionError(f"{len(jobs)} episodes run again")
+
+    assert run(undisturbed, engine=refuse).missing == 0
+    assert (undisturbed / "out" / "table.parquet").is_file()
+
+
+def test_what_is_missing_is_run_and_comes_out_the_same(undisturbed: Path, tmp_path: Path) -> None:
+    before = chains(undisturbed)
+    lost = next(iter(before))
+    Store(undisturbed / "out").log(lost).unlink()
+    ran: list[str] = []
+
+    def engine(jobs: list[Job], stacks: list[bytes], finished: object) -> None:
+        ran.extend(job.key for job in jobs)
+        Engine(jobs, stacks, finished)  # type: ignore[arg-type]
+
+    run(undisturbed, engine=engine)
+    assert ran == [lost]
+    assert chains(undisturbed) == before
+
+
+def test_killed_workers_cost_nothing_but_time(undisturbed: Path, tmp_path: Path) -> None:
+    """One at its start, one in the midst: the study ends as the undisturbed one did."""
+    stop = threading.Event()
+    logs = tmp_path / "out" / "logs"
+
+    def kill() -> None:
+        for finished in (0, 1):
+            while not stop.wait(0.02):
+                workers = worker_processes()
+                if workers and len(list(logs.glob("*.mcap"))) >= finished:
+                    os.kill(workers[0], signal.SIGKILL)
+                    break
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    try:
+        result = run(tmp_path)
+    finally:
+        stop.set()
+        killer.join()
+    assert result.errors == 0
+    assert chains(tmp_path) == chains(undisturbed)
+
+
+def worker_processes() -> list[int]:
+    """Spawned children of this process that run jobs."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            command = (entry / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if parent == os.getpid() and b"spawn_main" in command:
+            found.append(int(entry.name))
+    return found
+
+
+def test_a_broken_episode_is_a_row_and_not_the_end(tmp_path: Path) -> None:
+    """The goal lies outside the geofence for one variant alone."""
+    axis = '"map.unknown_policy" = ["forbid", "allow"]'
+    text = SHORT.replace(axis, "goal = [[6, 6, 1.2], [500, 0, 1.2]]")
+    result = run(tmp_path, text.replace("seeds = 2", "seeds = 1"))
+    assert (result.missing, result.errors) == (0, 1)
+    broken = result.arms[1]
+    assert broken.outcomes == {"error": 1}
+    assert broken.success.estimate == 0.0
+    [row] = [
+        row
+        for row in read_rows(
+            plan_episodes(read_study(str(tmp_path / "study.toml"))), Store(tmp_path / "out")
+        )
+        if row.outcome == "error"
+    ]
+    assert "expected inside the geofence" in row.reason
+
+
+def test_time_and_memory_are_bounded(tmp_path: Path) -> None:
+    bounded = functools.partial(
+        run_in_processes, workers=1, bounds=Bounds(wall_s=0.3, memory_mib=4096)
+    )
+    result = run(tmp_path, SHORT.replace("seeds = 2", "seeds = 1"), engine=bounded)
+    assert result.errors == 2
+    assert all(arm.outcomes == {"error": 1} for arm in result.arms)
+
+
+def test_a_folder_takes_one_run_at_a_time(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    with store.open(), pytest.raises(InputError, match="another run"), Store(tmp_path).open():
+        pass
+
+
+def test_merging_takes_what_is_new_and_refuses_two_truths(
+    undisturbed: Path, tmp_path: Path
+) -> None:
+    whole = Store(undisturbed / "out")
+    keys = sorted(chains(undisturbed))
+    part = tmp_path / "part"
+    (part / "logs").mkdir(parents=True)
+    for key in keys[:2]:
+        (part / "logs" / f"{key}.mcap").write_bytes(whole.log(key).read_bytes())
+    target = Store(tmp_path / "target")
+    with target.open():
+        assert merge(target, [part, undisturbed / "out"]) == 4
+        planned = plan_episodes(read_study(str(undisturbed / "study.toml")))
+        assert count_missing(planned, target) == 0
+        assert merge(target, [part]) == 0
+        (part / "logs" / f"{keys[0]}.mcap").write_bytes(whole.log(keys[1]).read_bytes())
+        with pytest.raises(InputError, match="two different results"):
+            merge(target, [part])
+
+
+def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None:
+    """And the next run finishes the study."""
+    import subprocess
+    import sys
+
+    command = [sys.executable, "-m", "harness", "study", written(tmp_path), "--jobs", "2"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    process = subprocess.Popen(
+        [*command, "--out", str(tmp_path / "out"), "--json"],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+    )
+    logs = tmp_path / "out" / "logs"
+    while not list(logs.glob("*.mcap")) and process.poll() is None:
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    time.sleep(0.5)
+    left = sorted(path.name for path in logs.glob("*.mcap"))
+    time.sleep(0.5)
+    assert sorted(path.name for path in logs.glob("*.mcap")) == left  # nobody writes any more
+    assert 1 <= len(left)
+    assert run(tmp_path).missing == 0

@@ -1,0 +1,120 @@
+"""What a study says, on hand-made rows and on simulated studies with known effects."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from harness.metrics import METRICS
+from harness.statistics import Interval
+from harness.study.analysis import judge, pair, summarise, verdict_of
+from harness.study.file import Arm, read_gate
+from harness.study.rows import Row, first_difference, share_differing
+
+CLEAN = Arm("warehouse", "drone", "", "none", 0)
+DRIFT = Arm("warehouse", "drone", "", "pose_drift", 3)
+
+
+def row(arm: Arm, seed: int, outcome: str = "success", **changes: object) -> Row:
+    metrics = {**dict.fromkeys(METRICS), "success": float(outcome == "success")}
+    made = Row(f"{arm}{seed}", arm, seed, outcome, "", "", "", 20.0, metrics, (b"a", b"b", b"c"))
+    return dataclasses.replace(made, **changes)  # type: ignore[arg-type]
+
+
+def test_an_arm_by_hand() -> None:
+    rows = [row(CLEAN, seed) for seed in range(4)] + [
+        row(DRIFT, 0, acts=(b"a", b"x", b"c")),
+        row(DRIFT, 1, "collision", duration=5.0, acts=(b"a", b"b")),
+        row(DRIFT, 2, "error", duration=0.0, acts=()),
+        row(DRIFT, 3),
+    ]
+    clean, drift = summarise(rows, time_limit=60.0, first_variant="")
+    assert clean.against is None
+    assert clean.mean_time == 20.0
+    assert drift.episodes == 4
+    assert drift.outcomes == {"success": 2, "collision": 1, "error": 1}
+    assert drift.mean_time == pytest.approx((20 + 60 + 60 + 20) / 4)  # failures count the limit
+    against = drift.against
+    assert against is not None
+    assert (against.pairs, against.lost, against.won) == (4, (1, 2), ())
+    assert against.drop.estimate == pytest.approx(0.5)
+    assert against.p_value == pytest.approx(0.5)  # 2 of 2 discordant pairs one way: 2 / 2^2
+    assert against.changed == 3
+    assert against.first_difference == pytest.approx(1.0)  # median of 1, 2 and 0
+    assert against.share_differing == pytest.approx((1 / 3 + 1 / 3 + 1 + 0) / 4)
+
+
+def test_differences_count_to_the_end_of_the_longer() -> None:
+    one, other = row(CLEAN, 0), row(CLEAN, 0, acts=(b"a", b"b", b"c", b"d"))
+    assert first_difference(one, one) is None
+    assert first_difference(one, other) == 3
+    assert share_differing(one, other) == 0.25
+    assert share_differing(row(CLEAN, 0, acts=()), row(CLEAN, 0, acts=())) == 0.0
+
+
+def test_pairs_keep_the_failures_of_either_side() -> None:
+    """Keeping the pairs in which both succeed would show no harm at all."""
+    clean = [row(CLEAN, 0), row(CLEAN, 1, "timeout"), row(CLEAN, 2)]
+    drift = [row(DRIFT, 2, "collision"), row(DRIFT, 1), row(DRIFT, 0), row(DRIFT, 9)]
+    pairs = pair(drift, clean)
+    assert [(twin.seed, one.seed) for twin, one in pairs] == [(2, 2), (1, 1), (0, 0)]
+
+
+def test_severities_share_a_correction() -> None:
+    arms = [dataclasses.replace(DRIFT, severity=level) for level in (1, 2)]
+    rows = [row(CLEAN, seed) for seed in range(8)]
+    rows += [row(arms[0], seed) for seed in range(8)]
+    rows += [row(arms[1], seed, "collision") for seed in range(8)]
+    _, mild, harsh = summarise(rows, 60.0, "")
+    assert mild.against is not None
+    assert harsh.against is not None
+    assert harsh.against.p_value == pytest.approx(2 / 2**8)
+    assert harsh.against.p_adjusted == pytest.approx(4 / 2**8)
+    assert mild.against.p_adjusted == 1.0
+
+
+@pytest.mark.parametrize(
+    ("gate", "low", "high", "verdict"),
+    [
+        ("success.drop <= 0.05", -0.1, 0.04, "held"),
+        ("success.drop <= 0.05", -0.1, 0.10, "open"),
+        ("success.drop <= 0.05 proven", -0.1, 0.10, "failed"),
+        ("success.drop <= 0.05", 0.06, 0.30, "failed"),
+        ("success.mean >= 0.9", 0.91, 1.0, "held"),
+        ("success.mean >= 0.9", 0.5, 0.89, "failed"),
+        ("success.mean >= 0.9", 0.5, 0.95, "open"),
+    ],
+)
+def test_verdicts(gate: str, low: float, high: float, verdict: str) -> None:
+    assert verdict_of(read_gate(gate), Interval((low + high) / 2, low, high)) == verdict
+
+
+def test_a_against_a_gates_wrongly_in_at_most_one_of_twenty() -> None:
+    """The same stack on other seeds, five severities at once: nothing has got worse."""
+    generator = np.random.default_rng(3)
+    gate = read_gate("success.drop <= 0")
+    arms = [dataclasses.replace(DRIFT, severity=level) for level in range(1, 6)]
+    wrong = 0
+    for _ in range(300):
+        reached = generator.random((6, 50)) < 0.85
+        rows = [
+            row(arm, seed, "success" if reached[k, seed] else "collision")
+            for k, arm in enumerate([CLEAN, *arms])
+            for seed in range(50)
+        ]
+        wrong += any(result.verdict == "failed" for result in judge(rows, [gate], ""))
+    assert wrong / 300 <= 0.05
+
+
+def test_a_real_drop_is_found() -> None:
+    generator = np.random.default_rng(4)
+    rows = [row(CLEAN, seed) for seed in range(100)]
+    rows += [
+        row(DRIFT, seed, "collision" if generator.random() < 0.3 else "success")
+        for seed in range(100)
+    ]
+    [result] = judge(rows, [read_gate("success.drop <= 0.05")], "")
+    assert result.verdict == "failed"
+    assert result.interval.low > 0.05
