@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -102,15 +102,43 @@ class GateResult:
     interval: Interval
 
 
-def summarise(rows: Sequence[Row], time_limit: float, first_variant: str) -> list[ArmSummary]:
-    """Every arm in the order of its first row."""
+@dataclass(frozen=True)
+class Sample:
+    """The episodes of one arm.
+
+    Attributes:
+        arm: Which.
+        rows: They.
+        pairs: Twin and row, for each seed that has both; none for a reference.
+    """
+
+    arm: Arm
+    rows: list[Row]
+    pairs: Pairs
+
+
+def samples_of(rows: Sequence[Row], first_variant: str) -> list[Sample]:
+    """Every arm of a study in the order of its first row, paired with its reference."""
     by_arm = group(rows)
-    summaries = []
+    samples = []
     for arm, own in by_arm.items():
         reference = reference_of(arm, first_variant)
         pairs = pair(own, by_arm.get(reference, [])) if reference else []
-        summaries.append(_summary(arm, own, pairs, time_limit))
-    return _adjust(summaries)
+        samples.append(Sample(arm, own, pairs))
+    return samples
+
+
+def samples_between(before: Sequence[Row], after: Sequence[Row]) -> list[Sample]:
+    """Every arm of the second study, paired with the same arm of the first."""
+    references = group(before)
+    return [
+        Sample(arm, own, pair(own, references.get(arm, []))) for arm, own in group(after).items()
+    ]
+
+
+def summarise(samples: Sequence[Sample], time_limit: float) -> list[ArmSummary]:
+    """Every arm, with p-values corrected for their number."""
+    return _adjust([_summary(one.arm, one.rows, one.pairs, time_limit) for one in samples])
 
 
 def group(rows: Sequence[Row]) -> dict[Arm, list[Row]]:
@@ -215,28 +243,16 @@ def _against(summary: ArmSummary) -> Comparison:
     return summary.against
 
 
-def judge(rows: Sequence[Row], gates: Sequence[Gate], first_variant: str) -> list[GateResult]:
+def judge(samples: Sequence[Sample], gates: Sequence[Gate]) -> list[GateResult]:
     """Every gate on every arm that it speaks of."""
-    by_arm = group(rows)
     results = []
     for gate in gates:
-        samples = _samples(by_arm, gate, first_variant)
-        confidence = 1.0 - (1.0 - CONFIDENCE) / max(len(samples), 1)  # Bonferroni: all at once
-        for arm, pairs in samples.items():
-            interval = _gated(by_arm[arm], pairs, gate, confidence)
-            results.append(GateResult(gate.text, arm, verdict_of(gate, interval), interval))
+        spoken_of = [one for one in samples if one.pairs or gate.statistic == "mean"]
+        confidence = 1.0 - (1.0 - CONFIDENCE) / max(len(spoken_of), 1)  # Bonferroni: all at once
+        for one in spoken_of:
+            interval = _gated(one.rows, one.pairs, gate, confidence)
+            results.append(GateResult(gate.text, one.arm, verdict_of(gate, interval), interval))
     return results
-
-
-def _samples(by_arm: Mapping[Arm, list[Row]], gate: Gate, first_variant: str) -> dict[Arm, Pairs]:
-    if gate.statistic == "mean":
-        return {arm: [] for arm in by_arm}
-    references = {arm: reference_of(arm, first_variant) for arm in by_arm}
-    return {
-        arm: pair(by_arm[arm], by_arm.get(reference, []))
-        for arm, reference in references.items()
-        if reference is not None
-    }
 
 
 def _gated(rows: Sequence[Row], pairs: Pairs, gate: Gate, confidence: float) -> Interval:

@@ -85,6 +85,12 @@ class Arm:
     severity: int
 
 
+def name_of(arm: Arm) -> str:
+    """An arm in words."""
+    perturbed = "" if arm.perturbation == CLEAN else f"{arm.perturbation}:{arm.severity}"
+    return " ".join(part for part in (arm.world, arm.robot, arm.variant, perturbed) if part)
+
+
 @dataclass(frozen=True)
 class Planned:
     """An episode that the study asks for."""

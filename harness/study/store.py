@@ -10,8 +10,11 @@ import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import msgspec
+
 from harness.errors import InputError
 from harness.reader import open_log
+from harness.study.file import StudyFile
 
 
 class Store:
@@ -25,6 +28,7 @@ class Store:
         self.folder = folder
         self.logs = folder / "logs"
         self.errors = folder / "errors"
+        self.study = folder / "study.json"
 
     @contextlib.contextmanager
     def open(self) -> Iterator[None]:
@@ -82,6 +86,23 @@ class Store:
         """Remove what killed runs left half written."""
         for path in (*self.logs.glob("*.partial"), *self.errors.glob("*.partial")):
             path.unlink()
+
+    def keep_study(self, study: StudyFile) -> None:
+        """Keep what the folder is a study of, so that it can be reported without the file."""
+        draft = self.study.with_suffix(".partial")
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(study), indent=1) + b"\n")
+        draft.replace(self.study)
+
+    def read_study(self) -> StudyFile:
+        """What the folder is a study of.
+
+        Raises:
+            InputError: It is no folder of a study.
+        """
+        try:
+            return msgspec.json.decode(self.study.read_bytes(), type=StudyFile)
+        except (OSError, msgspec.DecodeError):
+            raise InputError(f"'{self.folder}': no folder of a study (no study.json)") from None
 
 
 def merge(target: Store, sources: Sequence[Path]) -> int:

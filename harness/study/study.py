@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from harness.config import to_json
 from harness.errors import InputError
-from harness.study.analysis import ArmSummary, GateResult, judge, summarise
+from harness.study.analysis import ArmSummary, GateResult, judge, samples_of, summarise
 from harness.study.file import Planned, StudyFile, read_gate
 from harness.study.job import Done, Job, episode_key
 from harness.study.processes import Finished
@@ -98,14 +98,14 @@ def read_rows(planned: Sequence[Planned], store: Store) -> list[Row]:
 def conclude(study: StudyFile, planned: Sequence[Planned], rows: Sequence[Row]) -> StudyResult:
     """Summarise the rows and hold them against the gates."""
     limit = max(one.config.episode.time_limit for one in planned)
-    first_variant = planned[0].arm.variant
+    samples = samples_of(rows, planned[0].arm.variant)
     return StudyResult(
         name=study.name,
         episodes=len(planned),
         missing=len(planned) - len(rows),
         errors=sum(row.outcome == "error" for row in rows),
-        arms=summarise(rows, limit, first_variant),
-        gates=judge(rows, [read_gate(text) for text in study.gates], first_variant),
+        arms=summarise(samples, limit),
+        gates=judge(samples, [read_gate(text) for text in study.gates]),
     )
 
 
@@ -122,4 +122,5 @@ def run_study(
         run_missing(planned, store, engine, finished)
         rows = read_rows(planned, store)
         write_table(rows, store.folder / "table.parquet")
+        store.keep_study(study)
     return conclude(study, planned, rows)

@@ -1,6 +1,6 @@
 """The verbs of the command line, one file each."""
 
-from harness.verbs import audit, bench, demo, listing, replay, run, score, study
+from harness.verbs import audit, bench, compare, demo, listing, replay, report, run, score, study
 from harness.verbs.verb import Document, Verb
 
 VERBS: dict[str, Verb] = {
@@ -9,6 +9,8 @@ VERBS: dict[str, Verb] = {
     "audit": audit.VERB,
     "score": score.VERB,
     "study": study.VERB,
+    "report": report.VERB,
+    "compare": compare.VERB,
     "list": listing.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,

@@ -7,7 +7,7 @@ import functools
 import os
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import (
@@ -111,6 +111,8 @@ class _Watch:
 
 def print_study(console: Console, result: StudyResult) -> None:
     """Each arm in two lines, then the gates."""
+    from harness.study.file import name_of
+
     for one in result.arms:
         console.print(f"[bold]{name_of(one.arm)}[/]", highlight=False, soft_wrap=True)
         console.print(f"  {_told(one)}", highlight=False, soft_wrap=True)
@@ -140,12 +142,6 @@ def _told(one: ArmSummary) -> str:
         f"{against.drop.high:+.2f}), p {against.p_adjusted:.3f}, lost {len(against.lost)}, won "
         f"{len(against.won)}, acted otherwise in {against.changed} of {against.pairs}"
     )
-
-
-def name_of(arm: Any) -> str:
-    """An arm in words."""
-    perturbed = "" if arm.severity == 0 else f"{arm.perturbation}:{arm.severity}"
-    return " ".join(part for part in (arm.world, arm.robot, arm.variant, perturbed) if part)
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

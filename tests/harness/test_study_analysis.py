@@ -9,7 +9,7 @@ import pytest
 
 from harness.metrics import METRICS
 from harness.statistics import Interval
-from harness.study.analysis import judge, pair, summarise, verdict_of
+from harness.study.analysis import judge, pair, samples_of, summarise, verdict_of
 from harness.study.file import Arm, read_gate
 from harness.study.rows import Row, first_difference, share_differing
 
@@ -30,7 +30,7 @@ def test_an_arm_by_hand() -> None:
         row(DRIFT, 2, "error", duration=0.0, acts=()),
         row(DRIFT, 3),
     ]
-    clean, drift = summarise(rows, time_limit=60.0, first_variant="")
+    clean, drift = summarise(samples_of(rows, ""), time_limit=60.0)
     assert clean.against is None
     assert clean.mean_time == 20.0
     assert drift.episodes == 4
@@ -67,7 +67,7 @@ def test_severities_share_a_correction() -> None:
     rows = [row(CLEAN, seed) for seed in range(8)]
     rows += [row(arms[0], seed) for seed in range(8)]
     rows += [row(arms[1], seed, "collision") for seed in range(8)]
-    _, mild, harsh = summarise(rows, 60.0, "")
+    _, mild, harsh = summarise(samples_of(rows, ""), 60.0)
     assert mild.against is not None
     assert harsh.against is not None
     assert harsh.against.p_value == pytest.approx(2 / 2**8)
@@ -104,7 +104,7 @@ def test_a_against_a_gates_wrongly_in_at_most_one_of_twenty() -> None:
             for k, arm in enumerate([CLEAN, *arms])
             for seed in range(50)
         ]
-        wrong += any(result.verdict == "failed" for result in judge(rows, [gate], ""))
+        wrong += any(result.verdict == "failed" for result in judge(samples_of(rows, ""), [gate]))
     assert wrong / 300 <= 0.05
 
 
@@ -115,6 +115,6 @@ def test_a_real_drop_is_found() -> None:
         row(DRIFT, seed, "collision" if generator.random() < 0.3 else "success")
         for seed in range(100)
     ]
-    [result] = judge(rows, [read_gate("success.drop <= 0.05")], "")
+    [result] = judge(samples_of(rows, ""), [read_gate("success.drop <= 0.05")])
     assert result.verdict == "failed"
     assert result.interval.low > 0.05

@@ -1,0 +1,147 @@
+"""A study as one self-contained HTML page; the same logs give the same bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+
+from harness.metrics import METRICS, read_trace
+from harness.reader import open_log
+from harness.study.analysis import ArmSummary, Sample, samples_of
+from harness.study.file import CLEAN, Arm, name_of, plan_episodes
+from harness.study.plots import dose_response, track
+from harness.study.rows import Row
+from harness.study.store import Store
+from harness.study.study import StudyResult, conclude, read_rows
+
+SHOWN_FAILURES = 24
+"""Pictures in the gallery; the table names every failure."""
+
+SHOWN_METRICS = (
+    "spl",
+    "path_ratio",
+    "collisions",
+    "least_clearance",
+    "time_stopped",
+    "jerk",
+    "latency_p50",
+    "latency_p99",
+    "deadline_misses",
+)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One failed episode on the page."""
+
+    row: Row
+    log: str
+    picture: str
+
+
+@dataclass(frozen=True)
+class Dose:
+    """One dose-response plot."""
+
+    title: str
+    picture: str
+
+
+def write_report(folder: Path) -> tuple[Path, StudyResult]:
+    """Write `report.html` into the folder of a study.
+
+    Raises:
+        InputError: It is no folder of a study, holds no episode, or a log is damaged.
+    """
+    store = Store(folder)
+    study = store.read_study()
+    planned = plan_episodes(study)
+    rows = read_rows(planned, store)
+    result = conclude(study, planned, rows)
+    samples = samples_of(rows, planned[0].arm.variant)
+    page = _template().render(
+        result=result,
+        verdict=verdict_sentence(result),
+        name_of=name_of,
+        metrics={name: METRICS[name] for name in SHOWN_METRICS},
+        doses=_doses(result.arms),
+        causes=sorted({cause for one in result.arms for cause in one.causes}),
+        outcomes=sorted({outcome for one in result.arms for outcome in one.outcomes}),
+        failures=_failures(samples, store),
+        failed=sum(not row.success for row in rows),
+    )
+    path = folder / "report.html"
+    draft = path.with_suffix(".partial")
+    draft.write_text(page, encoding="utf-8")
+    draft.replace(path)
+    return path, result
+
+
+def _template() -> jinja2.Template:
+    loader = jinja2.FileSystemLoader(Path(__file__).parent)
+    environment = jinja2.Environment(
+        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+    )
+    environment.filters["number"] = _number
+    return environment.get_template("report.html.j2")
+
+
+def _number(value: float | None, digits: int = 2) -> str:
+    return "" if value is None else f"{value:.{digits}f}"
+
+
+def verdict_sentence(result: StudyResult) -> str:
+    """The whole study in a sentence or two."""
+    ran = result.episodes - result.missing
+    reached = sum(one.outcomes.get("success", 0) for one in result.arms)
+    text = f"{reached} of {ran} episodes reached the goal"
+    if result.missing:
+        text += f"; {result.missing} are still to run"
+    if not result.gates:
+        return f"{text}. No gate was set."
+    failed = [gate for gate in result.gates if gate.verdict == "failed"]
+    undecided = sum(gate.verdict == "open" for gate in result.gates)
+    if failed:
+        worst = failed[0]
+        text += f". {len(failed)} of {len(result.gates)} gates failed, first '{worst.gate}'"
+        text += f" for {name_of(worst.arm)}"
+    else:
+        text += f". No gate of {len(result.gates)} failed"
+    return f"{text}; {undecided} cannot be told from so few." if undecided else f"{text}."
+
+
+def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:
+    """A plot for each world, robot, variant and perturbation, severity 0 its unperturbed twin."""
+    clean = {one.arm: one for one in arms if one.arm.perturbation == CLEAN}
+    families: dict[tuple[str, str, str, str], list[ArmSummary]] = {}
+    for one in arms:
+        arm = one.arm
+        if arm.perturbation != CLEAN:
+            key = (arm.world, arm.robot, arm.variant, arm.perturbation)
+            families.setdefault(key, []).append(one)
+    doses = []
+    for (world, robot, variant, perturbation), members in families.items():
+        twin = clean.get(Arm(world, robot, variant, CLEAN, 0))
+        shown = sorted([*([twin] if twin else []), *members], key=lambda one: one.arm.severity)
+        picture = dose_response(
+            [one.arm.severity for one in shown], [one.success for one in shown], "success"
+        )
+        title = " ".join(part for part in (world, robot, variant, perturbation) if part)
+        doses.append(Dose(title, picture))
+    return doses
+
+
+def _failures(samples: Sequence[Sample], store: Store) -> list[Failure]:
+    rows = [row for sample in samples for row in sample.rows if not row.success]
+    failures = []
+    for row in rows[:SHOWN_FAILURES]:
+        path = store.log(row.key)
+        picture = ""
+        if path.is_file():
+            log = open_log(path, allow_plugins=True)
+            picture = track(read_trace(log), log.scene, log.mission.goal)
+        failures.append(Failure(row, str(Path("logs") / path.name), picture))
+    return failures

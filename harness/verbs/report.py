@@ -1,0 +1,32 @@
+"""`wayproof report`: a study as one HTML page."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+
+from harness.verbs.verb import Document, Verb
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Write the report of a study's folder."""
+    from harness.study.report import verdict_sentence, write_report
+
+    path, result = write_report(options.folder)
+    console.print(f"{verdict_sentence(result)}\n{path}", highlight=False, soft_wrap=True)
+    return result.exit_code, {**asdict(result), "report": str(path)}
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="of a study")
+
+
+VERB = Verb(
+    help="a study as one self-contained HTML page",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof report logs/smoke",
+)

@@ -1,0 +1,104 @@
+"""The page of a study, and the comparison of two."""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from harness.cli import main
+from harness.study.file import Bounds, plan_episodes, read_study
+from harness.study.processes import run_in_processes
+from harness.study.store import Store
+from harness.study.study import run_study
+
+STUDY = """
+name = "page"
+worlds = ["corridor"]
+robots = ["drone"]
+seeds = 2
+gates = ["success.mean >= 0.99"]
+[axes]
+"episode.time_limit" = [60, 2]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study whose second variant cannot but time out."""
+    folder = tmp_path_factory.mktemp("page")
+    path = folder / "study.toml"
+    path.write_text(STUDY)
+    study = read_study(str(path))
+    engine = functools.partial(run_in_processes, workers=2, bounds=Bounds())
+    run_study(study, plan_episodes(study), Store(folder / "out"), engine, lambda done: None)
+    return folder / "out"
+
+
+def test_a_page_tells_what_happened(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", str(folder), "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    page = (folder / "report.html").read_text()
+    assert document["report"] == str(folder / "report.html")
+    assert "2 of 4 episodes reached the goal. 1 of 2 gates failed" in page
+    assert page.count("<figure>") == 2  # one for each failure
+    assert page.count("timeout</strong>") == 2
+    for log in re.findall(r"wayproof replay (\S+)</code>", page):
+        assert (folder / log).is_file()
+
+
+def test_a_page_needs_nothing_from_outside(folder: Path) -> None:
+    main(["report", str(folder)])
+    page = (folder / "report.html").read_text()
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!#)""", page)
+    assert "<script" not in page
+    for svg in re.findall(r"<svg.*?</svg>", page, re.DOTALL):
+        ET.fromstring(svg)  # well-formed
+
+
+def test_the_same_logs_give_the_same_bytes(folder: Path) -> None:
+    pages = []
+    for _ in range(2):
+        main(["report", str(folder)])
+        pages.append((folder / "report.html").read_bytes())
+    assert pages[0] == pages[1]
+
+
+def test_what_users_write_is_text_and_not_markup(folder: Path) -> None:
+    store = Store(folder)
+    [key, *_] = [path.stem for path in store.logs.glob("*.mcap")]
+    kept = store.log(key).read_bytes()
+    store.log(key).unlink()
+    store.record_error(key, "<script>alert(1)</script>")
+    main(["report", str(folder)])
+    (store.errors / f"{key}.json").unlink()
+    store.log(key).write_bytes(kept)
+    assert "&lt;script&gt;" in (folder / "report.html").read_text()
+
+
+def test_a_study_is_no_worse_than_itself(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", str(folder), str(folder), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert all(one["against"]["changed"] == 0 for one in document["arms"])
+    assert all(one["against"]["drop"]["estimate"] == 0 for one in document["arms"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["report", "nowhere"], "no folder of a study"),
+        (["compare", "{folder}", "nowhere"], "no folder of a study"),
+        (["compare", "{folder}", "{folder}", "--gate", "speed.drop <= 0"], "unknown metric"),
+    ],
+)
+def test_bad_input_is_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main([one.format(folder=folder) for one in arguments]) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1
