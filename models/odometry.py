@@ -177,7 +177,7 @@ class Odometry:
         scale, turn_scale = self._scales
         c, s = math.cos(self._reckoned[3]), math.sin(self._reckoned[3])
         x, y, z = step.tolist()
-        believed = scale * np.array([c * x - s * y, s * x + c * y, z])
+        believed: Array = scale * np.array([c * x - s * y, s * x + c * y, z])
         self._reckoned[:3] += believed - step
         self._reckoned[3] += turn_scale * turn
         return believed
