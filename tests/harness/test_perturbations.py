@@ -326,11 +326,11 @@ def test_a_late_decision_takes_effect_late(tmp_path):
         run_episode(build(config), log)
         messages = list(read_messages(log))
         truths = [m.position for m in messages if isinstance(m, pb.Truth)]
-        moved.append([np.linalg.norm(np.subtract(truths[k], truths[0])) for k in (1, 2)])
+        moved.append(np.linalg.norm(np.subtract(truths[1], truths[0])))
         delays = {m.delay_s for m in messages if isinstance(m, pb.Latency)}
     assert list(delays) == pytest.approx([0.15])
-    assert moved[0][0] > 1e-6 > moved[1][0]
-    assert moved[0][1] > 2 * moved[1][1]
+    assert moved[0] > 1e-8  # m, after 0.05 s of a trajectory whose jerk is bounded
+    assert moved[1] < 1e-12  # still hovering
 
 
 def test_a_perturbed_log_names_what_is_off(pair):
