@@ -11,9 +11,11 @@ from typing import Any, Literal
 import msgspec
 
 from harness.errors import InputError, unknown_name
+from harness.perturbations import AnyPerturbation
 from harness.view import BehaviourConfig
 from maps import MAPS, MapConfig
 from models.devices import DEVICES, OWN, SensorConfig
+from models.odometry import OdometryConfig
 from planners import PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
@@ -108,6 +110,8 @@ class Config:
         goal: (x, y) or (x, y, z) in place of the world's own goal, m.
         start: Likewise.
         threads: That rays, map and costmap share; decisions are the same on any number.
+        odometry: How good the pose is that the stack and the controller get.
+        perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
     """
 
     world: str
@@ -117,12 +121,14 @@ class Config:
     start: tuple[float, ...] | None = None
     threads: int = 1
     sensors: SensorConfig = field(default_factory=SensorConfig)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
     map: MapConfig = field(default_factory=MapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     behaviour: BehaviourConfig = field(default_factory=BehaviourConfig)
     latency: LatencyConfig = field(default_factory=LatencyConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    perturbation: AnyPerturbation | None = None
 
     def __post_init__(self) -> None:
         """Refuse points that are not 2 or 3 numbers and seeds that a generator would refuse."""

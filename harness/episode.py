@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import struct
 import time
 from collections import deque
 from collections.abc import Callable
@@ -16,22 +17,21 @@ import numpy as np
 
 from harness.config import LatencyConfig, to_json
 from harness.inputs import CODEC, beams_from_info, encode_ranges, inputs_from_messages
+from harness.interference import Interference
 from harness.log import LogWriter
 from harness.navigator import Navigator, build_navigator
+from harness.odometry import Estimate
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
+from harness.streams import CONTROL, StreamHashes
 from models.poses import Trail
-from models.robots import Setpoint
-from models.sensors import Caster
+from models.sensors import ROBOT_GROUP, Caster
 from models.truth import Truth
 from planners import Trajectory
 
 Outcome = Literal[
     "success", "collision", "fall", "timeout", "stuck", "out_of_bounds", "aborted", "error"
 ]
-
-ODOMETRY_PERIOD = 0.01
-"""Time between two poses of the trail by which the stack straightens a rolling sweep, s."""
 
 STUCK_RADIUS = 0.3
 """Less movement than this within `episode.stuck_after` is no movement, m."""
@@ -121,13 +121,19 @@ class Episode:
         self._least_uprightness = math.cos(scenario.spec.max_tilt)
         self._navigator = navigator
         self._following = self._navigator.trajectory
-        self._on_the_way: deque[Trajectory] = deque()
+        self._on_the_way: deque[tuple[int, Trajectory]] = deque()  # ns of their arrival
         base = int(scene.model.body_jntadr[scene.base])
         first = int(scene.model.jnt_qposadr[base])
         self._base_coordinates = slice(first, first + 7)
         # Poses of the base before each physics step of one decision period, for rolling shutters.
         self._steps: deque[np.ndarray] = deque(maxlen=_steps_a_decision(scenario))
-        self._odometry_stride = max(1, round(ODOMETRY_PERIOD / float(scene.model.opt.timestep)))
+        timestep, steps = float(scene.model.opt.timestep), _steps_a_decision(scenario)
+        self._estimate = Estimate(scenario.config, timestep, steps, start, heading)
+        self._interference = Interference(scenario.config, scene)
+        sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
+        self._streams = StreamHashes([*sensors, "pose", "latency", "world", CONTROL])
+        self._streams.update("world", scene.mjcf.encode())
+        self._world = np.flatnonzero(scene.model.geom_group != ROBOT_GROUP)
         self._sequence = 0
         self._misses = 0
         self._positions: list[np.ndarray] = []
@@ -158,13 +164,16 @@ class Episode:
         latency = self._latency(decision, time_ns)
         self._navigator.commit(decision, latency.delay_s)
         if not decision.deadline_missed:
-            self._on_the_way.append(self._navigator.trajectory)
+            trajectory = self._navigator.trajectory
+            arrival_ns = max(trajectory.start_ns, time_ns + round(latency.delay_s * 1e9))
+            self._on_the_way.append((arrival_ns, trajectory))
         self._misses += decision.deadline_missed
         for sweep in sweeps:
-            self._log.write(f"/sensor/{sweep.sensor}", sweep, time_ns)
-        self._log.write("/pose", pose, time_ns)
-        self._log.write("/latency", latency, time_ns)
+            self._log_input(f"sensor/{sweep.sensor}", sweep, time_ns)
+        self._log_input("pose", pose, time_ns)
+        self._log_input("latency", latency, time_ns)
         self._log.write("/decision", decision, time_ns)
+        self._write_streams(time_ns)
         truth = self._write_truth(time_ns)
         if self._observe is not None:
             self._observe(decision, truth)
@@ -174,20 +183,14 @@ class Episode:
     def _sense(self, time_ns: int) -> tuple[list[pb.Sweep], pb.Pose, float]:
         began = time.perf_counter()
         trail = self._trail()
-        sweeps = [self._sweep(caster, trail, time_ns) for caster in self._scene.casters]
+        casters = self._scene.casters
+        arriving = self._interference.arriving(casters, self._sequence)
+        sweeps = [self._sweep(caster, trail, time_ns) for caster in arriving]
         sense_ms = (time.perf_counter() - began) * 1e3
-        pose = pb.Pose(
-            sequence=self._sequence,
-            position=self._data.xpos[self._scene.base].tolist(),
-            quaternion=self._data.xquat[self._scene.base].tolist(),
-            position_sigma=0.0,  # the estimate is exact until an odometry model says otherwise
-        )
+        self._estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
+        pose = self._estimate.pose(trail, any(caster.table.moments > 1 for caster in casters))
+        pose.sequence = self._sequence
         pose.timestamp.FromNanoseconds(time_ns)
-        if any(caster.table.moments > 1 for caster in self._scene.casters):
-            believed = trail.every(self._odometry_stride)
-            pose.trail_positions.extend(believed.positions.ravel().tolist())
-            pose.trail_quaternions.extend(believed.quaternions.ravel().tolist())
-            pose.trail_period_s = believed.period
         return sweeps, pose, sense_ms
 
     def _trail(self) -> Trail:
@@ -200,7 +203,7 @@ class Episode:
     def _sweep(self, caster: Caster, trail: Trail, time_ns: int) -> pb.Sweep:
         table = caster.table
         rows = len(table.rows) if table.order == "grid" else 1
-        ranges = caster.cast(self._data, trail, self._scenario.config.seed, self._sequence)
+        ranges = self._interference.cast(caster, self._data, trail, self._sequence)
         message = pb.Sweep(
             sequence=self._sequence,
             sensor=caster.mount.name,
@@ -214,11 +217,23 @@ class Episode:
 
     def _latency(self, decision: pb.Decision, time_ns: int) -> pb.Latency:
         config = self._scenario.config.latency
-        message = pb.Latency(
-            sequence=self._sequence, mode=config.mode, delay_s=_delay(config, decision.stages)
-        )
+        delay_s = _delay(config, decision.stages) + self._interference.delay
+        message = pb.Latency(sequence=self._sequence, mode=config.mode, delay_s=delay_s)
         message.timestamp.FromNanoseconds(time_ns)
         return message
+
+    def _log_input(self, stream: str, message: pb.Sweep | pb.Pose | pb.Latency, now: int) -> None:
+        self._log.write(f"/{stream}", message, now)
+        self._streams.update(stream, message.SerializeToString(deterministic=True))
+
+    def _write_streams(self, time_ns: int) -> None:
+        """What reached the stack so far as hashes, and what the perturbation did to it."""
+        moved = self._data.geom_xpos[self._world], self._data.geom_xmat[self._world]
+        self._streams.update("world", b"".join(part.tobytes() for part in moved))
+        self._log.write("/streams", self._streams.message(self._sequence, time_ns), time_ns)
+        done = self._interference.message(self._sequence, time_ns, self._estimate.added)
+        if done is not None:
+            self._log.write("/perturbation", done, time_ns)
 
     def _write_truth(self, time_ns: int) -> pb.Truth:
         data, base = self._data, self._scene.base
@@ -240,12 +255,16 @@ class Episode:
     def _step_physics(self) -> None:
         """One step of contact physics under the controller's torques and thrusts."""
         now_ns = self._now_ns()
-        while self._on_the_way and self._on_the_way[0].start_ns <= now_ns:
-            self._following = self._on_the_way.popleft()
-        sample = self._following.at(now_ns)
-        setpoint = Setpoint(sample.position, sample.velocity, sample.heading, sample.yaw_rate)
+        while self._on_the_way and self._on_the_way[0][0] <= now_ns:
+            self._following = self._on_the_way.popleft()[1]
+        pose = self._data.qpos[self._base_coordinates].copy()
+        self._estimate.advance(now_ns, pose[:3], pose[3:])
+        setpoint = self._estimate.setpoint(self._following.at(now_ns), pose[:3])
+        self._streams.update(CONTROL, setpoint.position.tobytes())
+        self._streams.update(CONTROL, struct.pack("<d", setpoint.heading))
         self._scene.controller.follow(self._data, setpoint)
-        self._steps.append(self._data.qpos[self._base_coordinates].copy())
+        self._steps.append(pose)
+        self._estimate.remember()
         mujoco.mj_step(self._scene.model, self._data)
         self._truth.count_contacts(self._data)
 

@@ -25,7 +25,7 @@ class Pose:
     Attributes:
         position: (3,) m.
         quaternion: (4,) w x y z.
-        position_sigma: One standard deviation on each horizontal axis, m.
+        position_sigma: One standard deviation along the axis of the greatest, as stated, m.
         trail: Believed poses while the sweeps were taken, up to this one; none if no shutter rolls.
     """
 

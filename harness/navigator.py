@@ -169,7 +169,7 @@ class Navigator:
         search = choice.search
         decision = pb.Decision(
             sequence=inputs.sequence,
-            trigger=f"{inputs.sweeps[0].sensor} sweep",
+            trigger=f"{inputs.sweeps[0].sensor} sweep" if inputs.sweeps else "pose",
             representation=self._config.map.kind,
             map_version=version,
             resolution_m=self.map.resolution,

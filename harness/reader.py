@@ -131,7 +131,16 @@ def read_messages(path: Path) -> Iterator[Message]:
 
 _MESSAGES: dict[str, type[Message]] = {
     kind.DESCRIPTOR.full_name: kind
-    for kind in (pb.SensorInfo, pb.Sweep, pb.Pose, pb.Latency, pb.Decision, pb.Truth)
+    for kind in (
+        pb.SensorInfo,
+        pb.Sweep,
+        pb.Pose,
+        pb.Latency,
+        pb.Decision,
+        pb.Truth,
+        pb.Streams,
+        pb.Perturbation,
+    )
 }
 
 

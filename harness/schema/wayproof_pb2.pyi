@@ -66,7 +66,7 @@ class Sweep(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ...) -> None: ...
 
 class Pose(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "trail_positions", "trail_quaternions", "trail_period_s")
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "trail_positions", "trail_quaternions", "trail_period_s", "heading_sigma")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -75,6 +75,7 @@ class Pose(_message.Message):
     TRAIL_POSITIONS_FIELD_NUMBER: _ClassVar[int]
     TRAIL_QUATERNIONS_FIELD_NUMBER: _ClassVar[int]
     TRAIL_PERIOD_S_FIELD_NUMBER: _ClassVar[int]
+    HEADING_SIGMA_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
@@ -83,7 +84,8 @@ class Pose(_message.Message):
     trail_positions: _containers.RepeatedScalarFieldContainer[float]
     trail_quaternions: _containers.RepeatedScalarFieldContainer[float]
     trail_period_s: float
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ...) -> None: ...
+    heading_sigma: float
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ...) -> None: ...
 
 class Latency(_message.Message):
     __slots__ = ("timestamp", "sequence", "mode", "delay_s")
@@ -220,3 +222,53 @@ class Truth(_message.Message):
     clearance_m: float
     collisions: int
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ...) -> None: ...
+
+class StreamHash(_message.Message):
+    __slots__ = ("name", "hash")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    HASH_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    hash: str
+    def __init__(self, name: _Optional[str] = ..., hash: _Optional[str] = ...) -> None: ...
+
+class Streams(_message.Message):
+    __slots__ = ("timestamp", "sequence", "streams")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    STREAMS_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    streams: _containers.RepeatedCompositeFieldContainer[StreamHash]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamHash, _Mapping]]] = ...) -> None: ...
+
+class Perturbation(_message.Message):
+    __slots__ = ("timestamp", "sequence", "kind", "severity", "amount", "unit", "streams", "pose_shift", "pose_turn", "changed_beams", "withheld", "added_delay_s", "displaced_position", "displaced_quaternion")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    SEVERITY_FIELD_NUMBER: _ClassVar[int]
+    AMOUNT_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    STREAMS_FIELD_NUMBER: _ClassVar[int]
+    POSE_SHIFT_FIELD_NUMBER: _ClassVar[int]
+    POSE_TURN_FIELD_NUMBER: _ClassVar[int]
+    CHANGED_BEAMS_FIELD_NUMBER: _ClassVar[int]
+    WITHHELD_FIELD_NUMBER: _ClassVar[int]
+    ADDED_DELAY_S_FIELD_NUMBER: _ClassVar[int]
+    DISPLACED_POSITION_FIELD_NUMBER: _ClassVar[int]
+    DISPLACED_QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    kind: str
+    severity: int
+    amount: float
+    unit: str
+    streams: _containers.RepeatedScalarFieldContainer[str]
+    pose_shift: _containers.RepeatedScalarFieldContainer[float]
+    pose_turn: float
+    changed_beams: int
+    withheld: _containers.RepeatedScalarFieldContainer[str]
+    added_delay_s: float
+    displaced_position: _containers.RepeatedScalarFieldContainer[float]
+    displaced_quaternion: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., kind: _Optional[str] = ..., severity: _Optional[int] = ..., amount: _Optional[float] = ..., unit: _Optional[str] = ..., streams: _Optional[_Iterable[str]] = ..., pose_shift: _Optional[_Iterable[float]] = ..., pose_turn: _Optional[float] = ..., changed_beams: _Optional[int] = ..., withheld: _Optional[_Iterable[str]] = ..., added_delay_s: _Optional[float] = ..., displaced_position: _Optional[_Iterable[float]] = ..., displaced_quaternion: _Optional[_Iterable[float]] = ...) -> None: ...

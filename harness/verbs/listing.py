@@ -7,6 +7,7 @@ import argparse
 from rich.console import Console
 
 from harness.config import setting_names
+from harness.perturbations import PERTURBATIONS
 from harness.verbs.verb import Document, Verb
 
 
@@ -24,6 +25,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         "sensors": sorted(DEVICES),
         "maps": sorted(MAPS),
         "planners": sorted(PLANNERS),
+        "perturbations": sorted(PERTURBATIONS),
         "settings": setting_names(),
     }
     for kind, names in document.items():

@@ -6,7 +6,7 @@ import argparse
 import errno
 import hashlib
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from rich.text import Text
 
 from harness.config import Config, from_document, override, to_json
 from harness.errors import InputError
+from harness.perturbations import perturbation_from
 from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     for name in ("goal", "start"):
         if getattr(options, name) is not None:
             config = override(config, [f"{name}=[{getattr(options, name)}]"])
+    if options.perturb is not None:
+        config = replace(config, perturbation=perturbation_from(options.perturb))
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
     result = run_one(config, path, console)
     print_verdict(console, result)
@@ -91,6 +94,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--goal", metavar="X,Y[,Z]", help="in place of the world's own, m")
     parser.add_argument("--start", metavar="X,Y[,Z]", help="in place of the world's own, m")
     add_settings(parser)
+    parser.add_argument(
+        "--perturb", metavar="KIND:SEVERITY[:MODE]", help="make one assumption wrong; 1 to 5"
+    )
     parser.add_argument("--log", type=Path, metavar="FILE", help="the log's name")
     add_log_folder(parser)
 

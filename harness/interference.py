@@ -1,0 +1,82 @@
+"""Applies the episode's perturbation between the simulator and the stack, and tells what it did."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.config import Config
+from harness.perturbations import UNPERTURBED, Report
+from harness.schema import wayproof_pb2 as pb
+from models.odometry import PoseError
+from models.poses import Trail
+from models.scene import PREFIX, Scene
+from models.sensors import Caster
+
+
+class Interference:
+    """One episode's perturbation, or none, applied to one scene's sensors and delays."""
+
+    def __init__(self, config: Config, scene: Scene) -> None:
+        """Work out which sensors it affects."""
+        self._perturbation = config.perturbation or UNPERTURBED
+        self._seed = config.seed
+        self._model = scene.model
+        self._sensors = [caster.mount.name for caster in scene.casters]
+        self._affected = self._perturbation.affected(self._sensors)
+        self._displacement = self._perturbation.displacement(config.seed)
+        self._changed_beams = 0
+
+    @property
+    def delay(self) -> float:
+        """What it adds to the delay of each decision, s."""
+        return self._perturbation.delay
+
+    def arriving(self, casters: tuple[Caster, ...], sequence: int) -> list[Caster]:
+        """The sensors whose sweeps of this decision reach the stack."""
+        self._changed_beams = 0
+        delivered = self._perturbation.delivers(sequence)
+        return [one for one in casters if delivered or one.mount.name not in self._affected]
+
+    def cast(
+        self, caster: Caster, data: mujoco.MjData, trail: Trail, sequence: int
+    ) -> NDArray[np.uint16]:  # (n,) mm
+        """Cast one sweep as the stack gets it; `trail` holds the true poses of the base."""
+        if caster.mount.name not in self._affected:
+            return caster.cast(data, trail, self._seed, sequence)
+        if self._displacement is not None:
+            # Until the next kinematics; nothing else of the episode looks at a sensor's site.
+            site = self._model.site(PREFIX + caster.mount.site).id
+            self._displacement.move_site(data.site_xpos[site], data.site_xmat[site])
+            trail = self._displacement.move_trail(trail, *caster.mounting)
+        ranges = caster.cast(data, trail, self._seed, sequence)
+        mount, table = caster.mount, caster.table
+        report = Report(mount.name, mount.device, table, ranges, self._seed, sequence)
+        perturbed = self._perturbation.report(report)
+        self._changed_beams += int((perturbed != ranges).sum())
+        return perturbed
+
+    def message(self, sequence: int, time_ns: int, added: PoseError) -> pb.Perturbation | None:
+        """What was done at this decision, with what was added to the pose; none if unperturbed."""
+        perturbation = self._perturbation
+        if perturbation is UNPERTURBED:
+            return None
+        message = pb.Perturbation(
+            sequence=sequence,
+            kind=perturbation.kind,
+            severity=perturbation.severity,
+            amount=perturbation.amount,
+            unit=perturbation.unit,
+            streams=perturbation.streams(self._sensors),
+            pose_shift=added.shift,
+            pose_turn=added.turn,
+            changed_beams=self._changed_beams,
+            withheld=[] if perturbation.delivers(sequence) else self._affected,
+            added_delay_s=perturbation.delay,
+        )
+        if self._displacement is not None:
+            message.displaced_position.extend(self._displacement.position.tolist())
+            message.displaced_quaternion.extend(self._displacement.quaternion.tolist())
+        message.timestamp.FromNanoseconds(time_ns)
+        return message

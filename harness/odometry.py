@@ -1,0 +1,123 @@
+"""What the body believes of its own pose, between the simulator's truth and stack and controller.
+
+Plans are made in the believed frame, so the controller has to track the believed pose. It holds the
+true state, so the setpoint is moved instead. With the believed position b = p + e and heading
+psi_b = psi + a, a setpoint s asks a controller that believed b for the offset s - b, which it would
+turn into the body by R_z(a)' too much. The setpoint
+
+    s' = s - e - (I - R_z(a)') (s - b),   v' = R_z(a)' v,   psi' = psi_s - a
+
+asks the same of a controller that knows p: s' - p = R_z(a)' (s - b). Between two estimates the
+error stays as it is, as of an estimator that goes on by an inertial sensor meanwhile; so the
+setpoint moves only with the trajectory and with the error's own steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.config import Config
+from harness.inputs import heading_of
+from harness.perturbations import UNPERTURBED
+from harness.schema import wayproof_pb2 as pb
+from models.odometry import Odometry, PoseError, believed_trail
+from models.poses import Trail
+from models.robots import Setpoint
+from planners import TrajectorySample
+
+Array = NDArray[np.float64]
+
+
+class Estimate:
+    """The believed pose of one body, estimate by estimate.
+
+    Attributes:
+        error: Believed less true pose, of the newest estimate, with what a perturbation adds.
+        added: What the perturbation adds, of which the stated standard deviations know nothing.
+    """
+
+    def __init__(
+        self, config: Config, timestep: float, steps: int, position: Array, heading: float
+    ) -> None:
+        """Start at the true position (3,) and heading.
+
+        Args:
+            config: Odometry, perturbation and seed.
+            timestep: Of the physics, s.
+            steps: Physics steps that a trail reaches back.
+            position: m.
+            heading: rad.
+        """
+        self._config = config
+        self._perturbation = config.perturbation or UNPERTURBED
+        self._stride = max(1, round(1.0 / (config.odometry.rate * timestep)))
+        period = self._stride * timestep
+        self._odometry = Odometry(config.odometry, config.seed, position, heading, period)
+        self._period_ns = round(period * 1e9)
+        self._due_ns = self._period_ns
+        self._errors: deque[PoseError] = deque(maxlen=steps)
+        self._look(0)
+
+    def advance(self, time_ns: int, position: Array, quaternion: Array) -> None:
+        """Make the next estimate if its time has come; the true pose is (3,) and (4,)."""
+        if time_ns < self._due_ns:
+            return
+        self._due_ns += self._period_ns
+        w, x, y, z = quaternion.tolist()
+        heading = heading_of(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        self._odometry.advance(position, heading)
+        self._look(time_ns)
+
+    def remember(self) -> None:
+        """Keep the error of this physics step for the trail."""
+        self._errors.append(self.error)
+
+    def pose(self, trail: Trail, rolling: bool) -> pb.Pose:
+        """The believed pose as the log states it.
+
+        Args:
+            trail: True poses of the base at each step since the sweeps began, and now.
+            rolling: Whether a shutter rolls, so that the stack needs the trail too.
+        """
+        believed = believed_trail(trail, [*self._errors, self.error])
+        message = pb.Pose(
+            position=believed.positions[-1].tolist(),
+            quaternion=believed.quaternions[-1].tolist(),
+            position_sigma=self._odometry.position_sigma,
+            heading_sigma=self._odometry.heading_sigma,
+        )
+        if rolling:
+            sampled = believed.every(self._stride)
+            message.trail_positions.extend(sampled.positions.ravel().tolist())
+            message.trail_quaternions.extend(sampled.quaternions.ravel().tolist())
+            message.trail_period_s = sampled.period
+        return message
+
+    def setpoint(self, sample: TrajectorySample, position: Array) -> Setpoint:
+        """What the controller is asked for: the sample by the error, see the head of this file.
+
+        Args:
+            sample: Of the trajectory, in the believed frame.
+            position: (3,) true, m.
+        """
+        error = self.error
+        offset = sample.position - position - error.shift
+        c, s = math.cos(error.turn), math.sin(error.turn)
+        x, y, _ = offset.tolist()
+        vx, vy, vz = sample.velocity.tolist()
+        turned_away = np.array([(1.0 - c) * x - s * y, s * x + (1.0 - c) * y, 0.0])
+        return Setpoint(
+            sample.position - error.shift - turned_away,
+            np.array([c * vx + s * vy, c * vy - s * vx, vz]),
+            sample.heading - error.turn,
+            sample.yaw_rate,
+        )
+
+    def _look(self, time_ns: int) -> None:
+        travelled = self._odometry.travelled
+        self.added = self._perturbation.pose_error(self._config.seed, time_ns, travelled)
+        self.error = self._odometry.error + self.added

@@ -1,0 +1,72 @@
+"""Perturbations by name, of which an episode has exactly one or none.
+
+A new one is a file and a line of `AnyPerturbation`; the config's type makes two at once impossible.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias, get_args
+
+import msgspec
+
+from harness.errors import InputError, unknown_name
+from harness.perturbations.calibration import Calibration
+from harness.perturbations.depth_dropout import DepthDropout
+from harness.perturbations.depth_noise import DepthNoise
+from harness.perturbations.depth_scale import DepthScale
+from harness.perturbations.displacement import Displacement
+from harness.perturbations.latency import Latency
+from harness.perturbations.occlusion import Occlusion
+from harness.perturbations.perturbation import UNPERTURBED, Perturbation, Report
+from harness.perturbations.pose_drift import PoseDrift
+from harness.perturbations.pose_jump import PoseJump
+from harness.perturbations.rate import Rate
+
+AnyPerturbation: TypeAlias = (
+    PoseDrift
+    | PoseJump
+    | DepthDropout
+    | DepthNoise
+    | DepthScale
+    | Occlusion
+    | Calibration
+    | Latency
+    | Rate
+)
+
+PERTURBATIONS: dict[str, type[Perturbation]] = {
+    str(one.__struct_config__.tag): one for one in get_args(AnyPerturbation)
+}
+
+__all__ = [
+    "PERTURBATIONS",
+    "UNPERTURBED",
+    "AnyPerturbation",
+    "Displacement",
+    "Perturbation",
+    "Report",
+    "perturbation_from",
+]
+
+
+def perturbation_from(text: str) -> AnyPerturbation:
+    """Read `KIND:SEVERITY`, or `KIND:SEVERITY:MODE` where a kind has modes.
+
+    Raises:
+        InputError: It is none; the message says what there is.
+    """
+    kind, *rest = text.split(":")
+    if kind not in PERTURBATIONS:
+        raise unknown_name("perturbation", kind, PERTURBATIONS)
+    own = [name for name in PERTURBATIONS[kind].__struct_fields__ if name != "severity"]
+    fields = ["severity", *own]
+    if not 1 <= len(rest) <= len(fields):
+        form = ":".join([kind, "SEVERITY", *(f"[{name.upper()}]" for name in own)])
+        raise InputError(f"--perturb {text}: expected {form}")
+    document = {"kind": kind, **dict(zip(fields, rest, strict=False))}
+    try:
+        perturbation: AnyPerturbation = msgspec.convert(document, AnyPerturbation, strict=False)
+    except msgspec.ValidationError as error:
+        message, _, place = str(error).partition(" - at `$.")
+        raise InputError(f"--perturb {text}: {place.rstrip('`')}: {message}") from None
+    return perturbation

@@ -1,0 +1,60 @@
+"""Echoes are lost: single ones, those of a patch, or those of whole sweeps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.perturbations.perturbation import Perturbation, Ranges, Report
+
+
+class DepthDropout(Perturbation, frozen=True, tag="depth_dropout"):
+    """A share of the echoes of every sensor is lost, and looks as the device's lost echoes do.
+
+    Attributes:
+        mode: `ray` loses each by itself, `patch` those of one seeded rectangle of the image (a run
+            of beams where a sensor has no image), `sweep` those of a whole sweep at once.
+    """
+
+    mode: Literal["ray", "patch", "sweep"] = "ray"
+    measured_in: ClassVar[str] = "share"
+    values: ClassVar[tuple[float, float, float, float, float]] = (0.01, 0.03, 0.1, 0.3, 0.6)
+
+    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
+        """All sensors."""
+        return tuple(sensors)
+
+    def report(self, report: Report) -> Ranges:
+        """The sweep without the echoes that are lost."""
+        lost = LOST[self.mode](report, self.amount) & report.echoes
+        return np.where(lost, report.silence, report.ranges_mm)
+
+
+def _rays(report: Report, share: float) -> NDArray[np.bool_]:
+    return report.rng().random(len(report.ranges_mm)) < share
+
+
+def _patch(report: Report, share: float) -> NDArray[np.bool_]:
+    """A rectangle of that share of the image and of its shape; it may wrap round the columns."""
+    rows = len(report.table.rows) if report.table.order == "grid" else 1
+    columns = report.table.beams // rows
+    height = max(1, round(rows * math.sqrt(share)))
+    width = max(1, round(share * rows * columns / height))
+    rng = report.rng()
+    top = int(rng.integers(rows - height + 1))
+    first = int(rng.integers(columns))
+    lost = np.zeros((rows, columns), np.bool_)
+    lost[top : top + height, (first + np.arange(width)) % columns] = True
+    return lost.ravel()
+
+
+def _sweep(report: Report, share: float) -> NDArray[np.bool_]:
+    return np.full(len(report.ranges_mm), report.rng().random() < share)
+
+
+LOST = {"ray": _rays, "patch": _patch, "sweep": _sweep}
+"""Which echoes each mode loses."""

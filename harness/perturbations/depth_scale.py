@@ -1,0 +1,29 @@
+"""Every range is too long by one factor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from harness.perturbations.perturbation import Perturbation, Ranges, Report
+from models.beams import MILLIMETRES
+
+
+class DepthScale(Perturbation, frozen=True, tag="depth_scale"):
+    """Obstacles seem farther away than they are, to every sensor by the same factor 1 + amount."""
+
+    measured_in: ClassVar[str] = "share"
+    values: ClassVar[tuple[float, float, float, float, float]] = (0.005, 0.01, 0.02, 0.05, 0.1)
+
+    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
+        """All sensors."""
+        return tuple(sensors)
+
+    def report(self, report: Report) -> Ranges:
+        """The sweep with longer ranges; what then lies beyond the device's range is lost."""
+        scaled = np.rint(report.ranges_mm * (1.0 + self.amount))
+        seen = scaled <= report.device.range * MILLIMETRES
+        longer = np.where(seen, scaled, report.silence)
+        return np.where(report.echoes, longer, report.ranges_mm).astype(np.uint16)

@@ -1,0 +1,42 @@
+"""Something blocks the view of the first sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.perturbations.perturbation import Perturbation, Ranges, Report
+from models.beams import DROPPED, directions
+from models.devices import stream
+
+
+class Occlusion(Perturbation, frozen=True, tag="occlusion"):
+    """A sector of azimuth about a seeded beam of the first sensor gives no information."""
+
+    measured_in: ClassVar[str] = "degrees"
+    values: ClassVar[tuple[float, float, float, float, float]] = (10.0, 30.0, 60.0, 120.0, 240.0)
+
+    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
+        """The first sensor."""
+        return tuple(sensors[:1])
+
+    def report(self, report: Report) -> Ranges:
+        """The sweep with its blocked beams blinded."""
+        centre = _planar(directions(report.table, 0))
+        chosen = stream(report.seed, "perturbation/occlusion", 0).integers(len(centre))
+        cosine = _planar(directions(report.table, report.sequence)) @ centre[chosen]
+        blocked = cosine >= math.cos(math.radians(0.5 * self.amount))
+        return np.where(blocked, DROPPED, report.ranges_mm)
+
+
+def _planar(beams: NDArray[np.float64]) -> NDArray[np.float64]:  # (n, 2)
+    """Unit vectors of the beams' azimuths; a vertical beam has none and is never blocked."""
+    plane = beams[:, :2]
+    length = np.linalg.norm(plane, axis=1, keepdims=True)
+    azimuths = np.zeros_like(plane)
+    np.divide(plane, length, out=azimuths, where=length > 0.0)
+    return azimuths

@@ -1,0 +1,131 @@
+"""What every perturbation is: one geometric assumption of the stack made wrong by a stated amount.
+
+A perturbation only ever acts between the simulator and the stack: on the error of the pose, on what
+a sensor reports or where it truly sits, on whether a sweep arrives, or on a decision's delay. Its
+random numbers have streams of their own, so that no sensor's noise is shifted by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.perturbations.displacement import Displacement
+from models.beams import DROPPED, NO_RETURN, BeamTable
+from models.devices import Device, stream
+from models.odometry import PoseError
+
+Array = NDArray[np.float64]
+Ranges = NDArray[np.uint16]
+Severity = Annotated[int, msgspec.Meta(ge=1, le=5)]
+
+UNCHANGED = PoseError()
+
+
+@dataclass(frozen=True)
+class Report:
+    """One sweep as its device reports it, before the stack sees it.
+
+    Attributes:
+        sensor: Its name.
+        device: What measured it.
+        table: Where its beams point.
+        ranges_mm: (n,) as reported.
+        seed: The episode's.
+        sequence: Number of the sweep.
+    """
+
+    sensor: str
+    device: Device
+    table: BeamTable
+    ranges_mm: Ranges
+    seed: int
+    sequence: int
+
+    @property
+    def echoes(self) -> NDArray[np.bool_]:  # (n,)
+        """Which beams report a distance."""
+        heard: NDArray[np.bool_] = (self.ranges_mm != DROPPED) & (self.ranges_mm != NO_RETURN)
+        return heard
+
+    @property
+    def silence(self) -> np.uint16:
+        """What a lost echo looks like: emptiness, if the device takes that for free space."""
+        return NO_RETURN if self.device.no_return_is_free else DROPPED
+
+    def rng(self) -> np.random.Generator:
+        """Random numbers of this sweep that nothing else draws from."""
+        return stream(self.seed, f"perturbation/{self.sensor}", self.sequence)
+
+
+class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
+    """One assumption off, or, as this base class, none.
+
+    Attributes:
+        severity: 1 to 5.
+        measured_in: Unit of the values.
+        values: By severity; docs/perturbations.md says where they come from.
+    """
+
+    severity: Severity = 3
+    measured_in: ClassVar[str] = ""
+    values: ClassVar[tuple[float, float, float, float, float]] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def kind(self) -> str:
+        """Its name in the registry."""
+        return str(self.__struct_config__.tag)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the amount."""
+        return self.measured_in
+
+    @property
+    def amount(self) -> float:
+        """How much is off, in `unit`."""
+        return self.values[self.severity - 1]
+
+    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
+        """Of a robot's sensors, in their order, those whose sweeps it changes."""
+        del sensors
+        return ()
+
+    def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
+        """The input streams that it declares to change; see `harness.streams`."""
+        return tuple(f"sensor/{name}" for name in self.affected(sensors))
+
+    def pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
+        """What it adds to the pose's error, `travelled` metres after the start.
+
+        No estimate's standard deviation tells of it: that is the assumption that is off.
+        """
+        del seed, time_ns, travelled
+        return UNCHANGED
+
+    def delivers(self, sequence: int) -> bool:
+        """Whether the sweeps of this decision reach the stack."""
+        del sequence
+        return True
+
+    def report(self, report: Report) -> Ranges:  # (n,)
+        """What the stack gets in place of what an affected sensor reports."""
+        return report.ranges_mm
+
+    def displacement(self, seed: int) -> Displacement | None:
+        """How an affected sensor truly sits; none if it sits where the stack is told."""
+        del seed
+        return None
+
+    @property
+    def delay(self) -> float:
+        """What it adds to the delay of a decision, s."""
+        return 0.0
+
+
+UNPERTURBED = Perturbation()

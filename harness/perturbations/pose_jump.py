@@ -1,0 +1,37 @@
+"""The pose jumps once and stays off, as after a wrong match against a map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from harness.perturbations.perturbation import UNCHANGED, Perturbation
+from harness.perturbations.pose_drift import along, direction
+from models.devices import stream
+from models.odometry import PoseError
+
+EARLIEST, LATEST = 2.0, 10.0
+"""Span of the seeded time, s: the robots are on their way, and in most worlds not yet there."""
+
+
+class PoseJump(Perturbation, frozen=True, tag="pose_jump"):
+    """One jump in a seeded horizontal direction at a seeded time, in whole tenths of a second."""
+
+    measured_in: ClassVar[str] = "m"
+    values: ClassVar[tuple[float, float, float, float, float]] = (0.03, 0.1, 0.3, 0.8, 1.4)
+
+    def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
+        """The pose."""
+        return ("pose",)
+
+    def pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
+        """Nothing before the jump, all of it from then on."""
+        if time_ns < jump_time_ns(seed):
+            return UNCHANGED
+        return along(direction(seed, self.kind), self.amount)
+
+
+def jump_time_ns(seed: int) -> int:
+    """When the pose jumps, in simulated time."""
+    time_s = float(stream(seed, "perturbation/pose_jump", 1).uniform(EARLIEST, LATEST))
+    return round(time_s * 10.0) * 10**8

@@ -1,0 +1,23 @@
+"""Sensors are slower than the stack decides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from harness.perturbations.perturbation import Perturbation
+
+
+class Rate(Perturbation, frozen=True, tag="rate"):
+    """Of every sensor's sweeps only each n-th arrives; decisions are made as often as before."""
+
+    measured_in: ClassVar[str] = "divisor"
+    values: ClassVar[tuple[float, float, float, float, float]] = (2.0, 3.0, 5.0, 10.0, 20.0)
+
+    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
+        """All sensors."""
+        return tuple(sensors)
+
+    def delivers(self, sequence: int) -> bool:
+        """Whether the sweeps of this decision are among those that arrive."""
+        return sequence % round(self.amount) == 0

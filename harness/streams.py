@@ -1,0 +1,97 @@
+"""Hashes of everything that reaches a decision, stream by stream, so that pairs can be compared.
+
+After each decision the log holds a running hash of each stream since the start: every sensor, the
+pose, the delays, the world's own geometry, and `control`, the setpoints that the body has followed
+so far. Two runs of a pair that differ in one perturbation share their past until it acts. Up to the
+first decision before which the body was asked for something else, only the streams that the
+perturbation declares may differ; from then on the runs are in different places, and all may.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.reader import read_messages
+from harness.schema import wayproof_pb2 as pb
+
+CONTROL = "control"
+"""The stream of what the body was asked for: no input, but what a pair's decisions amount to."""
+
+
+class StreamHashes:
+    """Running hashes by stream; each exists from the start, so that a silent one is seen too."""
+
+    def __init__(self, names: list[str]) -> None:
+        """Start with empty streams."""
+        self._hashes = {name: hashlib.blake2b(digest_size=16) for name in names}
+
+    def update(self, name: str, data: bytes) -> None:
+        """Append to a stream."""
+        self._hashes[name].update(data)
+
+    def message(self, sequence: int, time_ns: int) -> pb.Streams:
+        """All hashes so far."""
+        hashes = [
+            pb.StreamHash(name=name, hash=running.copy().hexdigest())
+            for name, running in self._hashes.items()
+        ]
+        message = pb.Streams(sequence=sequence, streams=hashes)
+        message.timestamp.FromNanoseconds(time_ns)
+        return message
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """How the streams of two runs differ before the body was asked for anything else.
+
+    Attributes:
+        changed: Streams that differ before that.
+        first_change: Sequence number of the first decision with a stream that differs; none if the
+            runs are the same.
+        first_action: Of the first decision before which the body was asked for something else;
+            none if it never was.
+        compared: Decisions before that.
+    """
+
+    changed: frozenset[str]
+    first_change: int | None
+    first_action: int | None
+    compared: int
+
+
+def compare(first: Path, second: Path) -> Pairing:
+    """Compare two logs stream by stream up to the first differing action.
+
+    Raises:
+        InputError: A log breaks off.
+    """
+    changed: set[str] = set()
+    first_change = None
+    compared = 0
+    for sequence, one, other in _pairs(first, second):
+        differing = {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
+        if differing and first_change is None:
+            first_change = sequence
+        if CONTROL in differing:
+            return Pairing(frozenset(changed), first_change, sequence, compared)
+        changed |= differing
+        compared += 1
+    return Pairing(frozenset(changed), first_change, None, compared)
+
+
+def _pairs(first: Path, second: Path) -> Iterator[tuple[int, dict[str, str], dict[str, str]]]:
+    for one, other in zip(_streams(first), _streams(second), strict=False):
+        yield one.sequence, _by_name(one), _by_name(other)
+
+
+def _streams(path: Path) -> Iterator[pb.Streams]:
+    for message in read_messages(path):
+        if isinstance(message, pb.Streams):
+            yield message
+
+
+def _by_name(message: pb.Streams) -> dict[str, str]:
+    return {stream.name: stream.hash for stream in message.streams}

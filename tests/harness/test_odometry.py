@@ -1,0 +1,263 @@
+import ast
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from harness.config import Config, override
+from harness.episode import run_episode
+from harness.odometry import Estimate
+from harness.reader import open_log, read_messages
+from harness.replay import replay
+from harness.scenario import build
+from harness.schema import wayproof_pb2 as pb
+from models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
+from models.poses import Trail, rotation_matrices
+from planners import hold
+
+ROOT = Path(__file__).resolve().parents[2]
+PERIOD = 0.01
+EXACT = OdometryConfig(sigma=0.0, turn_sigma=0.0)
+EXACTLY = ("odometry.sigma=0", "odometry.turn_sigma=0")
+
+
+def drive(config, seed, steps=40, length=0.25, turn=0.05):
+    """An arc of so many steps; the estimate at its end and the true pose there."""
+    odometry = Odometry(config, seed, np.zeros(3), 0.0, PERIOD)
+    position, heading = np.zeros(3), 0.0
+    for _ in range(steps):
+        heading += turn
+        position = position + length * np.array([math.cos(heading), math.sin(heading), 0.1])
+        odometry.advance(position, heading)
+    return odometry
+
+
+def test_an_exact_estimator_has_no_error():
+    odometry = drive(EXACT, 3)
+    assert odometry.error == PoseError()
+    assert odometry.position_sigma == odometry.heading_sigma == 0.0
+    assert odometry.travelled == pytest.approx(40 * 0.25 * math.sqrt(1.01))
+
+
+def test_the_same_seed_gives_the_same_error_and_another_another():
+    assert drive(OdometryConfig(), 3).error == drive(OdometryConfig(), 3).error
+    assert drive(OdometryConfig(), 3).error != drive(OdometryConfig(), 4).error
+
+
+def test_errors_are_whole_micrometres():
+    error = drive(OdometryConfig(walk=0.01), 1).error
+    for value in (*error.shift, error.turn):
+        assert value == round(value * 1e6) * 1e-6
+
+
+def test_a_scale_error_stretches_a_straight_line():
+    """One hand-computed case: 10 m straight, scale s: the believed place is s farther along."""
+    odometry = drive(replace(EXACT, scale=0.1), 5, turn=0.0)
+    x, y, z = odometry.error.shift
+    assert abs(x) > 1e-3
+    assert (y, z) == pytest.approx((0.0, 0.1 * x), abs=1e-6)
+    assert odometry.position_sigma == pytest.approx(0.1 * 10.0, rel=0.15)  # linear about s = 0
+
+
+def test_one_kind_of_error_does_not_shift_the_draws_of_another():
+    walk = drive(replace(EXACT, walk=0.01), 2).error
+    jitter = drive(replace(EXACT, jitter=0.01), 2).error
+    both = drive(replace(EXACT, walk=0.01, jitter=0.01), 2).error
+    assert both.shift == pytest.approx(np.add(walk.shift, jitter.shift), abs=2e-6)
+
+
+@pytest.mark.parametrize(
+    "errors",
+    [
+        {"walk": 0.02, "turn_walk": 0.02},
+        {"scale": 0.02, "turn_scale": 0.03},
+        {"sigma": 0.03, "turn_sigma": 0.01, "jitter": 0.02, "turn_jitter": 0.02},
+    ],
+)
+def test_the_stated_standard_deviations_are_those_of_many_runs(errors):
+    config = replace(EXACT, correlation_time=0.1, **errors)
+    runs = [drive(config, seed) for seed in range(150)]
+    shifts = np.array([run.error.shift for run in runs])
+    horizontal = math.sqrt(np.linalg.eigvalsh(np.cov(shifts[:, :2].T)).max())
+    greatest = max(horizontal, float(shifts[:, 2].std()))
+    stated = np.mean([run.position_sigma for run in runs])
+    assert stated == pytest.approx(greatest, rel=0.2)
+    turns = np.array([run.error.turn for run in runs])
+    assert np.mean([run.heading_sigma for run in runs]) == pytest.approx(turns.std(), rel=0.2)
+
+
+def test_the_bounded_error_forgets_itself_in_its_correlation_time():
+    config = replace(EXACT, sigma=0.1, correlation_time=0.2)
+    odometry = Odometry(config, 1, np.zeros(3), 0.0, PERIOD)
+    errors = []
+    for _ in range(4000):
+        odometry.advance(np.zeros(3), 0.0)
+        errors.append(odometry.error.shift)
+    series = np.array(errors)  # (n, 3), 40 s
+    assert series.std() == pytest.approx(0.1, rel=0.1)
+    lag = round(0.2 / PERIOD)
+    correlation = (series[lag:] * series[:-lag]).mean() / (series**2).mean()
+    assert correlation == pytest.approx(math.exp(-1.0), abs=0.12)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("rate", 0.0), ("sigma", -1.0), ("walk", math.nan), ("turn_scale", 2.0)],
+)
+def test_what_is_no_estimator_is_refused(field, value):
+    with pytest.raises(ValueError, match=rf"odometry\.{field}: got"):
+        OdometryConfig(**{field: value})
+
+
+def heading_quaternion(angle):
+    return np.array([math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)])
+
+
+def test_a_believed_trail_is_shifted_and_turned_by_each_its_own_error():
+    trail = Trail(np.zeros((2, 3)), np.stack([heading_quaternion(0.3)] * 2), 0.01)
+    errors = [PoseError((1.0, 2.0, 3.0), 0.1), PoseError()]
+    believed = believed_trail(trail, errors)
+    assert believed.positions.tolist() == [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]
+    np.testing.assert_allclose(believed.quaternions[0], heading_quaternion(0.4), atol=1e-15)
+    assert (believed.quaternions[1] == trail.quaternions[1]).all()
+
+
+def test_the_setpoint_asks_of_the_true_pose_what_the_plan_asks_of_the_believed_one():
+    """The offset and the velocity in the body's own axes are those that a believer would see."""
+    estimate = Estimate(Config("empty", "drone", 0), 0.002, 50, np.zeros(3), 0.0)
+    estimate.error = PoseError((0.4, -0.3, 0.1), 0.5)
+    position, heading = np.array([2.0, 1.0, 1.5]), 0.7
+    believed, believed_heading = position + np.array(estimate.error.shift), heading + 0.5
+    rest = hold(np.array([3.0, 2.0, 1.0]), 0, 1.0).at(0)
+    sample = rest._replace(velocity=np.array([1.0, 0.5, 0.2]))
+    setpoint = estimate.setpoint(sample, position)
+    true_axes = rotation_matrices(heading_quaternion(heading)[None])[0].T
+    believed_axes = rotation_matrices(heading_quaternion(believed_heading)[None])[0].T
+    np.testing.assert_allclose(
+        true_axes @ (setpoint.position - position),
+        believed_axes @ (sample.position - believed),
+        atol=1e-12,
+    )
+    np.testing.assert_allclose(
+        true_axes @ setpoint.velocity, believed_axes @ sample.velocity, atol=1e-12
+    )
+    assert setpoint.heading - heading == pytest.approx(sample.heading - believed_heading)
+
+
+def test_without_error_the_setpoint_is_the_plans_own_bit_by_bit():
+    config = override(Config("empty", "drone", 0), EXACTLY)
+    estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
+    sample = hold(np.array([0.1, 0.2, 0.3]), 0, 0.7).at(0)
+    setpoint = estimate.setpoint(sample, np.array([5.1, -3.3, 1.7]))
+    assert (setpoint.position == sample.position).all()
+    assert (setpoint.velocity == sample.velocity).all()
+    assert setpoint.heading == sample.heading
+
+
+def test_the_error_moves_only_with_new_estimates():
+    config = override(Config("empty", "drone", 0), ["odometry.rate=50", "odometry.jitter=0.01"])
+    estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
+    errors = []
+    for step in range(40):
+        estimate.advance(step * 2_000_000, np.zeros(3), heading_quaternion(0.0))
+        errors.append(estimate.error)
+    changes = [k for k in range(1, 40) if errors[k] != errors[k - 1]]
+    assert changes == [10, 20, 30]
+
+
+def test_the_log_holds_the_believed_pose_and_the_margin_follows_its_sigma(recorded):
+    result = recorded("empty", "quadruped", 1)
+    messages = list(read_messages(Path(result.log)))
+    poses = {m.sequence: m for m in messages if isinstance(m, pb.Pose)}
+    truths = {m.sequence: m for m in messages if isinstance(m, pb.Truth)}
+    off = np.array([np.subtract(poses[k].position, truths[k].position) for k in poses])
+    assert 0.003 < off.std() < 0.03  # sigma is 0.01
+    config = open_log(Path(result.log)).config
+    for decision in (m for m in messages if isinstance(m, pb.Decision)):
+        assert decision.position == poses[decision.sequence].position
+        assert decision.position_sigma == config.odometry.sigma
+        assert decision.localization_margin_m == config.map.inflation_margin + 2 * 0.01
+
+
+def test_a_rolling_sweep_is_straightened_by_believed_poses(recorded):
+    result = recorded("empty", "drone", 1, "sensors.lidar=velodyne-vlp16", "episode.time_limit=1")
+    poses = [m for m in read_messages(Path(result.log)) if isinstance(m, pb.Pose)]
+    for pose in poses:
+        assert pose.trail_positions[-3:] == pose.position
+        assert pose.trail_quaternions[-4:] == pose.quaternion
+        assert pose.trail_period_s == pytest.approx(0.01)
+    ends = [np.array(pose.trail_positions[-3:]) for pose in poses[:-1]]
+    starts = [np.array(pose.trail_positions[:3]) for pose in poses[1:]]
+    # A trail begins where the one before it ended: the same believed pose at the same instant.
+    assert np.abs(np.subtract(starts, ends)).max() < 1e-9
+    assert replay(Path(result.log)).identical
+
+
+@pytest.mark.parametrize("robot", ["drone", "quadruped"])
+def test_the_body_tracks_what_it_believes(robot, tmp_path):
+    """Believed at the goal, the body truly rests beside it by the estimate's error."""
+    settings = ["odometry.sigma=0.05", "odometry.correlation_time=1000"]
+    result = run_episode(
+        build(override(Config("empty", robot, 1), settings)), tmp_path / "off.mcap"
+    )
+    messages = list(read_messages(Path(result.log)))
+    pose = [m for m in messages if isinstance(m, pb.Pose)][-1]
+    truth = [m for m in messages if isinstance(m, pb.Truth)][-1]
+    goal = np.array(open_log(Path(result.log)).mission.goal)[:2]
+    error = np.subtract(pose.position, truth.position)[:2]
+    assert np.linalg.norm(error) > 0.02
+    assert np.linalg.norm(np.array(pose.position)[:2] - goal) < 0.06
+    assert np.linalg.norm(np.array(truth.position)[:2] + error - goal) < 0.06
+
+
+def test_swapping_the_truth_changes_no_decision(recorded, tmp_path):
+    result = recorded("empty", "drone", 1)
+    path = tmp_path / "swapped.mcap"
+    swapped = 0
+    with open(result.log, "rb") as source, path.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target)
+        writer.start(profile="wayproof")
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        for record in reader.iter_attachments():
+            writer.add_attachment(0, 0, record.name, record.media_type, record.data)
+        channels = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.topic not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", number)
+            data = message.data
+            if channel.topic == "/truth":
+                truth = pb.Truth.FromString(data)
+                truth.position[0] += 100.0
+                truth.collisions += 1
+                data = truth.SerializeToString()
+                swapped += 1
+            writer.add_message(channels[channel.topic], message.log_time, data, message.log_time)
+        writer.finish()
+    assert swapped == result.decisions
+    assert replay(path).identical
+
+
+def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():
+    code = "import sys, harness.navigator; print(*sorted(sys.modules))"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert "harness.inputs" in loaded
+    hidden = {"mujoco", "models.truth", "models.robots", "harness.odometry", "harness.interference"}
+    assert not hidden & set(loaded)
+
+
+def test_the_stack_names_neither_truth_nor_perturbation():
+    for name in ("navigator", "behaviour", "guide", "view", "inputs", "mission"):
+        tree = ast.parse((ROOT / "harness" / f"{name}.py").read_text())
+        names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        assert not names & {"Truth", "truth", "Perturbation", "perturbation", "odometry"}, name

@@ -1,0 +1,342 @@
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.config import Config, from_document, from_json, override, to_json
+from harness.episode import run_episode
+from harness.errors import InputError
+from harness.inputs import decode_ranges
+from harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
+from harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
+from harness.reader import read_messages
+from harness.replay import replay
+from harness.scenario import build
+from harness.schema import wayproof_pb2 as pb
+from harness.streams import compare
+from models.beams import DROPPED, NO_RETURN
+from models.devices import DEVICES
+from models.poses import Trail, rotation_matrices
+
+JUMPS_AT_2_S = next(seed for seed in range(1000) if jump_time_ns(seed) < 2.5e9)
+
+
+def report(name="ideal-lidar-floor", ranges=None, sequence=0, seed=1):
+    device = DEVICES[name]
+    table = device.beam_table()
+    if ranges is None:
+        ranges = np.full(table.beams, 5000, np.uint16)
+    return Report("lidar", device, table, ranges, seed, sequence)
+
+
+# The config
+
+
+def test_severities_grow():
+    for kind in PERTURBATIONS.values():
+        assert list(kind.values) == sorted(set(kind.values))
+        assert kind.values[0] > 0
+
+
+def test_a_perturbed_config_survives_its_log():
+    config = replace(
+        Config("empty", "drone", 0), perturbation=perturbation_from("depth_dropout:4:patch")
+    )
+    assert from_json(to_json(config)) == config
+    assert config.perturbation.amount == 0.3
+    assert override(config, ["perturbation=null"]) == Config("empty", "drone", 0)
+
+
+def test_two_at_once_cannot_be_written():
+    base = {"world": "empty", "robot": "drone", "seed": 0}
+    one, other = {"kind": "rate", "severity": 1}, {"kind": "latency", "severity": 1}
+    assert from_document({**base, "perturbation": one}).perturbation.kind == "rate"
+    with pytest.raises(InputError, match="perturbation"):
+        from_document({**base, "perturbation": [one, other]})
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("motion:3", "unknown perturbation 'motion'"),
+        ("pose_drfit:3", "did you mean 'pose_drift'"),
+        ("pose_drift", "expected pose_drift:SEVERITY"),
+        ("pose_drift:3:ray", "expected pose_drift:SEVERITY"),
+        ("depth_dropout:3:ray:ray", r"expected depth_dropout:SEVERITY:\[MODE\]"),
+        ("pose_drift:6", "severity: Expected `int` <= 5"),
+        ("pose_drift:0", "severity: Expected `int` >= 1"),
+        ("pose_drift:much", "severity: Expected `int`"),
+        ("depth_dropout:3:row", "mode: Invalid enum value 'row'"),
+    ],
+)
+def test_what_cannot_be_perturbed_is_told_in_one_line(text, said):
+    with pytest.raises(InputError, match=said) as caught:
+        perturbation_from(text)
+    assert "\n" not in str(caught.value)
+
+
+# What each does to a sweep
+
+
+def test_a_scale_lengthens_echoes_alone():
+    ranges = np.array([1000, 10990, 0, 65535], np.uint16)
+    longer = perturbation_from("depth_scale:5").report(report(ranges=ranges))
+    assert longer.tolist() == [1100, 65535, 0, 65535]  # 12.089 m lies beyond the range of 12
+    real = perturbation_from("depth_scale:5").report(
+        replace(report("intel-realsense-d435"), ranges_mm=np.array([2900, 1000], np.uint16))
+    )
+    assert real.tolist() == [0, 1100]  # to this device silence is no free space
+
+
+def test_noise_has_its_standard_deviation_and_stays_in_the_devices_span():
+    noisy = perturbation_from("depth_noise:4").report(report()).astype(int)
+    assert noisy.mean() == pytest.approx(5000, abs=5)
+    assert noisy.std() == pytest.approx(120, rel=0.05)
+    near = np.full(20_000, 31, np.uint16)
+    spread = perturbation_from("depth_noise:5").report(report(ranges=near))
+    assert spread.min() >= 1
+    silent = np.array([DROPPED, NO_RETURN])
+    assert (perturbation_from("depth_noise:5").report(report(ranges=silent)) == silent).all()
+
+
+def test_rays_are_lost_one_by_one():
+    kept = perturbation_from("depth_dropout:4").report(report())
+    assert set(kept.tolist()) == {5000, 65535}
+    assert (kept == 65535).mean() == pytest.approx(0.3, abs=0.02)
+    other = perturbation_from("depth_dropout:4").report(report(sequence=1))
+    assert (kept != other).any()
+
+
+def test_a_patch_is_one_rectangle_of_its_share():
+    image = perturbation_from("depth_dropout:4:patch").report(report()).reshape(32, 625)
+    lost = image == 65535
+    assert lost.mean() == pytest.approx(0.3, abs=0.01)
+    rows, columns = lost.any(axis=1), lost.any(axis=0)
+    assert (lost == rows[:, None] & columns[None]).all()
+    assert np.abs(np.diff(columns.astype(int))).sum() <= 2  # one run, which may wrap round
+
+
+def test_a_sweep_is_lost_as_a_whole():
+    lost = [
+        perturbation_from("depth_dropout:4:sweep").report(report(sequence=k)) for k in range(200)
+    ]
+    assert all(len(set(sweep.tolist())) == 1 for sweep in lost)
+    assert np.mean([sweep[0] == 65535 for sweep in lost]) == pytest.approx(0.3, abs=0.1)
+
+
+@pytest.mark.parametrize(("severity", "degrees"), [(1, 10), (3, 60), (5, 240)])
+def test_a_sector_is_blinded_the_same_in_each_sweep(severity, degrees):
+    blocked = perturbation_from(f"occlusion:{severity}").report(report())
+    share = (blocked.reshape(32, 625) == DROPPED).mean()
+    assert share == pytest.approx(degrees / 360, abs=0.003)
+    again = perturbation_from(f"occlusion:{severity}").report(report(sequence=9))
+    assert (blocked == again).all()
+
+
+def quaternion(axis, angle):
+    axis = np.array(axis) / np.linalg.norm(axis)
+    return np.array([math.cos(angle / 2), *(math.sin(angle / 2) * axis)])
+
+
+def test_a_displaced_sensor_is_cast_from_where_it_truly_sits():
+    """By site and by trail alike: T_world_base T_base_sensor D, multiplied out by matrices."""
+    displacement = Displacement(np.array([0.1, -0.2, 0.3]), quaternion([1, 2, 3], 0.4))
+    position, R = np.array([0.3, 0.1, 0.2]), rotation_matrices(quaternion([0, 1, 1], 0.6)[None])[0]
+    base, turned = np.array([1.0, 2.0, 3.0]), quaternion([2, 0, 1], 0.9)
+    R_world_base = rotation_matrices(turned[None])[0]
+    told = base + R_world_base @ position, R_world_base @ R
+    true = told[0] + told[1] @ displacement.position, told[1] @ displacement.R
+
+    site, matrix = told[0].copy(), told[1].ravel().copy()
+    displacement.move_site(site, matrix)
+    np.testing.assert_allclose(site, true[0], atol=1e-12)
+    np.testing.assert_allclose(matrix.reshape(3, 3), true[1], atol=1e-12)
+
+    moved = displacement.move_trail(Trail(base[None], turned[None], 0.01), position, R)
+    R_moved = rotation_matrices(moved.quaternions)[0]
+    np.testing.assert_allclose(moved.positions[0] + R_moved @ position, true[0], atol=1e-12)
+    np.testing.assert_allclose(R_moved @ R, true[1], atol=1e-12)
+
+
+def test_a_calibration_error_is_of_its_size():
+    turned = perturbation_from("calibration:4").displacement(3)
+    assert 2 * math.acos(turned.quaternion[0]) == pytest.approx(math.radians(2.0))
+    assert (turned.position == 0).all()
+    shifted = perturbation_from("calibration:4:translation").displacement(3)
+    assert np.linalg.norm(shifted.position) == pytest.approx(0.02)
+    assert shifted.quaternion.tolist() == [1, 0, 0, 0]
+
+
+def test_a_pose_drifts_with_the_distance_in_one_direction():
+    drift = perturbation_from("pose_drift:3")
+    errors = np.array([drift.pose_error(7, 0, metres).shift for metres in (0.0, 1.0, 10.0)])
+    assert np.linalg.norm(errors, axis=1) == pytest.approx([0.0, 0.02, 0.2], abs=2e-6)
+    assert errors[2] == pytest.approx(10 * errors[1], abs=1e-5)
+
+
+def test_a_pose_jumps_once():
+    jump = perturbation_from("pose_jump:3")
+    for seed in range(20):
+        at = jump_time_ns(seed)
+        assert EARLIEST <= at * 1e-9 <= LATEST
+        assert jump.pose_error(seed, at - 1, 5.0).shift == (0.0, 0.0, 0.0)
+        assert np.linalg.norm(jump.pose_error(seed, at, 5.0).shift) == pytest.approx(0.3, abs=2e-6)
+
+
+def test_every_nth_sweep_arrives():
+    arriving = [k for k in range(12) if perturbation_from("rate:3").delivers(k)]
+    assert arriving == [0, 5, 10]
+
+
+# In the loop
+
+TEXTS = {
+    "pose_drift:5": {"pose"},
+    "pose_jump:3": {"pose"},
+    "depth_dropout:3:ray": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "depth_dropout:3:patch": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "depth_dropout:3:sweep": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "depth_noise:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "depth_scale:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "occlusion:3": {"sensor/lidar"},
+    "calibration:3": {"sensor/lidar"},
+    "calibration:3:translation": {"sensor/lidar"},
+    "latency:3": {"latency"},
+    "rate:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+}
+
+
+def test_every_perturbation_is_paired_below():
+    assert {text.split(":")[0] for text in TEXTS} == PERTURBATIONS.keys()
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    """An episode's log unperturbed, and with each perturbation; three seconds in a corridor."""
+    folder = tmp_path_factory.mktemp("pairs")
+    logs = {}
+
+    def record(text=None):
+        if text not in logs:
+            config = override(Config("corridor", "drone", JUMPS_AT_2_S), ["episode.time_limit=2.5"])
+            if text is not None:
+                config = replace(config, perturbation=perturbation_from(text))
+            logs[text] = folder / f"{len(logs)}.mcap"
+            run_episode(build(config), logs[text])
+        return logs[text]
+
+    return record
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_only_the_declared_stream_changes_before_the_first_differing_action(pair, text):
+    found = compare(pair(), pair(text))
+    assert found.changed <= TEXTS[text]
+    assert found.first_change is not None
+    assert found.compared > 0
+    # A drift acts between two decisions, through the controller, before any decision sees it.
+    assert found.changed or text.startswith("pose_drift")
+    done = [m for m in read_messages(pair(text)) if isinstance(m, pb.Perturbation)]
+    assert {name for message in done for name in message.streams} == TEXTS[text]
+    assert {message.kind for message in done} == {text.split(":")[0]}
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_a_perturbed_episode_replays_from_its_log(pair, text):
+    assert replay(pair(text)).identical
+
+
+def test_the_same_run_twice_has_the_same_streams(pair, tmp_path):
+    config = override(Config("corridor", "drone", JUMPS_AT_2_S), ["episode.time_limit=2.5"])
+    again = tmp_path / "again.mcap"
+    run_episode(build(config), again)
+    found = compare(pair(), again)
+    assert (found.changed, found.first_change, found.first_action) == (frozenset(), None, None)
+    assert found.compared == 26
+    assert not [m for m in read_messages(again) if isinstance(m, pb.Perturbation)]
+
+
+def test_a_jump_is_in_the_pose_and_not_in_its_sigma(pair):
+    log = pair("pose_jump:3")
+    done = [m for m in read_messages(log) if isinstance(m, pb.Perturbation)]
+    poses = [m for m in read_messages(log) if isinstance(m, pb.Pose)]
+    usual = [m for m in read_messages(pair()) if isinstance(m, pb.Pose)]
+    first = jump_time_ns(JUMPS_AT_2_S) // 10**8
+    for k, message in enumerate(done):
+        assert np.linalg.norm(message.pose_shift) == pytest.approx(0.3 * (k >= first), abs=2e-6)
+        assert poses[k].position_sigma == usual[k].position_sigma
+    moved = np.subtract(poses[first].position, usual[first].position)
+    np.testing.assert_allclose(moved, done[first].pose_shift, atol=1e-9)
+
+
+def sweep_of(log, sensor, sequence):
+    for message in read_messages(log):
+        if isinstance(message, pb.Sweep) and (message.sensor, message.sequence) == (
+            sensor, sequence,
+        ):  # fmt: skip
+            return decode_ranges(message)
+    return None
+
+
+def test_withheld_sweeps_are_not_in_the_log(pair):
+    log = pair("rate:3")
+    assert [sweep_of(log, "depth", k) is not None for k in range(7)] == [
+        True, False, False, False, False, True, False,
+    ]  # fmt: skip
+    done = [m for m in read_messages(log) if isinstance(m, pb.Perturbation)]
+    assert list(done[0].withheld) == []
+    assert list(done[1].withheld) == ["lidar", "depth", "altimeter"]
+
+
+def test_changed_beams_are_counted(pair):
+    log = pair("depth_dropout:3:ray")
+    counted = next(m for m in read_messages(log) if isinstance(m, pb.Perturbation)).changed_beams
+    names = ("lidar", "depth", "altimeter")
+    different = sum(
+        int((sweep_of(log, name, 0) != sweep_of(pair(), name, 0)).sum()) for name in names
+    )
+    assert counted == different > 1000
+
+
+def test_a_perturbation_does_not_shift_a_sensors_own_noise(tmp_path):
+    """The echoes that dropout leaves are those of the unperturbed twin, noise and all."""
+    config = override(
+        Config("empty", "quadruped", 1), ["sensors.lidar=ouster-os1-64", "episode.time_limit=0.1"]
+    )
+    run_episode(build(config), tmp_path / "usual.mcap")
+    lossy = replace(config, perturbation=perturbation_from("depth_dropout:4"))
+    run_episode(build(lossy), tmp_path / "lossy.mcap")
+    usual = sweep_of(tmp_path / "usual.mcap", "lidar", 0)
+    kept = sweep_of(tmp_path / "lossy.mcap", "lidar", 0)
+    lost = kept != usual
+    assert (kept[lost] == DROPPED).all()
+    assert lost.sum() / (usual != DROPPED).sum() == pytest.approx(0.3, abs=0.02)
+
+
+def test_a_late_decision_takes_effect_late(tmp_path):
+    """Asked for motion at time 0, the body starts 0.1 s later than the stack reckons."""
+    exact = ["odometry.sigma=0", "odometry.turn_sigma=0", "episode.time_limit=0.3"]
+    usual = override(Config("corridor", "drone", JUMPS_AT_2_S), exact)
+    late = replace(usual, perturbation=perturbation_from("latency:3"))
+    moved = []
+    for config in (usual, late):
+        log = tmp_path / f"{len(moved)}.mcap"
+        run_episode(build(config), log)
+        messages = list(read_messages(log))
+        truths = [m.position for m in messages if isinstance(m, pb.Truth)]
+        moved.append(np.linalg.norm(np.subtract(truths[1], truths[0])))
+        delays = {m.delay_s for m in messages if isinstance(m, pb.Latency)}
+    assert list(delays) == pytest.approx([0.15])
+    assert moved[0] > 1e-8  # m, after 0.05 s of a trajectory whose jerk is bounded
+    assert moved[1] < 1e-12  # still hovering
+
+
+def test_a_perturbed_log_names_what_is_off(pair):
+    message = next(
+        m for m in read_messages(pair("calibration:3")) if isinstance(m, pb.Perturbation)
+    )
+    assert (message.severity, message.amount, message.unit) == (3, 1.0, "degrees")
+    assert 2 * math.acos(message.displaced_quaternion[0]) == pytest.approx(math.radians(1.0))
+    assert Path(pair("calibration:3")).exists()
