@@ -16,6 +16,7 @@ import msgspec
 from harness.config import Config, from_document, override
 from harness.errors import InputError, unknown_name
 from harness.metrics import METRICS
+from harness.perturbations import AnyPerturbation, perturbation_from
 
 PACKAGED = Path(__file__).parent.parent / "studies"
 """Studies to start from: `wayproof study NAME`."""
@@ -50,7 +51,8 @@ class StudyFile(
         seeds: How many, counted from 0, or which.
         settings: `section.field` -> value, for every episode.
         axes: `section.field` -> values; every combination is a variant, the first is the reference.
-        perturbations: Name -> severities; each is paired with the unperturbed twin of its seed.
+        perturbations: `KIND` or `KIND:MODE` -> severities; each episode is paired with the
+            unperturbed twin of its seed.
         gates: What must hold, as `success.drop <= 0.05`.
         bounds: Of one episode.
     """
@@ -207,8 +209,9 @@ def plan_episodes(study: StudyFile) -> list[Planned]:
     arms = itertools.product(study.worlds, study.robots, variants, perturbed)
     configs = []
     for world, robot, variant, (perturbation, severity) in arms:
-        settings = [*_settings(study.settings), *variant, *_perturb(perturbation, severity)]
+        settings = [*_settings(study.settings), *variant]
         config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
+        config = replace(config, perturbation=_perturbation(perturbation, severity))
         configs.append((Arm(world, robot, " ".join(variant), perturbation, severity), config))
     seeds = seeds_of(study)
     if len(seeds) * len(configs) > MOST_EPISODES:
@@ -246,6 +249,9 @@ def _severities(study: StudyFile) -> list[tuple[str, int]]:
     return [(name, level) for name, levels in study.perturbations.items() for level in levels]
 
 
-def _perturb(name: str, severity: int) -> list[str]:
-    """The settings that perturb an episode."""
-    return [] if name == CLEAN else [f"perturbation={name}:{severity}"]
+def _perturbation(name: str, severity: int) -> AnyPerturbation | None:
+    """From `KIND` or `KIND:MODE` and a severity."""
+    if name == CLEAN:
+        return None
+    kind, *mode = name.split(":")
+    return perturbation_from(":".join([kind, str(severity), *mode]))
