@@ -16,11 +16,12 @@ from maps import _motion_kernels as kernels
 from maps.bricks import EVERYWHERE, MAX_GONE
 from maps.cell_sets import as_set, member, slabs
 from maps.config import MapConfig
+from maps.ends import Ends
 from maps.grid import cells_at, centres, finite_vector
 from maps.marks import brick_cells, brick_of
 from maps.motion import Traffic
 from maps.states import FREE, OCCUPIED, STATE_NAMES
-from maps.sweep import SweepStatistics
+from maps.sweep import SweepStatistics, prepare_sweep
 from maps.trust import ConfidentSpace
 from maps.voxel import RayEnd, VoxelMap
 
@@ -91,17 +92,7 @@ class DynamicMap(VoxelMap):
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map.
-
-        Args:
-            config: The settings.
-            threads: Number of threads that share the work of a sweep.
-            low: (3,) least corner of the region of interest, m, world; None for all space.
-            high: (3,) greatest corner, m, world.
-
-        Raises:
-            ValueError: As `VoxelMap` does.
-        """
+        """Make an unknown map, as `Maker` says."""
         super().__init__(config, threads, low, high)
         self._space = ConfidentSpace()
         self._traffic = Traffic(config.resolution, round(config.look_ahead * 1e9))
@@ -123,11 +114,17 @@ class DynamicMap(VoxelMap):
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
     ) -> SweepStatistics:
-        """Take in one sweep as `VoxelMap.integrate` does, and follow what moves in it.
-
-        Raises:
-            ValueError: As there; decay ticks due are applied even then.
-        """
+        """Take in one sweep as `VoxelMap.integrate` does, and follow what moves in it."""
+        sweep = prepare_sweep(
+            origins,
+            moments,
+            directions,
+            ranges_mm,
+            range_limit,
+            self.config.minimum_range,
+            self.resolution,
+        )
+        ends = Ends.of(sweep)
         self.advance(time_ns)
         before = self._evidence()
         statistics = super().integrate(
@@ -136,7 +133,7 @@ class DynamicMap(VoxelMap):
         crossed = self._evidence() < before
         self._now_ns = max(self._now_ns, time_ns)
         self._learn_free()
-        hits = _hit_cells(origins, directions, ranges_mm, range_limit, moments, self.config)
+        hits = ends.points[ends.returned] >> beams.SUBCELL_BITS
         met = as_set(hits[self._space.strike(hits)])
         self._sightings = self._retire(self._meet(met, crossed))
         self._close_period()
@@ -328,24 +325,3 @@ class DynamicMap(VoxelMap):
         if len(self._turned) > MAX_GONE:
             self._turned.clear()
             self._lost_before = self._stamp
-
-
-def _hit_cells(
-    origins: ArrayLike,
-    directions: NDArray[np.float64],
-    ranges_mm: NDArray[np.uint16],
-    range_limit: float,
-    moments: NDArray[np.int32] | None,
-    config: MapConfig,
-) -> NDArray[np.int64]:
-    """The cells (n, 3) that beams with a return end in, with repetition."""
-    near, far = max(round(config.minimum_range * 1000), 1), round(range_limit * 1000)
-    returned = (ranges_mm >= near) & (ranges_mm <= far) & (ranges_mm != beams.NO_RETURN_MM)
-    starts = np.array(origins, np.float64, ndmin=2)
-    starts = starts[0] if moments is None else starts[moments[returned]]
-    points = starts + directions[returned] * (ranges_mm[returned, None] / 1000.0)
-    # The sweep's own rounding: at a cell's face another one would name another cell.
-    subcells = np.floor(points * (beams.SUBCELLS / config.resolution)).astype(np.int64)
-    subcells[:, 2] += beams.FLOOR_SUBCELLS
-    cells: NDArray[np.int64] = subcells >> beams.SUBCELL_BITS
-    return cells
