@@ -318,17 +318,6 @@ def test_a_bad_setting_is_refused_in_one_line(field, value, expected):
         MapConfig(**{field: value})
 
 
-def test_a_bad_sweep_changes_nothing():
-    voxel_map, k = confident()
-    beam(voxel_map, 1000, k)
-    before = voxel_map.version()
-    with pytest.raises(ValueError, match=r"^directions: got .*, expected unit length$"):
-        beam(voxel_map, 1000, k + 1, 2.0 * ALONG_X)
-    with pytest.raises(ValueError, match=r"^threads"):
-        DynamicMap(MapConfig(), threads=0)
-    assert voxel_map.version() == before
-
-
 def test_a_file_holds_the_lasting_evidence(tmp_path):
     voxel_map, k = confident()
     beam(voxel_map, 1000, k)
