@@ -52,10 +52,10 @@ __all__ = [
 ]
 
 
-def warm_up(kind: str = "voxel") -> None:
+def warm_up(kind: str = "voxel", max_slope: float = 0.0) -> None:
     """Compile what an episode on one representation runs, so that nothing timed pays for it."""
     half_life = 0.0 if kind == "octomap" else 1.0  # OctoMap refuses any
-    config = MapConfig(kind=kind, memory_mib=1, half_life=half_life)
+    config = MapConfig(kind=kind, memory_mib=1, half_life=half_life, max_slope=max_slope)
     tiny = MAPS[kind](config)
     beams, ranges_mm = np.array([[1.0, 0, 0], [0, 0, -1.0]]), np.array([400, 65535], np.uint16)
     tiny.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)

@@ -12,8 +12,9 @@ from maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
 def box_cells(first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
     """The cells (n, 3) of a box, from its least one up to another."""
     nx, ny, nz = (int(cells) for cells in end - first)
-    cells: NDArray[np.int64] = np.indices((nx, ny, nz)).transpose(1, 2, 3, 0) + first
-    return cells.reshape(-1, 3)
+    places = np.indices((nx, ny, nz)).transpose(1, 2, 3, 0)
+    cells: NDArray[np.int64] = places.reshape(-1, 3) + first
+    return cells
 
 
 def ball_cells(centre: ArrayLike, radius: float, resolution: float) -> NDArray[np.int64]:

@@ -33,6 +33,8 @@ class MapConfig:
         band_low: Lower end of the heights that a flat grid sees, m above the floor; above the noise
             of the floor's own returns.
         band_high: Upper end, m; the `max_obstacle_height` of Nav2's obstacle layer.
+        max_slope: Steepest ramp that a robot which walks may climb, rad; 0: the floor is flat. It
+            asks for cells no larger than the steps that matter: see `Terrain`.
         memory_mib: Bound on the memory of the map's bricks, MiB; beyond it the bricks observed
             longest ago are dropped.
         inflation_margin: Localization margin that is added to the body's radius, m.
@@ -68,6 +70,7 @@ class MapConfig:
     surface_guard: SurfaceGuard = "floor"
     band_low: float = 0.05
     band_high: float = 2.0
+    max_slope: float = 0.0
     memory_mib: int = 512
     inflation_margin: float = 0.1
     cost_scaling_factor: float = 4.0
@@ -91,6 +94,7 @@ class MapConfig:
         self._check("minimum_range", 0.0, 60.0, " m")
         self._check("band_low", 0.0, 10.0, " m")
         self._check("band_high", self.band_low + 0.01, 100.0, " m")
+        self._check("max_slope", 0.0, 0.6, " rad")
         self._check("memory_mib", 1, 65536, " MiB")
         self._check("inflation_margin", 0.0, 5.0, " m")
         self._check("cost_scaling_factor", 0.1, 1000.0, " 1/m")

@@ -118,21 +118,7 @@ class Ground(Projection):
         Raises:
             ValueError: The body does not fit the window.
         """
-        if not 0.0 <= step_height < height:
-            raise ValueError(
-                f"step_height: got {step_height:g}, expected 0 to below the height, {height:g} m"
-            )
-        bottom, layers, floor_layer = window.origin[2], window.shape[2], window.floor_layer
-        first = math.floor((step_height - bottom) / window.resolution + ROUNDING)
-        end = math.ceil((height - bottom) / window.resolution - ROUNDING)
-        if not 0 <= floor_layer < first:
-            raise ValueError(
-                f"step_height: got {step_height:g} m, in layer {first}, expected above the floor's "
-                f"layer {floor_layer}, and that one in the window"
-            )
-        if end > layers:
-            top = bottom + layers * window.resolution
-            raise ValueError(f"height: got {height:g}, expected up to the window's top, {top:g} m")
+        floor_layer, first, end = walking_layers(window, height, step_height)
         nx, ny, _ = window.shape
         self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
@@ -156,3 +142,27 @@ class Ground(Projection):
             self.free[:, 0],
         )
         return x, slice(0, 1)
+
+
+def walking_layers(window: Window, height: float, step_height: float) -> tuple[int, int, int]:
+    """The layers of the floor, of the lowest cell that a body on it meets, and past its back.
+
+    Raises:
+        ValueError: The body does not fit the window.
+    """
+    if not 0.0 <= step_height < height:
+        raise ValueError(
+            f"step_height: got {step_height:g}, expected 0 to below the height, {height:g} m"
+        )
+    bottom, layers, floor_layer = window.origin[2], window.shape[2], window.floor_layer
+    first = math.floor((step_height - bottom) / window.resolution + ROUNDING)
+    end = math.ceil((height - bottom) / window.resolution - ROUNDING)
+    if not 0 <= floor_layer < first:
+        raise ValueError(
+            f"step_height: got {step_height:g} m, in layer {first}, expected above the floor's "
+            f"layer {floor_layer}, and that one in the window"
+        )
+    if end > layers:
+        top = bottom + layers * window.resolution
+        raise ValueError(f"height: got {height:g}, expected up to the window's top, {top:g} m")
+    return floor_layer, first, end
