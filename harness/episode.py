@@ -200,7 +200,11 @@ class Episode:
     def _sweep(self, caster: Caster, trail: Trail, time_ns: int) -> pb.Sweep:
         table = caster.table
         rows = len(table.rows) if table.order == "grid" else 1
-        ranges = caster.cast(self._data, trail, self._scenario.config.seed, self._sequence)
+        sweep = self._data, trail, self._scenario.config.seed, self._sequence
+        if self._scenario.config.sensors.semantics:
+            ranges, classes = caster.cast_labelled(*sweep)
+        else:
+            ranges, classes = caster.cast(*sweep), np.empty(0, np.uint8)
         message = pb.Sweep(
             sequence=self._sequence,
             sensor=caster.mount.name,
@@ -208,6 +212,7 @@ class Episode:
             columns=table.beams // rows,
             codec=CODEC,
             ranges=encode_ranges(ranges, rows),
+            classes=classes.tobytes(),
         )
         message.timestamp.FromNanoseconds(time_ns)
         return message

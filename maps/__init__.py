@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from maps.class_margins import ClassMargins
 from maps.columns import states_in
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
@@ -35,6 +36,7 @@ __all__ = [
     "STATE_NAMES",
     "UNKNOWN",
     "UNLABELLED",
+    "ClassMargins",
     "Costmap",
     "DynamicMap",
     "Grid2D",

@@ -12,8 +12,8 @@ from maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
 def box_cells(first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
     """The cells (n, 3) of a box, from its least one up to another."""
     nx, ny, nz = (int(cells) for cells in end - first)
-    places = np.indices((nx, ny, nz)).transpose(1, 2, 3, 0)
-    cells: NDArray[np.int64] = places.reshape(-1, 3) + first
+    places = [axis.ravel() for axis in np.indices((nx, ny, nz))]
+    cells: NDArray[np.int64] = np.stack(places, axis=1) + first
     return cells
 
 
@@ -26,7 +26,8 @@ def ball_cells(centre: ArrayLike, radius: float, resolution: float) -> NDArray[n
     middle = finite_vector("centre", centre)
     cells = box_cells(*cell_box(middle - radius, middle + radius, resolution))
     squared = ((centres(cells, resolution) - middle) ** 2).sum(axis=1)
-    return cells[squared <= radius * radius]
+    inside: NDArray[np.bool_] = squared <= radius * radius
+    return cells[inside]
 
 
 def floor_cells(low: ArrayLike, high: ArrayLike, resolution: float) -> NDArray[np.int64]:

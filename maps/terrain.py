@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from maps import _label_kernels as labels
 from maps import _terrain_kernels as kernels
 from maps.columns import WORD_BITS, Window
 from maps.projection import ROUNDING, Columns, Ground, Projection, walking_layers
@@ -54,11 +55,17 @@ class Terrain(Projection):
         self._rises = rises(step_height / window.resolution, max_slope)
         words = -(-window.shape[2] // WORD_BITS)
         self._held = np.zeros((2, nx, ny, words), np.uint64)  # occupied and free cells
+        self._grown = np.zeros((nx, ny, words), np.uint64)
         self.ground = np.full((nx, ny), floor, np.int16)
         self.seen = np.zeros((nx, ny), np.bool_)
 
     def _take(
-        self, occupied: NDArray[np.uint64], free: NDArray[np.uint64], x: slice, y: slice
+        self,
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+        grown: NDArray[np.uint64] | None,
+        x: slice,
+        y: slice,
     ) -> Columns:
         self._held[0, x, y], self._held[1, x, y] = occupied, free
         new = np.zeros((2, *self.occupied[:, 0].shape), np.uint64)
@@ -72,6 +79,11 @@ class Terrain(Projection):
             new[0],
             new[1],
         )
+        if grown is not None:
+            self._grown[x, y] = grown
+            _, foot, tall = self._body
+            feet = (self.ground + foot).astype(np.int16)
+            labels.block_columns(self._grown, feet, tall - foot, 0, 0, new[0], new[1])
         differ = (new[0] != self.occupied[:, 0]) | (new[1] != self.free[:, 0])
         # One column that turns into ground may open a way to others far off.
         rows = np.flatnonzero(differ.any(axis=1))
