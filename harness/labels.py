@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,12 @@ from harness.schema import wayproof_pb2 as pb
 from maps import ClassMargins, MapConfig, Representation, SemanticLayer
 from maps.semantic import UNLABELLED
 from models.classes import CLASSES, UNKNOWN_CLASS
+
+if TYPE_CHECKING:  # which reads classes with what stands here
+    from harness.inputs import PlacedSweep
+
+TURNS = 4
+"""A sweep's beams vote in so many parts, one a sweep: what a thing is does not change."""
 
 
 def check_margins(margins: Mapping[str, float], semantics: bool) -> None:
@@ -47,9 +54,35 @@ def widened(
     return ClassMargins(a_map, layer, by_class)
 
 
-def votes_of(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The labels (n,) that classes (n,) vote for: what is not known is no vote."""
-    return np.where(classes == UNKNOWN_CLASS, np.uint8(UNLABELLED), classes)
+def vote(
+    layer: SemanticLayer,
+    placed: PlacedSweep,
+    classes: NDArray[np.uint8],
+    limits: tuple[float, float],
+    sequence: int,
+) -> None:
+    """Count the votes of a sweep.
+
+    Args:
+        layer: That counts them.
+        placed: The sweep's beams.
+        classes: (n,) of what they met; what is not known is no vote.
+        limits: Nearest and farthest return that counts, m.
+        sequence: Number of the sweep.
+    """
+    # Beams that follow one another meet the same cells, so a run of them costs little.
+    edges = [len(classes) * k // TURNS for k in range(TURNS + 1)]
+    turn = slice(edges[sequence % TURNS], edges[sequence % TURNS + 1])
+    told = classes[turn]
+    labels = np.where(told == UNKNOWN_CLASS, np.uint8(UNLABELLED), told)
+    layer.integrate_sweep(
+        placed.origins,
+        placed.directions[turn],
+        placed.ranges_mm[turn],
+        limits,
+        labels,
+        placed.moments[turn],
+    )
 
 
 def bound_version(version: str, layer: SemanticLayer | None) -> str:

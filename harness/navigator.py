@@ -18,7 +18,7 @@ from harness.config import Config
 from harness.decision import points, seal, thinned, trajectory_message
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs
-from harness.labels import bound_version, make_layer, votes_of, widened
+from harness.labels import bound_version, make_layer, vote, widened
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.view import Choice, Memory, View
@@ -142,14 +142,8 @@ class Navigator:
                 placed.moments,
             )
             if self.labels is not None and sweep.classes is not None:
-                self.labels.integrate_sweep(
-                    placed.origins,
-                    placed.directions,
-                    placed.ranges_mm,
-                    (self._config.map.minimum_range, beams.range),
-                    votes_of(sweep.classes),
-                    placed.moments,
-                )
+                limits = self._config.map.minimum_range, beams.range
+                vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
 
     def _view(self, inputs: Inputs) -> View:
         config, mission = self._config, self._mission

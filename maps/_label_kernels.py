@@ -30,10 +30,12 @@ def seek(
 ) -> int:
     """The entry of a cell, or the empty one where it belongs: linear probing.
 
-    The hash is that of Teschner et al. 2003, "Optimized spatial hashing".
+    The hash is that of Teschner et al. 2003, "Optimized spatial hashing", for cubes of 4 x 4 x 4
+    cells; those of one cube lie side by side, as the beams of a sweep meet them.
     """
     last = directory.shape[0] - 1
-    entry = ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & last
+    cube = ((x >> 2) * 73856093) ^ ((y >> 2) * 19349663) ^ ((z >> 2) * 83492791)
+    entry = ((cube << 6) | (x & 3) << 4 | (y & 3) << 2 | (z & 3)) & last
     while True:
         row = int(directory[entry])
         if row < 0 or (cells[row, 0] == x and cells[row, 1] == y and cells[row, 2] == z):
@@ -65,7 +67,7 @@ def mixed(x: int, y: int, z: int, label: int, seed: np.uint64) -> np.uint64:
 
 
 @kernel
-def end_cells(
+def end_runs(
     origins: NDArray[np.float64],  # (m, 3) m, world
     moments: NDArray[np.int32],  # (n,) origin of each beam; (0,) if all start at the first
     directions: NDArray[np.float64],  # (n, 3)
@@ -74,28 +76,39 @@ def end_cells(
     labels: NDArray[np.uint8],  # (n,)
     resolution: float,
     voters: NDArray[np.int64],  # (n, 3) out: cells
-    votes: NDArray[np.uint8],  # (n,) out
+    votes: NDArray[np.uint8],  # (n,) out: labels
+    counts: NDArray[np.uint32],  # (n,) out
 ) -> int:
-    """The cells that labelled beams with a return end in, as a map has them; their number."""
+    """The cells that labelled beams with a return end in, as a map has them; how many.
+
+    Beams that follow one another, and end in one cell with one label, are one entry.
+    """
     scale = SUBCELLS / resolution
-    count = 0
+    rolling = moments.shape[0] > 0
+    last = -1
     for i in range(ranges_mm.shape[0]):
-        millimetres = int(ranges_mm[i])
-        if labels[i] == UNLABELLED or millimetres == DROPPED_MM or millimetres == NO_RETURN_MM:
+        label, millimetres = labels[i], int(ranges_mm[i])
+        if label == UNLABELLED or millimetres == DROPPED_MM or millimetres == NO_RETURN_MM:
             continue
         if not limits_mm[0] <= millimetres <= limits_mm[1]:
             continue
-        k = int(moments[i]) if moments.shape[0] > 0 else 0
+        k = int(moments[i]) if rolling else 0
         length = millimetres / 1000.0
-        inside = True
-        for axis in range(3):
-            place = np.floor((origins[k, axis] + directions[i, axis] * length) * scale)
-            inside &= abs(place) < FAR  # not if not finite
-            whole = int(place) if inside else 0
-            voters[count, axis] = (whole + (FLOOR_SUBCELLS if axis == 2 else 0)) >> SUBCELL_BITS
-        votes[count] = labels[i]
-        count += inside
-    return count
+        u = np.floor((origins[k, 0] + directions[i, 0] * length) * scale)
+        v = np.floor((origins[k, 1] + directions[i, 1] * length) * scale)
+        w = np.floor((origins[k, 2] + directions[i, 2] * length) * scale)
+        if not abs(u) + abs(v) + abs(w) < FAR:  # also if not finite
+            continue
+        x, y = int(u) >> SUBCELL_BITS, int(v) >> SUBCELL_BITS
+        z = (int(w) + FLOOR_SUBCELLS) >> SUBCELL_BITS
+        if last >= 0 and votes[last] == label:
+            if voters[last, 0] == x and voters[last, 1] == y and voters[last, 2] == z:
+                counts[last] += np.uint32(1)
+                continue
+        last += 1
+        voters[last, 0], voters[last, 1], voters[last, 2] = x, y, z
+        votes[last], counts[last] = label, 1
+    return last + 1
 
 
 @kernel
@@ -107,36 +120,35 @@ def vote(
     used: int,
     voters: NDArray[np.int64],  # (n, 3) cells
     labels: NDArray[np.uint8],  # (n,)
+    counts: NDArray[np.uint32],  # (n,) votes of each
     sums: NDArray[np.uint64],  # (2,) in, out: of what all votes are mixed to
     box: NDArray[np.int64],  # (2, 3) out: least and greatest cell whose winner changed
 ) -> tuple[int, int]:
     """Count votes in order; return the number of rows in use, and of votes without room."""
     lost = 0
-    row = -1
     for i in range(voters.shape[0]):
         x, y, z = voters[i, 0], voters[i, 1], voters[i, 2]
-        # Beams that lie side by side often end in one cell.
-        if row < 0 or cells[row, 0] != x or cells[row, 1] != y or cells[row, 2] != z:
-            entry = seek(directory, cells, x, y, z)
-            row = int(directory[entry])
-            if row < 0:
-                if used == cells.shape[0]:
-                    lost += 1
-                    continue
-                row = used
-                directory[entry] = row
-                cells[row, 0], cells[row, 1], cells[row, 2] = x, y, z
-                winners[row] = UNLABELLED
-                used += 1
-        label = int(labels[i])
-        if votes[row, label] == MOST_VOTES:
-            continue
-        votes[row, label] += np.uint32(1)
+        entry = seek(directory, cells, x, y, z)
+        row = int(directory[entry])
+        if row < 0:
+            if used == cells.shape[0]:
+                lost += int(counts[i])
+                continue
+            row = used
+            directory[entry] = row
+            cells[row, 0], cells[row, 1], cells[row, 2] = x, y, z
+            winners[row] = UNLABELLED
+            used += 1
+        label, best = int(labels[i]), int(winners[row])
+        more = min(counts[i], MOST_VOTES - votes[row, label])
+        mine = votes[row, label] + more
+        votes[row, label] = mine
         for lane in range(2):
-            sums[lane] += mixed(x, y, z, label, SEEDS[lane])
-        best = int(winners[row])
+            sums[lane] += np.uint64(more) * mixed(x, y, z, label, SEEDS[lane])
+        if best == label:
+            continue
         most = votes[row, best] if best != UNLABELLED else np.uint32(0)
-        if votes[row, label] > most or (votes[row, label] == most and label < best):
+        if mine > most or (mine == most and label < best):
             winners[row] = label
             for axis in range(3):
                 box[0, axis] = min(box[0, axis], voters[i, axis])

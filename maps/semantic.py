@@ -86,7 +86,8 @@ class SemanticLayer:
                 f"labels: got {labels.dtype} {labels.shape}, expected uint8 ({len(cells)},)"
             )
         self._check_labels(labels)
-        self._vote(cells, np.require(labels, None, ["C", "W"]))
+        once = np.ones(len(cells), np.uint32)
+        self._vote(cells, np.require(labels, None, ["C", "W"]), once)
 
     def integrate_sweep(
         self,
@@ -125,7 +126,8 @@ class SemanticLayer:
             raise ValueError(f"moments: got {sources.shape}, expected ({count},) of the origins")
         self._check_labels(labels[labels != UNLABELLED])
         cells, votes = np.empty((count, 3), np.int64), np.empty(count, np.uint8)
-        count = kernels.end_cells(
+        counts = np.empty(count, np.uint32)
+        count = kernels.end_runs(
             starts,
             np.require(sources, np.int32, ["C", "W"]),
             np.require(directions, np.float64, ["C", "W"]),
@@ -135,8 +137,9 @@ class SemanticLayer:
             self.resolution,
             cells,
             votes,
+            counts,
         )
-        self._vote(cells[:count], votes[:count])
+        self._vote(cells[:count], votes[:count], counts[:count])
 
     def label_at(self, points: ArrayLike) -> NDArray[np.uint8]:
         """The labels at points (n, 3), m, world: (n,) uint8; 255 where there are no votes.
@@ -189,7 +192,9 @@ class SemanticLayer:
         held = self._directory, self._cells, self._votes, self._winners
         return sum(part.nbytes for part in held)
 
-    def _vote(self, cells: NDArray[np.int64], labels: NDArray[np.uint8]) -> None:
+    def _vote(
+        self, cells: NDArray[np.int64], labels: NDArray[np.uint8], counts: NDArray[np.uint32]
+    ) -> None:
         box = np.array([[1 << 62] * 3, [-(1 << 62)] * 3])
         self._used, lost = kernels.vote(
             self._directory,
@@ -199,6 +204,7 @@ class SemanticLayer:
             self._used,
             cells,
             labels,
+            counts,
             self._sums,
             box,
         )
