@@ -48,6 +48,9 @@ class MapConfig:
         dynamic_after: Time for which a cell and its neighbours have to be free before something
             that appears there is held to have moved there, s; kind `dynamic` only, as all below.
             5 sweeps of 0.1 s, the burn-in of Dynablox (Schmid et al. 2023, RA-L 8).
+        dynamic_at_once: Whether each cell that something appears in is dynamic with the first hit.
+            If not, only cells of a thing are that was seen to move: surfaces that a beam meets for
+            the first time stand still.
         vacated_after: Sweeps in a row that have to cross such a cell before it is free again; 2 is
             Dynablox's temporal buffer, which bridges the gaps between beams.
         static_after: Time after which something that was first met in such a cell is part of the
@@ -80,6 +83,7 @@ class MapConfig:
     cost_range: float = 0.6
     unknown_policy: UnknownPolicy = "forbid"
     dynamic_after: float = 0.5
+    dynamic_at_once: bool = False
     vacated_after: int = 2
     static_after: float = 2.0
     look_ahead: float = 0.2
