@@ -11,6 +11,7 @@ from typing import Any, Literal
 import msgspec
 
 from harness.errors import InputError, unknown_name
+from harness.labels import check_margins
 from harness.perturbations import AnyPerturbation
 from harness.view import BehaviourConfig
 from maps import MAPS, MapConfig
@@ -140,6 +141,7 @@ class Config:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
         if not 1 <= self.threads <= MOST_THREADS:
             raise ValueError(f"threads: got {self.threads}, expected 1 to {MOST_THREADS}")
+        check_margins(self.map.class_margins, self.sensors.semantics)
 
 
 def _expect(name: str, got: float, low: float, high: float, unit: str) -> None:

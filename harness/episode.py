@@ -203,7 +203,8 @@ class Episode:
     def _sweep(self, caster: Caster, trail: Trail, time_ns: int) -> pb.Sweep:
         table = caster.table
         rows = len(table.rows) if table.order == "grid" else 1
-        ranges = self._interference.cast(caster, self._data, trail, self._sequence)
+        sweep = self._data, trail, self._sequence
+        ranges, classes = self._interference.cast(caster, *sweep)
         message = pb.Sweep(
             sequence=self._sequence,
             sensor=caster.mount.name,
@@ -211,6 +212,7 @@ class Episode:
             columns=table.beams // rows,
             codec=CODEC,
             ranges=encode_ranges(ranges, rows),
+            classes=classes.tobytes(),
         )
         message.timestamp.FromNanoseconds(time_ns)
         return message

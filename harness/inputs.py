@@ -11,6 +11,7 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from harness.errors import InputError
+from harness.labels import decode_classes
 from harness.schema import wayproof_pb2 as pb
 from models.beams import BeamTable, directions, moment_offsets, moments, ray_ranges, rotate
 from models.poses import Trail, rotation_matrices
@@ -117,10 +118,11 @@ def turn(rotations: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArra
 
 @dataclass(frozen=True)
 class SweepInput:
-    """One sweep: the sensor's name and (n,) uint16 millimetres."""
+    """One sweep: the sensor's name, (n,) uint16 millimetres, and (n,) classes if it tells them."""
 
     sensor: str
     ranges_mm: NDArray[np.uint16]
+    classes: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,10 @@ def inputs_from_messages(pose: pb.Pose, sweeps: list[pb.Sweep]) -> Inputs:
         time_ns=pose.timestamp.ToNanoseconds(),
         sequence=pose.sequence,
         pose=_pose(pose),
-        sweeps=tuple(SweepInput(sweep.sensor, decode_ranges(sweep)) for sweep in sweeps),
+        sweeps=tuple(
+            SweepInput(sweep.sensor, decode_ranges(sweep), decode_classes(sweep))
+            for sweep in sweeps
+        ),
         digest=digest.hexdigest(),
     )
 

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from harness.config import Config
 from harness.perturbations import UNPERTURBED, Report
 from harness.schema import wayproof_pb2 as pb
+from models.beams import DROPPED, NO_RETURN
+from models.classes import UNKNOWN_CLASS
 from models.odometry import PoseError
 from models.poses import Trail
 from models.scene import PREFIX, Scene
@@ -22,6 +24,7 @@ class Interference:
         """Work out which sensors it affects."""
         self._perturbation = config.perturbation or UNPERTURBED
         self._seed = config.seed
+        self._labelled = config.sensors.semantics
         self._model = scene.model
         self._sensors = [caster.mount.name for caster in scene.casters]
         self._affected = self._perturbation.affected(self._sensors)
@@ -41,21 +44,35 @@ class Interference:
 
     def cast(
         self, caster: Caster, data: mujoco.MjData, trail: Trail, sequence: int
-    ) -> NDArray[np.uint16]:  # (n,) mm
-        """Cast one sweep as the stack gets it; `trail` holds the true poses of the base."""
+    ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:  # (n,) mm, (n,) or (0,) classes
+        """Cast one sweep as the stack gets it; `trail` holds the true poses of the base.
+
+        A beam whose echo is lost tells no class; there are none unless `sensors.semantics` is on.
+        """
         if caster.mount.name not in self._affected:
-            return caster.cast(data, trail, self._seed, sequence)
+            return self._measured(caster, data, trail, sequence)
         if self._displacement is not None:
             # Until the next kinematics; nothing else of the episode looks at a sensor's site.
             site = self._model.site(PREFIX + caster.mount.site).id
             self._displacement.move_site(data.site_xpos[site], data.site_xmat[site])
             trail = self._displacement.move_trail(trail, *caster.mounting)
-        ranges = caster.cast(data, trail, self._seed, sequence)
+        ranges, classes = self._measured(caster, data, trail, sequence)
         mount, table = caster.mount, caster.table
         report = Report(mount.name, mount.device, table, ranges, self._seed, sequence)
         perturbed = self._perturbation.report(report)
         self._changed_beams += int((perturbed != ranges).sum())
-        return perturbed
+        if len(classes):
+            silent = (perturbed == DROPPED) | (perturbed == NO_RETURN)
+            classes = np.where(silent, np.uint8(UNKNOWN_CLASS), classes)
+        return perturbed, classes
+
+    def _measured(
+        self, caster: Caster, data: mujoco.MjData, trail: Trail, sequence: int
+    ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+        """What the device reports, and the classes of what it met if they are asked for."""
+        if self._labelled:
+            return caster.cast_labelled(data, trail, self._seed, sequence)
+        return caster.cast(data, trail, self._seed, sequence), np.empty(0, np.uint8)
 
     def message(self, sequence: int, time_ns: int, added: PoseError) -> pb.Perturbation | None:
         """What was done at this decision, with what was added to the pose; none if unperturbed."""

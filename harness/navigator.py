@@ -18,6 +18,7 @@ from harness.config import Config
 from harness.decision import points, seal, thinned, trajectory_message
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs
+from harness.labels import bound_version, make_layer, vote, widened
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.view import Choice, Memory, View
@@ -51,9 +52,10 @@ class Navigator:
         self._mission = mission
         self._beams = dict(beams)
         self.map = MAPS[config.map.kind](config.map, config.threads, mission.low, mission.high)
+        self.labels = make_layer(config.map, config.sensors.semantics)
         self.costmap = Costmap(
             config.map,
-            self.map,
+            widened(self.map, self.labels, config.map.class_margins),
             mission.low,
             mission.high,
             mission.motion,
@@ -91,7 +93,7 @@ class Navigator:
         clock.append(time.perf_counter())
         margin = self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
         self.costmap.update(margin)
-        version = self.map.version()
+        version = bound_version(self.map.version(), self.labels)
         clock.append(time.perf_counter())
         view = self._view(inputs)
         choice, self._draft = decide(view, self._memory)
@@ -139,6 +141,9 @@ class Navigator:
                 inputs.time_ns,
                 placed.moments,
             )
+            if self.labels is not None and sweep.classes is not None:
+                limits = self._config.map.minimum_range, beams.range
+                vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
 
     def _view(self, inputs: Inputs) -> View:
         config, mission = self._config, self._mission

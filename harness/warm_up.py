@@ -11,7 +11,7 @@ from models.robots import ROBOTS
 
 def warm_up(config: Config) -> None:
     """Compile what an episode runs, or load it from the cache."""
-    maps.warm_up(config.map.kind)
+    maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
     planners.warm_up(config.planner)
     rays.warm_up()
     truth.warm_up()

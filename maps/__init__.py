@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from maps.class_margins import ClassMargins
 from maps.columns import states_in
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
@@ -35,6 +36,7 @@ __all__ = [
     "STATE_NAMES",
     "UNKNOWN",
     "UNLABELLED",
+    "ClassMargins",
     "Costmap",
     "DynamicMap",
     "Grid2D",
@@ -52,10 +54,10 @@ __all__ = [
 ]
 
 
-def warm_up(kind: str = "voxel") -> None:
+def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -> None:
     """Compile what an episode on one representation runs, so that nothing timed pays for it."""
     half_life = 0.0 if kind == "octomap" else 1.0  # OctoMap refuses any
-    config = MapConfig(kind=kind, memory_mib=1, half_life=half_life)
+    config = MapConfig(kind=kind, memory_mib=1, half_life=half_life, max_slope=max_slope)
     tiny = MAPS[kind](config)
     beams, ranges_mm = np.array([[1.0, 0, 0], [0, 0, -1.0]]), np.array([400, 65535], np.uint16)
     tiny.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)
@@ -72,4 +74,12 @@ def warm_up(kind: str = "voxel") -> None:
     costmap.clearance_at([[0.5, 0.5, 0.5]])
     costmap.cost_at([[0.5, 0.5, 0.5]])
     inflate(np.zeros((1, 1, 1), np.uint64), 1)
+    if labels:
+        layer = SemanticLayer(config.resolution, 1, memory_mib=1)
+        told = np.zeros(2, np.uint8)
+        moments = np.zeros(2, np.int32)
+        layer.integrate_sweep((0.5, 0.5, 0.5), beams, ranges_mm, (0.1, 1.0), told, moments)
+        layer.votes_at([[0.5, 0.5, 0.5]])
+        margined = ClassMargins(tiny, layer, {0: 0.1})
+        Costmap(config, margined, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
     tiny.advance(round(1e4 * 1e9 * config.decay_period))  # forgets its bricks

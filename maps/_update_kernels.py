@@ -174,7 +174,7 @@ def update_bricks(
 def digest_bricks(
     slots: NDArray[np.int64],  # (k,)
     part: tuple[int, int],
-    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    eights: NDArray[np.uint64],  # (slots, n, 8)
     lanes: NDArray[np.uint64],  # (k, 8) out
     held: NDArray[np.bool_],  # (k,) out: whether any cell is not 0
 ) -> None:
@@ -188,7 +188,7 @@ def digest_bricks(
         any_bit = np.uint64(0)
         for k in range(8):
             lanes[i, k] = SEEDS[k]
-        for column in range(COLUMNS):
+        for column in range(eights.shape[1]):
             for k in range(8):
                 word = eights[slot, column, k]
                 any_bit |= word

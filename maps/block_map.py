@@ -14,9 +14,11 @@ from maps import _decay_kernels as decay
 from maps.blocks import Blocks
 from maps.columns import Window
 from maps.config import MapConfig
+from maps.ends import Ends
 from maps.evidence import MOST, tick_losses
 from maps.grid import cells_at
 from maps.states import FREE, OCCUPIED, STATE_NAMES
+from maps.sweep import Sweep, SweepStatistics, check_time, prepare_sweep
 from maps.team import Team
 
 CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -57,20 +59,39 @@ class BlockMap:
         self._ticks = 0
         self._stamp = 1
 
-    def advance(self, time_ns: int) -> None:
-        """Apply every decay tick due up to and at `time_ns`, as VoxelMap does.
-
-        A tick leaves what was updated since the one before, and moves the rest toward unknown by
-        the half-life. A time before the latest does nothing.
-
-        Args:
-            time_ns: Simulated time, ns.
+    def integrate(
+        self,
+        origins: ArrayLike,
+        directions: NDArray[np.float64],
+        ranges_mm: NDArray[np.uint16],
+        range_limit: float,
+        time_ns: int,
+        moments: NDArray[np.int32] | None = None,
+    ) -> SweepStatistics:
+        """Take in one sweep; the arguments are those of `VoxelMap.integrate`.
 
         Raises:
-            ValueError: The time is negative.
+            ValueError: As there, or the beams span too many cells. The map is then as before.
         """
-        if time_ns < 0:
-            raise ValueError(f"time_ns: got {time_ns}, expected 0 or more")
+        check_time(time_ns)
+        sweep = prepare_sweep(
+            origins,
+            moments,
+            directions,
+            ranges_mm,
+            range_limit,
+            self.config.minimum_range,
+            self.resolution,
+        )
+        ends = self._ends_of(sweep)
+        if len(ends.points) == 0:
+            self.advance(time_ns)
+            return ends.statistics(0)
+        return ends.statistics(self._trace(sweep.sensors[ends.moments], ends, time_ns))
+
+    def advance(self, time_ns: int) -> None:
+        """Apply every decay tick due up to and at `time_ns`, as `VoxelMap.advance` does."""
+        check_time(time_ns)
         if self.config.half_life == 0.0 or time_ns // self._tick_ns <= self._ticks:
             return
         until = time_ns // self._tick_ns
@@ -92,14 +113,7 @@ class BlockMap:
         return np.where(inside & (slots >= 0), self._blocks.observed_ns[slots], -1)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Where states changed since an earlier call.
-
-        Args:
-            since: What that call returned as `now`; 0 for everything that is held.
-
-        Returns:
-            Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), one for each block, and `now`.
-        """
+        """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
         return self._blocks.changed(since), self._stamp
 
     def counts(self) -> dict[str, int]:
@@ -112,7 +126,7 @@ class BlockMap:
 
     def version(self) -> str:
         """Digest of the content and the tick, 32 hex digits: equal content, equal version."""
-        total = self._blocks.digest(self.told)
+        total = self._blocks.digest(self.told, self._team)
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
         head = struct.pack("<dq", self.resolution, ticks) + self._units()
         return hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16).hexdigest()
@@ -120,6 +134,14 @@ class BlockMap:
     def memory_bytes(self) -> int:
         """Bytes of the blocks in use."""
         return self._blocks.nbytes
+
+    def _ends_of(self, sweep: Sweep) -> Ends:
+        """Where the beams of a sweep end."""
+        return Ends.of(sweep)
+
+    def _trace(self, starts: NDArray[np.int64], ends: Ends, time_ns: int) -> int:
+        """Tell the cells between sub-cells (k, 3) and the ends; return how many were told."""
+        raise NotImplementedError
 
     def _units(self) -> bytes:
         """What else the content means, for the version."""

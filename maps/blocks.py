@@ -9,6 +9,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from maps import _update_kernels as kernels
+from maps.team import Team
+
 MEBIBYTE = 1 << 20
 HEAD_BYTES = 128  # of a block, besides its cells
 
@@ -124,23 +127,32 @@ class Blocks:
         keys = np.concatenate([now, np.array(gone, np.int64).reshape(-1, 3)])
         return np.hstack([keys * self.shape, (keys + 1) * self.shape])
 
-    def digest(self, told: tuple[str, ...]) -> int:
+    def digest(self, told: tuple[str, ...], team: Team) -> int:
         """Sum over the blocks of the 128-bit digests of some of their layers, modulo 2^128.
 
-        Only dirty blocks are hashed; one of nothing but unknown cells adds 0. A sum does not depend
-        on the order in which blocks were made (Bellare & Micciancio 1997, AdHash).
+        Only dirty blocks are hashed, as `Bricks.digest` hashes bricks; one of nothing but unknown
+        cells adds 0. A sum does not depend on the order in which blocks were made.
         """
-        for slot in np.flatnonzero(self.dirty[: self._used]).tolist():
-            contents = [self.layers[name][slot] for name in told]
+        slots = np.flatnonzero(self.dirty[: self._used])
+        lanes = np.empty((len(told), len(slots), 8), np.uint64)
+        held = np.empty((len(told), len(slots)), np.bool_)
+        words = [self.layers[n].view(np.uint64).reshape(len(self.keys), -1, 8) for n in told]
+
+        def digest(_: int, part: tuple[int, int]) -> None:
+            for layer, sums, any_held in zip(words, lanes, held, strict=True):
+                kernels.digest_bricks(slots, part, layer, sums, any_held)
+
+        team.share(digest, len(slots), parts_each=1)
+        for i, slot in enumerate(slots.tolist()):
             new = 0
-            if any(content.any() for content in contents):
-                seal = hashlib.blake2b(struct.pack("<3q", *self.keys[slot]), digest_size=16)
-                for content in contents:
-                    seal.update(content.astype(content.dtype.newbyteorder("<"), copy=False).data)
+            if held[:, i].any():
+                head = struct.pack("<3q", *self.keys[slot].tolist())
+                contents = lanes[:, i].astype("<u8").tobytes()
+                seal = hashlib.blake2b(head + contents, digest_size=16)
                 new = int.from_bytes(seal.digest(), "little")
             self._sum += new - self._digests.get(slot, 0)
             self._digests[slot] = new
-        self.dirty[: self._used] = False
+        self.dirty[slots] = False
         self._sum %= MODULUS
         return self._sum
 

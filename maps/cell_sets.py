@@ -1,12 +1,44 @@
-"""Sets of cells, as arrays (m, 3) in lexical order without repetition."""
+"""The cells of simple shapes, and sets of cells: arrays (m, 3) in order without repetition."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from maps import _motion_kernels as kernels
-from maps.grid import centres
+from maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
+
+
+def box_cells(first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The cells (n, 3) of a box, from its least one up to another."""
+    nx, ny, nz = (int(cells) for cells in end - first)
+    places = [axis.ravel() for axis in np.indices((nx, ny, nz))]
+    cells: NDArray[np.int64] = np.stack(places, axis=1) + first
+    return cells
+
+
+def ball_cells(centre: ArrayLike, radius: float, resolution: float) -> NDArray[np.int64]:
+    """The cells (n, 3) whose centres lie in a ball; centre (3,) and radius in m.
+
+    Raises:
+        ValueError: The ball is not finite.
+    """
+    middle = finite_vector("centre", centre)
+    cells = box_cells(*cell_box(middle - radius, middle + radius, resolution))
+    squared = ((centres(cells, resolution) - middle) ** 2).sum(axis=1)
+    inside: NDArray[np.bool_] = squared <= radius * radius
+    return cells[inside]
+
+
+def floor_cells(low: ArrayLike, high: ArrayLike, resolution: float) -> NDArray[np.int64]:
+    """The floor's cells (n, 3) whose centres lie in a rectangle, corners (2,) in m.
+
+    Raises:
+        ValueError: A corner is not finite.
+    """
+    first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], resolution)
+    first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
+    return box_cells(first, end)
 
 
 def as_set(cells: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 UnknownPolicy = Literal["forbid", "penalize", "allow"]
@@ -33,6 +33,10 @@ class MapConfig:
         band_low: Lower end of the heights that a flat grid sees, m above the floor; above the noise
             of the floor's own returns.
         band_high: Upper end, m; the `max_obstacle_height` of Nav2's obstacle layer.
+        max_slope: Steepest ramp that a robot which walks may climb, rad; 0: the floor is flat. It
+            asks for cells no larger than the steps that matter: see `Terrain`.
+        class_margins: Extra distance that is kept to things by the name of their class, m; asks for
+            sweeps that tell classes.
         memory_mib: Bound on the memory of the map's bricks, MiB; beyond it the bricks observed
             longest ago are dropped.
         inflation_margin: Localization margin that is added to the body's radius, m.
@@ -44,6 +48,9 @@ class MapConfig:
         dynamic_after: Time for which a cell and its neighbours have to be free before something
             that appears there is held to have moved there, s; kind `dynamic` only, as all below.
             5 sweeps of 0.1 s, the burn-in of Dynablox (Schmid et al. 2023, RA-L 8).
+        dynamic_at_once: Whether each cell that something appears in is dynamic with the first hit.
+            If not, only cells of a thing are that was seen to move: surfaces that a beam meets for
+            the first time stand still.
         vacated_after: Sweeps in a row that have to cross such a cell before it is free again; 2 is
             Dynablox's temporal buffer, which bridges the gaps between beams.
         static_after: Time after which something that was first met in such a cell is part of the
@@ -68,12 +75,15 @@ class MapConfig:
     surface_guard: SurfaceGuard = "floor"
     band_low: float = 0.05
     band_high: float = 2.0
+    max_slope: float = 0.0
+    class_margins: dict[str, float] = field(default_factory=dict)
     memory_mib: int = 512
     inflation_margin: float = 0.1
     cost_scaling_factor: float = 4.0
     cost_range: float = 0.6
     unknown_policy: UnknownPolicy = "forbid"
     dynamic_after: float = 0.5
+    dynamic_at_once: bool = False
     vacated_after: int = 2
     static_after: float = 2.0
     look_ahead: float = 0.2
@@ -91,6 +101,10 @@ class MapConfig:
         self._check("minimum_range", 0.0, 60.0, " m")
         self._check("band_low", 0.0, 10.0, " m")
         self._check("band_high", self.band_low + 0.01, 100.0, " m")
+        self._check("max_slope", 0.0, 0.6, " rad")
+        for name, margin in self.class_margins.items():
+            if not 0.0 <= margin <= 5.0:
+                raise ValueError(f"map.class_margins.{name}: got {margin:g}, expected 0 to 5 m")
         self._check("memory_mib", 1, 65536, " MiB")
         self._check("inflation_margin", 0.0, 5.0, " m")
         self._check("cost_scaling_factor", 0.1, 1000.0, " 1/m")
@@ -102,12 +116,12 @@ class MapConfig:
         self._check_choice("surface_guard", get_args(SurfaceGuard))
         self._check_choice("unknown_policy", get_args(UnknownPolicy))
 
-    def _check(self, field: str, low: float, high: float, unit: str = "") -> None:
-        value = getattr(self, field)
+    def _check(self, name: str, low: float, high: float, unit: str = "") -> None:
+        value = getattr(self, name)
         if not low <= value <= high:  # also refuses NaN
-            raise ValueError(f"map.{field}: got {value:g}, expected {low:g} to {high:g}{unit}")
+            raise ValueError(f"map.{name}: got {value:g}, expected {low:g} to {high:g}{unit}")
 
-    def _check_choice(self, field: str, choices: tuple[str, ...]) -> None:
-        value = getattr(self, field)
+    def _check_choice(self, name: str, choices: tuple[str, ...]) -> None:
+        value = getattr(self, name)
         if value not in choices:
-            raise ValueError(f"map.{field}: got {value!r}, expected one of {', '.join(choices)}")
+            raise ValueError(f"map.{name}: got {value!r}, expected one of {', '.join(choices)}")

@@ -13,9 +13,10 @@ from maps._field_kernels import MAX_REACH
 from maps.columns import ColumnMap, Window, unpack
 from maps.config import MapConfig
 from maps.field import DistanceField
-from maps.projection import Airspace, Ground
+from maps.projection import Airspace
 from maps.states import FREE, OCCUPIED
 from maps.team import Team
+from maps.terrain import walked
 
 INSCRIBED_COST = 252.0
 """Cost at the edge of what is forbidden; Nav2 keeps 253 and 254 for what is inside."""
@@ -94,7 +95,7 @@ class Costmap:
         self._team = Team(threads if motion == "air" else 1)
         window = Window.covering(low, high, self.resolution)
         self._cells = (
-            Ground(window, height, step_height)
+            walked(window, height, step_height, config.max_slope)
             if motion == "ground"
             else Airspace(window, floor, ceiling)
         )

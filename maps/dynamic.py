@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +16,12 @@ from maps import _motion_kernels as kernels
 from maps.bricks import EVERYWHERE, MAX_GONE
 from maps.cell_sets import as_set, member, slabs
 from maps.config import MapConfig
+from maps.ends import Ends
 from maps.grid import cells_at, centres, finite_vector
 from maps.marks import brick_cells, brick_of
-from maps.motion import Traffic
+from maps.motion import NO_CELLS, Traffic
 from maps.states import FREE, OCCUPIED, STATE_NAMES
-from maps.sweep import SweepStatistics
+from maps.sweep import SweepStatistics, prepare_sweep
 from maps.trust import ConfidentSpace
 from maps.voxel import RayEnd, VoxelMap
 
@@ -28,7 +29,9 @@ BRICK_SHAPE = (16, 16, 1)  # columns and words
 RECENT_NS = 100_000_000
 """Where a thing is now is told by the cells hit within this time: a sweep or two of each sensor."""
 
-NO_CELLS = np.empty((0, 3), np.int64)
+AROUND = np.stack(np.meshgrid(*[range(-2, 3)] * 3, indexing="ij"), axis=-1).reshape(1, -1, 3)
+"""From a cell to those near it: with at most one cell between them, as in a cluster."""
+
 BEYOND = 1e-6  # m: past a cell's face, so that the next ray starts in the next cell
 
 
@@ -41,17 +44,23 @@ class Sightings:
         since_ns: (m,) when something was first met.
         hit_ns: (m,) when it was last hit.
         crossings: (m,) sweeps that crossed it since it was last hit.
+        moves: (m,) whether it was ever of a thing that moves.
     """
 
     cells: NDArray[np.int64]
     since_ns: NDArray[np.int64]
     hit_ns: NDArray[np.int64]
     crossings: NDArray[np.int64]
+    moves: NDArray[np.bool_]
 
     def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Sightings:
         """Those chosen by a mask, or in another order."""
         return Sightings(
-            self.cells[chosen], self.since_ns[chosen], self.hit_ns[chosen], self.crossings[chosen]
+            self.cells[chosen],
+            self.since_ns[chosen],
+            self.hit_ns[chosen],
+            self.crossings[chosen],
+            self.moves[chosen],
         )
 
 
@@ -91,21 +100,12 @@ class DynamicMap(VoxelMap):
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map.
-
-        Args:
-            config: The settings.
-            threads: Number of threads that share the work of a sweep.
-            low: (3,) least corner of the region of interest, m, world; None for all space.
-            high: (3,) greatest corner, m, world.
-
-        Raises:
-            ValueError: As `VoxelMap` does.
-        """
+        """Make an unknown map, as `Maker` says."""
         super().__init__(config, threads, low, high)
         self._space = ConfidentSpace()
         self._traffic = Traffic(config.resolution, round(config.look_ahead * 1e9))
-        self._sightings = Sightings(NO_CELLS, *(np.empty(0, np.int64) for _ in range(3)))
+        none = np.empty(0, np.int64)
+        self._sightings = Sightings(NO_CELLS, none, none, none, np.empty(0, np.bool_))
         self._overlay = Overlay(NO_CELLS, NO_CELLS)
         self._turned: dict[tuple[int, int, int], int] = {}  # stamps of bricks
         self._lost_before = 0  # of the changes up to this stamp not all are remembered
@@ -123,11 +123,17 @@ class DynamicMap(VoxelMap):
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
     ) -> SweepStatistics:
-        """Take in one sweep as `VoxelMap.integrate` does, and follow what moves in it.
-
-        Raises:
-            ValueError: As there; decay ticks due are applied even then.
-        """
+        """Take in one sweep as `VoxelMap.integrate` does, and follow what moves in it."""
+        sweep = prepare_sweep(
+            origins,
+            moments,
+            directions,
+            ranges_mm,
+            range_limit,
+            self.config.minimum_range,
+            self.resolution,
+        )
+        ends = Ends.of(sweep)
         self.advance(time_ns)
         before = self._evidence()
         statistics = super().integrate(
@@ -136,7 +142,7 @@ class DynamicMap(VoxelMap):
         crossed = self._evidence() < before
         self._now_ns = max(self._now_ns, time_ns)
         self._learn_free()
-        hits = _hit_cells(origins, directions, ranges_mm, range_limit, moments, self.config)
+        hits = ends.points[ends.returned] >> beams.SUBCELL_BITS
         met = as_set(hits[self._space.strike(hits)])
         self._sightings = self._retire(self._meet(met, crossed))
         self._close_period()
@@ -236,7 +242,7 @@ class DynamicMap(VoxelMap):
         whole.update(struct.pack("<q", self._period))
         sightings = self._sightings
         times = sightings.since_ns, sightings.hit_ns
-        for part in (*self._overlay, sightings.cells, *times, sightings.crossings):
+        for part in (*self._overlay, sightings.cells, *times, sightings.crossings, sightings.moves):
             whole.update(struct.pack("<q", len(part)))
             whole.update(part.astype("<i8").tobytes())
         tracks = [(track.number, track.sightings) for track in self._traffic.tracks]
@@ -249,8 +255,9 @@ class DynamicMap(VoxelMap):
 
     def dynamic_centres(self) -> NDArray[np.float64]:
         """Centres of the cells in which something moving is now, (n, 3) m, world, in order."""
-        left = self._sightings.crossings >= self.config.vacated_after
-        return centres(self._sightings.cells[~left], self.resolution)
+        sightings = self._sightings
+        left = sightings.crossings >= self.config.vacated_after
+        return centres(sightings.cells[sightings.moves & ~left], self.resolution)
 
     def _evidence(self) -> NDArray[np.float64]:
         """Of the cells that something was met in: a sweep that crosses one lowers it."""
@@ -284,9 +291,10 @@ class DynamicMap(VoxelMap):
             for times in (known.since_ns, known.hit_ns)
         )
         crossings = np.concatenate([known.crossings + crossed, np.zeros(len(fresh), np.int64)])
+        moves = np.concatenate([known.moves, np.full(len(fresh), self.config.dynamic_at_once)])
         hit[again], crossings[again] = self._now_ns, 0
         order = np.lexsort(cells.T[::-1])
-        return Sightings(cells, since, hit, crossings).part(order)
+        return Sightings(cells, since, hit, crossings, moves).part(order)
 
     def _retire(self, sightings: Sightings) -> Sightings:
         """Leave to the lasting evidence what stayed, and what has been left and is free by it."""
@@ -305,15 +313,29 @@ class DynamicMap(VoxelMap):
             self._period = period
             self._space.close_period(self._read_free)
 
+    def _is_loose(self, cells: NDArray[np.int64]) -> bool:
+        """Whether most of the cells (k, 3) lie apart from what stays.
+
+        A surface that beams meet here and there for the first time is a part of what is known
+        beside it; of a thing on the floor only the lowest cells are near anything.
+        """
+        near = (cells[:, None] + AROUND).reshape(-1, 3)
+        lasting = super().state_at(centres(near, self.resolution)) == OCCUPIED
+        lasting &= ~member(self._sightings.cells, near)
+        attached = lasting.reshape(len(cells), -1).any(axis=1)
+        return 2 * int(np.count_nonzero(attached)) < len(cells)
+
     def _foretell(self) -> None:
         """Move the clusters on, and note where that changed what the map tells."""
         sightings = self._sightings
         left = sightings.crossings >= self.config.vacated_after
-        present = sightings.cells[~left]
         # Not what a thing hides of the way that it came: that would hold it back.
         recent = ~left & (self._now_ns - sightings.hit_ns <= RECENT_NS)
-        ahead = self._traffic.follow(sightings.cells[recent], self._now_ns)
-        overlay = Overlay(as_set(np.concatenate([present, ahead])), sightings.cells[left])
+        moving, ahead = self._traffic.follow(sightings.cells[recent], self._now_ns, self._is_loose)
+        moves = sightings.moves | member(as_set(moving), sightings.cells)
+        self._sightings = sightings = replace(sightings, moves=moves)
+        present = sightings.cells[moves & ~left]
+        overlay = Overlay(as_set(np.concatenate([present, ahead])), sightings.cells[moves & left])
         changes = [
             part[~member(other, part)]
             for old, new in zip(self._overlay, overlay, strict=True)
@@ -328,24 +350,3 @@ class DynamicMap(VoxelMap):
         if len(self._turned) > MAX_GONE:
             self._turned.clear()
             self._lost_before = self._stamp
-
-
-def _hit_cells(
-    origins: ArrayLike,
-    directions: NDArray[np.float64],
-    ranges_mm: NDArray[np.uint16],
-    range_limit: float,
-    moments: NDArray[np.int32] | None,
-    config: MapConfig,
-) -> NDArray[np.int64]:
-    """The cells (n, 3) that beams with a return end in, with repetition."""
-    near, far = max(round(config.minimum_range * 1000), 1), round(range_limit * 1000)
-    returned = (ranges_mm >= near) & (ranges_mm <= far) & (ranges_mm != beams.NO_RETURN_MM)
-    starts = np.array(origins, np.float64, ndmin=2)
-    starts = starts[0] if moments is None else starts[moments[returned]]
-    points = starts + directions[returned] * (ranges_mm[returned, None] / 1000.0)
-    # The sweep's own rounding: at a cell's face another one would name another cell.
-    subcells = np.floor(points * (beams.SUBCELLS / config.resolution)).astype(np.int64)
-    subcells[:, 2] += beams.FLOOR_SUBCELLS
-    cells: NDArray[np.int64] = subcells >> beams.SUBCELL_BITS
-    return cells

@@ -13,6 +13,48 @@ from maps.sweep import Sweep, SweepStatistics
 
 
 @dataclass(frozen=True)
+class Lengths:
+    """How far the beams of a sweep went, and which of them met something.
+
+    Attributes:
+        told: (n,) whether each tells anything: it was neither dropped nor too near.
+        returned: (n,) whether each met a surface.
+        metres: (n,) to that surface, or up to where a beam without return clears.
+        count: Of all beams by their fate: returned, cleared, dropped, too near.
+    """
+
+    told: NDArray[np.bool_]
+    returned: NDArray[np.bool_]
+    metres: NDArray[np.float64]
+    count: tuple[int, int, int, int]
+
+    @classmethod
+    def of(cls, sweep: Sweep) -> Self:
+        """Find them.
+
+        Raises:
+            ValueError: A direction is not of unit length.
+        """
+        squared = (sweep.directions**2).sum(axis=1)
+        strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
+        if strange.any():
+            raise ValueError(
+                f"directions: got {sweep.directions[strange][0]}, expected unit length"
+            )
+        nearest, farthest = sweep.limits_mm
+        millimetres = sweep.ranges_mm.astype(np.int64)
+        dropped = millimetres == beams.DROPPED_MM
+        near = (millimetres < nearest) & ~dropped
+        told = ~(dropped | near)
+        cleared = told & ((millimetres > farthest) | (millimetres == beams.NO_RETURN_MM))
+        returned = told & ~cleared
+        fates = returned, cleared, dropped, near
+        hits, clears, lost, ignored = (int(np.count_nonzero(fate)) for fate in fates)
+        metres = np.where(cleared, farthest, millimetres) / 1000.0
+        return cls(told, returned, metres, (hits, clears, lost, ignored))
+
+
+@dataclass(frozen=True)
 class Ends:
     """What the beams of a sweep tell: those that were dropped or too near tell nothing.
 
@@ -35,29 +77,16 @@ class Ends:
         Raises:
             ValueError: A direction is not of unit length.
         """
-        squared = (sweep.directions**2).sum(axis=1)
-        strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
-        if strange.any():
-            raise ValueError(
-                f"directions: got {sweep.directions[strange][0]}, expected unit length"
-            )
-        nearest, farthest = sweep.limits_mm
-        millimetres = sweep.ranges_mm.astype(np.int64)
-        dropped = millimetres == beams.DROPPED_MM
-        near = (millimetres < nearest) & ~dropped
-        cleared = (millimetres > farthest) & ~near
-        told = ~(dropped | near)
-        moments = np.zeros(len(told), np.int64) if len(sweep.moments) == 0 else sweep.moments
-        lengths = np.where(cleared, farthest, millimetres)[told] / 1000.0
-        reached = sweep.origins[moments[told]] + sweep.directions[told] * lengths[:, None]
+        lengths = Lengths.of(sweep)
+        told, sources = lengths.told, sweep.sources
+        reached = sweep.origins[sources[told]]
+        reached = reached + sweep.directions[told] * lengths.metres[told, None]
         places = np.floor(reached * (beams.SUBCELLS / sweep.resolution)).astype(np.int64)
-        returned = ~cleared[told]
-        count = np.count_nonzero(returned), np.count_nonzero(cleared & told)
         return cls(
             places + np.array([0, 0, beams.FLOOR_SUBCELLS]),
-            moments[told].astype(np.int64),
-            returned,
-            (int(count[0]), int(count[1]), int(dropped.sum()), int(near.sum())),
+            sources[told].astype(np.int64),
+            lengths.returned[told],
+            lengths.count,
         )
 
     def merged(self) -> Ends:

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from maps import _beam_kernels as beams
 from maps import _grid2d_kernels as kernels
 from maps.block_map import BlockMap
+from maps.cell_sets import floor_cells
 from maps.columns import WORD_BITS, layer_bits
 from maps.config import MapConfig
 from maps.ends import Ends
 from maps.evidence import Evidence
 from maps.grid import FLOOR_LAYER, cell_box, cells_at
 from maps.states import FREE, OCCUPIED, UNKNOWN
-from maps.sweep import SweepStatistics, prepare_sweep
 
 TILE = 64  # cells along a tile's edge
 MAX_WINDOW_CELLS = 1 << 26
@@ -51,78 +51,15 @@ class Grid2D(BlockMap):
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map.
-
-        Args:
-            config: The settings.
-            threads: Number of threads that share the beams of a sweep.
-            low: (3,) least corner of the region of interest, m, world; None for all space. What
-                lies outside its x and y stays unknown.
-            high: (3,) greatest corner, m, world.
-
-        Raises:
-            ValueError: Not 1 to 64 threads, only one corner, or a region that is empty, not finite
-                or of more cells than a costmap may have.
-        """
+        """Make an unknown map, as `Maker` says; of a region of interest x and y count."""
         super().__init__(config, threads, low, high, (TILE, TILE, 1), {"log_odds": np.int8})
         self.units = Evidence.of(config)
         scale = beams.SUBCELLS / config.resolution
         bottom, top = round(config.band_low * scale), round(config.band_high * scale)
         self._band = 2 * (bottom + beams.FLOOR_SUBCELLS), 2 * (top + beams.FLOOR_SUBCELLS)
 
-    def integrate(
-        self,
-        origins: ArrayLike,
-        directions: NDArray[np.float64],
-        ranges_mm: NDArray[np.uint16],
-        range_limit: float,
-        time_ns: int,
-        moments: NDArray[np.int32] | None = None,
-    ) -> SweepStatistics:
-        """Take in one sweep; the arguments are those of `VoxelMap.integrate`.
-
-        Raises:
-            ValueError: As there; the beams may span 2^26 cells of floor. The map is then as before.
-        """
-        sweep = prepare_sweep(
-            origins,
-            moments,
-            directions,
-            ranges_mm,
-            range_limit,
-            self.config.minimum_range,
-            self.resolution,
-        )
-        ends = Ends.of(sweep)
-        starts = sweep.sensors[ends.moments]
-        if len(starts) == 0:
-            self.advance(time_ns)
-            return ends.statistics(0)
-        cells = np.concatenate([starts, ends.points])[:, :2] >> beams.SUBCELL_BITS
-        tile, marks, inside = self._open(cells.min(axis=0), cells.max(axis=0) + 1)
-        self.advance(time_ns)
-        shift = np.array([*(tile * TILE), 0]) << beams.SUBCELL_BITS
-        first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
-
-        def trace(member: int, part: tuple[int, int]) -> None:
-            kernels.trace_all(first, last, ends.returned, part, self._band, inside, marks[member])
-
-        self._team.share(trace, len(starts))
-        merged: NDArray[np.uint8] = np.bitwise_or.reduce(marks)
-        self._update(tile, merged, False, time_ns)
-        return ends.statistics(int(np.count_nonzero(merged)))
-
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Lower the cells whose columns stand in a box by one miss, except occupied ones.
-
-        Args:
-            low: (3,) least corner, m, world.
-            high: (3,) greatest corner, m, world.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: A corner is not finite.
-        """
+        """Lower the cells whose columns stand in a box by one miss, except occupied ones."""
         first, end = cell_box(low, high, self.resolution)
         self.advance(time_ns)
         if end[2] <= max(first[2], FLOOR_LAYER + 1):
@@ -141,17 +78,8 @@ class Grid2D(BlockMap):
         raise ValueError(_no_heights("a body that flies"))
 
     def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Only time passes: the floor is taken to be everywhere.
-
-        Args:
-            low: (2,) least corner, m, world.
-            high: (2,) greatest corner, m, world.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: A corner is not finite.
-        """
-        cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], self.resolution)
+        """Only time passes: the floor is taken to be everywhere."""
+        floor_cells(low, high, self.resolution)  # refuses strange corners
         self.advance(time_ns)
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -186,6 +114,21 @@ class Grid2D(BlockMap):
         boxes, now = super().changed(since)
         boxes[:, 2], boxes[:, 5] = FLOOR_LAYER, TOP
         return boxes, now
+
+    def _trace(self, starts: NDArray[np.int64], ends: Ends, time_ns: int) -> int:
+        cells = np.concatenate([starts, ends.points])[:, :2] >> beams.SUBCELL_BITS
+        tile, marks, inside = self._open(cells.min(axis=0), cells.max(axis=0) + 1)
+        self.advance(time_ns)
+        shift = np.array([*(tile * TILE), 0]) << beams.SUBCELL_BITS
+        first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
+
+        def trace(member: int, part: tuple[int, int]) -> None:
+            kernels.trace_all(first, last, ends.returned, part, self._band, inside, marks[member])
+
+        self._team.share(trace, len(starts))
+        merged: NDArray[np.uint8] = np.bitwise_or.reduce(marks)
+        self._update(tile, merged, False, time_ns)
+        return int(np.count_nonzero(merged))
 
     def _units(self) -> bytes:
         return b"grid2d" + struct.pack("<3q", self.units.units, *self._band)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise, product
 
@@ -33,7 +34,10 @@ MIN_TRAVEL = 2 * POINTS
 Slower things than these do not leave their cells within a look-ahead of 0.2 s either.
 """
 
+NO_CELLS = np.empty((0, 3), np.int64)
+
 Point = tuple[int, int, int]
+Judge = Callable[[NDArray[np.int64]], bool]
 
 
 @dataclass(frozen=True)
@@ -96,16 +100,19 @@ class Traffic:
     tracks: tuple[Track, ...] = ()
     _next: int = field(default=0, repr=False)
 
-    def follow(self, cells: NDArray[np.int64], time_ns: int) -> NDArray[np.int64]:
-        """Take in the cells that things are in now, and tell those they will come through.
+    def follow(
+        self, cells: NDArray[np.int64], time_ns: int, is_loose: Judge = lambda _: True
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Take in the cells that things are in now, and tell of those that move.
 
         Args:
             cells: (m, 3) a set, in lexical order.
             time_ns: Simulated time, not before that of the last call, ns.
+            is_loose: Whether a cluster (k, 3) stands apart from what is known to stay.
 
         Returns:
-            (n, 3) cells on the way of each cluster from now to the end of the look-ahead; some of
-            them may be told twice.
+            The cells (k, 3) of clusters that move, and the cells (n, 3) on their way from now to
+            the end of the look-ahead, of which some may be told twice.
         """
         clusters = clusters_of(cells)
         centroids = [_centroid(cluster) for cluster in clusters]
@@ -122,14 +129,14 @@ class Traffic:
         waiting = [t for t in lost if time_ns - t.sightings[-1][0] <= MEMORY_NS]
         self.tracks = tuple(sorted([*tracks, *waiting], key=lambda track: track.number))
         longest = MAX_EXTENT / self.resolution
-        ways = [
-            way_ahead(cluster, matched[i].shift(self.look_ahead_ns))
-            for i, cluster in enumerate(clusters)
-            if matched[i].moves
-            and len(cluster) >= MIN_CELLS
-            and np.ptp(cluster, axis=0).max() < longest
-        ]
-        return np.concatenate([np.empty((0, 3), np.int64), *ways])
+        moving, ways = [NO_CELLS], [NO_CELLS]
+        for i, cluster in enumerate(clusters):
+            small = np.ptp(cluster, axis=0).max() < longest
+            likely = matched[i].moves and len(cluster) >= MIN_CELLS and small
+            if likely and is_loose(cluster):
+                moving.append(cluster)
+                ways.append(way_ahead(cluster, matched[i].shift(self.look_ahead_ns)))
+        return np.concatenate(moving), np.concatenate(ways)
 
     def _match(self, centroids: list[Point], time_ns: int) -> dict[int, Track]:
         """The track of each cluster that has one: nearest pairs first, then by number."""

@@ -11,17 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maps._jit import kernel
+from maps.cell_sets import ball_cells, box_cells, floor_cells
+from maps.columns import WORD_BITS
 from maps.config import MapConfig
-from maps.grid import (
-    FLOOR_HEIGHT_IN_CELL,
-    FLOOR_LAYER,
-    cell_box,
-    cells_at,
-    centres,
-    finite_vector,
-)
+from maps.ends import Lengths
+from maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from maps.sweep import SweepStatistics, prepare_sweep
+from maps.sweep import SweepStatistics, check_time, prepare_sweep
 
 UNITS = 1000
 """Log-odds are told in thousandths; OctoMap holds them as single precision floats."""
@@ -33,8 +29,6 @@ HALF_TREE = 1 << (TREE_DEPTH - 1)
 NODE_BYTES = 5  # of a written tree: log-odds as a float, and one bit for each child
 BLOCK = 16  # cells along the edge of a block, which carries the time of its last observation
 NEIGHBOURS = 4  # cells along the edge of a cube in which one beam's end stands for all
-WORD_BITS = 64
-DROPPED_MM = 0
 DISCRETIZE = (
     True  # of `insertPointCloud`. Beams that end in the same cell are one, as VoxelMap has it.
 )
@@ -62,13 +56,7 @@ class OctoMap:
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map.
-
-        Args:
-            config: The settings.
-            threads: Ignored, OctoMap uses one.
-            low: Ignored: OctoMap maps all that its beams reach.
-            high: Likewise.
+        """Make an unknown map of all that beams reach: threads and the corners are ignored.
 
         Raises:
             ValueError: pyoctomap is not installed, or decay is asked for, which OctoMap does not
@@ -104,6 +92,7 @@ class OctoMap:
         Raises:
             ValueError: As there; or the beams leave the tree.
         """
+        check_time(time_ns)
         sweep = prepare_sweep(
             origins,
             moments,
@@ -113,56 +102,42 @@ class OctoMap:
             self.config.minimum_range,
             self.resolution,
         )
-        starts, directions, ranges_mm = sweep.origins, sweep.directions, sweep.ranges_mm
-        moments = sweep.moments if len(sweep.moments) else np.zeros(len(ranges_mm), np.int32)
-        self._check_reach(starts, range_limit)
+        lengths, sources = Lengths.of(sweep), sweep.sources
+        starts, told = sweep.origins[sources], lengths.told
+        self._check_reach(sweep.origins, range_limit)
         self.advance(time_ns)
-        dropped = ranges_mm == DROPPED_MM
-        near = (ranges_mm < round(1000 * self.config.minimum_range)) & ~dropped
-        clears = (ranges_mm > round(1000 * range_limit)) & ~near
-        told = ~(dropped | near)
-        lengths = np.where(clears, range_limit, ranges_mm / 1000.0)
         # OctoMap clears toward a point beyond its maximum range, up to that range.
-        points = starts[moments] + directions * np.where(clears, 2.0 * lengths, lengths)[:, None]
-        for moment in np.unique(moments[told]):
-            own = self._in_tree(points[told & (moments == moment)])
-            start = self._in_tree(starts[moment])
+        far = np.where(lengths.returned, lengths.metres, 2.0 * range_limit)
+        points = starts + sweep.directions * far[:, None]
+        for moment in np.unique(sources[told]):
+            own = self._in_tree(points[told & (sources == moment)])
+            start = self._in_tree(sweep.origins[moment])
             self._tree.insertPointCloud(own, start, range_limit, True, DISCRETIZE)
-        ends = starts[moments] + directions * lengths[:, None]
-        self._note(starts[moments][told], ends[told], time_ns)
-        returned = told & ~clears
-        hits, cleared, lost, ignored = (int(a.sum()) for a in (returned, clears, dropped, near))
-        return SweepStatistics(hits, cleared, lost, ignored, 0)
+        ends = starts + sweep.directions * lengths.metres[:, None]
+        self._note(starts[told], ends[told], time_ns)
+        return SweepStatistics(*lengths.count, 0)
 
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Lower the cells whose centres lie in a box by one miss, except occupied ones."""
-        self._mark(_cells_within(*cell_box(low, high, self.resolution)), -self.config.miss, time_ns)
+        cells = box_cells(*cell_box(low, high, self.resolution))
+        self._mark(cells, -self.config.miss, time_ns)
 
     def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
         """Lower the cells whose centres lie in a sphere by one miss, except occupied ones."""
-        middle = finite_vector("centre", centre)
-        cells = _cells_within(*cell_box(middle - radius, middle + radius, self.resolution))
-        squared = ((centres(cells, self.resolution) - middle) ** 2).sum(axis=1)
-        self._mark(cells[squared <= radius * radius], -self.config.miss, time_ns)
+        cells = ball_cells(centre, radius, self.resolution)
+        self._mark(cells, -self.config.miss, time_ns)
 
     def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Raise the floor's cells whose centres lie in a rectangle by one hit, except free ones."""
-        first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], self.resolution)
-        first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
-        self._mark(_cells_within(first, end), self.config.hit, time_ns)
+        self._mark(floor_cells(low, high, self.resolution), self.config.hit, time_ns)
 
     def hold(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Nothing: without decay, everything is held."""
         self.advance(time_ns)
 
     def advance(self, time_ns: int) -> None:
-        """Nothing happens: OctoMap has no decay.
-
-        Raises:
-            ValueError: The time is negative.
-        """
-        if time_ns < 0:
-            raise ValueError(f"time_ns: got {time_ns}, expected 0 or more")
+        """Nothing happens: OctoMap has no decay."""
+        check_time(time_ns)
 
     def columns(
         self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
@@ -347,12 +322,6 @@ def _names(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     inside = np.all((cells >= -HALF_TREE) & (cells < HALF_TREE), axis=1)
     x, y, z = (cells + HALF_TREE).T
     return np.where(inside, x << 32 | y << 16 | z, -1)
-
-
-def _cells_within(first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The cells (k, 3) of a box."""
-    nx, ny, nz = (int(cells) for cells in end - first)
-    return (np.indices((nx, ny, nz)).transpose(1, 2, 3, 0) + first).reshape(-1, 3)
 
 
 def _cells(names: NDArray[np.int64]) -> NDArray[np.int64]:

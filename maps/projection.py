@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps import _column_kernels as kernels
+from maps import _label_kernels as labels
+from maps.class_margins import ClassMargins
 from maps.columns import WORD_BITS, ColumnMap, Window, layer_bits
 
 ROUNDING = 1e-6  # of a cell
@@ -52,15 +54,20 @@ class Projection:
             return None
         x, y = box
         first_x, first_y, first_z = self._window.first
-        occupied, free = voxel_map.columns(
-            (first_x + x.start, first_y + y.start, first_z),
-            (x.stop - x.start, y.stop - y.start, self._words),
-        )
-        return self._take(occupied, free, x, y)
+        low = first_x + x.start, first_y + y.start, first_z
+        shape = x.stop - x.start, y.stop - y.start, self._words
+        grown = voxel_map.grown(low, shape) if isinstance(voxel_map, ClassMargins) else None
+        return self._take(*voxel_map.columns(low, shape), grown, x, y)
 
     def _take(
-        self, occupied: NDArray[np.uint64], free: NDArray[np.uint64], x: slice, y: slice
+        self,
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+        grown: NDArray[np.uint64] | None,
+        x: slice,
+        y: slice,
     ) -> Columns:
+        """Take over a box of columns, and what to keep out of besides, if there is any."""
         raise NotImplementedError
 
 
@@ -93,9 +100,17 @@ class Airspace(Projection):
         super().__init__(window.layers(first, end))
 
     def _take(
-        self, occupied: NDArray[np.uint64], free: NDArray[np.uint64], x: slice, y: slice
+        self,
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+        grown: NDArray[np.uint64] | None,
+        x: slice,
+        y: slice,
     ) -> Columns:
         self.occupied[x, y], self.free[x, y] = occupied, free
+        if grown is not None:
+            self.occupied[x, y] |= grown
+            self.free[x, y] &= ~grown
         return x, y
 
 
@@ -118,31 +133,23 @@ class Ground(Projection):
         Raises:
             ValueError: The body does not fit the window.
         """
-        if not 0.0 <= step_height < height:
-            raise ValueError(
-                f"step_height: got {step_height:g}, expected 0 to below the height, {height:g} m"
-            )
-        bottom, layers, floor_layer = window.origin[2], window.shape[2], window.floor_layer
-        first = math.floor((step_height - bottom) / window.resolution + ROUNDING)
-        end = math.ceil((height - bottom) / window.resolution - ROUNDING)
-        if not 0 <= floor_layer < first:
-            raise ValueError(
-                f"step_height: got {step_height:g} m, in layer {first}, expected above the floor's "
-                f"layer {floor_layer}, and that one in the window"
-            )
-        if end > layers:
-            top = bottom + layers * window.resolution
-            raise ValueError(f"height: got {height:g}, expected up to the window's top, {top:g} m")
+        floor_layer, first, end = walking_layers(window, height, step_height)
         nx, ny, _ = window.shape
         self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
+        self._first, self._layers = first, end - first
         self._below = layer_bits(0, floor_layer, end)
         self._footing = layer_bits(floor_layer, first, end)
         self._band = layer_bits(first, end, end)
         super().__init__(window.layers(0, end))
 
     def _take(
-        self, occupied: NDArray[np.uint64], free: NDArray[np.uint64], x: slice, y: slice
+        self,
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+        grown: NDArray[np.uint64] | None,
+        x: slice,
+        y: slice,
     ) -> Columns:
         kernels.project_columns(
             occupied,
@@ -155,4 +162,32 @@ class Ground(Projection):
             self.occupied[:, 0],
             self.free[:, 0],
         )
+        if grown is not None:
+            first = np.full(grown.shape[:2], self._first, np.int16)
+            columns = self.occupied[:, 0], self.free[:, 0]
+            labels.block_columns(grown, first, self._layers, x.start, y.start, *columns)
         return x, slice(0, 1)
+
+
+def walking_layers(window: Window, height: float, step_height: float) -> tuple[int, int, int]:
+    """The layers of the floor, of the lowest cell that a body on it meets, and past its back.
+
+    Raises:
+        ValueError: The body does not fit the window.
+    """
+    if not 0.0 <= step_height < height:
+        raise ValueError(
+            f"step_height: got {step_height:g}, expected 0 to below the height, {height:g} m"
+        )
+    bottom, layers, floor_layer = window.origin[2], window.shape[2], window.floor_layer
+    first = math.floor((step_height - bottom) / window.resolution + ROUNDING)
+    end = math.ceil((height - bottom) / window.resolution - ROUNDING)
+    if not 0 <= floor_layer < first:
+        raise ValueError(
+            f"step_height: got {step_height:g} m, in layer {first}, expected above the floor's "
+            f"layer {floor_layer}, and that one in the window"
+        )
+    if end > layers:
+        top = bottom + layers * window.resolution
+        raise ValueError(f"height: got {height:g}, expected up to the window's top, {top:g} m")
+    return floor_layer, first, end

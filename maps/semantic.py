@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from maps import _label_kernels as kernels
 from maps.grid import cells_at
 
-UNLABELLED = 255
-"""The label of a cell without votes."""
+UNLABELLED = kernels.UNLABELLED
+"""The label of a cell without votes, and of a beam that has none."""
 
 MEBIBYTE = 1 << 20
-BYTES_IN_CELL = 3 * 8 + 2 * 4  # its index, and two entries of the directory
+BYTES_IN_CELL = 3 * 8 + 1 + 2 * 4  # its index, its label, and two entries of the directory
 
 
 class SemanticLayer:
@@ -29,9 +29,6 @@ class SemanticLayer:
 
     Once the memory is full, votes in cells that have none yet are lost, and counted in `lost`;
     those in known cells still count. A count stays at 2^32 - 1.
-
-    It stands for itself: the sweeps that an episode logs hold ranges and no classes, so no robot
-    makes one.
 
     Attributes:
         resolution: Edge of a cell, m; of the same cells as a map's.
@@ -62,12 +59,15 @@ class SemanticLayer:
         # The directory is a power of two of entries, at least two for each cell.
         size = memory_mib * MEBIBYTE // (BYTES_IN_CELL + 4 * classes)
         buckets = 1 << (2 * size - 1).bit_length()
-        self.capacity = (memory_mib * MEBIBYTE - 4 * buckets) // (24 + 4 * classes)
+        self.capacity = (memory_mib * MEBIBYTE - 4 * buckets) // (25 + 4 * classes)
         self.lost = 0
         self._directory = np.full(buckets, -1, np.int32)
         self._cells = np.zeros((self.capacity, 3), np.int64)
         self._votes = np.zeros((self.capacity, classes), np.uint32)
+        self._winners = np.full(self.capacity, UNLABELLED, np.uint8)
         self._used = 0
+        self._sums = np.zeros(2, np.uint64)
+        self._boxes: list[NDArray[np.int64]] = []
 
     def integrate(self, points: ArrayLike, labels: NDArray[np.uint8]) -> None:
         """Count one vote for each point.
@@ -85,19 +85,61 @@ class SemanticLayer:
             raise ValueError(
                 f"labels: got {labels.dtype} {labels.shape}, expected uint8 ({len(cells)},)"
             )
-        if len(labels) and labels.max() >= self.classes:
+        self._check_labels(labels)
+        once = np.ones(len(cells), np.uint32)
+        self._vote(cells, np.require(labels, None, ["C", "W"]), once)
+
+    def integrate_sweep(
+        self,
+        origins: ArrayLike,
+        directions: NDArray[np.float64],
+        ranges_mm: NDArray[np.uint16],
+        limits: tuple[float, float],
+        labels: NDArray[np.uint8],
+        moments: NDArray[np.int32] | None = None,
+    ) -> None:
+        """Count one vote for each labelled beam that has a return, in the cell that it ends in.
+
+        Args:
+            origins: (3,) or (m, 3) where the beams start, m, world.
+            directions: (n, 3) unit vectors, world.
+            ranges_mm: (n,) measured ranges, mm.
+            limits: Nearest and farthest return that counts, m.
+            labels: (n,) class of what each beam met; 255: not known.
+            moments: (n,) index of each beam's origin, if there are several.
+
+        The beams are those that a map has taken in: only what could be mistaken is checked again.
+
+        Raises:
+            ValueError: The arrays differ in length, or a label is not one of the classes. No vote
+                is counted then.
+        """
+        starts = np.array(origins, np.float64, ndmin=2)
+        sources = np.empty(0, np.int32) if moments is None else moments
+        count = len(ranges_mm)
+        if labels.dtype != np.uint8 or labels.shape != (count,) or len(directions) != count:
             raise ValueError(
-                f"labels: got {labels.max()}, expected 0 to {self.classes - 1}: one of the classes"
+                f"labels: got {labels.dtype} {labels.shape} for {len(directions)} directions, "
+                f"expected uint8 ({count},)"
             )
-        self._used, lost = kernels.vote(
-            self._directory,
-            self._cells,
-            self._votes,
-            self._used,
-            cells,
+        if len(sources) not in (0, count) or sources.max(initial=0) >= len(starts):
+            raise ValueError(f"moments: got {sources.shape}, expected ({count},) of the origins")
+        self._check_labels(labels[labels != UNLABELLED])
+        cells, votes = np.empty((count, 3), np.int64), np.empty(count, np.uint8)
+        counts = np.empty(count, np.uint32)
+        count = kernels.end_runs(
+            starts,
+            np.require(sources, np.int32, ["C", "W"]),
+            np.require(directions, np.float64, ["C", "W"]),
+            np.require(ranges_mm, np.uint16, ["C", "W"]),
+            (round(1000 * limits[0]), round(1000 * limits[1])),
             np.require(labels, None, ["C", "W"]),
+            self.resolution,
+            cells,
+            votes,
+            counts,
         )
-        self.lost += lost
+        self._vote(cells[:count], votes[:count], counts[:count])
 
     def label_at(self, points: ArrayLike) -> NDArray[np.uint8]:
         """The labels at points (n, 3), m, world: (n,) uint8; 255 where there are no votes.
@@ -105,10 +147,26 @@ class SemanticLayer:
         Raises:
             ValueError: The points have another shape, or one is not finite and within 1000 km.
         """
-        votes = self.votes_at(points)
-        best = votes.argmax(axis=1).astype(np.uint8)  # the first of equal ones
-        labels: NDArray[np.uint8] = np.where(votes.any(axis=1), best, UNLABELLED).astype(np.uint8)
-        return labels
+        rows = self._rows_of(points)
+        labels: NDArray[np.uint8] = np.where(rows >= 0, self._winners[rows], UNLABELLED)
+        return labels.astype(np.uint8)
+
+    def labelled(self, wanted: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+        """The cells (k, 3) whose label is one of those wanted (classes,), and their labels (k,)."""
+        labels = self._winners[: self._used]
+        rows = np.flatnonzero(wanted[labels])
+        return self._cells[rows], labels[rows]
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Where labels changed since an earlier call, a box of cells for each sweep.
+
+        Args:
+            since: What that call returned as `now`; 0 for all.
+
+        Returns:
+            Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), and `now`.
+        """
+        return np.array(self._boxes[since:], np.int64).reshape(-1, 6), len(self._boxes)
 
     def votes_at(self, points: ArrayLike) -> NDArray[np.uint32]:
         """The votes at points (n, 3), m, world: (n, classes).
@@ -116,23 +174,55 @@ class SemanticLayer:
         Raises:
             ValueError: As of `label_at`.
         """
-        cells = self._cells_of(points)
-        rows = np.empty(len(cells), np.int64)
-        kernels.look_up(self._directory, self._cells, cells, rows)
+        rows = self._rows_of(points)
         return np.where(rows[:, None] >= 0, self._votes[rows], np.uint32(0))
 
     def version(self) -> str:
-        """Digest of the content, 32 hex digits: equal votes give the same one."""
-        cells, votes = self._cells[: self._used], self._votes[: self._used]
-        order = np.lexsort(cells.T[::-1])
-        whole = hashlib.blake2b(struct.pack("<dq", self.resolution, self.classes), digest_size=16)
-        whole.update(cells[order].astype("<i8").tobytes())
-        whole.update(votes[order].astype("<u4").tobytes())
-        return whole.hexdigest()
+        """Digest of the content, 32 hex digits: equal votes give the same one.
+
+        Each vote adds 128 bits, made of its cell and its class, to a sum that is kept up to date,
+        as in an incremental hash of a multiset (Clarke et al. 2003, MSet-Add-Hash).
+        """
+        head = struct.pack("<dq", self.resolution, self.classes)
+        sums = self._sums.astype("<u8").tobytes()
+        return hashlib.blake2b(head + sums, digest_size=16).hexdigest()
 
     def memory_bytes(self) -> int:
         """Bytes that are reserved; the system gives most of them only as cells are first used."""
-        return self._directory.nbytes + self._cells.nbytes + self._votes.nbytes
+        held = self._directory, self._cells, self._votes, self._winners
+        return sum(part.nbytes for part in held)
+
+    def _vote(
+        self, cells: NDArray[np.int64], labels: NDArray[np.uint8], counts: NDArray[np.uint32]
+    ) -> None:
+        box = np.array([[1 << 62] * 3, [-(1 << 62)] * 3])
+        self._used, lost = kernels.vote(
+            self._directory,
+            self._cells,
+            self._votes,
+            self._winners,
+            self._used,
+            cells,
+            labels,
+            counts,
+            self._sums,
+            box,
+        )
+        self.lost += lost
+        if box[0, 0] <= box[1, 0]:
+            self._boxes.append(np.concatenate([box[0], box[1] + 1]))
+
+    def _check_labels(self, labels: NDArray[np.uint8]) -> None:
+        if labels.max(initial=0) >= self.classes:
+            raise ValueError(
+                f"labels: got {labels.max()}, expected 0 to {self.classes - 1}: one of the classes"
+            )
+
+    def _rows_of(self, points: ArrayLike) -> NDArray[np.int64]:
+        cells = self._cells_of(points)
+        rows = np.empty(len(cells), np.int64)
+        kernels.look_up(self._directory, self._cells, cells, rows)
+        return rows
 
     def _cells_of(self, points: ArrayLike) -> NDArray[np.int64]:
         places = np.asarray(points, np.float64)

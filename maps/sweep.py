@@ -59,11 +59,28 @@ class Sweep:
         return np.floor(shifted).astype(np.int64)
 
     @property
+    def sources(self) -> NDArray[np.int32]:
+        """(n,) index of each beam's origin."""
+        if len(self.moments) == 0:
+            return np.zeros(len(self.ranges_mm), np.int32)
+        return self.moments
+
+    @property
     def groups(self) -> NDArray[np.int64]:
         """(m + 1,) first beam of each origin, and the end."""
         if len(self.moments) == 0:
             return np.array([0, len(self.ranges_mm)])
         return np.searchsorted(self.moments, np.arange(len(self.origins) + 1))
+
+
+def check_time(time_ns: int) -> None:
+    """Refuse a time before the start.
+
+    Raises:
+        ValueError: The time is negative.
+    """
+    if time_ns < 0:
+        raise ValueError(f"time_ns: got {time_ns}, expected 0 or more")
 
 
 def prepare_sweep(

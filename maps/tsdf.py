@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from maps import _beam_kernels as beams
 from maps import _tsdf_kernels as kernels
 from maps.block_map import BlockMap, CellBox
+from maps.cell_sets import ball_cells, box_cells, floor_cells
 from maps.config import MapConfig
 from maps.ends import Ends
-from maps.grid import FLOOR_LAYER, cell_box, cells_at, centres, finite_vector
+from maps.grid import FLOOR_LAYER, cell_box, cells_at
 from maps.states import FREE, OCCUPIED
-from maps.sweep import SweepStatistics, prepare_sweep
+from maps.sweep import Sweep, check_time
 
 MAX_WINDOW_CELLS = 1 << 29
 NO_GUARD = -1
@@ -33,6 +34,9 @@ class TsdfMap(BlockMap):
     touch it, or negative; free where it is more; unknown where the weight is 0. So what is seen
     from one side only is up to 4 cells thick, and a surface is a cell thicker than VoxelMap's.
 
+    With the surface guard, a beam that ends in the floor's layer does not clear that layer, at
+    grazing angles, and the cells above it are free however near the floor is.
+
     Hits, misses and clamps of the configuration have no meaning here. A standing body's marks weigh
     as one sweep.
     """
@@ -47,126 +51,24 @@ class TsdfMap(BlockMap):
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map.
-
-        Args:
-            config: The settings.
-            threads: Number of threads that share the work of a sweep.
-            low: (3,) least corner of the region of interest, m, world; None for all space. What is
-                outside stays unknown.
-            high: (3,) greatest corner, m, world.
-
-        Raises:
-            ValueError: Not 1 to 64 threads, only one corner, or a region that is empty, not finite
-                or of more cells than a costmap may have.
-        """
+        """Make an unknown map, as `Maker` says."""
         layers = {"distance": np.int16, "weight": np.int8}
         super().__init__(config, threads, low, high, (kernels.EDGE,) * 3, layers)
         self._scores = np.zeros((threads, 0), np.uint16)
 
-    def integrate(
-        self,
-        origins: ArrayLike,
-        directions: NDArray[np.float64],
-        ranges_mm: NDArray[np.uint16],
-        range_limit: float,
-        time_ns: int,
-        moments: NDArray[np.int32] | None = None,
-    ) -> SweepStatistics:
-        """Take in one sweep; the arguments are those of `VoxelMap.integrate`.
-
-        With the surface guard, a beam that ends in the floor's layer does not clear that layer, at
-        grazing angles, and the cells above it are free however near the floor is.
-
-        Raises:
-            ValueError: As there; the beams may span 2^29 cells. The map is then as before.
-        """
-        config = self.config
-        sweep = prepare_sweep(
-            origins,
-            moments,
-            directions,
-            ranges_mm,
-            range_limit,
-            config.minimum_range,
-            self.resolution,
-        )
-        ends = Ends.of(sweep).merged()
-        starts = sweep.sensors[ends.moments]
-        cells = np.concatenate([starts, ends.points]) >> beams.SUBCELL_BITS
-        if len(cells) == 0:
-            self.advance(time_ns)
-            return ends.statistics(0)
-        reach = kernels.TRUNCATION_CELLS
-        box = self._clip(cells.min(axis=0) - reach, cells.max(axis=0) + reach + 1)
-        corner, shape = self._open(box)
-        self.advance(time_ns)
-        touched = np.zeros((self._team.size, int(np.prod(shape))), np.bool_)
-        low = corner * kernels.EDGE  # cells
-        guard = FLOOR_LAYER - int(low[2]) if config.surface_guard == "floor" else NO_GUARD
-        shift = low << beams.SUBCELL_BITS
-        first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
-        inside = np.stack(box) - low
-
-        def trace(member: int, part: tuple[int, int]) -> None:
-            kernels.trace_all(
-                first,
-                last,
-                ends.returned,
-                part,
-                guard,
-                shape,
-                inside,
-                self._scores[member],
-                touched[member],
-            )
-
-        self._team.share(trace, len(starts))
-        return ends.statistics(self._update(corner, shape, np.bitwise_or.reduce(touched), time_ns))
-
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Tell the cells whose centres lie in a box that they are free, except occupied ones.
-
-        Args:
-            low: (3,) least corner, m, world.
-            high: (3,) greatest corner, m, world.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: A corner is not finite.
-        """
-        box = cell_box(low, high, self.resolution)
-        self._mark(box, None, kernels.TRUNCATION, OCCUPIED, time_ns)
+        """Tell the cells whose centres lie in a box that they are free, except occupied ones."""
+        cells = box_cells(*cell_box(low, high, self.resolution))
+        self._mark(cells, kernels.TRUNCATION, OCCUPIED, time_ns)
 
     def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
-        """Tell the cells whose centres lie in a sphere that they are free, except occupied ones.
-
-        Args:
-            centre: (3,) m, world.
-            radius: m.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: The sphere is not finite.
-        """
-        middle = finite_vector("centre", centre)
-        box = cell_box(middle - radius, middle + radius, self.resolution)
-        self._mark(box, (middle, radius), kernels.TRUNCATION, OCCUPIED, time_ns)
+        """Tell the cells whose centres lie in a sphere that they are free, except occupied ones."""
+        cells = ball_cells(centre, radius, self.resolution)
+        self._mark(cells, kernels.TRUNCATION, OCCUPIED, time_ns)
 
     def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Tell the floor's cells whose centres lie in a rectangle of a surface, except free ones.
-
-        Args:
-            low: (2,) least corner, m, world.
-            high: (2,) greatest corner, m, world.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: A corner is not finite.
-        """
-        first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], self.resolution)
-        first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
-        self._mark((first, end), None, 0, FREE, time_ns)
+        """Tell the cells of a rectangle of floor of a surface there, except free ones."""
+        self._mark(floor_cells(low, high, self.resolution), 0, FREE, time_ns)
 
     def distance_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Signed distance to the surface at the cells of points (n, 3), m, world: (n,) m.
@@ -214,6 +116,39 @@ class TsdfMap(BlockMap):
         """
         return super().memory_bytes() + self._scores.nbytes
 
+    def _ends_of(self, sweep: Sweep) -> Ends:
+        return Ends.of(sweep).merged()
+
+    def _trace(self, starts: NDArray[np.int64], ends: Ends, time_ns: int) -> int:
+        cells = np.concatenate([starts, ends.points]) >> beams.SUBCELL_BITS
+        reach = kernels.TRUNCATION_CELLS
+        box = self._clip(cells.min(axis=0) - reach, cells.max(axis=0) + reach + 1)
+        corner, shape = self._open(box)
+        self.advance(time_ns)
+        touched = np.zeros((self._team.size, int(np.prod(shape))), np.bool_)
+        low = corner * kernels.EDGE  # cells
+        guarded = self.config.surface_guard == "floor"
+        guard = FLOOR_LAYER - int(low[2]) if guarded else NO_GUARD
+        shift = low << beams.SUBCELL_BITS
+        first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
+        inside = np.stack(box) - low
+
+        def trace(member: int, part: tuple[int, int]) -> None:
+            kernels.trace_all(
+                first,
+                last,
+                ends.returned,
+                part,
+                guard,
+                shape,
+                inside,
+                self._scores[member],
+                touched[member],
+            )
+
+        self._team.share(trace, len(starts))
+        return self._update(corner, shape, np.bitwise_or.reduce(touched), time_ns)
+
     def _units(self) -> bytes:
         return b"tsdf" + struct.pack("<2q", kernels.UNITS, kernels.FULL_WEIGHT)
 
@@ -241,23 +176,17 @@ class TsdfMap(BlockMap):
         for slot in slots:
             layers["distance"][slot][layers["weight"][slot] == 0] = 0
 
-    def _mark(
-        self,
-        box: CellBox,
-        ball: tuple[NDArray[np.float64], float] | None,
-        distance: int,
-        except_for: int,
-        time_ns: int,
-    ) -> None:
-        """Tell the cells of a box, or of a ball in it, a distance; spare those of one state."""
-        first, end = self._clip(*box)
-        shape = tuple(int(n) for n in end - first)
-        corner, blocks = self._open((first, end))
+    def _mark(self, cells: NDArray[np.int64], distance: int, except_for: int, time_ns: int) -> None:
+        """Tell cells (n, 3) a distance, but those of one state."""
+        check_time(time_ns)
+        if self._region is not None:
+            low, high = self._region
+            cells = cells[np.all((cells >= low) & (cells < high), axis=1)]
+        if len(cells) == 0:
+            self.advance(time_ns)
+            return
+        corner, blocks = self._open((cells.min(axis=0), cells.max(axis=0) + 1))
         self.advance(time_ns)
-        cells = np.moveaxis(np.indices(shape), 0, -1).reshape(-1, 3) + first
-        if ball is not None:
-            squared = ((centres(cells, self.resolution) - ball[0]) ** 2).sum(axis=1)
-            cells = cells[squared <= ball[1] * ball[1]]
         cells = cells[self._states_of(cells) != except_for]
         block = np.ravel_multi_index(tuple((cells // kernels.EDGE - corner).T), blocks)
         place = np.ravel_multi_index(tuple((cells % kernels.EDGE).T), (kernels.EDGE,) * 3)

@@ -12,7 +12,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.beams import BeamTable, directions, moment_offsets, moments, rotate
+from models.beams import (
+    DROPPED,
+    NO_RETURN,
+    BeamTable,
+    directions,
+    moment_offsets,
+    moments,
+    rotate,
+)
+from models.classes import UNKNOWN_CLASS, class_of_geoms
 from models.devices import Device, Mount, Rangefinder, SensorConfig, measure, stream
 from models.poses import Trail
 from models.rays import Pattern, TileCaster, cut_grid, cut_scattered
@@ -79,6 +88,8 @@ class SweepCaster:
         """
         self.mount = mount
         self.table = mount.device.beam_table()
+        self._model = model
+        self._classes: NDArray[np.uint8] | None = None  # by geom
         self._moments = moments(self.table)
         self._site = model.site(prefix + mount.site).id
         self.mounting = _mounting(model, self._site, base)
@@ -100,6 +111,26 @@ class SweepCaster:
             seed: The episode's.
             sequence: Number of the sweep.
         """
+        return self._measure(data, trail, seed, sequence)[0]
+
+    def cast_labelled(
+        self, data: mujoco.MjData, trail: Trail, seed: int, sequence: int
+    ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:  # (n,) mm, (n,) classes
+        """Cast one sweep, and tell the class of what each beam with a return met.
+
+        Raises:
+            ValueError: A geom's class is not one of `models.classes.CLASSES`.
+        """
+        ranges_mm, geom_id = self._measure(data, trail, seed, sequence)
+        if self._classes is None:
+            self._classes = class_of_geoms(self._model)
+        returned = (ranges_mm != DROPPED) & (ranges_mm != NO_RETURN)
+        return ranges_mm, np.where(returned, self._classes[geom_id], np.uint8(UNKNOWN_CLASS))
+
+    def _measure(
+        self, data: mujoco.MjData, trail: Trail, seed: int, sequence: int
+    ) -> tuple[NDArray[np.uint16], NDArray[np.int32]]:
+        """Ranges (n,), mm, and the geoms (n,) that the beams met."""
         if self.table.order == "pairs":
             self._firing = _fire(self.table, self._moments, sequence)
         origins, rotations = self._poses(data, trail)
@@ -107,7 +138,8 @@ class SweepCaster:
         hits = self._engine.cast(data, self._firing, origins, rotations, normals=fades)
         rng = stream(seed, f"sensor/{self.mount.name}", sequence)
         incidence = _incidence(hits, self._firing, rotations) if fades else None
-        return measure(self.mount.device, hits.distance, incidence, self._firing.directions, rng)
+        beams = self._firing.directions
+        return measure(self.mount.device, hits.distance, incidence, beams, rng), hits.geom_id
 
     def _poses(
         self, data: mujoco.MjData, trail: Trail
@@ -228,6 +260,13 @@ class RangefinderCaster:
         distance = data.sensordata[self._address : self._address + 1]
         rng = stream(seed, f"sensor/{self.mount.name}", sequence)
         return measure(self.mount.device, distance, None, self._directions, rng)
+
+    def cast_labelled(
+        self, data: mujoco.MjData, trail: Trail, seed: int, sequence: int
+    ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:  # (1,) mm, (1,)
+        """Read the beam; MuJoCo does not tell what it met."""
+        ranges_mm = self.cast(data, trail, seed, sequence)
+        return ranges_mm, np.full(1, UNKNOWN_CLASS, np.uint8)
 
 
 Caster = SweepCaster | RangefinderCaster

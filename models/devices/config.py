@@ -18,8 +18,11 @@ class SensorConfig:
         depth: Likewise as `depth`.
         engine: `tile` is Wayproof's caster; `mujoco` takes MuJoCo's own, which is slower and lets
             anybody check an episode against it.
+        semantics: Whether a sweep tells of each return what it met, as a labelled camera would: the
+            class of the geom, without an error.
     """
 
     lidar: str = OWN
     depth: str = OWN
     engine: Literal["tile", "mujoco"] = "tile"
+    semantics: bool = False

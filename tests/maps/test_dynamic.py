@@ -19,7 +19,8 @@ AHEAD = np.array([[1.05, 0.55, 0.55]])  # in cell (10, 5, 6)
 
 def confident(kind="dynamic", **settings):
     """A map whose block from the origin to (3, 1.2, 1.2) has been free for long, and the time."""
-    config = MapConfig(kind=kind, **({"half_life": 0.0, "memory_mib": 8} | settings))
+    at_once = {"half_life": 0.0, "memory_mib": 8, "dynamic_at_once": True}
+    config = MapConfig(kind=kind, **(at_once | settings))
     voxel_map = MAPS[kind](config)
     for _ in range(5):  # 5 misses of 12 units: at the lower clamp, -60
         voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
@@ -120,7 +121,7 @@ def test_a_vacated_cell_is_told_alike_by_every_question():
 
 
 def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
-    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8)
+    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8, dynamic_at_once=True)
     voxel_map = DynamicMap(config)
     for _ in range(5):
         voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
@@ -132,7 +133,7 @@ def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
 
 
 def test_a_cell_that_was_hit_within_the_period_is_not_dynamic():
-    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8)
+    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8, dynamic_at_once=True)
     voxel_map = DynamicMap(config)
     for _ in range(5):
         voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
@@ -158,9 +159,9 @@ def test_a_thing_that_moves_is_foretold_in_whole_cells():
     traffic, ahead = Traffic(0.1, 2 * TENTH), []
     for k in range(4):
         wall = np.array([[k + 5, y, z] for y, z in product(range(3), range(3))])
-        ahead = traffic.follow(wall, k * TENTH)
-        if k < 2:
-            assert len(ahead) == 0
+        moving, ahead = traffic.follow(wall, k * TENTH)
+        assert len(moving) == (0 if k < 2 else 9)
+        assert (len(ahead) > 0) == (k >= 2)
     assert [track.number for track in traffic.tracks] == [0]
     assert traffic.tracks[0].shift(10 * TENTH) == (10 * POINTS, 0, 0)  # 1 m/s
     expected = {(x, y, z) for x in (9, 10) for y in range(3) for z in range(3)}
@@ -172,7 +173,33 @@ def test_what_goes_to_and_fro_or_is_too_large_is_not_foretold():
         traffic = Traffic(0.1, 2 * TENTH)
         for k in range(6):
             wall = np.array([[step(k), y, 0] for y in range(width)])
-            assert len(traffic.follow(wall, k * TENTH)) == 0
+            moving, ahead = traffic.follow(wall, k * TENTH)
+            assert len(moving) == len(ahead) == 0
+
+
+def test_what_hangs_on_to_something_is_not_held_to_move():
+    traffic, asked = Traffic(0.1, TENTH), []
+    for k in range(4):
+        wall = np.array([[k, y, 0] for y in range(4)])
+        moving, _ = traffic.follow(wall, k * TENTH, lambda part: asked.append(len(part)))
+        assert len(moving) == 0
+    assert asked == [4, 4]  # once it has come two cells far
+
+
+def test_only_what_was_seen_to_move_is_dynamic():
+    moved, stays = confident(dynamic_at_once=False), confident(dynamic_at_once=False)
+    up = np.stack([np.ones(5), np.zeros(5), np.linspace(-0.2, 0.2, 5)], axis=1)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    told = []
+    for (voxel_map, k), step in ((moved, 100), (stays, 0)):
+        for j in range(7):
+            flat = 1400 + step * j
+            ranges_mm = np.rint(flat / up[:, 0]).astype(np.uint16)
+            voxel_map.integrate(ORIGIN, up, ranges_mm, 2.5, (k + j) * TENTH)
+            told.append(len(voxel_map.dynamic_centres()) > 0)
+    assert not any(told[:2])
+    assert told[6]
+    assert not any(told[7:])
 
 
 def test_two_things_that_pass_keep_their_velocities():
@@ -316,17 +343,6 @@ def test_confidence_needs_a_period_and_every_neighbour():
 def test_a_bad_setting_is_refused_in_one_line(field, value, expected):
     with pytest.raises(ValueError, match=rf"^map\.{field}: got {value:g}, expected {expected}$"):
         MapConfig(**{field: value})
-
-
-def test_a_bad_sweep_changes_nothing():
-    voxel_map, k = confident()
-    beam(voxel_map, 1000, k)
-    before = voxel_map.version()
-    with pytest.raises(ValueError, match=r"^directions: got .*, expected unit length$"):
-        beam(voxel_map, 1000, k + 1, 2.0 * ALONG_X)
-    with pytest.raises(ValueError, match=r"^threads"):
-        DynamicMap(MapConfig(), threads=0)
-    assert voxel_map.version() == before
 
 
 def test_a_file_holds_the_lasting_evidence(tmp_path):

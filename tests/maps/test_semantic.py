@@ -1,8 +1,12 @@
 import numpy as np
 import pytest
 
+from maps import OCCUPIED, MapConfig, VoxelMap
 from maps import _label_kernels as kernels
+from maps.grid import centres
 from maps.semantic import UNLABELLED, SemanticLayer
+
+CONFIG = MapConfig(half_life=0.0, memory_mib=16)
 
 
 def label(layer, point, *labels):
@@ -92,15 +96,86 @@ def test_the_compiled_kernel_equals_its_python():
     rng = np.random.default_rng(7)
     voters = rng.integers(-3, 3, (200, 3))
     labels = rng.integers(0, 2, 200).astype(np.uint8)
+    counts = rng.integers(1, 4, 200).astype(np.uint32)
     results = []
     for run in (kernels.vote, kernels.vote.py_func):
         directory, cells = np.full(256, -1, np.int32), np.zeros((60, 3), np.int64)
-        votes = np.zeros((60, 2), np.uint32)
-        numbers = run(directory, cells, votes, 0, voters, labels)
-        results.append((numbers, directory.tobytes(), cells.tobytes(), votes.tobytes()))
+        votes, winners = np.zeros((60, 2), np.uint32), np.full(60, UNLABELLED, np.uint8)
+        sums, box = np.zeros(2, np.uint64), np.array([[9] * 3, [-9] * 3])
+        with np.errstate(over="ignore"):
+            held = directory, cells, votes, winners
+            numbers = run(*held, 0, voters, labels, counts, sums, box)
+        held = directory, cells, votes, winners, sums, box
+        results.append((numbers, *(part.tobytes() for part in held)))
     assert results[0] == results[1]
     assert results[0][0][0] == 60
     assert results[0][0][1] > 0
+    np.testing.assert_array_equal(winners, votes.argmax(axis=1))
+    np.testing.assert_array_equal(box, [cells.min(axis=0), cells.max(axis=0)])
+
+
+def random_sweep(seed, moments=1, count=400):
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    ranges_mm = rng.integers(200, 3500, count).astype(np.uint16)
+    ranges_mm[::7], ranges_mm[1::7] = 0, 65535
+    labels = rng.integers(0, 4, count).astype(np.uint8)
+    labels[::5] = UNLABELLED
+    moment = rng.integers(0, moments, count).astype(np.int32)
+    return rng.uniform(-0.3, 0.3, (moments, 3)), directions, ranges_mm, labels, moment
+
+
+@pytest.mark.parametrize("run", [kernels.end_runs, kernels.end_runs.py_func])
+def test_a_sweep_votes_in_the_cells_that_its_map_takes_for_occupied(run, monkeypatch):
+    monkeypatch.setattr(kernels, "end_runs", run)
+    for moments in (1, 3):
+        layer, by_points, voxel_map = SemanticLayer(0.1, 4), SemanticLayer(0.1, 4), VoxelMap(CONFIG)
+        origins, directions, ranges_mm, labels, moment = random_sweep(moments, moments)
+        of_each = None if moments == 1 else moment
+        layer.integrate_sweep(origins, directions, ranges_mm, (0.3, 3.0), labels, of_each)
+        voxel_map.integrate(origins, directions, ranges_mm, 3.0, 0, of_each)
+        told = (ranges_mm >= 300) & (ranges_mm <= 3000) & (labels != UNLABELLED)
+        points = origins[moment] + directions * (ranges_mm / 1000)[:, None]
+        by_points.integrate(points[told], labels[told])
+        assert layer.version() == by_points.version()
+        cells, winners = layer.labelled(np.ones(4, bool))
+        assert len(cells) > 150
+        middles = centres(cells, 0.1)
+        assert (voxel_map.state_at(middles) == OCCUPIED).all()
+        np.testing.assert_array_equal(winners, layer.votes_at(middles).argmax(axis=1))
+        assert set(map(tuple, layer.labelled(np.arange(4) == 2)[0].tolist())) == set(
+            map(tuple, cells[winners == 2].tolist())
+        )
+
+
+def test_a_bad_sweep_is_refused_and_what_is_not_finite_is_no_vote():
+    layer = SemanticLayer(0.1, 3)
+    beam, ranges_mm = np.array([[1.0, 0.0, 0.0]]), np.array([1000], np.uint16)
+    for labels, message in (
+        (np.array([3], np.uint8), "labels: got 3, expected 0 to 2"),
+        (np.array([1, 1], np.uint8), r"labels: got uint8 \(2,\) for 1 directions"),
+        (np.array([1]), r"labels: got int64"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            layer.integrate_sweep((0, 0, 0), beam, ranges_mm, (0.3, 3.0), labels)
+    one = np.ones(1, np.uint8)
+    with pytest.raises(ValueError, match="moments: got"):
+        layer.integrate_sweep((0, 0, 0), beam, ranges_mm, (0.3, 3.0), one, np.ones(1, np.int32))
+    layer.integrate_sweep((np.nan, 0, 0), beam, ranges_mm, (0.3, 3.0), one)
+    assert layer.version() == SemanticLayer(0.1, 3).version()
+
+
+def test_changes_of_labels_are_told():
+    layer = SemanticLayer(0.1, 3)
+    label(layer, (0.05, 0.05, 0.0), 1, 1)
+    boxes, now = layer.changed(0)
+    assert (boxes.tolist(), now) == ([[0, 0, 0, 1, 1, 1]], 1)
+    label(layer, (0.05, 0.05, 0.0), 2)
+    assert layer.changed(now) == (pytest.approx(np.empty((0, 6))), 1)
+    label(layer, (0.05, 0.05, 0.0), 2, 2)
+    label(layer, (-0.05, 0.35, 0.2), 0)
+    assert layer.changed(now)[0].tolist() == [[0, 0, 0, 1, 1, 1], [-1, 3, 2, 0, 4, 3]]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,110 @@
+"""What things are, end to end: classes in sweeps, votes in a layer, margins in the costmap."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import InputError
+from harness.schema import wayproof_pb2 as pb
+from maps import ClassMargins, MapConfig, Representation, SemanticLayer
+from maps.semantic import UNLABELLED
+from models.classes import CLASSES, UNKNOWN_CLASS
+
+if TYPE_CHECKING:  # which reads classes with what stands here
+    from harness.inputs import PlacedSweep
+
+TURNS = 4
+"""A sweep's beams vote in so many parts, one a sweep: what a thing is does not change."""
+
+
+def check_margins(margins: Mapping[str, float], semantics: bool) -> None:
+    """Refuse margins for classes that there are not, or that no sweep tells of.
+
+    Raises:
+        ValueError: A name is no class, or sweeps tell no classes.
+    """
+    for name in margins:
+        if name not in CLASSES:
+            raise ValueError(
+                f"map.class_margins: got '{name}', expected one of {', '.join(CLASSES)}"
+            )
+    if margins and not semantics:
+        raise ValueError(
+            "map.class_margins: got margins without classes, expected sensors.semantics=true"
+        )
+
+
+def make_layer(config: MapConfig, semantics: bool) -> SemanticLayer | None:
+    """A layer without votes for a map, if sweeps tell classes."""
+    return SemanticLayer(config.resolution, len(CLASSES)) if semantics else None
+
+
+def widened(
+    a_map: Representation, layer: SemanticLayer | None, margins: Mapping[str, float]
+) -> Representation | ClassMargins:
+    """The map as a costmap takes it: with the margins, if there are any."""
+    if layer is None or not margins:
+        return a_map
+    by_class = {CLASSES.index(name): margin for name, margin in margins.items()}
+    return ClassMargins(a_map, layer, by_class)
+
+
+def vote(
+    layer: SemanticLayer,
+    placed: PlacedSweep,
+    classes: NDArray[np.uint8],
+    limits: tuple[float, float],
+    sequence: int,
+) -> None:
+    """Count the votes of a sweep.
+
+    Args:
+        layer: That counts them.
+        placed: The sweep's beams.
+        classes: (n,) of what they met; what is not known is no vote.
+        limits: Nearest and farthest return that counts, m.
+        sequence: Number of the sweep.
+    """
+    # Beams that follow one another meet the same cells, so a run of them costs little.
+    edges = [len(classes) * k // TURNS for k in range(TURNS + 1)]
+    turn = slice(edges[sequence % TURNS], edges[sequence % TURNS + 1])
+    told = classes[turn]
+    labels = np.where(told == UNKNOWN_CLASS, np.uint8(UNLABELLED), told)
+    layer.integrate_sweep(
+        placed.origins,
+        placed.directions[turn],
+        placed.ranges_mm[turn],
+        limits,
+        labels,
+        placed.moments[turn],
+    )
+
+
+def bound_version(version: str, layer: SemanticLayer | None) -> str:
+    """The version of a map together with that of its labels, 32 hex digits."""
+    if layer is None:
+        return version
+    both = (version + layer.version()).encode()
+    return hashlib.blake2b(both, digest_size=16).hexdigest()
+
+
+def decode_classes(sweep: pb.Sweep) -> NDArray[np.uint8] | None:  # (rows * columns,)
+    """The class of what each beam met, if the sweep tells.
+
+    Raises:
+        InputError: Not one byte for each beam, or one that is no class.
+    """
+    count = sweep.rows * sweep.columns
+    if not sweep.classes:
+        return None
+    if len(sweep.classes) != count:
+        raise InputError(f"sweep of {len(sweep.classes)} classes, expected {count}")
+    classes = np.frombuffer(sweep.classes, np.uint8)
+    if classes.max() >= len(CLASSES):
+        raise InputError(f"sweep with class {classes.max()}, expected 0 to {len(CLASSES) - 1}")
+    return classes

@@ -1,0 +1,192 @@
+"""Compiled kernels of sloping ground: where a body that walks would stand in each column.
+
+A surface is an occupied cell with room for the body above it. The ground spreads from the floor
+z = 0 over surfaces that differ no more than a ramp's may; all is whole layers. Kernels that call
+each other live in this file because a cached kernel is not recompiled when another file changes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps._jit import kernel
+
+WORD_BITS = 64
+NOWHERE = -1
+STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]])
+"""To the neighbours of a column: four along the axes, then four across."""
+
+
+@kernel
+def any_of(words: NDArray[np.uint64], first: int, end: int) -> bool:
+    """Whether any of the cells from one layer up to another is set in a column (words,)."""
+    for z in range(max(first, 0), min(end, WORD_BITS * words.shape[0])):
+        if words[z // WORD_BITS] >> np.uint64(z % WORD_BITS) & np.uint64(1) != 0:
+            return True
+    return False
+
+
+@kernel
+def all_of(words: NDArray[np.uint64], first: int, end: int) -> bool:
+    """Whether all of them are set; those beyond the column are not."""
+    if first < 0 or end > WORD_BITS * words.shape[0]:
+        return False
+    for z in range(first, end):
+        if words[z // WORD_BITS] >> np.uint64(z % WORD_BITS) & np.uint64(1) == 0:
+            return False
+    return True
+
+
+@kernel
+def is_surface(
+    occupied: NDArray[np.uint64],  # (words,)
+    z: int,
+    foot: int,  # layers that a body's foot steps over, with the one that it stands on
+    tall: int,  # layers of the body, with the one that it stands on
+) -> bool:
+    """Whether a body can stand on a cell."""
+    return any_of(occupied, z, z + 1) and not any_of(occupied, z + foot, z + tall)
+
+
+@kernel
+def lowest_surface(
+    occupied: NDArray[np.uint64],  # (words,)
+    first: int,
+    last: int,
+    foot: int,
+    tall: int,
+) -> int:
+    """The lowest surface between two layers, both included; -1 if there is none."""
+    for z in range(max(first, 0), last + 1):
+        if is_surface(occupied, z, foot, tall):
+            return z
+    return NOWHERE
+
+
+@kernel
+def spread(
+    occupied: NDArray[np.uint64],  # (nx, ny, words)
+    foot: int,
+    tall: int,
+    rise: int,  # layers to a neighbour; less than 0: take over the neighbour's layer
+    ground: NDArray[np.int16],  # (nx, ny) in, out: -1 where there is none yet
+) -> None:
+    """Let the ground spread to its neighbours, round by round, until it reaches no more.
+
+    In a round each column that has no ground takes the lowest that its neighbours with ground allow
+    it, so that the order in which columns are looked at does not matter.
+    """
+    nx, ny, _ = occupied.shape
+    edge = np.empty((nx * ny, 2), np.int64)
+    count = 0
+    for x in range(nx):
+        for y in range(ny):
+            if ground[x, y] != NOWHERE:
+                edge[count] = x, y
+                count += 1
+    coming = np.full((nx, ny), NOWHERE, np.int16)
+    while count > 0:
+        reached = np.empty((min(4 * count, nx * ny), 2), np.int64)
+        more = 0
+        for i in range(count):
+            here = ground[edge[i, 0], edge[i, 1]]
+            for k in range(4):
+                x, y = edge[i, 0] + STEPS[k, 0], edge[i, 1] + STEPS[k, 1]
+                if not (0 <= x < nx and 0 <= y < ny) or ground[x, y] != NOWHERE:
+                    continue
+                there = int(here)
+                if rise >= 0:
+                    there = lowest_surface(occupied[x, y], here - rise, here + rise, foot, tall)
+                if there == NOWHERE:
+                    continue
+                if coming[x, y] == NOWHERE:
+                    reached[more] = x, y
+                    more += 1
+                    coming[x, y] = there
+                coming[x, y] = min(coming[x, y], there)
+        for i in range(more):
+            x, y = reached[i]
+            ground[x, y] = coming[x, y]
+        edge, count = reached, more
+
+
+@kernel
+def find_ground(
+    occupied: NDArray[np.uint64],  # (nx, ny, words)
+    floor: int,  # layer that holds z = 0
+    foot: int,
+    tall: int,
+    rise: int,
+    ground: NDArray[np.int16],  # (nx, ny) out: layer that a body stands on
+    seen: NDArray[np.bool_],  # (nx, ny) out: whether it is a surface there, or a neighbour's
+) -> None:
+    """Find the ground: the floor, what can be reached from it, and elsewhere what is next to it."""
+    nx, ny, _ = occupied.shape
+    for x in range(nx):
+        for y in range(ny):
+            on_floor = is_surface(occupied[x, y], floor, foot, tall)
+            ground[x, y] = floor if on_floor else NOWHERE
+    spread(occupied, foot, tall, rise, ground)
+    for x in range(nx):
+        for y in range(ny):
+            seen[x, y] = ground[x, y] != NOWHERE
+    spread(occupied, foot, tall, -1, ground)
+    for x in range(nx):
+        for y in range(ny):
+            if ground[x, y] == NOWHERE:  # then no column has any
+                ground[x, y] = floor
+
+
+@kernel
+def is_steep(
+    x: int,
+    y: int,
+    ground: NDArray[np.int16],  # (nx, ny)
+    seen: NDArray[np.bool_],  # (nx, ny)
+    rises: NDArray[np.int64],  # (2, n) by distance: layers along the axes, and across
+) -> bool:
+    """Whether the ground falls from a column by more than a ramp's does, in any direction."""
+    nx, ny = ground.shape
+    for k in range(8):
+        before = ground[x, y]
+        limits = rises[k // 4]
+        for distance in range(1, limits.shape[0]):
+            i, j = x + distance * STEPS[k, 0], y + distance * STEPS[k, 1]
+            if not (0 <= i < nx and 0 <= j < ny and seen[i, j]):
+                break
+            if ground[x, y] - ground[i, j] > limits[distance]:
+                return True
+            if abs(before - ground[i, j]) > limits[1]:
+                break  # another ground begins there
+            before = ground[i, j]
+    return False
+
+
+@kernel
+def project_terrain(
+    occupied: NDArray[np.uint64],  # (nx, ny, words) along z
+    free: NDArray[np.uint64],  # (nx, ny, words)
+    floor: int,
+    foot: int,
+    tall: int,
+    rises: NDArray[np.int64],  # (2, n)
+    ground: NDArray[np.int16],  # (nx, ny) out
+    seen: NDArray[np.bool_],  # (nx, ny) out
+    occupied_columns: NDArray[np.uint64],  # (nx, words) along y, out, zero before
+    free_columns: NDArray[np.uint64],  # (nx, words) out, zero before
+) -> None:
+    """The state of each column of cells for a body that walks on the ground that is there."""
+    nx, ny, _ = occupied.shape
+    find_ground(occupied, floor, foot, tall, rises[0, 1], ground, seen)
+    for x in range(nx):
+        for y in range(ny):
+            z = int(ground[x, y])
+            word, bit = y // WORD_BITS, np.uint64(1) << np.uint64(y % WORD_BITS)
+            # A beam that went through where the floor should be found a hole; below a ramp, air.
+            hole = any_of(free[x, y], 0, z) and not (seen[x, y] and z != floor)
+            met = any_of(occupied[x, y], z + foot, z + tall)
+            if hole or met or (seen[x, y] and is_steep(x, y, ground, seen, rises)):
+                occupied_columns[x, word] |= bit
+            elif any_of(occupied[x, y], z, z + foot) and all_of(free[x, y], z + foot, z + tall):
+                free_columns[x, word] |= bit

@@ -1,0 +1,125 @@
+"""What of a map a walking body meets where the ground rises and falls."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps import _label_kernels as labels
+from maps import _terrain_kernels as kernels
+from maps.columns import WORD_BITS, Window
+from maps.projection import ROUNDING, Columns, Ground, Projection, walking_layers
+
+BASELINE = 8  # cells: over less, a slope drowns in the height of a cell
+SLOPE_STEPS = 1 << 20  # tangents are whole multiples of one over this
+
+
+class Terrain(Projection):
+    """The columns of cells that a body walks over where it climbs ramps, each as one cell.
+
+    Ground is the floor z = 0 where it is seen, and from there on, column by column, the lowest
+    surface that has room for the body above it and differs from its neighbour's by no more than a
+    ramp of `max_slope` and a step of `step_height` may. A column without such a surface is measured
+    against the ground next to it. The states are those of `Ground`, with heights from the column's
+    ground; and ground that falls by more than a ramp may, within 8 cells, is an obstacle.
+
+    Heights are whole cells. A ramp of at most `max_slope` that is seen is never refused; to make
+    sure of that, a step of up to one cell more than `step_height` may pass for a ramp. So steps are
+    told from ramps only where cells are no larger than the step that matters.
+
+    Attributes:
+        ground: (nx, ny) layer of the window that the body stands on.
+        seen: (nx, ny) whether a surface was seen there.
+    """
+
+    def __init__(self, window: Window, height: float, step_height: float, max_slope: float) -> None:
+        """Choose the layers and the limits.
+
+        Args:
+            window: The cells of the map that count.
+            height: Of the body's back above the ground, m.
+            step_height: What the body can step on, m above the ground.
+            max_slope: Steepest ramp, rad.
+
+        Raises:
+            ValueError: The body does not fit the window.
+        """
+        floor, first, end = walking_layers(window, height, step_height)
+        nx, ny, _ = window.shape
+        self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
+        self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
+        super().__init__(window)
+        self._body = floor, first - floor, end - floor
+        self._rises = rises(step_height / window.resolution, max_slope)
+        words = -(-window.shape[2] // WORD_BITS)
+        self._held = np.zeros((2, nx, ny, words), np.uint64)  # occupied and free cells
+        self._grown = np.zeros((nx, ny, words), np.uint64)
+        self.ground = np.full((nx, ny), floor, np.int16)
+        self.seen = np.zeros((nx, ny), np.bool_)
+
+    def _take(
+        self,
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+        grown: NDArray[np.uint64] | None,
+        x: slice,
+        y: slice,
+    ) -> Columns:
+        self._held[0, x, y], self._held[1, x, y] = occupied, free
+        new = np.zeros((2, *self.occupied[:, 0].shape), np.uint64)
+        kernels.project_terrain(
+            self._held[0],
+            self._held[1],
+            *self._body,
+            self._rises,
+            self.ground,
+            self.seen,
+            new[0],
+            new[1],
+        )
+        if grown is not None:
+            self._grown[x, y] = grown
+            _, foot, tall = self._body
+            feet = (self.ground + foot).astype(np.int16)
+            labels.block_columns(self._grown, feet, tall - foot, 0, 0, new[0], new[1])
+        differ = (new[0] != self.occupied[:, 0]) | (new[1] != self.free[:, 0])
+        # One column that turns into ground may open a way to others far off.
+        rows = np.flatnonzero(differ.any(axis=1))
+        self.occupied[:, 0], self.free[:, 0] = new
+        first, end = (int(rows[0]), int(rows[-1]) + 1) if len(rows) else (x.start, x.stop)
+        return slice(first, end), slice(0, 1)
+
+
+def walked(window: Window, height: float, step_height: float, max_slope: float) -> Projection:
+    """What a body that walks meets: a flat floor if it climbs no ramps, else the terrain.
+
+    Raises:
+        ValueError: The body does not fit the window.
+    """
+    if max_slope == 0.0:
+        return Ground(window, height, step_height)
+    return Terrain(window, height, step_height, max_slope)
+
+
+def rises(step: float, max_slope: float) -> NDArray[np.int64]:
+    """Greatest difference of two columns' layers by their distance along the axes, and across.
+
+    Heights that differ by less than n cells lie at most n layers apart. A ramp is met anywhere in
+    a column, so it counts from one's near side to the other's far side.
+
+    Args:
+        step: What the body can step on, cells.
+        max_slope: Steepest ramp, rad.
+
+    Returns:
+        (2, 9) layers for distances of 0 to 8 columns.
+    """
+    slope = round(math.tan(max_slope) * SLOPE_STEPS) / SLOPE_STEPS
+    distances = np.arange(BASELINE + 1.0)
+    told = []
+    for length in (1.0, math.sqrt(2.0)):
+        heights = np.maximum(step + slope * length * distances, slope * length * (distances + 1))
+        told.append(np.ceil(heights - ROUNDING))
+    return np.array(told).astype(np.int64)

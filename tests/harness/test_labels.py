@@ -1,0 +1,154 @@
+"""Classes end to end: from a geom's user data through sweep, log and replay to the costmap."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from harness.config import Config, override
+from harness.errors import InputError
+from harness.labels import decode_classes
+from harness.navigator import build_navigator
+from harness.reader import open_log, read_messages
+from harness.replay import replay
+from harness.schema import wayproof_pb2 as pb
+from maps.grid import centres
+from models.classes import CLASSES, class_of_geoms
+from models.worlds import WORLDS, Box, World
+
+PLACE = np.array([5.0, 2.5])  # of a person, beside the straight way
+SECONDS = "episode.time_limit=10"
+
+
+class Labelled(World):
+    """A world whose geoms carry the class that their names begin with."""
+
+    def mjcf(self) -> str:
+        text = super().mjcf()
+        for name in CLASSES:
+            text = text.replace(
+                f'<geom name="{name}', f'<geom user="{CLASSES.index(name)}" name="{name}'
+            )
+        return text
+
+
+def room(seed):
+    """A room with a person in it; the way leads past."""
+    bare = WORLDS["empty"](seed)
+    person = Box.between((*(PLACE - 0.25), 0.0), (*(PLACE + 0.25), 1.6), "person")
+    fields = {field: getattr(bare, field) for field in ("low", "high", "boxes")}
+    fields["boxes"] += (person,)
+    return Labelled(
+        "room", seed, **fields, start=(2.0, 1.9, 0.0), start_heading=0.0, goal=(8.0, 1.9, 0.0)
+    )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def labelled_world():
+    WORLDS["labelled"] = room
+    yield
+    del WORLDS["labelled"]
+
+
+def run(recorded, *settings):
+    return recorded("labelled", "quadruped", 1, SECONDS, *settings)
+
+
+def sweeps(result):
+    return [m for m in read_messages(Path(result.log)) if isinstance(m, pb.Sweep)]
+
+
+def test_the_class_of_a_geom_is_in_its_user_data():
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom size="1" user="5 7"/><geom size="1"/></worldbody></mujoco>'
+    )
+    assert class_of_geoms(model).tolist() == [CLASSES.index("person"), 0]
+    model.geom_user[1, 0] = 99
+    with pytest.raises(
+        ValueError, match=r"^geom '': got class 99 in its user data, expected a whole"
+    ):
+        class_of_geoms(model)
+    bare = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom size="1"/></worldbody></mujoco>'
+    )
+    assert class_of_geoms(bare).tolist() == [0]
+
+
+def test_classes_are_logged_and_voted_and_replayed(recorded):
+    result = run(recorded, "sensors.semantics=true")
+    log = open_log(Path(result.log))
+    assert replay(Path(result.log)).identical
+    navigator = build_navigator(log.config, log.mission, log.beams)
+    for record in log.records():
+        decision = navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
+        assert decision.map_version == record.decision.map_version
+    layer = navigator.labels
+    cells, labels = layer.labelled(np.ones(len(CLASSES), bool))
+    middles = centres(cells, layer.resolution)
+    person = np.abs(middles[:, :2] - PLACE).max(axis=1) < 0.35
+    above = middles[:, 2] > 0.15
+    assert (labels[person & above] == CLASSES.index("person")).all()
+    assert (person & above).sum() > 20
+    assert set(labels[~person].tolist()) == {CLASSES.index("floor"), CLASSES.index("wall")}
+    assert (labels[~person & above] == CLASSES.index("wall")).all()
+
+
+def test_off_changes_no_byte_of_a_sweep_and_no_decision(recorded):
+    off, on = run(recorded), run(recorded, "sensors.semantics=true")
+    without, told = sweeps(off), sweeps(on)
+    assert len(without) == len(told) > 20
+    for one, other in zip(without, told, strict=True):
+        assert not one.classes
+        other.ClearField("classes")
+        assert one.SerializeToString() == other.SerializeToString()
+    paths = [
+        [(t.position[0], t.position[1]) for t in open_log(Path(r.log)).truth()] for r in (off, on)
+    ]
+    assert paths[0] == paths[1]
+    assert off.chain != on.chain  # the version binds the labels
+    assert build_navigator(open_log(Path(off.log)).config, *parts(off)).labels is None
+
+
+def parts(result):
+    log = open_log(Path(result.log))
+    return log.mission, log.beams
+
+
+def test_a_margin_keeps_farther_from_a_person(recorded):
+    near = run(recorded, "sensors.semantics=true")
+    settings = "sensors.semantics=true", 'map.class_margins={"person": 0.4}'
+    far = run(recorded, *settings)
+    assert far.collisions == near.collisions == 0
+    assert least_distance(far) > least_distance(near) + 0.2
+    assert replay(Path(far.log)).identical
+
+
+def least_distance(result):
+    track = np.array([list(t.position[:2]) for t in open_log(Path(result.log)).truth()])
+    assert track[:, 0].max() > PLACE[0]  # it went past
+    return np.linalg.norm(track - PLACE, axis=1).min()
+
+
+def test_strange_classes_and_margins_are_refused_in_one_line():
+    sweep = pb.Sweep(rows=1, columns=2)
+    assert decode_classes(sweep) is None
+    for classes, message in (
+        (b"\x01", "sweep of 1 classes, expected 2"),
+        (b"\x01\x63", "sweep with class 99, expected 0 to 9"),
+    ):
+        sweep.classes = classes
+        with pytest.raises(InputError, match=f"^{message}$"):
+            decode_classes(sweep)
+    config = Config("empty", "quadruped", 1)
+    for settings, message in (
+        (['map.class_margins={"person": 0.3}'], "expected sensors.semantics=true"),
+        (["sensors.semantics=true", 'map.class_margins={"ghost": 1}'], "got 'ghost', expected one"),
+        (["sensors.semantics=true", 'map.class_margins={"wall": 9}'], "expected 0 to 5 m"),
+        (["map.class_margins=3"], "map.class_margins"),
+    ):
+        with pytest.raises(InputError, match=message) as refused:
+            override(config, settings)
+        assert "\n" not in str(refused.value)
+    assert replace(config, seed=2).map.class_margins == {}

@@ -1,0 +1,316 @@
+"""What every representation promises, whatever it holds inside."""
+
+import numpy as np
+import pytest
+
+from maps import FREE, MAPS, OCCUPIED, UNKNOWN, Costmap, MapConfig, SweepStatistics
+from maps.grid import centres
+
+SECOND = 10**9
+EYE = np.array([0.55, 1.05, 0.475])  # the middle of a cell
+FORWARD = np.array([[1.0, 0.0, 0.0]])
+LOW, SHAPE = (-34, -34, -34), (78, 78, 78)  # cells around the eye, within the reach of its beams
+
+FADING = sorted(set(MAPS) - {"octomap"})
+BOUNDED = FADING  # OctoMap takes neither a bound on its memory nor a region of interest
+TEAMS = FADING  # nor threads
+HIGH = sorted(set(MAPS) - {"grid2d"})  # know heights
+
+every_map = pytest.mark.parametrize("kind", sorted(MAPS))
+
+
+def make(kind, threads=1, low=None, high=None, **settings):
+    config = MapConfig(**({"kind": kind, "half_life": 0.0, "memory_mib": 16} | settings))
+    return MAPS[kind](config, threads, low, high)
+
+
+def look(a_map, *ranges_mm, directions=None, origin=EYE, time_ns=0, limit=3.0, moments=None):
+    directions = np.repeat(FORWARD, len(ranges_mm), 0) if directions is None else directions
+    ranges_mm = np.array(ranges_mm, np.uint16)
+    arguments = np.array(directions, float).reshape(-1, 3), ranges_mm, limit, time_ns, moments
+    return a_map.integrate(origin, *arguments)
+
+
+def scattered(seed, count=300):
+    rng = np.random.default_rng(seed)
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return rng.integers(300, 2500, count).astype(np.uint16), directions
+
+
+def look_around(a_map, seed, **keywords):
+    ranges_mm, directions = scattered(seed)
+    return look(a_map, *ranges_mm, directions=directions, **keywords)
+
+
+def ahead(*metres):
+    return EYE + np.array(metres)[:, None] * FORWARD
+
+
+def states(a_map):
+    """Of the cells around the eye, one by one."""
+    cells = np.stack(np.indices(SHAPE), axis=-1).reshape(-1, 3) + LOW
+    return a_map.state_at(centres(cells, a_map.resolution)).reshape(SHAPE)
+
+
+def bits(a_map):
+    """The same by columns."""
+    told = a_map.columns(LOW, (*SHAPE[:2], 2))
+    occupied, free = (
+        np.unpackbits(words.astype("<u8").view(np.uint8), axis=2, bitorder="little")
+        for words in told
+    )
+    return (occupied * OCCUPIED + free * FREE)[:, :, : SHAPE[2]]
+
+
+@every_map
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"origin": (np.nan, 0, 0)}, "origins: got .*, expected finite coordinates within 1e6 m"),
+        ({"origin": (0.0, 0.0)}, r"origins: got shape \(2,\), expected"),
+        ({"directions": [[2.0, 0.0, 0.0]]}, "directions: got .*, expected unit length"),
+        ({"directions": [[np.nan, 0.0, 0.0]]}, "directions: got .*, expected unit length"),
+        ({"directions": [FORWARD] * 2}, r"beams: got directions \(2, 3\) and ranges uint16 \(1,\)"),
+        ({"limit": 300.0}, "range_limit: got 300, expected up to 204.7 m"),
+        ({"limit": 0.0}, "range_limit: got 0, expected up to 204.7 m"),
+        ({"time_ns": -1}, "time_ns: got -1, expected 0 or more"),
+        ({"origin": [EYE, EYE]}, "moments: got none for 2 origins"),
+        ({"moments": np.array([1])}, "moments: got .*, expected whole numbers"),
+    ],
+)
+def test_a_strange_sweep_is_refused_in_one_line_and_changes_nothing(kind, change, message):
+    a_map = make(kind)
+    look(a_map, 2000)
+    before = a_map.version()
+    with pytest.raises(ValueError, match=f"^{message}[^\n]*$"):
+        look(a_map, 1000, **change)
+    assert a_map.version() == before
+
+
+@every_map
+def test_strange_marks_and_times_are_refused(kind):
+    a_map = make(kind)
+    for refused in (
+        lambda: a_map.mark_free((np.nan, 0.0, 0.0), (1.0, 1.0, 1.0), 0),
+        lambda: a_map.mark_floor((0.0, 0.0), (np.inf, 1.0), 0),
+        lambda: a_map.mark_free((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), -1),
+        lambda: a_map.advance(-1),
+    ):
+        with pytest.raises(ValueError, match=r"^(low|high|time_ns): got [^\n]*$"):
+            refused()
+    assert a_map.version() == make(kind).version()
+
+
+@pytest.mark.parametrize("kind", TEAMS)
+def test_strange_threads_and_corners_are_refused(kind):
+    with pytest.raises(ValueError, match=r"^threads: got 0, expected 1 to 64$"):
+        make(kind, threads=0)
+    with pytest.raises(ValueError, match=r"^low, high: got .* expected both corners or neither$"):
+        make(kind, low=(0.0, 0.0, 0.0))
+
+
+@every_map
+def test_beams_are_counted_by_their_fate(kind):
+    a_map = make(kind)
+    told = look(a_map, 0, 299, 300, 3000, 3001, 65535)
+    assert (told.dropped, told.too_near, told.hits, told.clears) == (1, 1, 2, 2)
+    assert a_map.state_at(ahead(0.3, 3.0)).tolist() == [OCCUPIED] * 2  # occupied wins
+    nothing = make(kind)
+    told = look(nothing, 0, 0, 299, 1)
+    assert told == SweepStatistics(0, 0, 2, 2, 0)
+    assert look(nothing) == SweepStatistics(0, 0, 0, 0, 0)
+    assert nothing.version() == make(kind).version()
+    assert nothing.counts() == {"free": 0, "occupied": 0}
+
+
+@every_map
+def test_a_missing_return_is_none_however_far_a_sensor_sees(kind):
+    a_map = make(kind)
+    told = look(a_map, 65535, limit=70.0)
+    assert (told.hits, told.clears) == (0, 1)
+    assert a_map.counts()["occupied"] == 0
+    assert a_map.state_at(ahead(65.5, 69.9)).tolist() == [FREE, FREE]
+
+
+@every_map
+@pytest.mark.parametrize("place", [(-777.65, 12.35), (1500.05, -1499.95)])
+def test_a_robot_may_be_anywhere(kind, place):
+    origin = np.array([*place, 0.475])
+    a_map = make(kind)
+    look(a_map, 2000, origin=origin)
+    told = a_map.state_at(origin + np.array([[1.8, 0, 0], [2.0, 0, 0], [1.8, 0.3, 0]]))
+    assert told.tolist() == [FREE, OCCUPIED, UNKNOWN]
+
+
+@every_map
+def test_a_rolling_sweep_starts_each_beam_where_the_sensor_was(kind):
+    a_map = make(kind)
+    moments = np.array([1, 0], np.int32)
+    look(a_map, 2000, 1500, origin=[EYE, (0.55, 1.55, 0.475)], moments=moments)
+    at = [[2.55, 1.55, 0.475], [2.05, 1.05, 0.475], [1.75, 1.05, 0.475], [2.75, 1.05, 0.475]]
+    assert a_map.state_at(at).tolist() == [OCCUPIED, OCCUPIED, FREE, UNKNOWN]
+
+
+@every_map
+def test_marks_spare_what_contradicts_them_and_time_passes(kind):
+    a_map = make(kind)
+    look(a_map, 2000)
+    a_map.mark_free((2.4, 1.0, 0.1), (2.8, 1.2, 0.6), 3)
+    assert a_map.state_at([*ahead(2.0), [2.55, 1.15, 0.475]]).tolist() == [OCCUPIED, FREE]
+    assert a_map.observed_ns_at([[2.55, 1.15, 0.475], (-9.0, 0.0, 0.0)]).tolist() == [3, -1]
+    before = a_map.version()
+    a_map.mark_free((1.0, 1.0, 1.0), (0.9, 1.0, 1.0), 5)  # empty
+    a_map.mark_floor((1.0, 1.0), (0.0, 0.0), 5)
+    assert a_map.version() == before
+
+
+@pytest.mark.parametrize("kind", HIGH)
+def test_a_body_marks_a_ball_and_the_floor(kind):
+    a_map = make(kind)
+    a_map.mark_free_sphere((2.05, 1.05, 0.975), 0.21, 0)
+    assert a_map.counts() == {"free": 33, "occupied": 0}  # 1 + 6 + 12 + 8 + 6 within 2.1 cells
+    a_map.mark_floor((1.0, 1.0), (1.2, 1.2), 7)
+    a_map.mark_free((1.0, 1.0, -0.1), (1.4, 1.2, 0.0), 9)
+    assert a_map.counts() == {"free": 37, "occupied": 4}
+    with pytest.raises(ValueError, match="centre: got"):
+        a_map.mark_free_sphere((np.inf, 0.0, 0.0), 0.2, 0)
+
+
+@every_map
+def test_every_way_to_ask_gives_one_answer(kind):
+    a_map = make(kind)
+    for seed in range(3):
+        look_around(a_map, seed, time_ns=seed)
+    told = states(a_map)
+    assert (told == OCCUPIED).sum() > 250
+    np.testing.assert_array_equal(bits(a_map), told)
+    if kind != "grid2d":  # a cell of which stands for many
+        chances = a_map.probability_at(centres(np.argwhere(told) + LOW, 0.1))
+        np.testing.assert_array_equal(chances > 0.5, told[told > 0] == OCCUPIED)
+        assert a_map.counts()["occupied"] == (told == OCCUPIED).sum()
+        assert a_map.counts()["free"] == (told == FREE).sum()
+    assert a_map.state_at(np.empty((0, 3))).shape == (0,)
+    assert a_map.memory_bytes() > 0
+
+
+@every_map
+def test_every_change_is_told_and_a_costmap_follows(kind):
+    a_map = make(kind, half_life=0.0 if kind == "octomap" else 2.0)
+    body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), "ground", 0.15, 0.4, 0.1
+    following, now, before = Costmap(a_map.config, a_map, *body), 0, np.zeros(SHAPE, np.uint8)
+    for k in range(8):
+        if k < 4:
+            look_around(a_map, k, time_ns=k * SECOND)
+        a_map.advance(3 * k * SECOND)
+        boxes, now = a_map.changed(now)
+        told = bits(a_map)
+        cells = np.argwhere(told != before) + LOW
+        assert len(cells) > 100 or k >= 4
+        inside = np.zeros(len(cells), bool)
+        for box in boxes:
+            inside |= np.all((cells >= box[:3]) & (cells < box[3:]), axis=1)
+        assert inside.all()
+        before = told
+        following.update(0.1)
+        anew = Costmap(a_map.config, a_map, *body)
+        assert (following.clearance == anew.clearance).all()
+        assert (following.obstacle_clearance == anew.obstacle_clearance).all()
+    assert len(a_map.changed(now)[0]) == 0
+
+
+@pytest.mark.parametrize("kind", TEAMS)
+def test_neither_threads_nor_the_order_of_beams_count(kind):
+    alone, team, shuffled = make(kind), make(kind, threads=3), make(kind)
+    for k in range(3):
+        ranges_mm, directions = scattered(k)
+        order = np.random.default_rng(k).permutation(len(directions))
+        told = [
+            look(alone, *ranges_mm, directions=directions),
+            look(team, *ranges_mm, directions=directions),
+            look(shuffled, *ranges_mm[order], directions=directions[order]),
+        ]
+        assert told[0] == told[1] == told[2]
+        assert alone.version() == team.version() == shuffled.version()
+    assert alone.counts()["occupied"] > 100
+
+
+@every_map
+def test_versions_are_those_of_the_content(kind):
+    there, back, empty = make(kind), make(kind), make(kind).version()
+    places = [[x, 0.0, 0.4] for x in (-40.0, 0.0, 300.0)]
+    for origin in places:
+        look(there, 2000, origin=origin)
+    seen = {empty}
+    for origin in places[::-1]:
+        look(back, 2000, origin=origin)
+        assert len(back.version()) == 32
+        assert back.version() not in seen
+        seen.add(back.version())
+    assert there.version() == back.version() == there.version()
+    assert make(kind, resolution=0.2).version() != empty
+
+
+@pytest.mark.parametrize("kind", FADING)
+def test_what_nobody_sees_fades_by_ticks_until_it_is_forgotten(kind):
+    step_by_step, late = make(kind, half_life=1.0), make(kind, half_life=1.0)
+    unknown = late.version()
+    look(step_by_step, 2000, time_ns=100)
+    look(late, 2000, time_ns=100)
+    chances, versions = [], set()
+    for k in range(1, 13):
+        step_by_step.advance(k * SECOND)
+        step_by_step.advance(0)  # the past does nothing
+        chances += step_by_step.probability_at(ahead(2.0)).tolist()
+        versions.add(step_by_step.version())
+    assert chances[0] == late.probability_at(ahead(2.0))[0]  # seen within that tick
+    assert chances == sorted(chances, reverse=True)
+    assert chances[-1] == 0.5 < chances[3] < chances[1]
+    assert len(versions) > 4
+    late.advance(12 * SECOND)
+    assert late.version() == step_by_step.version() == unknown
+    assert late.observed_ns_at(ahead(2.0)).tolist() == [-1]
+    assert late.counts() == {"free": 0, "occupied": 0}
+
+
+def test_octomap_refuses_to_fade():
+    with pytest.raises(ValueError, match=r"^map.half_life: got 30, expected 0 with [^\n]*$"):
+        make("octomap", half_life=30.0)
+
+
+@pytest.mark.parametrize("kind", BOUNDED)
+def test_memory_is_bounded_and_the_oldest_goes(kind):
+    a_map, now, gone = make(kind, memory_mib=1), 1, set()
+    for k in range(150):
+        look(a_map, 2000, origin=(20.0 * k, 1.05, 0.475), time_ns=k)
+        boxes, now = a_map.changed(now)
+        gone.update(box[0] for box in boxes.tolist() if box[3] <= 200 * k)
+    at = [[2.05, 1.05, 0.475], [2982.05, 1.05, 0.475]]
+    assert a_map.state_at(at).tolist() == [UNKNOWN, OCCUPIED]
+    assert 0 in gone
+
+
+@pytest.mark.parametrize("kind", BOUNDED)
+def test_a_region_of_interest_holds_what_a_map_without_bounds_does(kind):
+    low, high = (0.0, 0.4, -0.3), (1.4, 1.9, 0.9)
+    bounded, unbounded = make(kind, low=low, high=high), make(kind)
+    for seed in range(3):
+        look_around(bounded, seed)
+        look_around(unbounded, seed)
+    inside = np.s_[34:48, 38:53, 32:42]
+    np.testing.assert_array_equal(states(bounded)[inside], states(unbounded)[inside])
+    assert 0 < bounded.counts()["free"] < unbounded.counts()["free"]
+    far_off = make(kind, low=(50.0, 50.0, -0.2), high=(51.0, 51.0, 1.0))
+    assert look(far_off, 2000) == SweepStatistics(1, 0, 0, 0, 0)
+    far_off.mark_free((0.0, 0.0, 0.1), (1.0, 1.0, 1.0), 0)
+    assert far_off.counts() == {"free": 0, "occupied": 0}
+
+
+@pytest.mark.parametrize("kind", sorted(kind for kind in MAPS if hasattr(MAPS[kind], "save")))
+def test_a_file_holds_the_lasting_evidence(kind, tmp_path):
+    a_map = make(kind)
+    look_around(a_map, 1)
+    a_map.save(tmp_path / "map")
+    loaded = MAPS[kind].load(tmp_path / "map")
+    assert loaded.config == a_map.config
+    np.testing.assert_array_equal(states(loaded), states(a_map))

@@ -1,0 +1,310 @@
+"""Ramps, steps, holes and overhangs: by hand, against a slow truth, and through a map's sweeps."""
+
+import math
+
+import numpy as np
+import pytest
+
+from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
+from maps import _terrain_kernels as kernels
+from maps.columns import Window
+from maps.terrain import BASELINE, Terrain, rises
+
+FLOOR, LAYERS, SIZE = 4, 40, (40, 24)
+LOW, HIGH = (0.0, 0.0, -0.475), (4.0, 2.4, 3.525)  # cells of 0.1 m, the floor's is layer 4
+ACROSS = np.arange(SIZE[0])[:, None] + 0.0 * np.arange(SIZE[1])  # 0.1 m
+
+
+class Cells:
+    """A map of states (nx, ny, layers), from layer -4 on."""
+
+    resolution = 0.1
+
+    def __init__(self, states):
+        self.states, self.changes = states, []
+
+    def set(self, x, y, states):
+        self.states[x, y] = states
+        self.changes.append([x.start, y.start, -FLOOR, x.stop, y.stop, LAYERS - FLOOR])
+
+    def changed(self, since):
+        everything = [[0, 0, -FLOOR, *SIZE, LAYERS - FLOOR]]
+        boxes = everything if since == 0 else self.changes[since - 1 :]
+        return np.array(boxes, np.int64).reshape(-1, 6), len(self.changes) + 1
+
+    def columns(self, low_cell, shape):
+        x, y = low_cell[0], low_cell[1]
+        part = np.zeros((*shape[:2], 64), np.uint8)
+        part[:, :, :LAYERS] = self.states[x : x + shape[0], y : y + shape[1]]
+        weights = np.uint64(1) << np.arange(64, dtype=np.uint64)
+        words = [((part == s) * weights).sum(axis=2, dtype=np.uint64) for s in (OCCUPIED, FREE)]
+        return tuple(part[:, :, None] for part in words)
+
+
+def world(height):
+    """Known cells over a surface of some height (nx, ny), m; NaN: a hole."""
+    layers = np.floor(np.nan_to_num(height, nan=-9.0) / 0.1 + 0.75).astype(int) + FLOOR
+    z = np.arange(LAYERS)
+    states = np.where(z > layers[:, :, None], FREE, UNKNOWN).astype(np.uint8)
+    states[z == layers[:, :, None]] = OCCUPIED
+    return Cells(states)
+
+
+def told(cells, step_height=0.03, max_slope=0.3, height=0.45):
+    config = MapConfig(max_slope=max_slope)
+    return Costmap(config, cells, LOW, HIGH, "ground", 0.2, height, step_height).state[:, :, 0]
+
+
+def ramp(angle, start=10.0, top=1.0):
+    return np.clip(0.1 * (ACROSS - start) * math.tan(angle), 0.0, top)
+
+
+@pytest.mark.parametrize("angle", [0.02, 0.1, 0.2, 0.25, 0.3])
+def test_a_ramp_up_to_the_slope_is_walked_over(angle):
+    for start in np.arange(10.0, 11.0, 0.1):
+        assert (told(world(ramp(angle, start))) == FREE).all()
+    assert (told(world(-0.5 * ramp(angle)), max_slope=0.15) == FREE).all()  # and down
+    assert (told(world(ramp(angle, top=0.5))) == FREE).all()  # and onto a platform
+    assert (told(world(ramp(angle)), max_slope=0.0) != FREE).any()
+
+
+def test_a_ramp_may_lie_oblique_and_be_seen_here_and_there():
+    rng = np.random.default_rng(1)
+    for turn in np.linspace(0.0, 2.0 * np.pi, 16):
+        at = (
+            np.indices(SIZE) + rng.uniform(0.0, 1.0, (2, *SIZE)) - np.array([20, 12])[:, None, None]
+        )
+        along = at[0] * np.cos(turn) + at[1] * np.sin(turn)
+        height = 0.1 * np.clip(along, -14.0, 14.0) * math.tan(0.3)
+        assert (told(world(height - height.min())) == FREE)[:, :].all()
+
+
+@pytest.mark.parametrize("angle", [0.5, 0.6, 0.8, 1.2])
+def test_a_steeper_one_is_an_obstacle(angle):
+    state = told(world(ramp(angle, top=1.5)))
+    assert (state[:10] == FREE).all()
+    assert (state[10:] == OCCUPIED).all(axis=1).any()  # no way up
+
+
+@pytest.mark.parametrize(
+    ("step", "walked"), [(0.02, True), (0.2, False), (0.3, False), (2.0, False)]
+)
+def test_a_step_is_an_edge_to_both_sides(step, walked):
+    up = np.where(ACROSS < 20, 0.0, step)
+    for height in (up, up - step):
+        state = told(world(height))
+        assert (state == FREE).all() == walked
+        if not walked:
+            assert (state[19:21] != FREE).all(axis=1).any()
+
+
+def test_stairs_within_the_step_height_are_walked_over():
+    stairs = np.floor(np.clip(ACROSS - 5, 0, 30) / 6) * 0.1  # 0.1 m high, 0.6 m deep
+    assert (told(world(stairs), step_height=0.13, max_slope=0.2) == FREE).all()
+    steep = np.floor(np.clip(ACROSS - 5, 0, 12) / 2) * 0.2
+    assert (told(world(steep), step_height=0.13, max_slope=0.2) != FREE).any()
+
+
+def test_a_hole_is_an_obstacle_on_the_floor_and_in_a_ramp():
+    for height in (0.0 * ACROSS, ramp(0.25)):
+        holed = height.copy()
+        holed[22:25, 8:12] = np.nan
+        state = told(world(holed))
+        assert (state[22:25, 8:12] == OCCUPIED).all()
+        state[22:25, 8:12] = FREE
+        assert (state == FREE).all()
+
+
+def test_what_nobody_has_seen_is_unknown():
+    cells = world(ramp(0.2))
+    cells.states[20:22, 5:7] = UNKNOWN
+    state = told(cells)
+    assert (state[20:22, 5:7] == UNKNOWN).all()
+    assert (state == FREE).sum() == state.size - 4
+
+
+def test_obstacles_and_overhangs_are_measured_from_the_ramp():
+    cells = world(ramp(0.3))
+    ground = ramp(0.3)[25, 0]  # 0.46 m: layer 9
+    low, high = FLOOR + 5 + 3, FLOOR + 5 + 6
+    assert math.floor(ground / 0.1 + 0.75) == 5
+    cells.states[25, 5, low] = OCCUPIED  # a beam at 0.3 m above the ramp
+    cells.states[25, 12, high] = OCCUPIED  # one at 0.6 m
+    cells.states[5, 5, FLOOR + 6] = OCCUPIED  # at the height of neither, above the floor
+    state = told(cells)
+    assert state[25, 5] == OCCUPIED
+    state[25, 5] = FREE
+    assert (state == FREE).all()
+
+
+def test_a_deck_above_the_floor_is_no_ground_but_where_a_ramp_leads_there():
+    cells = world(0.0 * ACROSS)
+    cells.states[15:25, 5:15, FLOOR + 7] = OCCUPIED
+    assert (told(cells) == FREE).all()  # one walks below
+    cells.states[15:25, 5:15, FLOOR : FLOOR + 7] = UNKNOWN  # nobody looked there
+    assert (told(cells)[15:25, 5:15] == UNKNOWN).all()
+
+
+def naive(cells, step_height, max_slope, height):
+    """The definition, column by column."""
+    foot = math.floor((step_height - LOW[2]) / 0.1 + 1e-6) - FLOOR
+    tall = math.ceil((height - LOW[2]) / 0.1 - 1e-6) - FLOOR
+    states = np.concatenate([cells.states, np.zeros((*SIZE, 24), np.uint8)], axis=2)
+    limits = rises(step_height / 0.1, max_slope)
+
+    def surface(c, z):
+        return (
+            0 <= z and states[c][z] == OCCUPIED and OCCUPIED not in states[c][z + foot : z + tall]
+        )
+
+    def near(c):
+        around = [(c[0] + i, c[1] + j) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        return [a for a in around if 0 <= a[0] < SIZE[0] and 0 <= a[1] < SIZE[1]]
+
+    columns = list(np.ndindex(*SIZE))
+    ground = {c: FLOOR for c in columns if surface(c, FLOOR)}
+    for reach in (limits[0, 1], None):
+        while True:
+            coming = {}
+            for c in columns:
+                if c in ground:
+                    continue
+                options = []
+                for g in (ground[a] for a in near(c) if a in ground):
+                    layers = [g] if reach is None else range(g - reach, g + reach + 1)
+                    options += [z for z in layers if reach is None or surface(c, z)][:1]
+                if options:
+                    coming[c] = min(options)
+            if not coming:
+                break
+            ground |= coming
+        if reach is not None:
+            seen = set(ground)
+    told = np.zeros(SIZE, np.uint8)
+    for c in columns:
+        z, steep = ground.get(c, FLOOR), False
+        for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+            way = [(c[0] + i * d, c[1] + j * d) for d in range(BASELINE + 1)]
+            limit = limits[0 if i * j == 0 else 1]
+            for d in range(1, BASELINE + 1):
+                if c not in seen or way[d] not in seen:
+                    break
+                steep |= z - ground[way[d]] > limit[d]
+                if abs(ground[way[d]] - ground[way[d - 1]]) > limit[1]:
+                    break
+        band = states[c][z + foot : z + tall]
+        hole = FREE in states[c][:z] and not (c in seen and z != FLOOR)
+        if hole or steep or OCCUPIED in band:
+            told[c] = OCCUPIED
+        elif OCCUPIED in states[c][z : z + foot] and (band == FREE).all():
+            told[c] = FREE
+    return told
+
+
+def rough(seed):
+    """A landscape of hills, cliffs and holes with noise, boards above and blind spots."""
+    rng = np.random.default_rng(seed)
+    x, y = np.indices(SIZE)
+    height = 0.4 + 0.4 * np.sin(x / 7 + seed) * np.cos(y / 6) + 0.5 * (x > 30) * (seed % 2)
+    height = np.where(x < 8, 0.0, height)
+    height[rng.random(SIZE) < 0.01] = np.nan
+    cells = world(height)
+    noise = rng.random(cells.states.shape)
+    cells.states[noise < 0.01] = OCCUPIED
+    cells.states[noise > 0.99] = UNKNOWN
+    return cells
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_is_the_slow_definition_and_a_map_that_is_followed_is_one_made_anew(seed):
+    cells, other = rough(seed), rough(seed + 10)
+    settings = [(0.03, 0.3, 0.45), (0.15, 0.2, 0.4)][seed % 2]
+    config = MapConfig(max_slope=settings[1])
+    body = config, cells, LOW, HIGH, "ground", 0.2, settings[2], settings[0]
+    following = Costmap(*body)
+    counts = np.zeros(3, int)
+    for k in range(5):
+        state = following.state[:, :, 0]
+        np.testing.assert_array_equal(state, naive(cells, *settings))
+        np.testing.assert_array_equal(following.clearance, Costmap(*body).clearance)
+        np.testing.assert_array_equal(
+            following.obstacle_clearance, Costmap(*body).obstacle_clearance
+        )
+        counts += np.bincount(state.ravel(), minlength=3)
+        x, y = slice(7 * k, 7 * k + 9), slice(4 * k, 4 * k + 6)
+        cells.set(x, y, other.states[x, y])
+        following.update(0.1)
+    assert (counts > 100).all()
+
+
+def test_on_a_flat_floor_nothing_differs():
+    cells = world(0.0 * ACROSS)
+    rng = np.random.default_rng(3)
+    for x, y in rng.integers(2, 20, (12, 2)).tolist():
+        height = int(rng.integers(2, 9))  # two cells and more: one may be a ramp
+        cells.states[x : x + 3, y : y + 2, FLOOR : FLOOR + height + 1] = OCCUPIED
+    cells.states[30:33, 4:9, FLOOR] = UNKNOWN
+    cells.states[30:33, 12:14, :FLOOR] = FREE
+    np.testing.assert_array_equal(told(cells), told(cells, max_slope=0.0))
+
+
+@pytest.mark.parametrize("python", [False, True])
+def test_kernels_are_their_own_python(python):
+    names = "any_of", "all_of", "lowest_surface", "is_surface"
+    run = [getattr(kernels, name).py_func if python else getattr(kernels, name) for name in names]
+    column = np.array([0b1011_0100, 1], np.uint64)
+    assert [run[0](column, *part) for part in ((0, 2), (2, 3), (63, 99))] == [False, True, True]
+    assert [run[1](column, *part) for part in ((4, 6), (4, 7), (64, 65))] == [True, False, True]
+    assert not run[1](column, 64, 999)
+    assert [run[2](column, first, 9, 1, 3) for first in (0, 3, 8)] == [7, 7, -1]
+    assert [run[3](column, z, 1, 2) for z in (2, 3, 4, 5)] == [True, False, False, True]
+
+
+def test_limits_by_hand():
+    axes, across = rises(0.3, 0.3)  # tan 0.3 = 0.309
+    assert axes.tolist()[:5] == [1, 1, 1, 2, 2]  # 0.309 (d + 1), but 0.3 + 0.309 d if more
+    assert axes[BASELINE] == 3
+    assert across[BASELINE] == math.ceil(0.309336 * math.sqrt(2.0) * 9)
+    assert rises(1.0, 0.0)[0].tolist() == [1] * 9
+
+
+def test_the_ground_is_told_with_whether_it_was_seen():
+    terrain = Terrain(Window.covering(LOW, HIGH, 0.1), 0.45, 0.03, 0.3)
+    cells = world(ramp(0.3))
+    cells.states[30, 3] = UNKNOWN
+    terrain.read(cells)
+    expected = np.floor(ramp(0.3) / 0.1 + 0.75).astype(int) + FLOOR
+    assert (terrain.ground == expected).mean() > 0.99
+    assert not terrain.seen[30, 3]
+    assert terrain.seen.sum() == terrain.seen.size - 1
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.2, 0.3])
+def test_a_ramp_that_is_swept_from_below_is_walked_over(angle):
+    """A lidar of 120 rows at 0.6 m that comes up to a ramp and looks at it."""
+    elevation = np.deg2rad(np.linspace(-50.0, 25.0, 120))[:, None]
+    azimuth = np.deg2rad(np.linspace(-60.0, 60.0, 250))
+    flat, rise = np.cos(elevation), np.sin(elevation) + 0.0 * azimuth
+    directions = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1)
+    directions = directions.reshape(-1, 3)
+    config = MapConfig(resolution=0.05, max_slope=0.35, half_life=0.0, memory_mib=64)
+    voxel_map = VoxelMap(config)
+    foot, slope = 2.0, math.tan(angle)
+    rng = np.random.default_rng(5)
+    for k in range(20):
+        origin = np.array([0.05 * k, 0.02, 0.6])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            floor = np.where(directions[:, 2] < 0, -origin[2] / directions[:, 2], np.inf)
+            climb = directions[:, 2] - slope * directions[:, 0]
+            plane = np.where(climb < 0, (slope * (origin[0] - foot) - origin[2]) / climb, np.inf)
+        on_ramp = origin[0] + plane * directions[:, 0] > foot
+        ranges = np.where(on_ramp & (plane > 0), np.minimum(plane, 99.0), floor)
+        ranges = ranges + rng.normal(0.0, 0.005, len(ranges))
+        ranges_mm = np.where(ranges < 5.0, np.rint(1000 * np.minimum(ranges, 9.0)), 65535)
+        voxel_map.integrate(origin, directions, ranges_mm.astype(np.uint16), 5.0, k)
+    window = (0.0, -1.0, -0.3), (4.0, 1.0, 2.5)
+    for max_slope, walked in ((0.35, True), (0.0, False)):
+        config = MapConfig(resolution=0.05, max_slope=max_slope)
+        costmap = Costmap(config, voxel_map, *window, "ground", 0.2, 0.5, 0.03)
+        on_ramp = costmap.state[44:64, 12:28, 0]  # 2.2 to 3.2 m
+        assert ((on_ramp == FREE).mean() > 0.95) == walked
