@@ -19,7 +19,7 @@ from models.classes import CLASSES, class_of_geoms
 from models.worlds import WORLDS, Box, World
 
 PLACE = np.array([5.0, 2.5])  # of a person, beside the straight way
-SECONDS = "episode.time_limit=10"
+SECONDS = "episode.time_limit=20"
 
 
 class Labelled(World):
