@@ -131,9 +131,9 @@ def test_a_believed_trail_is_shifted_and_turned_by_each_its_own_error():
 def test_the_setpoint_asks_of_the_true_pose_what_the_plan_asks_of_the_believed_one():
     """The offset and the velocity in the body's own axes are those that a believer would see."""
     estimate = Estimate(Config("empty", "drone", 0), 0.002, 50, np.zeros(3), 0.0)
-    estimate.error = PoseError((0.4, -0.3, 0.1), 0.5)
+    estimate.tracked = np.array([0.4, -0.3, 0.1, 0.5])
     position, heading = np.array([2.0, 1.0, 1.5]), 0.7
-    believed, believed_heading = position + np.array(estimate.error.shift), heading + 0.5
+    believed, believed_heading = position + estimate.tracked[:3], heading + 0.5
     rest = hold(np.array([3.0, 2.0, 1.0]), 0, 1.0).at(0)
     sample = rest._replace(velocity=np.array([1.0, 0.5, 0.2]))
     setpoint = estimate.setpoint(sample, position)
@@ -169,6 +169,21 @@ def test_the_error_moves_only_with_new_estimates():
         errors.append(estimate.error)
     changes = [k for k in range(1, 40) if errors[k] != errors[k - 1]]
     assert changes == [10, 20, 30]
+
+
+def test_the_controller_feels_a_step_of_the_error_without_a_kink():
+    """The step response of a critically damped filter: 1 - (1 + w t) exp(-w t)."""
+    config = override(Config("empty", "drone", 0), EXACTLY)
+    estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
+    estimate.error = PoseError((1.0, 0.0, 0.0), 0.5)
+    felt = []
+    for _ in range(500):
+        estimate.remember()
+        felt.append(estimate.tracked.copy())
+    wt = 10.0 * 0.002 * np.arange(1, 501)
+    expected = 1.0 - (1.0 + wt) * np.exp(-wt)
+    np.testing.assert_allclose(np.array(felt)[:, 0], expected, atol=0.02)
+    np.testing.assert_allclose(np.array(felt)[:, 3], 0.5 * expected, atol=0.01)
 
 
 def test_the_log_holds_the_believed_pose_and_the_margin_follows_its_sigma(recorded):
