@@ -231,6 +231,24 @@ def test_the_body_tracks_what_it_believes(robot, tmp_path):
     assert np.linalg.norm(np.array(truth.position)[:2] + error - goal) < 0.06
 
 
+@pytest.mark.parametrize(
+    "setting", ["odometry.jitter=0.01", "odometry.turn_sigma=0.2"], ids=["jitter", "heading"]
+)
+def test_a_drone_flies_steadily_on_a_bad_estimate(setting, tmp_path):
+    """White error, and a heading that is far off, reach the controller without shaking it."""
+    settings = [setting, "odometry.correlation_time=1000", "episode.time_limit=3"]
+    log = tmp_path / "bad.mcap"
+    result = run_episode(build(override(Config("empty", "drone", 1), settings)), log)
+    assert result.outcome == "timeout", result.reason
+    assert "recover" not in {m.action for m in read_messages(log) if isinstance(m, pb.Decision)}
+    upright = [
+        rotation_matrices(np.array(m.quaternion)[None])[0, 2, 2]
+        for m in read_messages(log)
+        if isinstance(m, pb.Truth)
+    ]
+    assert min(upright) > math.cos(0.6)
+
+
 def test_swapping_the_truth_changes_no_decision(recorded, tmp_path):
     result = recorded("empty", "drone", 1)
     path = tmp_path / "swapped.mcap"
