@@ -7,9 +7,9 @@ turn into the body by R_z(a)' too much. The setpoint
 
     s' = s - e - (I - R_z(a)') (s - b),   v' = R_z(a)' v,   psi' = psi_s - a
 
-asks the same of a controller that knows p: s' - p = R_z(a)' (s - b). Between two estimates the
-error stays as it is, as of an estimator that goes on by an inertial sensor meanwhile; so the
-setpoint moves only with the trajectory and with the error's own steps.
+asks the same of a controller that knows p: s' - p = R_z(a)' (s - b). The stack gets each estimate
+as it is. Controllers get it smoothed, as an inertial sensor would carry them from one estimate to
+the next: e and a pass a critically damped filter, so that setpoints have neither steps nor kinks.
 """
 
 from __future__ import annotations
@@ -31,6 +31,12 @@ from planners import TrajectorySample
 
 Array = NDArray[np.float64]
 
+BANDWIDTH = 10.0
+"""Of the filter between estimate and controller, rad/s: half that of the quadrotor's reference.
+
+Unsmoothed, 1 cm of white error at 100 Hz drove its snap feed-forward into the rotors' limits.
+"""
+
 
 class Estimate:
     """The believed pose of one body, estimate by estimate.
@@ -38,6 +44,7 @@ class Estimate:
     Attributes:
         error: Believed less true pose, of the newest estimate, with what a perturbation adds.
         added: What the perturbation adds, of which the stated standard deviations know nothing.
+        tracked: (4,) the error as the controller feels it: x, y, z, m, and heading, rad.
     """
 
     def __init__(
@@ -61,6 +68,9 @@ class Estimate:
         self._due_ns = self._period_ns
         self._errors: deque[PoseError] = deque(maxlen=steps)
         self._look(0)
+        self._timestep = timestep
+        self.tracked = np.array([*self.error.shift, self.error.turn])
+        self._tracked_rate = np.zeros(4)
 
     def advance(self, time_ns: int, position: Array, quaternion: Array) -> None:
         """Make the next estimate if its time has come; the true pose is (3,) and (4,)."""
@@ -73,8 +83,12 @@ class Estimate:
         self._look(time_ns)
 
     def remember(self) -> None:
-        """Keep the error of this physics step for the trail."""
+        """Keep the error of this physics step for the trail, and move the tracked one after it."""
         self._errors.append(self.error)
+        behind = np.array([*self.error.shift, self.error.turn]) - self.tracked
+        pull = BANDWIDTH * (BANDWIDTH * behind - 2.0 * self._tracked_rate)
+        self._tracked_rate += self._timestep * pull
+        self.tracked += self._timestep * self._tracked_rate
 
     def pose(self, trail: Trail, rolling: bool) -> pb.Pose:
         """The believed pose as the log states it.
@@ -104,16 +118,16 @@ class Estimate:
             sample: Of the trajectory, in the believed frame.
             position: (3,) true, m.
         """
-        error = self.error
-        offset = sample.position - position - error.shift
-        c, s = math.cos(error.turn), math.sin(error.turn)
+        shift, turn = self.tracked[:3], float(self.tracked[3])
+        offset = sample.position - position - shift
+        c, s = math.cos(turn), math.sin(turn)
         x, y, _ = offset.tolist()
         vx, vy, vz = sample.velocity.tolist()
         turned_away = np.array([(1.0 - c) * x - s * y, s * x + (1.0 - c) * y, 0.0])
         return Setpoint(
-            sample.position - error.shift - turned_away,
+            sample.position - shift - turned_away,
             np.array([c * vx + s * vy, c * vy - s * vx, vz]),
-            sample.heading - error.turn,
+            sample.heading - turn,
             sample.yaw_rate,
         )
 

@@ -131,9 +131,9 @@ def test_a_believed_trail_is_shifted_and_turned_by_each_its_own_error():
 def test_the_setpoint_asks_of_the_true_pose_what_the_plan_asks_of_the_believed_one():
     """The offset and the velocity in the body's own axes are those that a believer would see."""
     estimate = Estimate(Config("empty", "drone", 0), 0.002, 50, np.zeros(3), 0.0)
-    estimate.error = PoseError((0.4, -0.3, 0.1), 0.5)
+    estimate.tracked = np.array([0.4, -0.3, 0.1, 0.5])
     position, heading = np.array([2.0, 1.0, 1.5]), 0.7
-    believed, believed_heading = position + np.array(estimate.error.shift), heading + 0.5
+    believed, believed_heading = position + estimate.tracked[:3], heading + 0.5
     rest = hold(np.array([3.0, 2.0, 1.0]), 0, 1.0).at(0)
     sample = rest._replace(velocity=np.array([1.0, 0.5, 0.2]))
     setpoint = estimate.setpoint(sample, position)
@@ -169,6 +169,21 @@ def test_the_error_moves_only_with_new_estimates():
         errors.append(estimate.error)
     changes = [k for k in range(1, 40) if errors[k] != errors[k - 1]]
     assert changes == [10, 20, 30]
+
+
+def test_the_controller_feels_a_step_of_the_error_without_a_kink():
+    """The step response of a critically damped filter: 1 - (1 + w t) exp(-w t)."""
+    config = override(Config("empty", "drone", 0), EXACTLY)
+    estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
+    estimate.error = PoseError((1.0, 0.0, 0.0), 0.5)
+    felt = []
+    for _ in range(500):
+        estimate.remember()
+        felt.append(estimate.tracked.copy())
+    wt = 10.0 * 0.002 * np.arange(1, 501)
+    expected = 1.0 - (1.0 + wt) * np.exp(-wt)
+    np.testing.assert_allclose(np.array(felt)[:, 0], expected, atol=0.02)
+    np.testing.assert_allclose(np.array(felt)[:, 3], 0.5 * expected, atol=0.01)
 
 
 def test_the_log_holds_the_believed_pose_and_the_margin_follows_its_sigma(recorded):
@@ -214,6 +229,24 @@ def test_the_body_tracks_what_it_believes(robot, tmp_path):
     assert np.linalg.norm(error) > 0.02
     assert np.linalg.norm(np.array(pose.position)[:2] - goal) < 0.06
     assert np.linalg.norm(np.array(truth.position)[:2] + error - goal) < 0.06
+
+
+@pytest.mark.parametrize(
+    "setting", ["odometry.jitter=0.01", "odometry.turn_sigma=0.2"], ids=["jitter", "heading"]
+)
+def test_a_drone_flies_steadily_on_a_bad_estimate(setting, tmp_path):
+    """White error, and a heading that is far off, reach the controller without shaking it."""
+    settings = [setting, "odometry.correlation_time=1000", "episode.time_limit=3"]
+    log = tmp_path / "bad.mcap"
+    result = run_episode(build(override(Config("empty", "drone", 1), settings)), log)
+    assert result.outcome == "timeout", result.reason
+    assert "recover" not in {m.action for m in read_messages(log) if isinstance(m, pb.Decision)}
+    upright = [
+        rotation_matrices(np.array(m.quaternion)[None])[0, 2, 2]
+        for m in read_messages(log)
+        if isinstance(m, pb.Truth)
+    ]
+    assert min(upright) > math.cos(0.6)
 
 
 def test_swapping_the_truth_changes_no_decision(recorded, tmp_path):
