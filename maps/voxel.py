@@ -135,13 +135,12 @@ class VoxelMap:
             config.minimum_range,
             self.resolution,
         )
-        ends, fates, box = self._window.place(sweep)
+        placed = self._window.place(sweep)
         self.advance(time_ns)
-        marks = self._window.carve(sweep, ends, fates, box, config.surface_guard == "floor")
+        marks = self._window.carve(sweep, placed, config.surface_guard == "floor")
         updated = self._apply(marks, time_ns)
-        kinds = (beams.RETURNED, beams.CLEARED, beams.DROPPED, beams.TOO_NEAR)
-        counts = [int(np.count_nonzero(fates == kind)) for kind in kinds]
-        return SweepStatistics(counts[0], counts[1], counts[2], counts[3], updated)
+        hits, clears, dropped, too_near = placed.counts.tolist()
+        return SweepStatistics(hits, clears, dropped, too_near, updated)
 
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Lower the cells whose centres lie in a box by one miss, except occupied ones.
