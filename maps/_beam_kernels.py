@@ -53,8 +53,6 @@ OUTSIDE = 2  # the only cell of its word, which lies outside the box
 SECTORS = 4096
 WEDGE = 64  # sectors; their borders lie on the diagonals
 WEDGES = SECTORS // WEDGE
-FEW = 32  # targets in a wedge that are carved without looking for what is already marked
-SCOUTS = (0, 15, 31, 47, 63)  # sectors of a wedge that are carved first
 
 ONE = np.uint64(1)
 
@@ -66,8 +64,8 @@ def locate(
     ranges_mm: NDArray[np.uint16],  # (n,)
     limits_mm: tuple[int, int],  # nearest and farthest return
     scale: float,  # sub-cells a metre
-    cells: NDArray[np.int64],  # (3, n) out
-    fates: NDArray[np.int64],  # (n,) out
+    cells: NDArray[np.int64],  # (3, CHUNK) out
+    fates: NDArray[np.int64],  # (CHUNK,) out
 ) -> bool:
     """The cell that each beam ends in; the origin's own of one that tells nothing.
 
@@ -76,7 +74,7 @@ def locate(
     x, y, z = origin
     nearest, farthest = limits_mm
     strange = 0
-    for i in range(fates.shape[0]):
+    for i in range(ranges_mm.shape[0]):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         strange |= not abs(dx * dx + dy * dy + dz * dz - 1.0) < UNIT_TOLERANCE  # also NaN
         millimetres = np.int64(ranges_mm[i])
@@ -95,40 +93,48 @@ def locate(
 
 
 @kernel
-def widen(values: NDArray[np.int64], box: NDArray[np.int64], axis: int) -> None:
-    """Widen a box of cells (2, 3) along an axis, so that it holds these."""
-    low, high = box[0, axis], box[1, axis]
-    for i in range(values.shape[0]):
-        low, high = min(low, values[i]), max(high, values[i])
-    box[0, axis], box[1, axis] = low, high
+def widen(cells: NDArray[np.int64], n: int, box: NDArray[np.int64]) -> None:
+    """Widen a box (2, 3) so that it holds the first cells of (3, CHUNK)."""
+    for axis in range(3):
+        low, high = box[0, axis], box[1, axis]
+        for i in range(n):
+            low, high = min(low, cells[axis, i]), max(high, cells[axis, i])
+        box[0, axis], box[1, axis] = low, high
 
 
 @kernel
 def list_ends(
-    cells: NDArray[np.int64],  # (3, n)
-    fates: NDArray[np.int64],  # (n,)
+    cells: NDArray[np.int64],  # (3, CHUNK)
+    fates: NDArray[np.int64],  # (CHUNK,)
+    n: int,  # of them
     group: int,
-    ends: NDArray[np.int32],  # (n, 5) out
+    ends: NDArray[np.int32],  # (k, 5) out
+    listed: int,  # so far
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
 ) -> int:
-    """List the beams that tell anything, successive ones to one cell once; return their number."""
-    listed = returned = cleared = dropped = 0
+    """List the beams that tell anything, successive ones to one cell once.
+
+    Returns:
+        Number of beams listed with these.
+    """
+    returned = cleared = dropped = 0
     last_x, last_y, last_z, last_fate = cells[0, 0], cells[1, 0], cells[2, 0], np.int64(DROPPED)
-    for i in range(fates.shape[0]):
+    for i in range(n):
         x, y, z, fate = cells[0, i], cells[1, i], cells[2, i], fates[i]
+        other = (x ^ last_x) | (y ^ last_y) | (z ^ last_z) | (fate ^ last_fate)
+        # Without a branch: which beams end in a cell of their own cannot be foreseen.
         ends[listed, 0], ends[listed, 1], ends[listed, 2] = x, y, z
         ends[listed, 3], ends[listed, 4] = fate, group
-        other = (x ^ last_x) | (y ^ last_y) | (z ^ last_z) | (fate ^ last_fate)
         listed += (other != 0) & (fate <= CLEARED)
         last_x, last_y, last_z, last_fate = x, y, z, fate
-    for i in range(fates.shape[0]):
+    for i in range(n):
         returned += fates[i] == RETURNED
         cleared += fates[i] == CLEARED
         dropped += fates[i] == DROPPED
     counts[RETURNED] += returned
     counts[CLEARED] += cleared
     counts[DROPPED] += dropped
-    counts[TOO_NEAR] += fates.shape[0] - returned - cleared - dropped
+    counts[TOO_NEAR] += n - returned - cleared - dropped
     return listed
 
 
@@ -158,15 +164,11 @@ def place_ends(
         end = min(groups[k + 1], beams[1])
         for first in range(max(groups[k], beams[0]), end, CHUNK):
             last = min(first + CHUNK, end)
-            n = last - first
-            here, told = cells[:, :n], fates[:n]
-            if not locate(
-                origin, directions[first:last], ranges_mm[first:last], limits_mm, scale, here, told
-            ):
+            beams_here = directions[first:last], ranges_mm[first:last]
+            if not locate(origin, *beams_here, limits_mm, scale, cells, fates):
                 return -1
-            for axis in range(3):
-                widen(here[axis], box, axis)
-            listed += list_ends(here, told, k, ends[listed:], counts)
+            widen(cells, last - first, box)
+            listed = list_ends(cells, fates, last - first, k, ends, listed, counts)
     return listed
 
 
@@ -292,7 +294,7 @@ def order_targets(
     places: NDArray[np.int64],  # (WEDGE,) of a wedge's sectors, in which to carve them
     ranks: NDArray[np.int32],  # (n,) scratch
     order: NDArray[np.int32],  # (n,) out
-    wedges: NDArray[np.int64],  # (k, 4) out: first target, end of the scouts, end, sensor position
+    wedges: NDArray[np.int64],  # (k, 3) out: first target, one past the last, sensor position
 ) -> int:
     """Order targets by the direction that they lie in: the next beam then meets what the last did.
 
@@ -319,11 +321,9 @@ def order_targets(
         for sector in range(SECTORS):
             starts[sector + 1] += starts[sector]
         for wedge in range(WEDGES):
-            first, scouted = starts[wedge * WEDGE], starts[wedge * WEDGE + len(SCOUTS)]
-            end = starts[(wedge + 1) * WEDGE]
+            first, end = starts[wedge * WEDGE], starts[(wedge + 1) * WEDGE]
             if end > first:
-                wedges[count, 0], wedges[count, 2], wedges[count, 3] = first, end, k
-                wedges[count, 1] = scouted if end - first > FEW else end
+                wedges[count, 0], wedges[count, 1], wedges[count, 2] = first, end, k
                 count += 1
         for i in range(groups[k], groups[k + 1]):
             order[starts[ranks[i]]] = i

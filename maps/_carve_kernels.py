@@ -18,18 +18,20 @@ from maps._beam_kernels import (
     SPARING,
     SUBCELLS,
 )
-from maps._jit import kernel
+from maps._jit import inlined, kernel
 
 WAY_BITS = 40  # a fraction of the way times a height of 2^21 stays below 2^63
 WHOLE_WAY = 1 << WAY_BITS
 HALF_PITCH = 2.0 ** (WAY_BITS + HALVES_BITS - 1)  # of faces, on a beam of 1/1024 of a cell
 MAX_STEPS = 2 * MAX_BEAM_CELLS + 18
-LANES = 16  # columns are looked at in whole vectors, also beyond the last one
+LANES = 8  # columns are looked at in whole vectors, also beyond the last one
 MAX_RUNS = 33  # of ends in a word; one may be cut in two
 EVERY_LAYER = -(1 << 30)  # below all that a beam may mark
 
 SLOPES = 64  # classes of beams of a wedge
 STEEPEST = 1.5  # cells along z to one along the wedge's longer axis
+SCOUTS = 8  # beams
+SHARE = 3
 ROUNDING = 0.01  # of a cell: far more than a beam in integers is off its straight line
 
 TWO = np.uint64(2)
@@ -37,13 +39,13 @@ FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
 B01, B55, B33, B0F = (np.uint64(0x0101010101010101 * byte) for byte in (0x01, 0x55, 0x33, 0x0F))
 
 
-@kernel
+@inlined
 def faces_before(way: int, half: int) -> int:
     """How many faces along an axis a beam meets before a point of its way."""
     return ((way - 1) // half + 1) >> 1 if way > 0 else 0
 
 
-@kernel
+@inlined
 def clip_axis(cell: int, steps: int, target: int, low: int, high: int) -> tuple[int, int]:
     """Faces to cross along an axis before a beam is within limits, and before it leaves them.
 
@@ -56,7 +58,7 @@ def clip_axis(cell: int, steps: int, target: int, low: int, high: int) -> tuple[
     return max(enter, 0), min(leave, steps)
 
 
-@kernel
+@inlined
 def way_to_layers(end: int, sensor: int, low: int, high: int) -> int:
     """Least way at which a beam is within layers `low` to `high`; beyond its end if it never is.
 
@@ -78,7 +80,7 @@ def way_to_layers(end: int, sensor: int, low: int, high: int) -> int:
     return -(((middle - low * HALVES) << WAY_BITS) // (sensor - middle))
 
 
-@kernel
+@inlined
 def clip(
     end: tuple[int, int, int],  # cell
     sensor: tuple[int, int, int],  # 1/1024 of a cell
@@ -120,9 +122,10 @@ def clip(
     return i + j, last_i + last_j, to_layers
 
 
-@kernel
+@inlined
 def trace(
     first: int,  # faces crossed before the first column
+    n: int,  # columns
     halves: tuple[int, int],  # way from the end to the first face along x and y
     start: int,  # word of the end's column
     jumps: tuple[int, int],  # words from column to column along x and y
@@ -139,7 +142,7 @@ def trace(
     half_x, half_y = halves
     pitch_x, pitch_y, turn = 2 * half_x, 2 * half_y, jumps[0] - jumps[1]
     slope, offset = pitch_y / (pitch_x + pitch_y), 0.5 - 1e-6
-    for k in range(places.shape[0]):
+    for k in range(n):
         s = first + k
         i = int(s * slope + offset)  # or one less than it should be
         way_x, way_y = i * pitch_x + half_x, (s - i) * pitch_y - half_y
@@ -150,82 +153,84 @@ def trace(
         ways[k] = min(max(way, 0), WHOLE_WAY)
 
 
-@kernel
+@inlined
 def find_heights(
     ways: NDArray[np.int64],  # (n,)
+    n: int,
     middle: int,  # height of the end, 1/1024 of a cell
     rise: int,  # from there to the sensor
     heights: NDArray[np.int64],  # (n,) out
 ) -> None:
     """The cells along z in which a beam enters columns."""
     base = middle << WAY_BITS
-    for s in range(ways.shape[0]):
+    for s in range(n):
         heights[s] = (base + ways[s] * rise) >> (WAY_BITS + HALVES_BITS)
 
 
-@kernel
+@inlined
 def bits_from(height: int) -> np.uint64:
     """The bits of a word at a height from 0 to 64 and above it."""
     return FULL << np.uint64(height) if height < 64 else np.uint64(0)
 
 
-@kernel
+@inlined
 def mark_within(
+    n: int,
     lower: NDArray[np.int64],  # (n + 1,) cells from the word's bottom, 0 to 63
     upper: NDArray[np.int64],  # (n + 1,)
     keep: np.uint64,  # cells that may be marked
     masks: NDArray[np.uint64],  # (n,) in, out
 ) -> None:
     """Mark in each column the cells between the heights at which beams enter and leave it."""
-    for s in range(masks.shape[0]):
+    for s in range(n):
         low, high = min(lower[s], lower[s + 1]), max(upper[s], upper[s + 1])
         masks[s] |= ((TWO << np.uint64(high)) - (ONE << np.uint64(low))) & keep
 
 
-@kernel
+@inlined
 def mark_across(
+    n: int,
     lower: NDArray[np.int64],  # (n + 1,) cells from the word's bottom
     upper: NDArray[np.int64],  # (n + 1,)
     keep: np.uint64,
     masks: NDArray[np.uint64],  # (n,) in, out
 ) -> None:
     """The same for beams that are also below or above the word."""
-    for s in range(masks.shape[0]):
+    for s in range(n):
         low, high = min(lower[s], lower[s + 1]), max(upper[s], upper[s + 1])
         first, end = min(max(low, 0), 64), min(max(high + 1, 0), 64)
         masks[s] |= bits_from(first) & ~bits_from(end) & keep
 
 
-@kernel
+@inlined
 def mark_run(
     low: int,  # lowest and highest end, from the word's bottom
     high: int,
     top: int,  # height of the sensor, 1/1024 of a cell
     keep: np.uint64,
+    n: int,  # columns
     ways: NDArray[np.int64],  # (n + 1,)
     lower: NDArray[np.int64],  # (n + 1,) scratch
     upper: NDArray[np.int64],  # (n + 1,) scratch
     masks: NDArray[np.uint64],  # (n,) in, out
 ) -> None:
-    """Mark what the beams to a run of ends cross within one word of each column."""
-    if max(high, top >> HALVES_BITS) < 0 or min(low, top >> HALVES_BITS) > 63 or keep == 0:
-        return
-    n = masks.shape[0]
+    """Mark what the beams to a run of ends cross within one word of each column.
+
+    Neither another name for an array nor an early return: either would have references counted, at
+    some nanoseconds each time.
+    """
     middle = low * HALVES + SUBCELLS
-    find_heights(ways, middle, top - middle, lower)
-    highest = lower
-    if high > low:
-        middle = high * HALVES + SUBCELLS
-        find_heights(ways, middle, top - middle, upper)
-        highest = upper
+    find_heights(ways, n + 1, middle, top - middle, lower)
+    middle = high * HALVES + SUBCELLS
+    find_heights(ways, n + 1, middle, top - middle, upper)
     # Beams rise or fall all along. Most stay within the word, as it is 64 cells high.
-    if min(lower[0], lower[n]) >= 0 and max(highest[0], highest[n]) <= 63:
-        mark_within(lower, highest, keep, masks)
+    if min(lower[0], lower[n]) >= 0 and max(upper[0], upper[n]) <= 63:
+        mark_within(n, lower, upper, keep, masks)
     else:
-        mark_across(lower, highest, keep, masks)
+        mark_across(n, lower, upper, keep, masks)
 
 
-@kernel
+@inlined
 def first_bit(word: np.uint64) -> int:
     """Index of the lowest set bit of a word that is not 0."""
     bits = (word & (~word + ONE)) - ONE  # as many ones as there are zeros below it
@@ -235,7 +240,7 @@ def first_bit(word: np.uint64) -> int:
     return int(np.int64((bits * B01) >> np.uint64(56)))
 
 
-@kernel
+@inlined
 def next_run(bits: np.uint64) -> tuple[int, int]:
     """First and last of the lowest run of set bits in a word that is not 0."""
     low = first_bit(bits)
@@ -243,7 +248,7 @@ def next_run(bits: np.uint64) -> tuple[int, int]:
     return low, (low + first_bit(clear) if clear != 0 else 64) - 1
 
 
-@kernel
+@inlined
 def list_runs(
     bits: np.uint64,  # cells of a word that beams end in
     bottom: int,  # its least cell
@@ -291,7 +296,7 @@ def slope_range(
     return along_x, forward, least, most
 
 
-@kernel
+@inlined
 def common_cells(
     free: NDArray[np.uint64],  # (nx * ny * words,)
     shape: tuple[int, int, int],
@@ -317,7 +322,7 @@ def common_cells(
     return common
 
 
-@kernel
+@inlined
 def advance_slopes(
     common: np.uint64,  # layers that are marked throughout a slab
     enter: float,  # cells from the sensor to where beams enter the slab, and leave it
@@ -376,7 +381,7 @@ def survey(
         slab += 1
 
 
-@kernel
+@inlined
 def marked_slabs(
     low: int,  # lowest and highest of a column's ends
     high: int,
@@ -422,14 +427,14 @@ def carve(
     masks, marked = np.empty(MAX_STEPS, np.uint64), np.empty(SLOPES, np.int64)
     runs = np.empty((MAX_RUNS * max(words, 1), 3), np.int64)
     for wedge in range(part[0], part[1]):
-        at, scouted, end, k = wedges[wedge]
+        at, end, k = wedges[wedge]
         sensor = (sensors[k, 0], sensors[k, 1], sensors[k, 2])
         span = slope_range(targets, order[at:end], sensor)
-        surveyed = False
+        first_target, surveyed, next_survey = at, False, at + max((end - at) // SHARE, SCOUTS)
         while at < end:
-            if at >= scouted and not surveyed:
+            if at >= next_survey:
                 survey(span, sensor, box, shape, free, marked)
-                surveyed = True
+                surveyed, next_survey = True, at + (at - first_target)
             target = order[at]
             x, y = np.int64(targets[target, 0]), np.int64(targets[target, 1])
             count, alone = 0, targets[target, 4] & OUTSIDE != 0
@@ -462,8 +467,8 @@ def carve(
                 continue
             jumps = (ny * words if to_x > 0 else -ny * words, words if to_y > 0 else -words)
             padded = -(-n // LANES) * LANES
-            last = padded + 1
-            trace(first, halves, (x * ny + y) * words, jumps, places[:last], ways[:last])
+            start = (x * ny + y) * words
+            trace(first, padded + 1, halves, start, jumps, places, ways)
             ways[0] = max(ways[0], to_layers)
             for word in range(box[2] >> 6, (box[5] >> 6) + 1):
                 bottom = 64 * word
@@ -473,7 +478,9 @@ def carve(
                     low, high = runs[i, 0] - bottom, runs[i, 1] - bottom
                     least = min(max(max(runs[i, 2], box[2]) - bottom, 0), 64)
                     keep = bits_from(least) & (bits_from(min(box[5] + 1 - bottom, 64)) ^ FULL)
-                    top, across = sensor[2] - bottom * HALVES, masks[:padded]
-                    mark_run(low, high, top, keep, ways[:last], lower[:last], upper[:last], across)
+                    top = sensor[2] - bottom * HALVES
+                    rises = top >> HALVES_BITS
+                    if keep != 0 and max(high, rises) >= 0 and min(low, rises) <= 63:
+                        mark_run(low, high, top, keep, padded, ways, lower, upper, masks)
                 for s in range(n):
                     free[np.uint64(places[s] + word)] |= masks[s]

@@ -18,7 +18,7 @@ from maps.team import Team
 MAX_WINDOW_WORDS = 1 << 26
 NO_GUARD = -1
 
-SCOUTED = np.argsort([*beams.SCOUTS, *sorted(set(range(beams.WEDGE)) - set(beams.SCOUTS))])
+SPREAD = np.argsort([0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64])
 """The place of each sector of a wedge in the order in which they are carved."""
 
 
@@ -178,8 +178,8 @@ class SweepWindow:
             bits,
             groups,
         )
-        wedges = np.empty((min(count, beams.WEDGES * len(sensors)), 4), np.int64)
-        used = beams.order_targets(targets, groups, sensors, SCOUTED, columns, order, wedges)
+        wedges = np.empty((min(count, beams.WEDGES * len(sensors)), 3), np.int64)
+        used = beams.order_targets(targets, groups, sensors, SPREAD, columns, order, wedges)
 
         def carve(member: int, part: tuple[int, int]) -> None:
             carving.carve(
