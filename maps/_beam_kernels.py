@@ -150,15 +150,16 @@ def place_ends(
     ends: NDArray[np.int32],  # (k, 5) out: cell, fate and origin of beams, k of them or fewer
     box: NDArray[np.int64],  # (2, 3) least and greatest cell, widened to hold the ends
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
+    cells: NDArray[np.int64],  # (3, CHUNK) scratch
+    fates: NDArray[np.int64],  # (CHUNK,) scratch
 ) -> int:
     """Find where beams end, and list those that tell anything.
 
     Returns:
         Number of ends listed; -1 if a direction is not of unit length.
     """
-    cells, fates = np.empty((3, CHUNK), np.int64), np.empty(CHUNK, np.int64)
     scale = SUBCELLS / resolution
-    listed = 0
+    listed = np.int64(0)  # a plain 0 would be compiled for itself
     for k in range(origins.shape[0]):
         origin = (origins[k, 0], origins[k, 1], origins[k, 2])
         end = min(groups[k + 1], beams[1])
@@ -246,7 +247,7 @@ def list_targets(
     """
     _, ny, words = shape
     x0, y0, z0, x1, y1, z1 = box
-    count = listed = part = 0
+    count = listed = part = np.int64(0)
     at = parts[0, 0]
     for k in range(sensors.shape[0]):
         groups[k] = count
@@ -292,6 +293,7 @@ def order_targets(
     groups: NDArray[np.int64],  # (m + 1,) first target of each sensor position, and the end
     sensors: NDArray[np.int64],  # (m, 3)
     places: NDArray[np.int64],  # (WEDGE,) of a wedge's sectors, in which to carve them
+    starts: NDArray[np.int64],  # (SECTORS + 1,) scratch
     ranks: NDArray[np.int32],  # (n,) scratch
     order: NDArray[np.int32],  # (n,) out
     wedges: NDArray[np.int64],  # (k, 3) out: first target, one past the last, sensor position
@@ -303,7 +305,6 @@ def order_targets(
     Returns:
         Number of wedges that hold any.
     """
-    starts = np.empty(SECTORS + 1, np.int64)
     count = 0
     for k in range(sensors.shape[0]):
         for sector in range(SECTORS + 1):

@@ -44,9 +44,9 @@ def find(
     z: int,
 ) -> int:
     """The slot of a brick, or -1."""
-    slot = int(heads[bucket_of(x, y, z, heads.shape[0])])
+    slot = np.int64(heads[bucket_of(x, y, z, heads.shape[0])])
     while slot >= 0 and not (keys[slot, 0] == x and keys[slot, 1] == y and keys[slot, 2] == z):
-        slot = int(links[slot])
+        slot = np.int64(links[slot])
     return slot
 
 
@@ -60,7 +60,8 @@ def find_all(
 ) -> None:
     """Find the slots of bricks."""
     for i in range(wanted.shape[0]):
-        slots[i] = find(heads, links, keys, wanted[i, 0], wanted[i, 1], wanted[i, 2])
+        x, y, z = np.int64(wanted[i, 0]), np.int64(wanted[i, 1]), np.int64(wanted[i, 2])
+        slots[i] = find(heads, links, keys, x, y, z)
 
 
 @kernel
@@ -73,7 +74,8 @@ def enter(
     """Enter bricks into the directory."""
     for i in range(slots.shape[0]):
         slot = slots[i]
-        bucket = bucket_of(keys[slot, 0], keys[slot, 1], keys[slot, 2], heads.shape[0])
+        x, y, z = np.int64(keys[slot, 0]), np.int64(keys[slot, 1]), np.int64(keys[slot, 2])
+        bucket = bucket_of(x, y, z, heads.shape[0])
         links[slot] = heads[bucket]
         heads[bucket] = slot
 
@@ -88,7 +90,8 @@ def strike_out(
     """Take bricks out of the directory."""
     for i in range(slots.shape[0]):
         slot = slots[i]
-        bucket = bucket_of(keys[slot, 0], keys[slot, 1], keys[slot, 2], heads.shape[0])
+        x, y, z = np.int64(keys[slot, 0]), np.int64(keys[slot, 1]), np.int64(keys[slot, 2])
+        bucket = bucket_of(x, y, z, heads.shape[0])
         at = np.int64(heads[bucket])
         if at == slot:
             heads[bucket] = links[slot]

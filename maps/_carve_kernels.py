@@ -144,7 +144,7 @@ def trace(
     slope, offset = pitch_y / (pitch_x + pitch_y), 0.5 - 1e-6
     for k in range(n):
         s = first + k
-        i = int(s * slope + offset)  # or one less than it should be
+        i = np.int64(s * slope + offset)  # or one less than it should be
         way_x, way_y = i * pitch_x + half_x, (s - i) * pitch_y - half_y
         one_less = way_x <= way_y
         place = start + s * jumps[1] + i * turn
@@ -237,7 +237,7 @@ def first_bit(word: np.uint64) -> int:
     bits = bits - ((bits >> ONE) & B55)
     bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
     bits = (bits + (bits >> np.uint64(4))) & B0F
-    return int(np.int64((bits * B01) >> np.uint64(56)))
+    return np.int64((bits * B01) >> np.uint64(56))
 
 
 @inlined
@@ -370,11 +370,11 @@ def survey(
     height = sensor[2] / HALVES - bottom
     for k in range(SLOPES):
         marked[k] = 0
-    slab, going_on = 0, bottom < 64 * shape[2]
+    slab, going_on = np.int64(0), bottom < 64 * shape[2]
     while going_on:
         enter, leave = max(slab - behind, 0.0), slab + 1.0 - behind
-        first = int(np.floor(middle + min(least * enter, least * leave) - ROUNDING))
-        last = int(np.floor(middle + max(most * enter, most * leave) + ROUNDING))
+        first = np.int64(np.floor(middle + min(least * enter, least * leave) - ROUNDING))
+        last = np.int64(np.floor(middle + max(most * enter, most * leave) + ROUNDING))
         place = own + slab if forward else own - slab
         common = common_cells(free, shape, along_x, place, first, last, bottom)
         going_on = common != 0 and advance_slopes(common, enter, leave, height, marked, slab)
@@ -395,8 +395,8 @@ def marked_slabs(
     last = ((high * HALVES + SUBCELLS - sensor) / distance + STEEPEST) * scale
     if not (0.0 <= first and last < SLOPES):
         return 0
-    slabs = marked[int(first)]
-    for k in range(int(first) + 1, int(last) + 1):
+    slabs = marked[np.int64(first)]
+    for k in range(np.int64(first) + 1, np.int64(last) + 1):
         slabs = min(slabs, marked[k])
     return slabs
 
@@ -412,6 +412,9 @@ def carve(
     box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
     guarded_layer: int,  # from the window's bottom
     shape: tuple[int, int, int],  # (nx, ny, words)
+    scratch: tuple[NDArray[np.int64], ...],  # (MAX_STEPS + 1,) each
+    masks: NDArray[np.uint64],  # (MAX_STEPS + 1,) scratch
+    runs: NDArray[np.int64],  # (MAX_RUNS * words, 3) scratch
     free: NDArray[np.uint64],  # (nx * ny * words,) out
 ) -> None:
     """Mark the cells that beams cross.
@@ -422,10 +425,7 @@ def carve(
     others are followed only to where everything is marked.
     """
     _, ny, words = shape
-    ways, places = np.empty(MAX_STEPS + 1, np.int64), np.empty(MAX_STEPS + 1, np.int64)
-    lower, upper = np.empty(MAX_STEPS + 1, np.int64), np.empty(MAX_STEPS + 1, np.int64)
-    masks, marked = np.empty(MAX_STEPS, np.uint64), np.empty(SLOPES, np.int64)
-    runs = np.empty((MAX_RUNS * max(words, 1), 3), np.int64)
+    ways, places, lower, upper, marked = scratch
     for wedge in range(part[0], part[1]):
         at, end, k = wedges[wedge]
         sensor = (sensors[k, 0], sensors[k, 1], sensors[k, 2])
@@ -437,7 +437,7 @@ def carve(
                 surveyed, next_survey = True, at + (at - first_target)
             target = order[at]
             x, y = np.int64(targets[target, 0]), np.int64(targets[target, 1])
-            count, alone = 0, targets[target, 4] & OUTSIDE != 0
+            count, alone = np.int64(0), targets[target, 4] & OUTSIDE != 0
             while True:  # all words of one column
                 bottom, flags = np.int64(targets[target, 3]), targets[target, 4]
                 sparing = flags & SPARING != 0
@@ -459,7 +459,7 @@ def carve(
                     most_x = abs((sensor[0] >> HALVES_BITS) - x) - slabs
                 elif slabs > 0:
                     most_y = abs((sensor[1] >> HALVES_BITS) - y) - slabs
-            halves = (int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y)))
+            halves = (np.int64(HALF_PITCH / abs(to_x)), np.int64(HALF_PITCH / abs(to_y)))
             end_cell, most = (x, y, runs[0, 0]), (most_x, most_y)
             first, last, to_layers = clip(end_cell, sensor, halves, box, most)
             n = last + 1 - first
@@ -470,7 +470,9 @@ def carve(
             start = (x * ny + y) * words
             trace(first, padded + 1, halves, start, jumps, places, ways)
             ways[0] = max(ways[0], to_layers)
-            for word in range(box[2] >> 6, (box[5] >> 6) + 1):
+            rises = sensor[2] >> HALVES_BITS
+            lowest, highest = min(runs[0, 0], rises), max(runs[count - 1, 1], rises)
+            for word in range(max(box[2], lowest) >> 6, (min(box[5], highest) >> 6) + 1):
                 bottom = 64 * word
                 for s in range(padded):
                     masks[s] = 0
@@ -479,8 +481,8 @@ def carve(
                     least = min(max(max(runs[i, 2], box[2]) - bottom, 0), 64)
                     keep = bits_from(least) & (bits_from(min(box[5] + 1 - bottom, 64)) ^ FULL)
                     top = sensor[2] - bottom * HALVES
-                    rises = top >> HALVES_BITS
-                    if keep != 0 and max(high, rises) >= 0 and min(low, rises) <= 63:
+                    above = rises - bottom
+                    if keep != 0 and max(high, above) >= 0 and min(low, above) <= 63:
                         mark_run(low, high, top, keep, padded, ways, lower, upper, masks)
                 for s in range(n):
                     free[np.uint64(places[s] + word)] |= masks[s]

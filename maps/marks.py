@@ -124,6 +124,8 @@ class SweepWindow:
                     ends[first:end],
                     boxes[k],
                     counts[k],
+                    np.empty((3, beams.CHUNK), np.int64),
+                    np.empty(beams.CHUNK, np.int64),
                 )
                 parts[k, 1] = first + listed
 
@@ -179,9 +181,12 @@ class SweepWindow:
             groups,
         )
         wedges = np.empty((min(count, beams.WEDGES * len(sensors)), 3), np.int64)
-        used = beams.order_targets(targets, groups, sensors, SPREAD, columns, order, wedges)
+        starts = np.empty(beams.SECTORS + 1, np.int64)
+        used = beams.order_targets(targets, groups, sensors, SPREAD, starts, columns, order, wedges)
 
         def carve(member: int, part: tuple[int, int]) -> None:
+            # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
+            steps = carving.MAX_STEPS + 1
             carving.carve(
                 targets,
                 bits,
@@ -192,6 +197,9 @@ class SweepWindow:
                 within,
                 guarded,
                 shape,
+                tuple(np.empty(steps, np.int64) for _ in range(5)),
+                np.empty(steps, np.uint64),
+                np.empty((carving.MAX_RUNS * words, 3), np.int64),
                 self._free[member],
             )
 

@@ -497,6 +497,8 @@ class VoxelMap:
                 self._losses,
                 turned,
                 alive,
+                np.empty(decay.EDGE_VALUES, np.bool_),
+                np.empty(decay.EDGE_VALUES, np.int8),
             )
 
         self._team.share(fade, len(behind), parts_each=2)

@@ -147,16 +147,22 @@ def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
     targets, bits = np.empty((len(ends), 5), np.int32), np.empty(len(ends), np.uint64)
     parts, groups = np.array([[0, 2], [2, 2], [2, len(ends)]]), np.empty(2, np.int64)
     wedges, sensors, corner = np.empty((len(ends), 3), np.int64), np.array([sensor]), (0, 0, 0)
+    starts = np.empty(kernels.SECTORS + 1, np.int64)
     scratch = (hits, aims, flags, columns, targets, bits, groups)
     with np.errstate(over="ignore"):
         count = kernel("list_targets")(
             listed, parts, sensors, corner, box, guarded, shape, *scratch
         )
-        some = kernel("order_targets")(targets, groups, sensors, SPREAD, columns, order, wedges)
+        some = kernel("order_targets")(
+            targets, groups, sensors, SPREAD, starts, columns, order, wedges
+        )
         assert sorted(order[:count]) == list(range(count))
         assert wedges[:some, 0].tolist() == [0, *wedges[: some - 1, 1]]
         of_beams = (targets, bits, order, wedges, (0, some), sensors, box, guarded)
-        kernel("carve")(*of_beams, shape, free)
+        scratch = tuple(np.empty(carving.MAX_STEPS + 1, np.int64) for _ in range(5))
+        rows = np.empty((carving.MAX_RUNS * words, 3), np.int64)
+        masks = np.empty(carving.MAX_STEPS + 1, np.uint64)
+        kernel("carve")(*of_beams, shape, scratch, masks, rows, free)
     assert not aims.any()
     assert not flags.any()
 
@@ -255,6 +261,7 @@ def test_place_ends(run):
     box = np.array([[0, 1, 3], [0, 1, 3]])
     origin, groups = np.array([[0.05, 0.15, 0.25]]), np.array([0, 6])
     args = (origin, groups, directions, ranges_mm, (300, 2000), 0.1, (0, 6), ends, box, counts)
+    args += np.empty((3, kernels.CHUNK), np.int64), np.empty(kernels.CHUNK, np.int64)
     # -1.75 m is 16.75 cells below the floor's layer; two beams that only clear end there.
     told = [[10, 1, 3, 0, 0], [0, 1, -17, 1, 0], [0, 1, -17, 0, 0]]
     assert run(*args) == 3
@@ -277,10 +284,12 @@ def test_place_ends_of_many_origins_in_parts(run):
     fates = np.where(ranges_mm > 3000, 1, 0)
     rows = np.column_stack([cells, fates, moments])[ranges_mm >= 300]
     counts, listed = np.zeros(4, np.int64), []
+    scratch = np.empty((3, kernels.CHUNK), np.int64), np.empty(kernels.CHUNK, np.int64)
     for part in ((0, 350), (350, 700)):
         ends, box = np.zeros((350, 5), np.int32), np.zeros((2, 3), np.int64)
         count = run(
-            origins, groups, directions, ranges_mm, (300, 3000), 0.1, part, ends, box, counts
+            *(origins, groups, directions, ranges_mm, (300, 3000), 0.1, part, ends, box, counts),
+            *scratch,
         )
         listed += ends[:count].tolist()
         assert np.all((ends[:count, :3] >= box[0]) & (ends[:count, :3] <= box[1]))
