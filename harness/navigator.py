@@ -21,7 +21,7 @@ from harness.inputs import Beams, Inputs
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.view import Choice, Memory, View
-from maps import INSCRIBED_COST, MAPS, Costmap
+from maps import INSCRIBED_COST, MAPS, Costmap, VoxelMap
 from planners import FreeSpace, MotionLimits, Trajectory, hold
 
 Array = NDArray[np.float64]
@@ -139,6 +139,9 @@ class Navigator:
                 inputs.time_ns,
                 placed.moments,
             )
+        if (reach := self._config.map.hold_under_body) > 0.0 and isinstance(self.map, VoxelMap):
+            position = inputs.pose.position
+            self.map.hold(position - reach, position + reach, inputs.time_ns)
 
     def _view(self, inputs: Inputs) -> View:
         config, mission = self._config, self._mission

@@ -1,8 +1,8 @@
 """Compiled kernels of a sweep: where its beams end, and which cells they cross.
 
 Cells are marked in a dense window around the sweep: a word of 64 bits is 64 cells of a column along
-z. A target is such a word with the cells that beams end in. All kernels that call each other live in this file because a cached kernel is not recompiled when
-another file changes.
+z. A target is such a word with the cells that beams end in. All kernels that call each other live
+in this file because a cached kernel is not recompiled when another file changes.
 
 The beams are defined in integers, cell by cell:
 
@@ -77,17 +77,17 @@ def locate(
     for i in range(ranges_mm.shape[0]):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         strange |= not abs(dx * dx + dy * dy + dz * dz - 1.0) < UNIT_TOLERANCE  # also NaN
-        millimetres = np.int64(ranges_mm[i])
+        millimetres = int(ranges_mm[i])
         clears = (millimetres == NO_RETURN_MM) | (millimetres > farthest)
         fate = CLEARED if clears else RETURNED
         fate = TOO_NEAR if millimetres < nearest else fate
         fate = DROPPED if millimetres == DROPPED_MM else fate
         fates[i] = fate
-        reach = np.int64(farthest) if clears else millimetres
-        length = (reach if fate <= CLEARED else np.int64(0)) / 1000.0
-        cells[0, i] = np.int64(np.floor((x + dx * length) * scale)) >> SUBCELL_BITS
-        cells[1, i] = np.int64(np.floor((y + dy * length) * scale)) >> SUBCELL_BITS
-        height = np.int64(np.floor((z + dz * length) * scale)) + FLOOR_SUBCELLS
+        reach = int(farthest) if clears else millimetres
+        length = (reach if fate <= CLEARED else int(np.int64(0))) / 1000.0
+        cells[0, i] = int(np.floor((x + dx * length) * scale)) >> SUBCELL_BITS
+        cells[1, i] = int(np.floor((y + dy * length) * scale)) >> SUBCELL_BITS
+        height = int(np.floor((z + dz * length) * scale)) + FLOOR_SUBCELLS
         cells[2, i] = height >> SUBCELL_BITS
     return strange == 0
 
@@ -118,7 +118,7 @@ def list_ends(
         Number of beams listed with these.
     """
     returned = cleared = dropped = 0
-    last_x, last_y, last_z, last_fate = cells[0, 0], cells[1, 0], cells[2, 0], np.int64(DROPPED)
+    last_x, last_y, last_z, last_fate = cells[0, 0], cells[1, 0], cells[2, 0], int(DROPPED)
     for i in range(n):
         x, y, z, fate = cells[0, i], cells[1, i], cells[2, i], fates[i]
         other = (x ^ last_x) | (y ^ last_y) | (z ^ last_z) | (fate ^ last_fate)
@@ -159,7 +159,7 @@ def place_ends(
         Number of ends listed; -1 if a direction is not of unit length.
     """
     scale = SUBCELLS / resolution
-    listed = np.int64(0)  # a plain 0 would be compiled for itself
+    listed = int(np.int64(0))  # a plain 0 would be compiled for itself
     for k in range(origins.shape[0]):
         origin = (origins[k, 0], origins[k, 1], origins[k, 2])
         end = min(groups[k + 1], beams[1])
@@ -203,7 +203,7 @@ def list_columns(
     """List the words of columns that beams end in; return the number of targets with these."""
     _, ny, words = shape
     for j in range(columns.shape[0]):
-        column = np.int64(columns[j])
+        column = int(columns[j])
         grazed = flags[column] & GRAZED != 0
         flags[column] = 0
         for word in range(words):
@@ -247,7 +247,7 @@ def list_targets(
     """
     _, ny, words = shape
     x0, y0, z0, x1, y1, z1 = box
-    count = listed = part = np.int64(0)
+    count = listed = part = int(np.int64(0))
     at = parts[0, 0]
     for k in range(sensors.shape[0]):
         groups[k] = count
@@ -260,7 +260,7 @@ def list_targets(
                 continue
             if ends[at, 4] != k:
                 break
-            x, y, z = np.int64(ends[at, 0]), np.int64(ends[at, 1]), np.int64(ends[at, 2])
+            x, y, z = int(ends[at, 0]), int(ends[at, 1]), int(ends[at, 2])
             x, y, z = x - corner[0], y - corner[1], z - corner[2]
             returned = ends[at, 3] == RETURNED
             at += 1
@@ -280,9 +280,7 @@ def list_targets(
                 columns[listed] = column
                 listed += 1
             flags[column] |= LISTED | GRAZED if grazing else LISTED
-        count = list_columns(
-            columns[:listed], k, guarded, shape, aims, flags, targets, bits, count
-        )
+        count = list_columns(columns[:listed], k, guarded, shape, aims, flags, targets, bits, count)
     groups[sensors.shape[0]] = count
     return count
 
@@ -311,11 +309,11 @@ def order_targets(
             starts[sector] = 0
         starts[0] = groups[k]
         for i in range(groups[k], groups[k + 1]):
-            along = HALVES * np.int64(targets[i, 0]) + SUBCELLS - sensors[k, 0]
-            across = HALVES * np.int64(targets[i, 1]) + SUBCELLS - sensors[k, 1]
+            along = HALVES * int(targets[i, 0]) + SUBCELLS - sensors[k, 0]
+            across = HALVES * int(targets[i, 1]) + SUBCELLS - sensors[k, 1]
             slope = across / (abs(along) + abs(across))  # both odd
             quarters = 1.0 + slope if along > 0 else 3.0 - slope  # 0 to 4
-            sector = np.int64(quarters * (SECTORS / 4.0)) % SECTORS
+            sector = int(quarters * (SECTORS / 4.0)) % SECTORS
             rank = sector // WEDGE * WEDGE + places[sector % WEDGE]
             ranks[i] = rank
             starts[rank + 1] += 1

@@ -144,7 +144,7 @@ def trace(
     slope, offset = pitch_y / (pitch_x + pitch_y), 0.5 - 1e-6
     for k in range(n):
         s = first + k
-        i = np.int64(s * slope + offset)  # or one less than it should be
+        i = int(s * slope + offset)  # or one less than it should be
         way_x, way_y = i * pitch_x + half_x, (s - i) * pitch_y - half_y
         one_less = way_x <= way_y
         place = start + s * jumps[1] + i * turn
@@ -237,7 +237,7 @@ def first_bit(word: np.uint64) -> int:
     bits = bits - ((bits >> ONE) & B55)
     bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
     bits = (bits + (bits >> np.uint64(4))) & B0F
-    return np.int64((bits * B01) >> np.uint64(56))
+    return int(np.int64((bits * B01) >> np.uint64(56)))
 
 
 @inlined
@@ -283,17 +283,17 @@ def slope_range(
         Whether its longer axis is x, whether they lie along that axis; the least and the greatest
         slope of the shorter axis over the longer one.
     """
-    x, y = np.int64(targets[order[0], 0]), np.int64(targets[order[0], 1])
+    x, y = int(targets[order[0], 0]), int(targets[order[0], 1])
     to_x, to_y = x * HALVES + SUBCELLS - sensor[0], y * HALVES + SUBCELLS - sensor[1]
     along_x = abs(to_x) > abs(to_y)
     forward = to_x > 0 if along_x else to_y > 0
     least, most = np.inf, -np.inf
     for i in range(order.shape[0]):
-        x, y = np.int64(targets[order[i], 0]), np.int64(targets[order[i], 1])
+        x, y = int(targets[order[i], 0]), int(targets[order[i], 1])
         to_x, to_y = x * HALVES + SUBCELLS - sensor[0], y * HALVES + SUBCELLS - sensor[1]
         slope = to_y / abs(to_x) if along_x else to_x / abs(to_y)
         least, most = min(least, slope), max(most, slope)
-    return along_x, forward, least, most
+    return bool(along_x), bool(forward), least, most
 
 
 @inlined
@@ -370,11 +370,11 @@ def survey(
     height = sensor[2] / HALVES - bottom
     for k in range(SLOPES):
         marked[k] = 0
-    slab, going_on = np.int64(0), bottom < 64 * shape[2]
+    slab, going_on = int(np.int64(0)), bottom < 64 * shape[2]
     while going_on:
         enter, leave = max(slab - behind, 0.0), slab + 1.0 - behind
-        first = np.int64(np.floor(middle + min(least * enter, least * leave) - ROUNDING))
-        last = np.int64(np.floor(middle + max(most * enter, most * leave) + ROUNDING))
+        first = int(np.floor(middle + min(least * enter, least * leave) - ROUNDING))
+        last = int(np.floor(middle + max(most * enter, most * leave) + ROUNDING))
         place = own + slab if forward else own - slab
         common = common_cells(free, shape, along_x, place, first, last, bottom)
         going_on = common != 0 and advance_slopes(common, enter, leave, height, marked, slab)
@@ -395,8 +395,8 @@ def marked_slabs(
     last = ((high * HALVES + SUBCELLS - sensor) / distance + STEEPEST) * scale
     if not (0.0 <= first and last < SLOPES):
         return 0
-    slabs = marked[np.int64(first)]
-    for k in range(np.int64(first) + 1, np.int64(last) + 1):
+    slabs = marked[int(first)]
+    for k in range(int(first) + 1, int(last) + 1):
         slabs = min(slabs, marked[k])
     return slabs
 
@@ -436,10 +436,10 @@ def carve(
                 survey(span, sensor, box, shape, free, marked)
                 surveyed, next_survey = True, at + (at - first_target)
             target = order[at]
-            x, y = np.int64(targets[target, 0]), np.int64(targets[target, 1])
-            count, alone = np.int64(0), targets[target, 4] & OUTSIDE != 0
+            x, y = int(targets[target, 0]), int(targets[target, 1])
+            count, alone = int(np.int64(0)), targets[target, 4] & OUTSIDE != 0
             while True:  # all words of one column
-                bottom, flags = np.int64(targets[target, 3]), targets[target, 4]
+                bottom, flags = int(targets[target, 3]), targets[target, 4]
                 sparing = flags & SPARING != 0
                 count = list_runs(bits[target], bottom, guarded_layer, sparing, runs, count)
                 at += 1
@@ -459,7 +459,7 @@ def carve(
                     most_x = abs((sensor[0] >> HALVES_BITS) - x) - slabs
                 elif slabs > 0:
                     most_y = abs((sensor[1] >> HALVES_BITS) - y) - slabs
-            halves = (np.int64(HALF_PITCH / abs(to_x)), np.int64(HALF_PITCH / abs(to_y)))
+            halves = (int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y)))
             end_cell, most = (x, y, runs[0, 0]), (most_x, most_y)
             first, last, to_layers = clip(end_cell, sensor, halves, box, most)
             n = last + 1 - first

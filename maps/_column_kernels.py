@@ -63,7 +63,7 @@ def look_up(
         w = (points[n, 2] - origin[2]) / resolution
         values[n] = table[0]
         if 0.0 <= u < nx and 0.0 <= v < ny and 0.0 <= w < nz:  # not if not finite
-            values[n] = table[squared[np.int64(u), np.int64(v), np.int64(w)]]
+            values[n] = table[squared[int(u), int(v), int(w)]]
 
 
 @kernel
@@ -78,7 +78,7 @@ def neighbours(place: float, cells: int) -> tuple[int, int, float, float, float]
         Both indices, clipped to the window; whether each is within it, 1 or 0; the second's share.
         On an axis of one cell both are that cell.
     """
-    first = np.int64(np.floor(place - 0.5))
+    first = int(np.floor(place - 0.5))
     share = place - 0.5 - first
     if cells == 1:
         return 0, 0, 1.0, 1.0, share

@@ -43,7 +43,7 @@ def fade(magnitude: int, tick: int, until: int, losses: NDArray[np.uint64]) -> t
     """
     threshold = (np.uint64(tick) * GOLDEN) & FRACTION
     while magnitude > 0 and tick < until:
-        loss = np.int64((losses[magnitude] + threshold) >> np.uint64(LOSS_BITS))
+        loss = int(np.int64((losses[magnitude] + threshold) >> np.uint64(LOSS_BITS)))
         magnitude = max(magnitude - loss, 0)
         threshold = (threshold + GOLDEN) & FRACTION
         tick += 1
@@ -59,8 +59,8 @@ def fade_values(
 ) -> None:
     """Bring single values up to date."""
     for i in range(values.shape[0]):
-        value = np.int64(values[i])
-        left, _ = fade(abs(value), np.int64(ticks[i]), until, losses)
+        value = int(values[i])
+        left, _ = fade(abs(value), int(ticks[i]), until, losses)
         values[i] = left if value > 0 else -left
 
 
@@ -138,7 +138,7 @@ def fade_brick(
     kept = np.uint64(0)
     for column in range(fresh.shape[0]):
         kept |= fresh[column]
-    turned, least = False, np.int64(EDGE_VALUES)
+    turned, least = False, int(np.int64(EDGE_VALUES))
     for byte in range(EDGE_VALUES):
         value = byte if byte < 128 else byte - 256
         if not present[byte] or value == 0:

@@ -74,7 +74,7 @@ def lower(
         least = min(target[k], min(through, farther))
         target[k] = least
         greatest = max(greatest, least)
-    return np.int64(greatest)
+    return int(greatest)
 
 
 @kernel
@@ -84,7 +84,7 @@ def copy_block(target: NDArray[np.uint16], source: NDArray[np.uint16]) -> int:
     for k in range(target.shape[0]):
         target[k] = source[k]
         greatest = max(greatest, source[k])
-    return np.int64(greatest)
+    return int(greatest)
 
 
 @kernel
@@ -106,7 +106,7 @@ def note_result(
         change = min(change, lesser if result[k] != kept[k] else np.uint16(NO_CHANGE))
         least = min(least, result[k])
         kept[k] = result[k]
-    return np.int64(least), np.int64(change)
+    return int(least), int(change)
 
 
 @kernel
@@ -242,7 +242,7 @@ def spread_changes(
     nx, blocks = stale.shape
     for x in range(nx):
         for b in range(blocks):
-            change = np.int64(least_change[x, b])
+            change = int(least_change[x, b])
             if change == NO_CHANGE:
                 continue
             least_change[x, b] = NO_CHANGE
@@ -279,7 +279,7 @@ def update_field(
     for m in range(stale.shape[0]):
         b, x = stale[m]
         greatest = copy_block(result, sections[x, b])
-        j = np.int64(1)  # a plain 1 would be compiled for itself
+        j = int(np.int64(1))  # a plain 1 would be compiled for itself
         while j < reach and j * j < greatest:
             # Plane nx holds nothing; it stands for those outside.
             below, above = (x - j if x >= j else nx), min(x + j, nx)

@@ -56,7 +56,7 @@ def count_bits(bits: np.uint64) -> int:
     bits = bits - ((bits >> ONE) & B55)
     bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
     bits = (bits + (bits >> np.uint64(4))) & B0F
-    return np.int64((bits * B01) >> np.uint64(56))
+    return int(np.int64((bits * B01) >> np.uint64(56)))
 
 
 @kernel
@@ -116,7 +116,7 @@ def update_column(
         bit = hits & (~hits + ONE)
         hits ^= bit
         z = count_bits(bit - ONE)
-        before = np.int64(cells[z])
+        before = int(cells[z])
         after = min(before + hit, high)
         cells[z] = after
         differ |= np.uint64(before != after)

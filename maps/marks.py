@@ -18,7 +18,9 @@ from maps.team import Team
 MAX_WINDOW_WORDS = 1 << 26
 NO_GUARD = -1
 
-SPREAD = np.argsort([0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64])
+SPREAD = np.argsort(
+    [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64]
+)
 """The place of each sector of a wedge in the order in which they are carved."""
 
 
@@ -133,7 +135,9 @@ class SweepWindow:
         if np.any(parts[:, 1] < parts[:, 0]):
             squared = (sweep.directions**2).sum(axis=1)
             strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
-            raise ValueError(f"directions: got {sweep.directions[strange][0]}, expected unit length")
+            raise ValueError(
+                f"directions: got {sweep.directions[strange][0]}, expected unit length"
+            )
         box = self._clip(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
         _, shape = _window(box)
         if np.prod(shape) > MAX_WINDOW_WORDS:
@@ -160,7 +164,10 @@ class SweepWindow:
         sensors = 2 * (sweep.sensors - (corner << beams.SUBCELL_BITS)) + 1
         x, y, z = (int(cell) for cell in corner)
         x0, y0, z0, x1, y1, z1 = (int(cell) for cell in (box - corner).reshape(-1))
-        within, most = (x0, y0, z0, x1, y1, z1), int((placed.parts[:, 1] - placed.parts[:, 0]).sum())
+        within, most = (
+            (x0, y0, z0, x1, y1, z1),
+            int((placed.parts[:, 1] - placed.parts[:, 0]).sum()),
+        )
         targets, bits = np.empty((most, 5), np.int32), np.empty(most, np.uint64)
         columns, order = np.empty(most, np.int32), np.empty(most, np.int32)
         groups = np.empty(len(sensors) + 1, np.int64)

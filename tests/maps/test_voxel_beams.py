@@ -280,7 +280,7 @@ def test_place_ends_of_many_origins_in_parts(run):
     moments = np.repeat(np.arange(4), np.diff(groups))
     lengths = np.minimum(ranges_mm, 3000) / 1000.0
     scaled = np.floor((origins[moments] + directions * lengths[:, None]) * (512 / 0.1))
-    cells = (scaled.astype(int) + [0, 0, 384]) // 512
+    cells = (scaled.astype(int) + np.array([0, 0, 384])) // 512
     fates = np.where(ranges_mm > 3000, 1, 0)
     rows = np.column_stack([cells, fates, moments])[ranges_mm >= 300]
     counts, listed = np.zeros(4, np.int64), []
