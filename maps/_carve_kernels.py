@@ -395,9 +395,9 @@ def marked_slabs(
     last = ((high * HALVES + SUBCELLS - sensor) / distance + STEEPEST) * scale
     if not (0.0 <= first and last < SLOPES):
         return 0
-    slabs = marked[int(first)]
+    slabs = int(marked[int(first)])
     for k in range(int(first) + 1, int(last) + 1):
-        slabs = min(slabs, marked[k])
+        slabs = min(slabs, int(marked[k]))
     return slabs
 
 
