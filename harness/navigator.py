@@ -22,7 +22,7 @@ from harness.labels import bound_version, make_layer, vote, widened
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.view import Choice, Memory, View
-from maps import INSCRIBED_COST, MAPS, Costmap
+from maps import INSCRIBED_COST, MAPS, Costmap, VoxelMap
 from planners import FreeSpace, MotionLimits, Trajectory, hold
 
 Array = NDArray[np.float64]
@@ -144,6 +144,9 @@ class Navigator:
             if self.labels is not None and sweep.classes is not None:
                 limits = self._config.map.minimum_range, beams.range
                 vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
+        if (reach := self._config.map.hold_under_body) > 0.0 and isinstance(self.map, VoxelMap):
+            position = inputs.pose.position
+            self.map.hold(position - reach, position + reach, inputs.time_ns)
 
     def _view(self, inputs: Inputs) -> View:
         config, mission = self._config, self._mission

@@ -1,8 +1,8 @@
 """Compiled kernels of a sweep: where its beams end, and which cells they cross.
 
 Cells are marked in a dense window around the sweep: a word of 64 bits is 64 cells of a column along
-z. All kernels that call each other live in this file because a cached kernel is not recompiled when
-another file changes.
+z. A target is such a word with the cells that beams end in. All kernels that call each other live
+in this file because a cached kernel is not recompiled when another file changes.
 
 The beams are defined in integers, cell by cell:
 
@@ -40,139 +40,191 @@ FLOOR_SUBCELLS = 3 * SUBCELLS // 4  # the plane z = 0 lies this high in its laye
 MAX_BEAM_CELLS = 2047
 UNIT_TOLERANCE = 1e-6
 
+CHUNK = 256  # beams that are worked out together, in whole vectors
+
 # Flags of a column.
 LISTED = np.uint8(1)
 GRAZED = np.uint8(2)  # a beam ends in its guarded layer
 
-EVERY_LAYER = -(1 << 30)  # below all that a beam may mark
+# Flags of a target.
+SPARING = 1  # beams to its guarded layer spare that layer
+OUTSIDE = 2  # the only cell of its word, which lies outside the box
+
 SECTORS = 4096
+WEDGE = 64  # sectors; their borders lie on the diagonals
+WEDGES = SECTORS // WEDGE
 
 ONE = np.uint64(1)
-FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
-B01, B55, B33, B0F = (np.uint64(0x0101010101010101 * byte) for byte in (0x01, 0x55, 0x33, 0x0F))
+
+
+@kernel
+def locate(
+    origin: tuple[float, float, float],  # m
+    directions: NDArray[np.float64],  # (n, 3) unit
+    ranges_mm: NDArray[np.uint16],  # (n,)
+    limits_mm: tuple[int, int],  # nearest and farthest return
+    scale: float,  # sub-cells a metre
+    cells: NDArray[np.int64],  # (3, CHUNK) out
+    fates: NDArray[np.int64],  # (CHUNK,) out
+) -> bool:
+    """The cell that each beam ends in; the origin's own of one that tells nothing.
+
+    Without branches, so that beams are worked out in vectors. Tells if all are of unit length.
+    """
+    x, y, z = origin
+    nearest, farthest = limits_mm
+    strange = 0
+    for i in range(ranges_mm.shape[0]):
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        strange |= not abs(dx * dx + dy * dy + dz * dz - 1.0) < UNIT_TOLERANCE  # also NaN
+        millimetres = int(ranges_mm[i])
+        clears = (millimetres == NO_RETURN_MM) | (millimetres > farthest)
+        fate = CLEARED if clears else RETURNED
+        fate = TOO_NEAR if millimetres < nearest else fate
+        fate = DROPPED if millimetres == DROPPED_MM else fate
+        fates[i] = fate
+        reach = int(farthest) if clears else millimetres
+        length = (reach if fate <= CLEARED else int(np.int64(0))) / 1000.0
+        cells[0, i] = int(np.floor((x + dx * length) * scale)) >> SUBCELL_BITS
+        cells[1, i] = int(np.floor((y + dy * length) * scale)) >> SUBCELL_BITS
+        height = int(np.floor((z + dz * length) * scale)) + FLOOR_SUBCELLS
+        cells[2, i] = height >> SUBCELL_BITS
+    return strange == 0
+
+
+@kernel
+def widen(cells: NDArray[np.int64], n: int, box: NDArray[np.int64]) -> None:
+    """Widen a box (2, 3) so that it holds the first cells of (3, CHUNK)."""
+    for axis in range(3):
+        low, high = box[0, axis], box[1, axis]
+        for i in range(n):
+            low, high = min(low, cells[axis, i]), max(high, cells[axis, i])
+        box[0, axis], box[1, axis] = low, high
+
+
+@kernel
+def list_ends(
+    cells: NDArray[np.int64],  # (3, CHUNK)
+    fates: NDArray[np.int64],  # (CHUNK,)
+    n: int,  # of them
+    group: int,
+    ends: NDArray[np.int32],  # (k, 5) out
+    listed: int,  # so far
+    counts: NDArray[np.int64],  # (4,) in, out: beams by fate
+) -> int:
+    """List the beams that tell anything, successive ones to one cell once.
+
+    Returns:
+        Number of beams listed with these.
+    """
+    returned = cleared = dropped = 0
+    last_x, last_y, last_z, last_fate = cells[0, 0], cells[1, 0], cells[2, 0], int(DROPPED)
+    for i in range(n):
+        x, y, z, fate = cells[0, i], cells[1, i], cells[2, i], fates[i]
+        other = (x ^ last_x) | (y ^ last_y) | (z ^ last_z) | (fate ^ last_fate)
+        # Without a branch: which beams end in a cell of their own cannot be foreseen.
+        ends[listed, 0], ends[listed, 1], ends[listed, 2] = x, y, z
+        ends[listed, 3], ends[listed, 4] = fate, group
+        listed += (other != 0) & (fate <= CLEARED)
+        last_x, last_y, last_z, last_fate = x, y, z, fate
+    for i in range(n):
+        returned += fates[i] == RETURNED
+        cleared += fates[i] == CLEARED
+        dropped += fates[i] == DROPPED
+    counts[RETURNED] += returned
+    counts[CLEARED] += cleared
+    counts[DROPPED] += dropped
+    counts[TOO_NEAR] += n - returned - cleared - dropped
+    return listed
 
 
 @kernel
 def place_ends(
     origins: NDArray[np.float64],  # (m, 3) m
-    moments: NDArray[np.int32],  # (n,) origin of each beam; (0,): all from the first
+    groups: NDArray[np.int64],  # (m + 1,) first beam of each origin, and the end
     directions: NDArray[np.float64],  # (n, 3) unit
     ranges_mm: NDArray[np.uint16],  # (n,)
     limits_mm: tuple[int, int],  # nearest and farthest return
     resolution: float,
     beams: tuple[int, int],  # first and one past the last to look at
-    ends: NDArray[np.int32],  # (n, 3) out: cell that each beam ends in
-    fates: NDArray[np.uint8],  # (n,) out
+    ends: NDArray[np.int32],  # (k, 5) out: cell, fate and origin of beams, k of them or fewer
     box: NDArray[np.int64],  # (2, 3) least and greatest cell, widened to hold the ends
+    counts: NDArray[np.int64],  # (4,) in, out: beams by fate
+    cells: NDArray[np.int64],  # (3, CHUNK) scratch
+    fates: NDArray[np.int64],  # (CHUNK,) scratch
 ) -> int:
-    """Find the cell that every beam ends in; return the first beam not of unit length, or -1."""
+    """Find where beams end, and list those that tell anything.
+
+    Returns:
+        Number of ends listed; -1 if a direction is not of unit length.
+    """
     scale = SUBCELLS / resolution
-    rolling = moments.shape[0] > 0
-    low_x, low_y, low_z = box[0, 0], box[0, 1], box[0, 2]
-    high_x, high_y, high_z = box[1, 0], box[1, 1], box[1, 2]
-    for i in range(beams[0], beams[1]):
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        if not abs(dx * dx + dy * dy + dz * dz - 1.0) < UNIT_TOLERANCE:  # also NaN
-            return i
-        millimetres = int(ranges_mm[i])
-        if millimetres == DROPPED_MM:
-            fates[i] = DROPPED
-            continue
-        if millimetres < limits_mm[0]:
-            fates[i] = TOO_NEAR
-            continue
-        fates[i] = RETURNED
-        if millimetres == NO_RETURN_MM or millimetres > limits_mm[1]:
-            fates[i] = CLEARED
-            millimetres = limits_mm[1]
-        length = millimetres / 1000.0
-        k = int(moments[i]) if rolling else 0
-        x = int(np.floor((origins[k, 0] + dx * length) * scale)) >> SUBCELL_BITS
-        y = int(np.floor((origins[k, 1] + dy * length) * scale)) >> SUBCELL_BITS
-        z = (int(np.floor((origins[k, 2] + dz * length) * scale)) + FLOOR_SUBCELLS) >> SUBCELL_BITS
-        ends[i, 0], ends[i, 1], ends[i, 2] = x, y, z
-        low_x, high_x = min(low_x, x), max(high_x, x)
-        low_y, high_y = min(low_y, y), max(high_y, y)
-        low_z, high_z = min(low_z, z), max(high_z, z)
-    box[0, 0], box[0, 1], box[0, 2] = low_x, low_y, low_z
-    box[1, 0], box[1, 1], box[1, 2] = high_x, high_y, high_z
-    return -1
+    listed = int(np.int64(0))  # a plain 0 would be compiled for itself
+    for k in range(origins.shape[0]):
+        origin = (origins[k, 0], origins[k, 1], origins[k, 2])
+        end = min(groups[k + 1], beams[1])
+        for first in range(max(groups[k], beams[0]), end, CHUNK):
+            last = min(first + CHUNK, end)
+            beams_here = directions[first:last], ranges_mm[first:last]
+            if not locate(origin, *beams_here, limits_mm, scale, cells, fates):
+                return -1
+            widen(cells, last - first, box)
+            listed = list_ends(cells, fates, last - first, k, ends, listed, counts)
+    return listed
 
 
 @kernel
-def first_bit(word: np.uint64) -> int:
-    """Index of the lowest set bit of a word that is not 0."""
-    bits = (word & (~word + ONE)) - ONE  # as many ones as there are zeros below it
-    bits = bits - ((bits >> ONE) & B55)
-    bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
-    bits = (bits + (bits >> np.uint64(4))) & B0F
-    return int(np.int64((bits * B01) >> np.uint64(56)))
-
-
-@kernel
-def next_run(bits: np.uint64) -> tuple[int, int]:
-    """First and last of the lowest run of set bits in a word that is not 0."""
-    low = first_bit(bits)
-    clear = ~(bits >> np.uint64(low))
-    return low, (low + first_bit(clear) if clear != 0 else 64) - 1
-
-
-@kernel
-def list_column(
-    x: int,
-    y: int,
-    group: int,
-    guarded_layer: int,  # -1: none
-    base: int,  # first word of the column
-    words: int,
-    grazed: bool,
-    aims: NDArray[np.uint64],  # zero after, in this column
-    runs: NDArray[np.int32],  # (n, 6) out
-    count: int,  # of the runs so far
-) -> int:
-    """List the runs of ends in a column; return the number of runs with these."""
-    for word in range(words):
-        bits = aims[base + word]
-        aims[base + word] = 0
-        spare = False
-        if grazed and guarded_layer >> 6 == word:
-            guarded = ONE << np.uint64(guarded_layer & 63)
-            spare = bits & guarded == 0  # else a beam that is not spared ends there as well
-            bits |= guarded
-        while bits != 0:
-            low, high = next_run(bits)
-            low, high = 64 * word + low, 64 * word + high
-            spared = spare and low <= guarded_layer <= high
-            if spared and low < guarded_layer:  # those that end below it are not spared
-                high, spared = guarded_layer - 1, False
-            bits &= ~((FULL >> np.uint64(63 - high + low)) << np.uint64(low & 63))
-            least = guarded_layer + 1 if spared else EVERY_LAYER
-            write_run(runs, count, x, y, group, low, high, least)
-            count += 1
-    return count
-
-
-@kernel
-def write_run(
-    runs: NDArray[np.int32],
+def write_target(
+    targets: NDArray[np.int32],
     at: int,
     x: int,
     y: int,
     group: int,
-    low: int,
-    high: int,
-    least: int,
+    bottom: int,
+    flags: int,
 ) -> None:
-    """Write one run of ends."""
-    runs[at, 0], runs[at, 1], runs[at, 2] = x, y, group
-    runs[at, 3], runs[at, 4], runs[at, 5] = low, high, least
+    """Write one target."""
+    targets[at, 0], targets[at, 1], targets[at, 2] = x, y, group
+    targets[at, 3], targets[at, 4] = bottom, flags
 
 
 @kernel
-def list_runs(
-    ends: NDArray[np.int32],  # (n, 3)
-    fates: NDArray[np.uint8],  # (n,)
-    groups: NDArray[np.int64],  # (m + 1,) first beam of each sensor position, and the end
+def list_columns(
+    columns: NDArray[np.int32],  # (k,)
+    group: int,
+    guarded_layer: int,  # -1: none
+    shape: tuple[int, int, int],
+    aims: NDArray[np.uint64],  # (nx * ny * words,) zero after
+    flags: NDArray[np.uint8],  # (nx * ny,) zero after
+    targets: NDArray[np.int32],  # (n, 5) out
+    bits: NDArray[np.uint64],  # (n,) out
+    count: int,  # of the targets so far
+) -> int:
+    """List the words of columns that beams end in; return the number of targets with these."""
+    _, ny, words = shape
+    for j in range(columns.shape[0]):
+        column = int(columns[j])
+        grazed = flags[column] & GRAZED != 0
+        flags[column] = 0
+        for word in range(words):
+            ends, sparing = aims[column * words + word], 0
+            aims[column * words + word] = 0
+            if grazed and guarded_layer >> 6 == word:
+                guarded = ONE << np.uint64(guarded_layer & 63)
+                # Else a beam that is not spared ends there as well.
+                sparing = SPARING if ends & guarded == 0 else 0
+                ends |= guarded
+            if ends != 0:
+                write_target(targets, count, column // ny, column % ny, group, 64 * word, sparing)
+                bits[count] = ends
+                count += 1
+    return count
+
+
+@kernel
+def list_targets(
+    ends: NDArray[np.int32],  # (n, 5) cell, fate, origin
+    parts: NDArray[np.int64],  # (p, 2) first and one past the last of those listed
     sensors: NDArray[np.int64],  # (m, 3) 1/1024 of a cell, from the window's corner
     corner: tuple[int, int, int],  # cell at the window's corner
     box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
@@ -182,28 +234,40 @@ def list_runs(
     aims: NDArray[np.uint64],  # (nx * ny * words,) zero before and after
     flags: NDArray[np.uint8],  # (nx * ny,) zero before and after
     columns: NDArray[np.int32],  # (n,) scratch
-    runs: NDArray[np.int32],  # (n, 6) out: x, y, sensor position, low, high, least to be marked
+    targets: NDArray[np.int32],  # (n, 5) out: x, y, sensor position, least cell of the word, flags
+    bits: NDArray[np.uint64],  # (n,) out: the cells of the word that beams end in
+    groups: NDArray[np.int64],  # (m + 1,) out: first target of each sensor position, and the end
 ) -> int:
-    """Mark the cells that are hit and list the runs of ends along z; return their number.
+    """Mark the cells that are hit, and list the words of cells that beams end in.
 
-    Ends in a column are one run where they follow each other without a gap. Those outside the box
-    are listed singly: there are no masks for them.
+    Ends outside the box are listed singly: there are no masks for them.
+
+    Returns:
+        Number of targets.
     """
     _, ny, words = shape
     x0, y0, z0, x1, y1, z1 = box
-    count = 0
+    count = listed = part = int(np.int64(0))
+    at = parts[0, 0]
     for k in range(sensors.shape[0]):
+        groups[k] = count
         guarded = guarded_layer if sensors[k, 2] >> HALVES_BITS > guarded_layer else -1
         listed = 0
-        for i in range(groups[k], groups[k + 1]):
-            if fates[i] > CLEARED:
+        while part < parts.shape[0]:
+            if at == parts[part, 1]:
+                part += 1
+                at = parts[min(part, parts.shape[0] - 1), 0]
                 continue
-            x, y, z = int(ends[i, 0]), int(ends[i, 1]), int(ends[i, 2])
+            if ends[at, 4] != k:
+                break
+            x, y, z = int(ends[at, 0]), int(ends[at, 1]), int(ends[at, 2])
             x, y, z = x - corner[0], y - corner[1], z - corner[2]
-            returned = fates[i] == RETURNED
+            returned = ends[at, 3] == RETURNED
+            at += 1
             grazing = returned and z == guarded
             if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
-                write_run(runs, count, x, y, k, z, z, z + 1 if grazing else EVERY_LAYER)
+                write_target(targets, count, x, y, k, z, OUTSIDE | (SPARING if grazing else 0))
+                bits[count] = ONE
                 count += 1
                 continue
             column = x * ny + y
@@ -216,38 +280,51 @@ def list_runs(
                 columns[listed] = column
                 listed += 1
             flags[column] |= LISTED | GRAZED if grazing else LISTED
-        for j in range(listed):
-            column = int(columns[j])
-            grazed = flags[column] & GRAZED != 0
-            flags[column] = 0
-            x, y, base = column // ny, column % ny, column * words
-            count = list_column(x, y, k, guarded, base, words, grazed, aims, runs, count)
+        count = list_columns(columns[:listed], k, guarded, shape, aims, flags, targets, bits, count)
+    groups[sensors.shape[0]] = count
     return count
 
 
 @kernel
-def order_runs(
-    runs: NDArray[np.int32],  # (n, 6)
+def order_targets(
+    targets: NDArray[np.int32],  # (n, 5)
+    groups: NDArray[np.int64],  # (m + 1,) first target of each sensor position, and the end
     sensors: NDArray[np.int64],  # (m, 3)
-    sectors: NDArray[np.int32],  # (n,) scratch
+    places: NDArray[np.int64],  # (WEDGE,) of a wedge's sectors, in which to carve them
+    starts: NDArray[np.int64],  # (SECTORS + 1,) scratch
+    ranks: NDArray[np.int32],  # (n,) scratch
     order: NDArray[np.int32],  # (n,) out
-) -> None:
-    """Order runs by the direction that they lie in: the next beam then meets what the last did.
+    wedges: NDArray[np.int64],  # (k, 3) out: first target, one past the last, sensor position
+) -> int:
+    """Order targets by the direction that they lie in: the next beam then meets what the last did.
 
-    A counting sort, as it keeps the runs of a column together.
+    A counting sort, as it keeps the words of a column together.
+
+    Returns:
+        Number of wedges that hold any.
     """
-    starts = np.zeros(SECTORS + 1, np.int64)
-    for i in range(runs.shape[0]):
-        k = runs[i, 2]
-        along = HALVES * int(runs[i, 0]) + SUBCELLS - sensors[k, 0]
-        across = HALVES * int(runs[i, 1]) + SUBCELLS - sensors[k, 1]
-        slope = across / (abs(along) + abs(across))  # both odd
-        quarters = 1.0 + slope if along > 0 else 3.0 - slope  # 0 to 4
-        sector = int(quarters * (SECTORS / 4.0)) % SECTORS
-        sectors[i] = sector
-        starts[sector + 1] += 1
-    for sector in range(SECTORS):
-        starts[sector + 1] += starts[sector]
-    for i in range(runs.shape[0]):
-        order[starts[sectors[i]]] = i
-        starts[sectors[i]] += 1
+    count = 0
+    for k in range(sensors.shape[0]):
+        for sector in range(SECTORS + 1):
+            starts[sector] = 0
+        starts[0] = groups[k]
+        for i in range(groups[k], groups[k + 1]):
+            along = HALVES * int(targets[i, 0]) + SUBCELLS - sensors[k, 0]
+            across = HALVES * int(targets[i, 1]) + SUBCELLS - sensors[k, 1]
+            slope = across / (abs(along) + abs(across))  # both odd
+            quarters = 1.0 + slope if along > 0 else 3.0 - slope  # 0 to 4
+            sector = int(quarters * (SECTORS / 4.0)) % SECTORS
+            rank = sector // WEDGE * WEDGE + places[sector % WEDGE]
+            ranks[i] = rank
+            starts[rank + 1] += 1
+        for sector in range(SECTORS):
+            starts[sector + 1] += starts[sector]
+        for wedge in range(WEDGES):
+            first, end = starts[wedge * WEDGE], starts[(wedge + 1) * WEDGE]
+            if end > first:
+                wedges[count, 0], wedges[count, 1], wedges[count, 2] = first, end, k
+                count += 1
+        for i in range(groups[k], groups[k + 1]):
+            order[starts[ranks[i]]] = i
+            starts[ranks[i]] += 1
+    return count

@@ -60,7 +60,8 @@ def find_all(
 ) -> None:
     """Find the slots of bricks."""
     for i in range(wanted.shape[0]):
-        slots[i] = find(heads, links, keys, wanted[i, 0], wanted[i, 1], wanted[i, 2])
+        x, y, z = int(wanted[i, 0]), int(wanted[i, 1]), int(wanted[i, 2])
+        slots[i] = find(heads, links, keys, x, y, z)
 
 
 @kernel
@@ -73,7 +74,8 @@ def enter(
     """Enter bricks into the directory."""
     for i in range(slots.shape[0]):
         slot = slots[i]
-        bucket = bucket_of(keys[slot, 0], keys[slot, 1], keys[slot, 2], heads.shape[0])
+        x, y, z = int(keys[slot, 0]), int(keys[slot, 1]), int(keys[slot, 2])
+        bucket = bucket_of(x, y, z, heads.shape[0])
         links[slot] = heads[bucket]
         heads[bucket] = slot
 
@@ -88,7 +90,8 @@ def strike_out(
     """Take bricks out of the directory."""
     for i in range(slots.shape[0]):
         slot = slots[i]
-        bucket = bucket_of(keys[slot, 0], keys[slot, 1], keys[slot, 2], heads.shape[0])
+        x, y, z = int(keys[slot, 0]), int(keys[slot, 1]), int(keys[slot, 2])
+        bucket = bucket_of(x, y, z, heads.shape[0])
         at = np.int64(heads[bucket])
         if at == slot:
             heads[bucket] = links[slot]

@@ -138,7 +138,7 @@ def fade_brick(
     kept = np.uint64(0)
     for column in range(fresh.shape[0]):
         kept |= fresh[column]
-    turned, least = False, EDGE_VALUES
+    turned, least = False, int(np.int64(EDGE_VALUES))
     for byte in range(EDGE_VALUES):
         value = byte if byte < 128 else byte - 256
         if not present[byte] or value == 0:
@@ -177,9 +177,10 @@ def fade_bricks(
     losses: NDArray[np.uint64],  # (128,)
     turned: NDArray[np.bool_],  # (k,) out: whether a state changed
     alive: NDArray[np.bool_],  # (k,) out: whether any cell may be known
+    present: NDArray[np.bool_],  # (256,) scratch
+    table: NDArray[np.int8],  # (256,) scratch
 ) -> None:
     """Bring bricks up to date, at least to the last tick at which one of their states changes."""
-    present, table = np.empty(EDGE_VALUES, np.bool_), np.empty(EDGE_VALUES, np.int8)
     for i in range(part[0], part[1]):
         slot = slots[i]
         turned[i], alive[i] = False, True

@@ -167,6 +167,12 @@ def measure_rows(
 
 
 @kernel
+def blocks_around(reach: int, block_rows: int) -> int:
+    """Blocks on either side of one that sources may lie in."""
+    return -(-(reach + 1) // block_rows)
+
+
+@kernel
 def update_sections(
     planes: NDArray[np.int64],  # (m,) indices along x
     known: NDArray[np.uint64],  # (nx, ny, words)
@@ -179,19 +185,19 @@ def update_sections(
     farthest: NDArray[np.uint16],  # (nx, blocks) out
     nearest: NDArray[np.uint16],  # (nx + 1, blocks) out: least value of each block
     least_change: NDArray[np.uint16],  # (nx, blocks) out: least value that came or went
+    along: NDArray[np.uint16],  # ((blocks + 2 around) * cells,) scratch
+    work: NDArray[np.uint16],  # (2, 2 * LONGEST_STEP + block_rows * (row_cells + reach)) scratch
+    result: NDArray[np.uint16],  # (cells,) scratch
+    holds_any: NDArray[np.bool_],  # (blocks,) scratch
+    measured: NDArray[np.int64],  # (blocks,) scratch: the plane that each block belongs to
 ) -> None:
     """The squared distance within planes of constant x, in their stale blocks."""
     ny = known.shape[1]
     blocks, cells = sections.shape[1:]
-    around = -(-(reach + 1) // block_rows)  # blocks on either side that sources may lie in
-    # Beyond the window nothing is blocked: its border comes at the end.
-    along = np.full((blocks + 2 * around) * cells, np.uint16(reach * reach), np.uint16)
-    holds_any = np.zeros(blocks, np.bool_)
-    measured = np.empty(blocks, np.int64)  # the plane that each block of `along` belongs to
+    around = blocks_around(reach, block_rows)
+    fill(along, reach * reach)  # beyond the window nothing is blocked: its border comes at the end
     for b in range(blocks):
         measured[b] = -1
-    work = np.empty((2, 2 * LONGEST_STEP + block_rows * (row_cells + reach)), np.uint16)
-    result = np.empty(cells, np.uint16)
     for x in planes:
         for b in range(blocks):
             if not stale[x, b]:
@@ -260,20 +266,20 @@ def update_field(
     row_cells: int,
     farthest: NDArray[np.uint16],  # (nx, blocks) out
     squared: NDArray[np.uint16],  # (nx, ny, nz) out
+    result: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
+    border: NDArray[np.uint16],  # (nz,) scratch
 ) -> None:
     """The squared distance in stale blocks, from the sections of the planes around them.
 
     What lies outside the window is blocked: the nearest such cell is straight across a border.
     """
     nx, ny, nz = squared.shape
-    result = np.empty(sections.shape[2], np.uint16)
-    border = np.empty(nz, np.uint16)
     for z in range(nz):
         border[z] = border_distance(z, nz, reach) ** 2
     for m in range(stale.shape[0]):
         b, x = stale[m]
         greatest = copy_block(result, sections[x, b])
-        j = 1
+        j = int(np.int64(1))  # a plain 1 would be compiled for itself
         while j < reach and j * j < greatest:
             # Plane nx holds nothing; it stands for those outside.
             below, above = (x - j if x >= j else nx), min(x + j, nx)

@@ -12,6 +12,10 @@ SurfaceGuard = Literal["none", "floor"]
 """Which surfaces a beam spares that ends in them."""
 
 
+HOLDING = ("dynamic", "voxel")
+"""Kinds of which cells can be spared from decay."""
+
+
 @dataclass(frozen=True)
 class MapConfig:
     """Settings of a map and of the costmap made from it.
@@ -26,6 +30,9 @@ class MapConfig:
         clamp_high: Probability above which a cell never rises.
         half_life: Time in which unobserved evidence loses half its log-odds, s of simulated time;
             0 means no decay.
+        hold_under_body: Half edge of the cube around a body's centre in which nothing is forgotten,
+            m: what it stands on, its sensors often do not see. 0 is off, as what changes there
+            unseen would be held as well. Kinds `voxel` and `dynamic` only.
         decay_period: Time between two decay ticks, s of simulated time.
         minimum_range: Nearer returns are dropped, m: they are mostly the sensor's own housing.
         surface_guard: `floor`: a beam that ends in the floor's layer takes no evidence from that
@@ -70,6 +77,7 @@ class MapConfig:
     clamp_low: float = 0.12
     clamp_high: float = 0.97
     half_life: float = 30.0
+    hold_under_body: float = 0.0
     decay_period: float = 1.0
     minimum_range: float = 0.3
     surface_guard: SurfaceGuard = "floor"
@@ -97,6 +105,12 @@ class MapConfig:
         self._check("clamp_low", 0.001, 0.499)
         self._check("clamp_high", 0.501, 0.999)
         self._check("half_life", 0.0, 1e6, " s")
+        self._check("hold_under_body", 0.0, 5.0, " m")
+        if self.hold_under_body > 0.0 and self.kind not in HOLDING:
+            raise ValueError(
+                f"map.hold_under_body: got {self.hold_under_body:g} with kind {self.kind!r}, "
+                f"expected 0, or one of the kinds {', '.join(HOLDING)}"
+            )
         self._check("decay_period", 0.01, 3600.0, " s")
         self._check("minimum_range", 0.0, 60.0, " m")
         self._check("band_low", 0.0, 10.0, " m")

@@ -110,6 +110,9 @@ class DistanceField:
         self._stale[:] = False
 
     def _update_sections(self, planes: NDArray[np.int64]) -> None:
+        _, blocks, cells = self._sections.shape
+        around = kernels.blocks_around.py_func(self.reach, self._block_rows)
+        line = 2 * kernels.LONGEST_STEP + self._block_rows * (self._row_cells + self.reach)
         kernels.update_sections(
             planes,
             self._blocked,
@@ -122,6 +125,11 @@ class DistanceField:
             self._farthest_in_section,
             self._nearest_in_section,
             self._least_change,
+            np.empty((blocks + 2 * around) * cells, np.uint16),
+            np.empty((2, line), np.uint16),
+            np.empty(cells, np.uint16),
+            np.empty(blocks, np.bool_),
+            np.empty(blocks, np.int64),
         )
 
     def _update_field(self, blocks: NDArray[np.int64]) -> None:
@@ -134,4 +142,6 @@ class DistanceField:
             self._row_cells,
             self._farthest,
             self.squared,
+            np.empty(self._sections.shape[2], np.uint16),
+            np.empty(self.shape[2], np.uint16),
         )

@@ -18,6 +18,11 @@ from maps.team import Team
 MAX_WINDOW_WORDS = 1 << 26
 NO_GUARD = -1
 
+SPREAD = np.argsort(
+    [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64]
+)
+"""The place of each sector of a wedge in the order in which they are carved."""
+
 
 @dataclass(frozen=True)
 class Marks:
@@ -47,6 +52,23 @@ class Marks:
         return bits
 
 
+@dataclass(frozen=True)
+class Placed:
+    """Where the beams of a sweep end.
+
+    Attributes:
+        ends: (n, 5) cell, fate and origin of those that tell anything; used again for each sweep.
+        parts: (p, 2) first and one past the last of those that are listed.
+        counts: (4,) beams by fate.
+        box: (2, 3) least and greatest cell of all beams within the bounds.
+    """
+
+    ends: NDArray[np.int32]
+    parts: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    box: NDArray[np.int64]
+
+
 class SweepWindow:
     """A dense window of columns that follows the sensor; its memory is used again.
 
@@ -66,6 +88,7 @@ class SweepWindow:
         self._hits = np.zeros(0, np.uint64)
         self._aims = np.zeros(0, np.uint64)
         self._flags = np.zeros(0, np.uint8)
+        self._ends = np.empty((0, 5), np.int32)
         self._free = np.zeros((team.size, 0), np.uint64)
 
     @property
@@ -74,43 +97,47 @@ class SweepWindow:
         masks = (self._hits, self._aims, self._flags, self._free)
         return sum(mask.nbytes for mask in masks)
 
-    def place(self, sweep: Sweep) -> tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int64]]:
+    def place(self, sweep: Sweep) -> Placed:
         """Find where the beams end; nothing is marked.
-
-        Returns:
-            Cell of each end (n, 3), fate of each beam (n,), least and greatest cell (2, 3) of all
-            beams within the bounds.
 
         Raises:
             ValueError: A direction is not of unit length, or the beams span too much space.
         """
-        count = len(sweep.ranges_mm)
-        ends, fates = np.empty((count, 3), np.int32), np.empty(count, np.uint8)
+        count, size = len(sweep.ranges_mm), self._team.size
+        if len(self._ends) < count:
+            self._ends = np.empty((count, 5), np.int32)
+        ends, groups = self._ends, sweep.groups
         cells = sweep.sensors >> beams.SUBCELL_BITS
-        boxes = np.empty((self._team.size, 2, 3), np.int64)
+        boxes, counts = np.empty((size, 2, 3), np.int64), np.zeros((size, 4), np.int64)
         boxes[:, 0], boxes[:, 1] = cells.min(axis=0), cells.max(axis=0)
-        refused: list[int] = []
+        parts = np.array([[count * k // size, count * (k + 1) // size] for k in range(size)])
 
-        def place(member: int, part: tuple[int, int]) -> None:
-            beam = beams.place_ends(
-                sweep.origins,
-                sweep.moments,
-                sweep.directions,
-                sweep.ranges_mm,
-                sweep.limits_mm,
-                sweep.resolution,
-                part,
-                ends,
-                fates,
-                boxes[member],
+        def place(_: int, some: tuple[int, int]) -> None:
+            for k in range(*some):
+                first, end = (int(beam) for beam in parts[k])
+                listed = beams.place_ends(
+                    sweep.origins,
+                    groups,
+                    sweep.directions,
+                    sweep.ranges_mm,
+                    sweep.limits_mm,
+                    sweep.resolution,
+                    (first, end),
+                    ends[first:end],
+                    boxes[k],
+                    counts[k],
+                    np.empty((3, beams.CHUNK), np.int64),
+                    np.empty(beams.CHUNK, np.int64),
+                )
+                parts[k, 1] = first + listed
+
+        self._team.share(place, size, parts_each=1)
+        if np.any(parts[:, 1] < parts[:, 0]):
+            squared = (sweep.directions**2).sum(axis=1)
+            strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
+            raise ValueError(
+                f"directions: got {sweep.directions[strange][0]}, expected unit length"
             )
-            if beam >= 0:
-                refused.append(beam)
-
-        self._team.share(place, count, parts_each=1)
-        if refused:
-            direction = sweep.directions[min(refused)]
-            raise ValueError(f"directions: got {direction}, expected unit length")
         box = self._clip(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
         _, shape = _window(box)
         if np.prod(shape) > MAX_WINDOW_WORDS:
@@ -118,25 +145,17 @@ class SweepWindow:
                 f"beams: got {64 * np.prod(shape)} cells around them, "
                 f"expected at most {64 * MAX_WINDOW_WORDS}: a shorter range or coarser cells"
             )
-        return ends, fates, box
+        return Placed(ends, parts, counts.sum(axis=0), box)
 
-    def carve(
-        self,
-        sweep: Sweep,
-        ends: NDArray[np.int32],
-        fates: NDArray[np.uint8],
-        box: NDArray[np.int64],
-        guard: bool,
-    ) -> Marks:
+    def carve(self, sweep: Sweep, placed: Placed, guard: bool) -> Marks:
         """Mark the cells that the beams hit and cross.
 
         Args:
             sweep: The beams.
-            ends: (n, 3) cells that they end in.
-            fates: (n,) what became of them.
-            box: (2, 3) least and greatest cell of all beams.
+            placed: Where they end.
             guard: Whether a beam that ends in the floor's layer spares that layer.
         """
+        box = placed.box
         corner, shape = _window(box)
         nx, ny, words = shape
         self._reserve(nx * ny, words)
@@ -145,13 +164,16 @@ class SweepWindow:
         sensors = 2 * (sweep.sensors - (corner << beams.SUBCELL_BITS)) + 1
         x, y, z = (int(cell) for cell in corner)
         x0, y0, z0, x1, y1, z1 = (int(cell) for cell in (box - corner).reshape(-1))
-        within, count = (x0, y0, z0, x1, y1, z1), len(fates)
-        runs = np.empty((count, 6), np.int32)
-        columns, order = np.empty(count, np.int32), np.empty(count, np.int32)
-        listed = beams.list_runs(
-            ends,
-            fates,
-            sweep.groups,
+        within, most = (
+            (x0, y0, z0, x1, y1, z1),
+            int((placed.parts[:, 1] - placed.parts[:, 0]).sum()),
+        )
+        targets, bits = np.empty((most, 5), np.int32), np.empty(most, np.uint64)
+        columns, order = np.empty(most, np.int32), np.empty(most, np.int32)
+        groups = np.empty(len(sensors) + 1, np.int64)
+        count = beams.list_targets(
+            placed.ends,
+            placed.parts,
             sensors,
             (x, y, z),
             within,
@@ -161,14 +183,34 @@ class SweepWindow:
             self._aims,
             self._flags,
             columns,
-            runs,
+            targets,
+            bits,
+            groups,
         )
-        beams.order_runs(runs[:listed], sensors, columns, order)
+        wedges = np.empty((min(count, beams.WEDGES * len(sensors)), 3), np.int64)
+        starts = np.empty(beams.SECTORS + 1, np.int64)
+        used = beams.order_targets(targets, groups, sensors, SPREAD, starts, columns, order, wedges)
 
         def carve(member: int, part: tuple[int, int]) -> None:
-            carving.carve(runs, order, part, sensors, within, shape, self._free[member])
+            # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
+            steps = carving.MAX_STEPS + 1
+            carving.carve(
+                targets,
+                bits,
+                order,
+                wedges,
+                part,
+                sensors,
+                within,
+                guarded,
+                shape,
+                tuple(np.empty(steps, np.int64) for _ in range(5)),
+                np.empty(steps, np.uint64),
+                np.empty((carving.MAX_RUNS * words, 3), np.int64),
+                self._free[member],
+            )
 
-        self._team.share(carve, listed)
+        self._team.share(carve, used)
         return self._collect(corner, shape)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:

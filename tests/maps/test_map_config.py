@@ -35,3 +35,9 @@ def test_a_bad_value_names_its_field(field, value):
 def test_the_message_is_one_clear_line():
     with pytest.raises(ValueError, match=r"^map\.resolution: got -0\.1, expected 0\.01 to 0\.5 m$"):
         MapConfig(resolution=-0.1)
+
+
+def test_what_cannot_hold_says_so():
+    assert MapConfig(kind="dynamic", hold_under_body=0.5).hold_under_body == 0.5
+    with pytest.raises(ValueError, match=r"^map\.hold_under_body: got 0\.5 with kind 'tsdf', "):
+        MapConfig(kind="tsdf", hold_under_body=0.5)

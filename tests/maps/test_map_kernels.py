@@ -17,16 +17,18 @@ for k in range(3):
     voxel_map.integrate((k - 0.5, 0.9, 0.4), directions, ranges_mm, 1.5, k * 10**9)
 voxel_map.mark_free_sphere((1, 1, 0.5), 0.3, 3 * 10**9)
 parts = [voxel_map.version(), voxel_map.observed_ns_at([[1, 1, 0.3]]), voxel_map.counts()]
-parts += [voxel_map.probability_at([[1, 1, 0.3]]), voxel_map.cast_ray((1, 1, 0.5), (1, 2, 3), 2)]
 box = (0, 0, -0.3), (2.1, 1.8, 0.9)
 for motion in ("ground", "air"):
     costmap = Costmap(config, voxel_map, *box, motion, 0.1, 0.5, 0.15)
     parts += [int(costmap.clearance.sum()), int(costmap.obstacle_clearance.sum())]
 print(*parts)
 """
+QUERIES = """
+print(voxel_map.probability_at([[1, 1, 0.3]]), voxel_map.cast_ray((1, 1, 0.5), (1, 2, 3), 2))
+"""
 
 
-def run_episode(script=EPISODE, **environment):
+def run_episode(script=EPISODE + QUERIES, **environment):
     result = subprocess.run(
         [sys.executable, "-c", script],
         env={**os.environ, **environment},

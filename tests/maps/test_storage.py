@@ -32,6 +32,21 @@ def test_a_map_comes_back_as_it_was(tmp_path, settings):
     assert [path.name for path in tmp_path.iterdir()] == ["map"]
 
 
+def test_a_map_that_was_read_looks_at_its_region_alone(tmp_path):
+    filled().save(tmp_path / "map")
+    loaded = VoxelMap.load(tmp_path / "map", low=(-1.0, -1.0, -0.5), high=(6.0, 1.0, 0.5))
+    held = filled()
+    assert loaded.version() == held.version()  # what was held stays
+    beams, ranges_mm = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), np.full(2, 9000, np.uint16)
+    for one in (loaded, held):
+        one.integrate((0.05, 0.05, 0.05), beams, ranges_mm, 10.0, 4 * 10**9)
+    ends = np.array([[0.05, 9.05, 0.05], [4.55, 0.05, 0.05]])
+    assert held.state_at(ends).tolist() == [2, 1]
+    assert loaded.state_at(ends).tolist() == [0, 1]
+    with pytest.raises(ValueError, match="both corners or neither"):
+        VoxelMap.load(tmp_path / "map", low=(0.0, 0.0, 0.0))
+
+
 def test_equal_maps_give_equal_files(tmp_path):
     for name in ("a", "b"):
         filled().save(tmp_path / name)
