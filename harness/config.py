@@ -108,6 +108,8 @@ class Config:
         goal: (x, y) or (x, y, z) in place of the world's own goal, m.
         start: Likewise.
         threads: That rays, map and costmap share; decisions are the same on any number.
+        record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
+            again; `failures` is full where the episode failed, and decisions where it succeeded.
     """
 
     world: str
@@ -116,6 +118,7 @@ class Config:
     goal: tuple[float, ...] | None = None
     start: tuple[float, ...] | None = None
     threads: int = 1
+    record: Literal["full", "decisions", "failures"] = "full"
     sensors: SensorConfig = field(default_factory=SensorConfig)
     map: MapConfig = field(default_factory=MapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)

@@ -1,12 +1,13 @@
 """The verbs of the command line, one file each."""
 
-from harness.verbs import audit, bench, demo, listing, replay, run
+from harness.verbs import audit, bench, demo, listing, recover, replay, run
 from harness.verbs.verb import Document, Verb
 
 VERBS: dict[str, Verb] = {
     "run": run.VERB,
     "replay": replay.VERB,
     "audit": audit.VERB,
+    "recover": recover.VERB,
     "list": listing.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,
