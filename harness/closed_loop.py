@@ -119,9 +119,7 @@ def _delays(log: Log) -> dict[int, float]:
     }
 
 
-def _compare(
-    log: Log, again: Path
-) -> tuple[InputDifference | None, int | None, list[Difference]]:
+def _compare(log: Log, again: Path) -> tuple[InputDifference | None, int | None, list[Difference]]:
     """The first input, and the first decision with its differences, that are not as recorded."""
     first_input = None
     new_log = open_log(again, allow_plugins=True)

@@ -209,7 +209,7 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
     """
     try:
         document = msgspec.json.decode(data)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"config: {error}") from None
     planner = document.get("planner") if isinstance(document, dict) else None
     name = planner.get("name") if isinstance(planner, dict) else None

@@ -18,6 +18,7 @@ from harness.config import LatencyConfig, to_json
 from harness.inputs import CODEC, beams_from_info, encode_ranges, inputs_from_messages
 from harness.log import LogWriter
 from harness.log_copy import thin
+from harness.mujoco_warnings import tell_warnings
 from harness.navigator import Navigator, build_navigator
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
@@ -102,6 +103,7 @@ def run_episode(
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.
     """
+    tell_warnings()
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
     beams = {info.name: beams_from_info(info) for info in infos}
     navigator = build_navigator(scenario.config, scenario.mission, beams)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
+from harness.container import walk
 from harness.log import LogWriter
 from harness.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head, read_messages
-from harness.container import walk
 from harness.schema import wayproof_pb2 as pb
 
 TOPICS: dict[type[Message], str] = {

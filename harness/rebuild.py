@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from harness.config import Config
 from harness.errors import InputError, unknown_name
+from harness.mujoco_warnings import tell_warnings
 from harness.reader import Log
 from harness.scenario import Scenario
 from harness.scene_text import safe_scene
@@ -32,6 +33,7 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
     config = config or log.config
     if config.robot not in ROBOTS:
         raise unknown_name("robot", config.robot, ROBOTS)
+    tell_warnings()
     robot = ROBOTS[config.robot]
     text = safe_scene(log.scene)
     try:

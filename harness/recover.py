@@ -52,7 +52,9 @@ def recover(path: Path, target: Path | None = None) -> Recovery:
     reading = _Reading(path)
     head = read_head(reading.items(), path, allow_plugins=True)
     if not reading.complete:
-        raise InputError(f"log '{path}': no whole decision in it ({reading.damage or 'at its end'})")
+        raise InputError(
+            f"log '{path}': no whole decision in it ({reading.damage or 'at its end'})"
+        )
     last = reading.last
     missed = reading.misses
     result = {

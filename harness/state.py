@@ -135,7 +135,9 @@ def restore_parts(parts: Mapping[str, Stateful], message: pb.State) -> None:
 def _pack(name: str, array: NDArray[Any]) -> pb.Array:
     array = np.asarray(array)
     dtype = array.dtype.newbyteorder("<")
-    return pb.Array(name=name, dtype=dtype.str, shape=array.shape, data=array.astype(dtype).tobytes())
+    return pb.Array(
+        name=name, dtype=dtype.str, shape=array.shape, data=array.astype(dtype).tobytes()
+    )
 
 
 def _unpack(messages: Iterable[pb.Array]) -> Arrays:
@@ -149,6 +151,8 @@ def _unpack(messages: Iterable[pb.Array]) -> Arrays:
         count, shape = math.prod(message.shape), tuple(message.shape)
         size = np.dtype(message.dtype).itemsize
         if count > MOST_ELEMENTS or len(shape) > 8 or count * size != len(message.data):
-            raise InputError(f"state: {message.name!r} of shape {shape} in {len(message.data)} bytes")
+            raise InputError(
+                f"state: {message.name!r} of shape {shape} in {len(message.data)} bytes"
+            )
         arrays[message.name] = np.frombuffer(message.data, message.dtype).reshape(shape).copy()
     return arrays

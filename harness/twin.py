@@ -141,6 +141,13 @@ def _guarded(what: str, make: Callable[[], T]) -> T:
         return make()
     except InputError:
         raise
-    except (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, ValueError) as error:
+    except (
+        ArithmeticError,
+        LookupError,
+        MemoryError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+    ) as error:
         text = " ".join(str(error).split()) or "no more said"
         raise InputError(f"{what}: {type(error).__name__}: {text[:200]}") from None

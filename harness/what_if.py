@@ -77,6 +77,8 @@ class WhatIf:
         decisions: In the log.
         faithful: The recorded settings still decide what is recorded, bit by bit.
         changes: The decisions that change, in order.
+        actions: How many of them change the action.
+        first_action: Number of the first that does, if any.
         wall_time_s: Time that it took.
     """
 
@@ -85,6 +87,8 @@ class WhatIf:
     decisions: int
     faithful: bool
     changes: tuple[Change, ...]
+    actions: int
+    first_action: int | None
     wall_time_s: float
 
 
@@ -115,8 +119,17 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
         decisions += 1
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
-    took = time.perf_counter() - began
-    return WhatIf(str(path), tuple(settings), decisions, faithful, tuple(changes), took)
+    acts = [one.sequence for one in changes if one.recorded.action != one.changed.action]
+    return WhatIf(
+        log=str(path),
+        settings=tuple(settings),
+        decisions=decisions,
+        faithful=faithful,
+        changes=tuple(changes),
+        actions=len(acts),
+        first_action=acts[0] if acts else None,
+        wall_time_s=time.perf_counter() - began,
+    )
 
 
 def changed_config(log: Log, settings: Sequence[str]) -> Config:

@@ -132,7 +132,11 @@ def print_what_if(console: Console, answer: WhatIf) -> None:
         ),
         soft_wrap=True,
     )
-    for change in changes[:SHOWN_CHANGES]:
+    if answer.first_action is not None:
+        console.print(f"  {answer.actions} change the action, from {answer.first_action} on")
+    shown = changes[:SHOWN_CHANGES]
+    shown += tuple(one for one in changes[SHOWN_CHANGES:] if one.sequence == answer.first_action)
+    for change in shown:
         route = change.route_difference_m
         apart = "only one has a route" if route is None else f"routes {route:.2f} m apart"
         console.print(
@@ -142,8 +146,8 @@ def print_what_if(console: Console, answer: WhatIf) -> None:
         )
         console.print(f"    was {_answer(change.recorded)}", soft_wrap=True)
         console.print(f"    now {_answer(change.changed)}", soft_wrap=True)
-    if len(changes) > SHOWN_CHANGES:
-        console.print(f"  and {len(changes) - SHOWN_CHANGES} more")
+    if len(changes) > len(shown):
+        console.print(f"  and {len(changes) - len(shown)} more")
 
 
 def print_closed_loop(console: Console, again: ClosedLoop) -> None:
