@@ -75,7 +75,7 @@ class Result:
     log_mb_per_min: float = 0.0
 
     def to_metadata(self) -> dict[str, str]:
-        """The result as the log states it: all but where the log lies, its size and how long it took."""
+        """The result as the log states it: all but the log's place, its size and wall time."""
         apart = ("log", "log_mb_per_min", "wall_time_s")
         fields = {k: v for k, v in asdict(self).items() if k not in apart}
         return {name: str(value) for name, value in fields.items()}

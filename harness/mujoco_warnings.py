@@ -1,4 +1,4 @@
-"""MuJoCo's own warnings, told as ours: by default it appends them to a file in the working folder."""
+"""MuJoCo's warnings, told as ours: by default it appends them to a file in the working folder."""
 
 from __future__ import annotations
 

@@ -301,5 +301,5 @@ def _check_file(path: Path) -> None:
         raise InputError(f"log '{path}': not an MCAP file")
     if tail != MAGIC:
         raise InputError(
-            f"log '{path}': truncated after {size} bytes; 'wayproof recover' writes what is readable"
+            f"log '{path}': truncated after {size} bytes; 'wayproof recover' saves what it can"
         )

@@ -17,15 +17,15 @@ GREATEST_TEXT = 16 * 2**20
 MOST_ELEMENTS = 50_000
 
 REFUSED_ELEMENTS = frozenset(
-    ("include", "plugin", "extension", "instance", "model", "attach", "flexcomp", "composite")
-    + ("replicate", "skin", "hfield", "deformable")
+    "include plugin extension instance model attach flexcomp composite replicate skin hfield "
+    "deformable".split()
 )
 """Those that name files or code, or that multiply."""
 
 REFUSED_ATTRIBUTES = frozenset(
-    ("meshdir", "texturedir", "assetdir", "plugin", "memory", "njmax", "nconmax", "nstack")
-    + ("content_type", "model_file")
+    "meshdir texturedir assetdir plugin memory njmax nconmax nstack content_type model_file".split()
 )
+"""Those that name folders or code, or amounts of memory; beside them all that begin with `file`."""
 
 GREATEST_SIZES = {"width": 2048, "height": 2048, "nuserdata": 4096, "nkey": 64, "iterations": 1000}
 """Of what MuJoCo allocates or repeats on one number's word."""

@@ -91,14 +91,16 @@ class StepPoses:
         return {"poses": np.array(self._poses).reshape(-1, 7)}
 
     def restore(self, state: Arrays) -> None:
-        """Put them back.
+        """Put them back; where none were kept, for no shutter rolled, the body stood still.
 
         Raises:
             ValueError: They are no poses.
         """
+        self._poses.clear()
+        if "poses" not in state:
+            return
         if state["poses"].shape[1:] != (7,):
             raise ValueError(f"got shape {state['poses'].shape}, expected (n, 7)")
-        self._poses.clear()
         self._poses.extend(state["poses"])
 
 

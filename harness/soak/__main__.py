@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 
 import msgspec
 
-from harness.soak.episodes import soak_episodes
-from harness.soak.fuzz import soak_fuzz
-from harness.soak.kill import soak_kill
+from harness.soak.episodes import Tally, soak_episodes
+from harness.soak.fuzz import Fuzzed, soak_fuzz
+from harness.soak.kill import Killed, soak_kill
 
-SOAKS = {"kill": soak_kill, "fuzz": soak_fuzz, "episodes": soak_episodes}
+SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally]] = {
+    "kill": soak_kill,
+    "fuzz": soak_fuzz,
+    "episodes": soak_episodes,
+}
 """Name on the command line -> what it runs; each takes a count and a seed."""
 
 

@@ -1,4 +1,4 @@
-"""Mutated logs, settings and scenes: each is refused in a line or read, and nothing else happens."""
+"""Mutated logs, settings and scenes: each is refused in a line or read, and no more happens."""
 
 from __future__ import annotations
 
@@ -16,18 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from harness.config import Config, from_json, override, to_json
-from harness.episode import run_episode
+from harness.config import from_json, to_json
 from harness.errors import InputError
 from harness.navigator import build_navigator
 from harness.reader import Log, open_log
 from harness.rebuild import rebuild
 from harness.recover import recover
 from harness.replay import replay
-from harness.scenario import build
+from harness.small_log import small_log
 from harness.soak.child import in_child
 from harness.soak.mutate import forge, mutate
-from harness.warm_up import warm_up
 
 LONGEST_S = 5
 """Processor time of one case."""
@@ -93,17 +91,9 @@ def soak_fuzz(count: int, seed: int, progress: Callable[[str], None]) -> Fuzzed:
         failures += [f"file {one} written" for one in os.listdir(folder / "work")]
     if peak > MOST_MEMORY_MIB:
         failures.append(f"memory: {peak:.0f} MiB")
-    totals = [{kind: tally[verdict, kind] for kind in KINDS} for verdict in ("refused", "read")]
-    return Fuzzed(count, *totals, peak_mib=peak, failures=tuple(failures))
-
-
-def small_log(path: Path) -> Path:
-    """A log of a second in an empty world, with everything that a log can hold."""
-    settings = ("episode.time_limit=1", "sensors.lidar=velodyne-vlp16")
-    config = override(Config("empty", "quadruped", 0), settings)
-    warm_up(config)
-    run_episode(build(config), path)
-    return path
+    refused = {kind: tally["refused", kind] for kind in KINDS}
+    read = {kind: tally["read", kind] for kind in KINDS}
+    return Fuzzed(count, refused, read, peak, tuple(failures))
 
 
 def _cases(source: Path, seed: int, begin: int, end: int, tell: Callable[[str], None]) -> None:

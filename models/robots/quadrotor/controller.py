@@ -78,7 +78,7 @@ class QuadrotorController:
         mujoco.mj_forward(self._model, data)
 
     def state(self) -> dict[str, Array]:
-        """Copies of what one step hands to the next; the rotors' thrust is the model's own state."""
+        """Copies of what one step hands to the next; the rotors' thrust is the model's own."""
         return {
             "integral": self._integral.copy(),
             "lag": self._lag.copy(),
