@@ -218,7 +218,13 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
             f"config names the planner '{name}', which is code outside Wayproof; "
             "expected --allow-plugins to load it"
         )
-    return from_document(document)
+    config = from_document(document)
+    for key, available in NAMED.items():
+        section, _, field_name = key.partition(".")
+        value = str(getattr(getattr(config, section), field_name))
+        if value not in available and not (key == "planner.name" and PLUGIN in value):
+            raise unknown_name(key, value, available)
+    return config
 
 
 def setting_names() -> list[str]:

@@ -150,7 +150,7 @@ def test_a_full_disk_ends_in_a_line_and_a_readable_log(recorded, tmp_path):
 
     def work(tell):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, 250_000))
         with contextlib.redirect_stderr(io.StringIO()) as said:
             code = main(["run", "empty", "--robot", "drone", "--seed", "1", "--log", str(path)])
         tell(f"{code} {said.getvalue()}")
