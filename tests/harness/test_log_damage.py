@@ -225,3 +225,12 @@ def test_code_named_in_a_log_is_not_imported(source, tmp_path, capsys):
         assert main([*verb, str(path)]) == 2
         assert "expected --allow-plugins" in capsys.readouterr().err
     assert not (tmp_path / "touched").exists()
+
+
+def test_a_name_that_no_registry_has_is_one_line(source, tmp_path, capsys):
+    def misspell(config):
+        config["map"]["kind"] = "vyxel"
+
+    path = rewritten(source, tmp_path / "misspelt.mcap", misspell)
+    assert main(["replay", str(path)]) == 2
+    assert "unknown map.kind 'vyxel'; did you mean 'voxel'?" in capsys.readouterr().err
