@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,6 +131,28 @@ class Estimate:
             sample.heading - turn,
             sample.yaw_rate,
         )
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that it keeps, by name."""
+        errors = [*self._errors, self.error, self.added]
+        return {
+            "due": np.array([self._due_ns]),
+            "errors": np.array([[*error.shift, error.turn] for error in errors]),
+            "tracked": np.stack([self.tracked, self._tracked_rate]),
+            **self._odometry.state(),
+        }
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from `state`."""
+        self._due_ns = int(state["due"][0])
+        *past, error, self.added = [
+            PoseError((x, y, z), turn) for x, y, z, turn in state["errors"].tolist()
+        ]
+        self._errors.clear()
+        self._errors.extend(past)
+        self.error = error
+        self.tracked, self._tracked_rate = state["tracked"]
+        self._odometry.restore(state)
 
     def _look(self, time_ns: int) -> None:
         travelled = self._odometry.travelled

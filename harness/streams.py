@@ -13,6 +13,10 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from harness.reader import read_messages
 from harness.schema import wayproof_pb2 as pb
@@ -21,26 +25,37 @@ CONTROL = "control"
 """The stream of what the body was asked for: no input, but what a pair's decisions amount to."""
 
 
+DIGEST_SIZE = 16
+"""Of a stream's hash, bytes."""
+
+
 class StreamHashes:
-    """Running hashes by stream; each exists from the start, so that a silent one is seen too."""
+    """Chained hashes by stream; each exists from the start, so that a silent one is seen too."""
 
     def __init__(self, names: list[str]) -> None:
         """Start with empty streams."""
-        self._hashes = {name: hashlib.blake2b(digest_size=16) for name in names}
+        self._hashes = dict.fromkeys(names, bytes(DIGEST_SIZE))
 
     def update(self, name: str, data: bytes) -> None:
-        """Append to a stream."""
-        self._hashes[name].update(data)
+        """Append to a stream: blake2b over the hash so far and the data."""
+        chained = hashlib.blake2b(self._hashes[name], digest_size=DIGEST_SIZE)
+        chained.update(data)
+        self._hashes[name] = chained.digest()
 
     def message(self, sequence: int, time_ns: int) -> pb.Streams:
         """All hashes so far."""
-        hashes = [
-            pb.StreamHash(name=name, hash=running.copy().hexdigest())
-            for name, running in self._hashes.items()
-        ]
+        hashes = [pb.StreamHash(name=name, hash=one.hex()) for name, one in self._hashes.items()]
         message = pb.Streams(sequence=sequence, streams=hashes)
         message.timestamp.FromNanoseconds(time_ns)
         return message
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The hashes, (16,) uint8 each, by stream."""
+        return {name: np.frombuffer(one, np.uint8) for name, one in self._hashes.items()}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from `state`."""
+        self._hashes = {name: state[name].tobytes() for name in self._hashes}
 
 
 @dataclass(frozen=True)

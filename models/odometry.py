@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,6 +172,28 @@ class Odometry:
         """Standard deviation that the estimator states of its heading, rad."""
         reckoned = float(self._covariance[HEADING, HEADING])
         return math.sqrt(reckoned + self._config.turn_sigma**2 + self._config.turn_jitter**2)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that it keeps, by name."""
+        scalars = [self._sequence, self._heading, self.travelled]
+        return {
+            "scalars": np.array(scalars, np.float64),
+            "position": self._position.copy(),
+            "reckoned": self._reckoned.copy(),
+            "bounded": self._bounded.copy(),
+            "jitter": self._jitter.copy(),
+            "covariance": self._covariance.copy(),
+        }
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from `state`."""
+        sequence, self._heading, self.travelled = state["scalars"].tolist()
+        self._sequence = int(sequence)
+        self._position = state["position"]
+        self._reckoned = state["reckoned"]
+        self._bounded = state["bounded"]
+        self._jitter = state["jitter"]
+        self._covariance = state["covariance"]
 
     def _reckon(self, step: Array, turn: float) -> Array:
         """Add a true step to the dead reckoning; returns it as it is believed, (3,) world, m."""
