@@ -111,7 +111,7 @@ class DistanceField:
 
     def _update_sections(self, planes: NDArray[np.int64]) -> None:
         _, blocks, cells = self._sections.shape
-        around = kernels.blocks_around.py_func(self.reach, self._block_rows)
+        around = kernels.blocks_around(self.reach, self._block_rows)
         line = 2 * kernels.LONGEST_STEP + self._block_rows * (self._row_cells + self.reach)
         kernels.update_sections(
             planes,
