@@ -111,6 +111,8 @@ class Config:
         goal: (x, y) or (x, y, z) in place of the world's own goal, m.
         start: Likewise.
         threads: That rays, map and costmap share; decisions are the same on any number.
+        record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
+            again; `failures` is full where the episode failed, and decisions where it succeeded.
         odometry: How good the pose is that the stack and the controller get.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
     """
@@ -121,6 +123,7 @@ class Config:
     goal: tuple[float, ...] | None = None
     start: tuple[float, ...] | None = None
     threads: int = 1
+    record: Literal["full", "decisions", "failures"] = "full"
     sensors: SensorConfig = field(default_factory=SensorConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     map: MapConfig = field(default_factory=MapConfig)
@@ -214,7 +217,7 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
     """
     try:
         document = msgspec.json.decode(data)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"config: {error}") from None
     planner = document.get("planner") if isinstance(document, dict) else None
     name = planner.get("name") if isinstance(planner, dict) else None

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Literal
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
 from harness.schema import wayproof_pb2 as pb
@@ -26,6 +31,10 @@ Label = Literal[
 SAMPLE_PERIOD = 0.1
 """Spacing of the logged samples of a trajectory, s."""
 
+GRAIN = 2.0**-20
+"""What logged samples and guides are rounded to, m and rad: a micrometre is enough to see where a
+trajectory leads, and the zeros behind it make up a fifth of what a log of decisions would take."""
+
 
 def seal(decision: pb.Decision, previous_chain: str) -> None:
     """Write the decision's chain: blake2b over the previous chain and this record.
@@ -42,14 +51,65 @@ def seal(decision: pb.Decision, previous_chain: str) -> None:
     decision.chain = digest.hexdigest()
 
 
-def differences(recorded: pb.Decision, recomputed: pb.Decision) -> list[str]:
-    """Names of the fields that differ, the measured stage latencies apart."""
-    return [
-        field.name
-        for field in pb.Decision.DESCRIPTOR.fields
-        if field.name != "stages"
-        and _field_bytes(recorded, field.name) != _field_bytes(recomputed, field.name)
-    ]
+@dataclass(frozen=True)
+class Difference:
+    """One value that two records of a decision hold differently.
+
+    Attributes:
+        field: Its place, `trajectory.path[3].x` for one.
+        recorded: What the log says.
+        recomputed: What came out now.
+    """
+
+    field: str
+    recorded: str
+    recomputed: str
+
+
+def differences(recorded: pb.Decision, recomputed: pb.Decision) -> list[Difference]:
+    """Every value that differs in a bit, the measured stage latencies apart.
+
+    Of repeated fields, the number of elements if that differs, and the first element that does.
+    """
+    pair = []
+    for decision in (recorded, recomputed):
+        alone = pb.Decision()
+        alone.CopyFrom(decision)
+        alone.ClearField("stages")
+        pair.append(alone)
+    if pair[0].SerializeToString(deterministic=True) == pair[1].SerializeToString(
+        deterministic=True
+    ):
+        return []
+    return list(_differences("", pair[0], pair[1]))
+
+
+def _differences(prefix: str, old: Message, new: Message) -> Iterator[Difference]:
+    for field in old.DESCRIPTOR.fields:
+        name = f"{prefix}{field.name}"
+        first, second = getattr(old, field.name), getattr(new, field.name)
+        if not field.is_repeated:
+            yield from _difference(name, first, second)
+            continue
+        if len(first) != len(second):
+            yield Difference(f"len({name})", str(len(first)), str(len(second)))
+        for index, (one, other) in enumerate(zip(first, second, strict=False)):
+            found = list(_difference(f"{name}[{index}]", one, other))
+            if found:
+                yield from found
+                break
+
+
+def _difference(name: str, old: Any, new: Any) -> Iterator[Difference]:
+    if isinstance(old, Timestamp):
+        old, new = old.ToNanoseconds(), new.ToNanoseconds()
+    if isinstance(old, Message):
+        yield from _differences(f"{name}.", old, new)
+    elif isinstance(old, float):
+        if struct.pack("<d", old) != struct.pack("<d", new):  # which -0.0 == 0.0 would not tell
+            yield Difference(name, repr(old), repr(new))
+    elif old != new:
+        yield Difference(name, str(old), str(new))
 
 
 def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
@@ -60,8 +120,8 @@ def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
     message = pb.Trajectory(
         duration_s=trajectory.duration_s,
         path=points(trajectory.path),
-        arc_length=[sample.arc_length for sample in samples],
-        heading=[sample.heading for sample in samples],
+        arc_length=[round(sample.arc_length / GRAIN) * GRAIN for sample in samples],
+        heading=[round(sample.heading / GRAIN) * GRAIN for sample in samples],
         sample_period_s=SAMPLE_PERIOD,
     )
     message.start.FromNanoseconds(trajectory.start_ns)
@@ -76,18 +136,5 @@ def points(path: NDArray[np.float64] | None) -> list[pb.Point]:
 
 
 def thinned(path: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    """Every fifth point of a path and its last: enough to see where a guide leads."""
-    return None if path is None else np.vstack([path[:-1:5], path[-1]])
-
-
-def _field_bytes(decision: pb.Decision, name: str) -> bytes:
-    alone = pb.Decision()
-    value = getattr(decision, name)
-    field = pb.Decision.DESCRIPTOR.fields_by_name[name]
-    if field.is_repeated:
-        getattr(alone, name).MergeFrom(value)
-    elif field.message_type is not None:
-        getattr(alone, name).CopyFrom(value)
-    else:
-        setattr(alone, name, value)
-    return alone.SerializeToString(deterministic=True)
+    """Every fifth point of a path and its last, in grains: enough to see where a guide leads."""
+    return None if path is None else np.rint(np.vstack([path[:-1:5], path[-1]]) / GRAIN) * GRAIN

@@ -7,8 +7,8 @@ import operator
 import struct
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,10 +19,13 @@ from harness.config import LatencyConfig, to_json
 from harness.inputs import CODEC, beams_from_info, encode_ranges, inputs_from_messages
 from harness.interference import Interference
 from harness.log import LogWriter
+from harness.log_copy import thin
+from harness.mujoco_warnings import tell_warnings
 from harness.navigator import Navigator, build_navigator
 from harness.odometry import Estimate
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
+from harness.state import Simulation, Stateful, StepPoses, restore_parts, state_message
 from harness.streams import CONTROL, StreamHashes
 from models.poses import Trail
 from models.sensors import ROBOT_GROUP, Caster
@@ -54,6 +57,7 @@ class Result:
         deadline_misses: Decisions past their deadline.
         chain: Hash over all decisions.
         log: The log's path.
+        log_mb_per_min: Size of the log for each simulated minute, MB.
     """
 
     outcome: Outcome
@@ -68,35 +72,60 @@ class Result:
     deadline_misses: int
     chain: str
     log: str
+    log_mb_per_min: float = 0.0
 
     def to_metadata(self) -> dict[str, str]:
-        """The result as the log states it: all but where the log lies and how long it took."""
-        fields = {k: v for k, v in asdict(self).items() if k not in ("log", "wall_time_s")}
+        """The result as the log states it: all but the log's place, its size and wall time."""
+        apart = ("log", "log_mb_per_min", "wall_time_s")
+        fields = {k: v for k, v in asdict(self).items() if k not in apart}
         return {name: str(value) for name, value in fields.items()}
 
 
 Observer = Callable[[pb.Decision, pb.Truth], None]
 
 
-def run_episode(scenario: Scenario, log_path: Path, observe: Observer | None = None) -> Result:
+def run_episode(
+    scenario: Scenario,
+    log_path: Path,
+    observe: Observer | None = None,
+    delays: Mapping[int, float] | None = None,
+    record: str | None = None,
+) -> Result:
     """Run one episode and write its log.
 
     Args:
         scenario: What to run.
         log_path: Final name of the log; it is replaced if it exists.
         observe: Called after each decision, for display.
+        delays: Of each decision, s, to live through those of a log instead of measured ones.
+        record: What to keep in place of the config's `record`.
 
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.
     """
+    tell_warnings()
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
     beams = {info.name: beams_from_info(info) for info in infos}
     navigator = build_navigator(scenario.config, scenario.mission, beams)
     config, mission = to_json(scenario.config), scenario.mission.to_json()
+    kept = record or scenario.config.record
     with LogWriter(log_path, config, mission, scenario.scene.mjcf) as log:
+        log.record = "decisions" if kept == "decisions" else "full"
         for info in infos:
             log.write(f"/sensor/{info.name}/info", info, 0)
-        return Episode(scenario, navigator, log, observe).run()
+        episode = Episode(scenario, navigator, log, observe)
+        episode.delays.update(delays or {})
+        result = episode.run()
+    return settle_log(result, kept)
+
+
+def settle_log(result: Result, kept: str) -> Result:
+    """Leave out of the finished log what `Config.record` does not keep, and tell the log's size."""
+    log_path = Path(result.log)
+    if kept == "decisions" or (kept == "failures" and result.outcome == "success"):
+        thin(log_path)
+    size = log_path.stat().st_size
+    return replace(result, log_mb_per_min=60e-6 * size / max(result.sim_time_s, 1e-9))
 
 
 class Episode:
@@ -118,6 +147,7 @@ class Episode:
         start, heading = np.array(scenario.mission.start), scenario.mission.start_heading
         scene.controller.reset(self._data, start, heading)
         self._truth = Truth(scene.model, scene.base, scene.floor)
+        self._simulation = Simulation(scene.model, self._data)
         self._least_uprightness = math.cos(scenario.spec.max_tilt)
         self._navigator = navigator
         self._following = self._navigator.trajectory
@@ -134,10 +164,45 @@ class Episode:
         self._streams = StreamHashes([*sensors, "pose", "latency", "world", CONTROL])
         self._streams.update("world", scene.mjcf.encode())
         self._world = np.flatnonzero(scene.model.geom_group != ROBOT_GROUP)
+        self.parts: dict[str, Stateful] = {  # all that a fork must restore, in this order
+            "simulation": self._simulation,
+            "controller": scene.controller,
+            "truth": self._truth,
+            "estimate": self._estimate,
+        }
+        if any(caster.table.moments > 1 for caster in scene.casters):
+            self.parts["steps"] = StepPoses(self._steps)
+        self.delays: dict[int, float] = {}  # by sequence, in place of what is measured
         self._sequence = 0
         self._misses = 0
         self._positions: list[np.ndarray] = []
         self._clearances: list[float] = []
+
+    def go_on(
+        self,
+        state: pb.State | None,
+        trajectories: Sequence[Trajectory],
+        decisions: Sequence[pb.Decision],
+        truths: Sequence[pb.Truth],
+    ) -> None:
+        """Put the episode where it was before a decision; `run` then goes on with that one.
+
+        Args:
+            state: Of the simulation and every part, at that decision; none at the first.
+            trajectories: All committed before it, the start's own apart.
+            decisions: All before it.
+            truths: Of each of these.
+
+        Raises:
+            InputError: The state is not one of this episode.
+        """
+        self._sequence = len(decisions)
+        if state is not None:
+            restore_parts(self.parts, state)
+        self._on_the_way.extend(trajectories)  # the ones that began leave the queue by themselves
+        self._misses = sum(decision.deadline_missed for decision in decisions)
+        self._positions = [np.array(truth.position) for truth in truths]
+        self._clearances = [truth.clearance_m for truth in truths]
 
     def run(self) -> Result:
         """Decide at the sensors' rate, step the physics in between, and end with a verdict."""
@@ -147,10 +212,10 @@ class Episode:
         while verdict is None:
             decision = self._decide()
             verdict = self._verdict_of(decision)
-            for _ in range(steps_a_decision):
+            for left in reversed(range(steps_a_decision)):
                 if verdict is not None:
                     break
-                self._step_physics()
+                self._step_physics(remember=left == 0)
                 verdict = self._verdict_of_physics()
         return self._finish(*verdict, time.perf_counter() - began)
 
@@ -168,6 +233,7 @@ class Episode:
             arrival_ns = max(trajectory.start_ns, time_ns + round(latency.delay_s * 1e9))
             self._on_the_way.append((arrival_ns, trajectory))
         self._misses += decision.deadline_missed
+        self._write_state(time_ns)
         for sweep in sweeps:
             self._log_input(f"sensor/{sweep.sensor}", sweep, time_ns)
         self._log_input("pose", pose, time_ns)
@@ -219,10 +285,19 @@ class Episode:
 
     def _latency(self, decision: pb.Decision, time_ns: int) -> pb.Latency:
         config = self._scenario.config.latency
-        delay_s = _delay(config, decision.stages) + self._interference.delay
+        delay_s = self.delays.get(self._sequence)
+        if delay_s is None:
+            delay_s = _delay(config, decision.stages) + self._interference.delay
         message = pb.Latency(sequence=self._sequence, mode=config.mode, delay_s=delay_s)
         message.timestamp.FromNanoseconds(time_ns)
         return message
+
+    def _write_state(self, time_ns: int) -> None:
+        """Save the simulator's state, from the second decision on: the first is the start."""
+        if self._sequence > 0 and self._log.keeps("/state"):
+            message = state_message(self.parts, self._sequence)
+            message.timestamp.FromNanoseconds(time_ns)
+            self._log.write("/state", message, time_ns)
 
     def _log_input(self, stream: str, message: pb.Sweep | pb.Pose | pb.Latency, now: int) -> None:
         self._log.write(f"/{stream}", message, now)
@@ -254,8 +329,12 @@ class Episode:
         self._log.write("/truth", message, time_ns)
         return message
 
-    def _step_physics(self) -> None:
-        """One step of contact physics under the controller's torques and thrusts."""
+    def _step_physics(self, remember: bool) -> None:
+        """One step of contact physics under the controller's torques and thrusts.
+
+        Args:
+            remember: A decision comes next, so the state before this step is the one to save.
+        """
         now_ns = self._now_ns()
         while self._on_the_way and self._on_the_way[0][0] <= now_ns:
             self._following = self._on_the_way.popleft()[1]
@@ -267,6 +346,8 @@ class Episode:
         self._scene.controller.follow(self._data, setpoint)
         self._steps.append(pose)
         self._estimate.remember()
+        if remember:
+            self._simulation.remember()
         mujoco.mj_step(self._scene.model, self._data)
         self._truth.count_contacts(self._data)
 

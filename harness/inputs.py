@@ -13,10 +13,21 @@ from numpy.typing import NDArray
 from harness.errors import InputError
 from harness.labels import decode_classes
 from harness.schema import wayproof_pb2 as pb
-from models.beams import BeamTable, directions, moment_offsets, moments, ray_ranges, rotate
+from models.beams import (
+    LONGEST_RANGE,
+    BeamTable,
+    directions,
+    moment_offsets,
+    moments,
+    ray_ranges,
+    rotate,
+)
 from models.poses import Trail, rotation_matrices
 
 CODEC = "u16-delta-planes"
+
+FARTHEST = 1e5
+"""Farther from the world's origin than any mission, m."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +199,33 @@ def _pose(message: pb.Pose) -> Pose:
     except ValueError as error:
         raise InputError(f"pose: {error}") from None
     position, quaternion = np.array(message.position), np.array(message.quaternion)
+    check_pose(position, quaternion, message.position_sigma, trail)
     return Pose(position, quaternion, message.position_sigma, trail)
+
+
+def check_pose(
+    position: NDArray[np.float64],
+    quaternion: NDArray[np.float64],
+    sigma: float,
+    trail: Trail | None,
+) -> None:
+    """Refuse what is no pose before a kernel makes array indices of it.
+
+    Raises:
+        InputError: Naming what is wrong.
+    """
+    if position.shape != (3,) or quaternion.shape != (4,):
+        raise InputError(f"pose: got {len(position)} and {len(quaternion)} numbers, expected 3, 4")
+    positions, quaternions = position[None], quaternion[None]
+    if trail is not None:
+        positions = np.concatenate([positions, trail.positions])
+        quaternions = np.concatenate([quaternions, trail.quaternions])
+    if not (np.abs(positions) <= FARTHEST).all():
+        raise InputError(f"pose: position {position}, expected within {FARTHEST:g} m")
+    if not (np.abs(np.linalg.norm(quaternions, axis=1) - 1.0) <= 1e-3).all():
+        raise InputError(f"pose: quaternion {quaternion}, expected unit length")
+    if not 0.0 <= sigma <= FARTHEST:
+        raise InputError(f"pose: sigma {sigma:g} m, expected 0 or more")
 
 
 def beams_from_info(info: pb.SensorInfo) -> Beams:
@@ -218,6 +255,13 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
     position, rotation = np.array(info.position_base_sensor), np.array(info.rotation_base_sensor)
     if position.shape != (3,) or rotation.shape != (9,):
         raise InputError(f"sensor '{info.name}': no mounting")
+    R = rotation.reshape(3, 3)
+    if not (np.abs(position) <= FARTHEST).all() or not np.allclose(R @ R.T, np.eye(3), atol=1e-6):
+        raise InputError(f"sensor '{info.name}': no mounting")
+    if not 0.0 < info.range_m <= LONGEST_RANGE:
+        raise InputError(
+            f"sensor '{info.name}': range {info.range_m:g} m, expected up to {LONGEST_RANGE:g} m"
+        )
     return Beams(table, info.range_m, info.rate_hz, position, rotation.reshape(3, 3))
 
 
@@ -235,6 +279,8 @@ def decode_ranges(sweep: pb.Sweep) -> NDArray[np.uint16]:  # (rows * columns,)
         InputError: Unknown codec, or not two bytes for each beam.
     """
     count = sweep.rows * sweep.columns
+    if count == 0:
+        raise InputError(f"sweep of {sweep.rows} x {sweep.columns} beams, expected at least one")
     if sweep.codec != CODEC:
         raise InputError(f"sweep codec '{sweep.codec}', expected '{CODEC}'")
     if len(sweep.ranges) != 2 * count:

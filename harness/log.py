@@ -4,7 +4,7 @@ A log grows under the name `<name>.mcap.partial` and takes its own name by an at
 is whole. `log_time` is simulated time; `sequence` counts through the file.
 
 Topics: `/sensor/<name>/info` and `/sensor/<name>`, `/pose` and `/latency` are inputs, `/decision`
-is what a replay compares, `/truth` is for scoring.
+is what a replay compares, `/truth` is for scoring, `/state` is for forks.
 """
 
 from __future__ import annotations
@@ -32,13 +32,30 @@ FORMAT_VERSION = "2"
 LEAST_FREE_BYTES = 64 * 2**20
 """Free disk space below which no episode is started; a minute of a 20,000-ray lidar takes less."""
 
+FLUSH_PERIOD_NS = 1_000_000_000
+"""Simulated time after which what was written is flushed."""
+
 RECORDED_PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
 
 
 class LogWriter:
-    """Writes one episode; use as a context manager. Without `finish` the log stays partial."""
+    """Writes one episode; use as a context manager. Without `finish` the log stays partial.
 
-    def __init__(self, path: Path, config: bytes, mission: bytes, scene: str) -> None:
+    Attributes:
+        path: Final name of the log.
+        partial_path: Its name until it is finished.
+        record: What is kept, see `Config.record`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        config: bytes,
+        mission: bytes,
+        scene: str,
+        run: Mapping[str, str] | None = None,
+        flush_period_ns: int = FLUSH_PERIOD_NS,
+    ) -> None:
         """Open the partial file and write the head.
 
         Args:
@@ -46,39 +63,57 @@ class LogWriter:
             config: Resolved config, JSON.
             mission: What the stack was told, JSON.
             scene: Flattened MJCF.
+            run: Versions and digests, where a log is written from another one; by default those
+                of what is installed.
+            flush_period_ns: Simulated time after which what was written is flushed.
 
         Raises:
             InputError: The folder cannot be written to or is full.
         """
         self.path = path
         self.partial_path = path.with_name(path.name + ".partial")
+        self.record = "full"
         self._file = _open_for_writing(self.partial_path)
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD)
+        self._writer = Writer(self._file, compression=CompressionType.ZSTD, enable_data_crcs=True)
         self._writer.start(profile="wayproof", library=f"wayproof {metadata.version('wayproof')}")
         self._channels: dict[str, int] = {}
         self._count = 0
-        self._decisions = 0
+        self._flushed_ns = 0
+        self._flush_period_ns = flush_period_ns
         attachments = {"config.json": config, "mission.json": mission, "scene.xml": scene.encode()}
-        self._writer.add_metadata("run", _run_metadata(attachments))
+        self._writer.add_metadata("run", dict(run or _run_metadata(attachments)))
         for name, data in attachments.items():
             self._writer.add_attachment(0, 0, name, f"application/{name.split('.')[1]}", data)
 
+    def note(self, name: str, fields: Mapping[str, str]) -> None:
+        """Add metadata."""
+        self._writer.add_metadata(name, dict(fields))
+
+    def keeps(self, topic: str) -> bool:
+        """Whether messages of a topic are kept: sweeps and states are not among `decisions`."""
+        return self.record != "decisions" or not is_regenerated(topic)
+
     def write(self, topic: str, message: Message, time_ns: int) -> None:
-        """Append one message; each tenth decision is flushed, so that a kill costs a second."""
+        """Append one message if it is kept.
+
+        What is older than a second of simulated time is flushed: a kill costs no more.
+        """
+        if not self.keeps(topic):
+            return
+        if time_ns - self._flushed_ns >= self._flush_period_ns:
+            self._writer.flush()
+            self._flushed_ns = time_ns
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._register(topic, type(message))
         data = message.SerializeToString(deterministic=True)
         self._writer.add_message(channel, time_ns, data, time_ns, self._count)
         self._count += 1
-        if topic == "/decision":
-            self._decisions += 1
-            if self._decisions % 10 == 0:
-                self._writer.flush()
 
     def finish(self, result: Mapping[str, str]) -> None:
         """Write the result and give the log its name."""
-        self._writer.add_metadata("result", dict(result))
+        kept = "decisions" if self.record == "decisions" else "full"
+        self._writer.add_metadata("result", {**result, "record": kept})
         self._writer.finish()
         self._file.flush()
         os.fsync(self._file.fileno())
@@ -113,6 +148,14 @@ class LogWriter:
             descriptor.full_name, "protobuf", _file_descriptor_set(descriptor)
         )
         return self._writer.register_channel(topic, "protobuf", schema)
+
+
+def is_regenerated(topic: str) -> bool:
+    """Whether a topic's messages follow from the seed: sweeps and states, not the sensors' tables.
+
+    Poses stay, because a decision names them and they are small.
+    """
+    return topic == "/state" or (topic.startswith("/sensor/") and not topic.endswith("/info"))
 
 
 def check_folder(folder: Path) -> None:

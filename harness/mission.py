@@ -44,6 +44,21 @@ class Mission:
     start_heading: float
     goal: tuple[float, float, float]
 
+    def __post_init__(self) -> None:
+        """Refuse bodies and areas that no robot has, before a map of that size is made."""
+        for name in ("radius", "height", "max_speed", "max_acceleration", "max_jerk"):
+            if not 0.0 < getattr(self, name) <= 1e4:
+                raise ValueError(f"{name}: got {getattr(self, name):g}, expected above 0, to 1e4")
+        if not 0.0 < self.max_yaw_rate <= 100.0 or not 0.0 <= self.step_height <= self.height:
+            raise ValueError("max_yaw_rate, step_height: expected those of a robot")
+        if not abs(self.start_heading) <= 100.0:
+            raise ValueError(f"start_heading: got {self.start_heading:g} rad")
+        if not all(-1e4 <= a < b <= 1e4 for a, b in zip(self.low, self.high, strict=True)):
+            raise ValueError(f"low, high: got {self.low} and {self.high}, expected low below high")
+        for name in ("start", "goal"):
+            if not all(abs(value) <= 1e4 for value in getattr(self, name)):
+                raise ValueError(f"{name}: got {getattr(self, name)}, expected within 1e4 m")
+
     def to_json(self) -> bytes:
         """Encode for the log; floats come back bit by bit."""
         return msgspec.json.format(msgspec.json.encode(self), indent=1)
@@ -57,5 +72,5 @@ class Mission:
         """
         try:
             return msgspec.json.decode(data, type=cls)
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(f"mission: {error}") from None

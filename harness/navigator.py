@@ -81,6 +81,20 @@ class Navigator:
         """Hash over all decisions so far."""
         return self._chain
 
+    @property
+    def memory(self) -> Memory:
+        """What the last decision hands to the next."""
+        return self._memory
+
+    def adopt(self, memory: Memory, chain: str) -> None:
+        """Decide next as one that has this behind it, whatever was decided here."""
+        self._memory = memory
+        self._chain = chain
+
+    def carry(self, beams: Mapping[str, Beams]) -> None:
+        """Take the sweeps of these sensors from now on."""
+        self._beams = dict(beams)
+
     def step(self, inputs: Inputs, sense_ms: float = 0.0) -> pb.Decision:
         """Integrate one set of inputs and decide; `commit` then settles whether it was in time.
 

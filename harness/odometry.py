@@ -62,6 +62,27 @@ class Estimate:
         self._errors: deque[PoseError] = deque(maxlen=steps)
         self._look(0)
 
+    def state(self) -> dict[str, Array]:
+        """The estimator's memory, when it looks next, and the errors of the trail (n, 4)."""
+        errors = [(*one.shift, one.turn) for one in self._errors]
+        return {
+            **{f"odometry.{name}": array for name, array in self._odometry.state().items()},
+            "due_ns": np.array(self._due_ns, np.int64),
+            "errors": np.array(errors).reshape(-1, 4),
+            "added": np.array([*self.added.shift, self.added.turn]),
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go on from what `state` returned."""
+        prefix = "odometry."
+        own = {n.removeprefix(prefix): a for n, a in state.items() if n.startswith(prefix)}
+        self._odometry.restore(own)
+        self._due_ns = int(state["due_ns"])
+        self._errors.clear()
+        self._errors.extend(_pose_error(row) for row in state["errors"])
+        self.added = _pose_error(state["added"])
+        self.error = self._odometry.error + self.added
+
     def advance(self, time_ns: int, position: Array, quaternion: Array) -> None:
         """Make the next estimate if its time has come; the true pose is (3,) and (4,)."""
         if time_ns < self._due_ns:
@@ -121,3 +142,8 @@ class Estimate:
         travelled = self._odometry.travelled
         self.added = self._perturbation.pose_error(self._config.seed, time_ns, travelled)
         self.error = self._odometry.error + self.added
+
+
+def _pose_error(row: Array) -> PoseError:
+    x, y, z, turn = row.tolist()
+    return PoseError((x, y, z), turn)

@@ -8,27 +8,54 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from google.protobuf.message import DecodeError, Message
-from mcap.exceptions import McapError
-from mcap.reader import McapReader, make_reader
 
 from harness.config import Config, from_json
+from harness.container import MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
 from harness.log import FORMAT_VERSION, digest_name
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 
-MAGIC = b"\x89MCAP0\r\n"
-GREATEST_ATTACHMENT = 64 * 2**20
+ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
+
+BEFORE = "/before/"
+"""Of a forked log, where the sensors' tables before the fork stand."""
+
+LONGEST_NS = 4000 * 10**9
+"""Simulated time that no episode reaches: `episode.time_limit` ends at an hour."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """One decision's share of a log: what went in, how long it took, what came out."""
+    """One decision's share of a log: what went in, how long it took, what came out.
+
+    Attributes:
+        inputs: What the decision could see.
+        latency: How long it took to reach the robot.
+        decision: What was decided.
+        state: The simulator's, from which the episode can go on with this decision; if it was kept.
+    """
 
     inputs: Inputs
     latency: pb.Latency
     decision: pb.Decision
+    state: pb.State | None = None
+
+
+@dataclass(frozen=True)
+class Fork:
+    """How a forked log's first decisions were made.
+
+    Attributes:
+        at: The first decision with the log's own config.
+        config: Of the decisions before.
+        beams: Sensor geometry before, by sensor name.
+    """
+
+    at: int
+    config: Config
+    beams: dict[str, Beams]
 
 
 @dataclass(frozen=True)
@@ -43,6 +70,7 @@ class Log:
         run: Versions and hashes.
         result: Outcome and figures.
         beams: Sensor geometry by sensor name.
+        fork: Where its settings changed on the way, if they did.
     """
 
     path: Path
@@ -52,11 +80,18 @@ class Log:
     run: dict[str, str]
     result: dict[str, str]
     beams: dict[str, Beams]
+    fork: Fork | None = None
 
     def records(self) -> Iterator[Record]:
         """Every decision with its inputs, in file order."""
+        if self.record == "decisions":
+            raise InputError(
+                f"log '{self.path}': its sweeps were left out (record = "
+                f"'{self.config.record}'), the seed gives them again: --closed-loop"
+            )
         sweeps: list[pb.Sweep] = []
-        pose, latency = pb.Pose(), pb.Latency()
+        pose, latency, state = pb.Pose(), pb.Latency(), None
+        count, time_ns = 0, -1
         for message in read_messages(self.path):
             if isinstance(message, pb.Sweep):
                 sweeps.append(message)
@@ -64,9 +99,38 @@ class Log:
                 pose = message
             elif isinstance(message, pb.Latency):
                 latency = message
+            elif isinstance(message, pb.State):
+                state = message
             elif isinstance(message, pb.Decision):
-                yield Record(inputs_from_messages(pose, sweeps), latency, message)
-                sweeps = []
+                inputs = inputs_from_messages(pose, sweeps)
+                self._check_order(inputs, count, time_ns)
+                yield Record(inputs, latency, message, state)
+                sweeps, state = [], None
+                count, time_ns = count + 1, inputs.time_ns
+
+    @property
+    def record(self) -> str:
+        """What of the episode is in here: `full` or `decisions`."""
+        return self.result.get("record", "full")
+
+    def decisions(self) -> Iterator[pb.Decision]:
+        """Every decision without its inputs."""
+        for message in read_messages(self.path):
+            if isinstance(message, pb.Decision):
+                yield message
+
+    def _check_order(self, inputs: Inputs, count: int, before_ns: int) -> None:
+        """Decisions count from 0 and simulated time runs on, or a map would age by centuries."""
+        if inputs.sequence != count or not before_ns < inputs.time_ns < LONGEST_NS:
+            raise InputError(
+                f"log '{self.path}': decision {inputs.sequence} at {inputs.time_ns} ns, expected "
+                f"{count} after {before_ns} ns"
+            )
+        for sweep in inputs.sweeps:
+            if sweep.sensor not in self.beams:
+                raise InputError(f"log '{self.path}': sweep of '{sweep.sensor[:40]}', not declared")
+        if not inputs.sweeps:
+            raise InputError(f"log '{self.path}': decision {count} without a sweep")
 
     def truth(self) -> Iterator[pb.Truth]:
         """The simulator's truth at each decision, for scoring."""
@@ -76,7 +140,7 @@ class Log:
 
 
 def open_log(path: Path, allow_plugins: bool = False) -> Log:
-    """Read the head of a finished log.
+    """Read the head of a finished log; every checksum of the file's bytes is recomputed.
 
     Args:
         path: Where it lies.
@@ -86,31 +150,104 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
         InputError: No such file, no MCAP, truncated, of another format, or not ours.
     """
     _check_file(path)
-    try:
-        with path.open("rb") as file:
-            reader = make_reader(file, validate_crcs=True)
-            metadata = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
-            attachments = _read_attachments(path, reader)
-            beams = _read_beams(reader)
-    except (McapError, DecodeError, ValueError, EOFError, OSError) as error:
-        raise _broken(path, error) from None
-    if "run" not in metadata or "result" not in metadata:
+    head = read_head(walk(path, head_only=True), path, allow_plugins)
+    if "result" not in head.metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a finished Wayproof log")
+    result = head.metadata["result"]
+    missing = [name for name in ("outcome", "chain") if name not in result]
+    if missing:
+        raise InputError(f"log '{path}': no {', '.join(missing)} in its result")
+    fork = _read_fork(head, path, allow_plugins)
+    return Log(path, head.config, head.mission, head.scene, head.run, result, head.beams, fork)
+
+
+@dataclass(frozen=True)
+class Head:
+    """What stands before a log's first decision, and its metadata wherever it stands.
+
+    Attributes:
+        config: Resolved config.
+        mission: What the stack was told.
+        scene: Flattened MJCF.
+        run: Versions and hashes.
+        metadata: All metadata, `run` and `result` among it.
+        attachments: The texts that the first three were read from.
+        beams: Sensor geometry by sensor name.
+        before: Of a forked log, the same before the fork.
+    """
+
+    config: Config
+    mission: Mission
+    scene: str
+    run: dict[str, str]
+    metadata: dict[str, dict[str, str]]
+    attachments: dict[str, bytes]
+    beams: dict[str, Beams]
+    before: dict[str, Beams]
+
+
+def read_head(
+    items: Iterator[Attachment | Metadata | Packet], path: Path, allow_plugins: bool
+) -> Head:
+    """Check and parse the head.
+
+    Args:
+        items: What the file holds, in file order; read to its end.
+        path: To name in what is raised.
+        allow_plugins: Whether code that the config names may be imported.
+
+    Raises:
+        InputError: Something is missing, damaged, of another format, or not ours.
+    """
+    metadata: dict[str, dict[str, str]] = {}
+    attachments: dict[str, bytes] = {}
+    beams: dict[str, Beams] = {}
+    before: dict[str, Beams] = {}
+    for item in items:
+        if isinstance(item, Metadata):
+            metadata[item.name] = item.fields
+        elif isinstance(item, Attachment):
+            attachments[item.name] = item.data
+        elif item.schema == pb.SensorInfo.DESCRIPTOR.full_name:
+            info = decode(item, path)
+            assert isinstance(info, pb.SensorInfo)
+            table = before if item.topic.startswith(BEFORE) else beams
+            table[info.name] = beams_from_info(info)
+    if "run" not in metadata:
+        raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
     version = metadata["run"].get("format_version")
     if version != FORMAT_VERSION:
         raise InputError(f"log '{path}': format version {version}, expected {FORMAT_VERSION}")
-    for name, data in attachments.items():
-        if metadata["run"].get(digest_name(name)) != hashlib.sha256(data).hexdigest():
+    missing = [name for name in ATTACHMENTS if name not in attachments]
+    if missing:
+        raise InputError(f"log '{path}': no {', '.join(missing)} attached")
+    for name in ATTACHMENTS:
+        if metadata["run"].get(digest_name(name)) != hashlib.sha256(attachments[name]).hexdigest():
             raise InputError(f"log '{path}': damaged ({name} does not match its digest)")
-    return Log(
-        path=path,
+    try:
+        scene = attachments["scene.xml"].decode()
+    except UnicodeDecodeError:
+        raise InputError(f"log '{path}': scene.xml is no UTF-8 text") from None
+    return Head(
         config=from_json(attachments["config.json"], allow_plugins),
         mission=Mission.from_json(attachments["mission.json"]),
-        scene=attachments["scene.xml"].decode(),
+        scene=scene,
         run=metadata["run"],
-        result=metadata["result"],
+        metadata=metadata,
+        attachments=attachments,
         beams=beams,
+        before=before,
     )
+
+
+def _read_fork(head: Head, path: Path, allow_plugins: bool) -> Fork | None:
+    fields = head.metadata.get("fork")
+    if fields is None:
+        return None
+    at = fields.get("at", "")
+    if not at.isdecimal() or len(at) > 9:
+        raise InputError(f"log '{path}': forked at {at[:20]!r}, expected a decision's number")
+    return Fork(int(at), from_json(fields.get("config", "").encode(), allow_plugins), head.before)
 
 
 def read_messages(path: Path) -> Iterator[Message]:
@@ -119,14 +256,9 @@ def read_messages(path: Path) -> Iterator[Message]:
     Raises:
         InputError: The file breaks off or a checksum does not hold.
     """
-    try:
-        with path.open("rb") as file:
-            reader = make_reader(file, validate_crcs=True)
-            for schema, _, message in reader.iter_messages(log_time_order=False):
-                if schema is not None and schema.name in _MESSAGES:
-                    yield _MESSAGES[schema.name].FromString(message.data)
-    except (McapError, DecodeError, ValueError, EOFError, OSError) as error:
-        raise _broken(path, error) from None
+    for item in walk(path):
+        if isinstance(item, Packet) and is_ours(item):
+            yield decode(item, path)
 
 
 _MESSAGES: dict[str, type[Message]] = {
@@ -138,10 +270,31 @@ _MESSAGES: dict[str, type[Message]] = {
         pb.Latency,
         pb.Decision,
         pb.Truth,
+        pb.State,
         pb.Streams,
         pb.Perturbation,
     )
 }
+
+
+def is_ours(packet: Packet) -> bool:
+    """Whether a packet is one of a log's messages; a file may hold others beside them."""
+    return packet.schema in _MESSAGES
+
+
+def decode(packet: Packet, path: Path) -> Message:
+    """The message in a packet that is ours.
+
+    Raises:
+        InputError: It is no such message.
+    """
+    try:
+        return _MESSAGES[packet.schema].FromString(packet.data)
+    except DecodeError:
+        raise InputError(
+            f"log '{path}': damaged (a message of {packet.topic[:40]!r} at "
+            f"{packet.time_ns * 1e-9:.1f} s cannot be decoded)"
+        ) from None
 
 
 def _check_file(path: Path) -> None:
@@ -157,31 +310,6 @@ def _check_file(path: Path) -> None:
     if head != MAGIC:
         raise InputError(f"log '{path}': not an MCAP file")
     if tail != MAGIC:
-        raise InputError(f"log '{path}': truncated after {size} bytes")
-
-
-def _read_attachments(path: Path, reader: McapReader) -> dict[str, bytes]:
-    attachments = {}
-    for attachment in reader.iter_attachments():
-        if len(attachment.data) > GREATEST_ATTACHMENT:
-            raise InputError(f"log '{path}': attachment of {len(attachment.data)} bytes")
-        attachments[attachment.name] = attachment.data
-    missing = {"config.json", "mission.json", "scene.xml"} - attachments.keys()
-    if missing:
-        raise InputError(f"log '{path}': no {', '.join(sorted(missing))} attached")
-    return attachments
-
-
-def _read_beams(reader: McapReader) -> dict[str, Beams]:
-    beams = {}
-    for schema, _, message in reader.iter_messages(log_time_order=False):
-        if schema is None or schema.name != pb.SensorInfo.DESCRIPTOR.full_name:
-            break  # the sensors stand before everything else
-        info = pb.SensorInfo.FromString(message.data)
-        beams[info.name] = beams_from_info(info)
-    return beams
-
-
-def _broken(path: Path, error: Exception) -> InputError:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return InputError(f"log '{path}': damaged ({text})")
+        raise InputError(
+            f"log '{path}': truncated after {size} bytes; 'wayproof recover' saves what it can"
+        )

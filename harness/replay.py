@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.decision import differences
+from harness.decision import Difference, differences
 from harness.errors import InputError
-from harness.navigator import build_navigator
-from harness.reader import open_log
+from harness.navigator import Navigator
+from harness.reader import Log, Record, open_log
+from harness.schema import wayproof_pb2 as pb
+from harness.twin import Twin, navigator_of, recompute
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class Replay:
         decisions: Decisions in the log.
         differing: Decisions that differ.
         first_difference: Sequence number of the first of them; none if identical.
-        fields: Names of the fields that differ there.
+        differences: What differs there, value by value.
         chain: Hash over the recomputed decisions.
         outcome: What the log says of the episode.
         wall_time_s: Time that the replay took.
@@ -33,7 +36,7 @@ class Replay:
     decisions: int
     differing: int
     first_difference: int | None
-    fields: tuple[str, ...]
+    differences: tuple[Difference, ...]
     chain: str
     outcome: str
     wall_time_s: float
@@ -47,30 +50,51 @@ def replay(path: Path, allow_plugins: bool = False) -> Replay:
         allow_plugins: Whether code that its config names may be imported.
 
     Raises:
-        InputError: The file is no finished log, or holds no decision.
+        InputError: The file is no finished log, holds no decision, or its sweeps were left out.
     """
     log = open_log(path, allow_plugins)
     began = time.perf_counter()
-    navigator = build_navigator(log.config, log.mission, log.beams)
-    differing: list[tuple[int, list[str]]] = []
-    decisions = 0
-    for record in log.records():
-        recomputed = navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
-        names = differences(record.decision, recomputed)
-        if names:
-            differing.append((record.decision.sequence, names))
+    first: tuple[int, list[Difference]] | None = None
+    decisions = differing = 0
+    chain = ""
+    for record, recomputed in recomputations(log):
+        found = differences(record.decision, recomputed)
+        if found:
+            differing += 1
+            first = first or (record.decision.sequence, found)
         decisions += 1
+        chain = recomputed.chain
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
-    first = differing[0] if differing else (None, [])
     return Replay(
         log=str(path),
-        identical=not differing and navigator.chain == log.result["chain"],
+        identical=not differing and chain == log.result["chain"],
         decisions=decisions,
-        differing=len(differing),
-        first_difference=first[0],
-        fields=tuple(first[1]),
-        chain=navigator.chain,
+        differing=differing,
+        first_difference=None if first is None else first[0],
+        differences=() if first is None else tuple(first[1]),
+        chain=chain,
         outcome=log.result["outcome"],
         wall_time_s=time.perf_counter() - began,
     )
+
+
+def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
+    """Each record with what is decided on it now; a forked log changes its settings on the way.
+
+    Raises:
+        InputError: The log is damaged, or cannot be recomputed.
+    """
+    if log.fork is None:
+        navigator = navigator_of(log)
+        for record in log.records():
+            yield record, recompute(navigator, record)
+        return
+    twin = Twin(log, log.fork.config, log.config, log.fork.beams)
+    after: Navigator | None = None
+    for record in log.records():
+        if record.decision.sequence < log.fork.at:
+            yield record, twin.step(record)[0]
+            continue
+        after = after or twin.part(log.beams)
+        yield record, recompute(after, record)

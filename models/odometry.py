@@ -151,6 +151,30 @@ class Odometry:
         self._bounded = self._decay * self._bounded + fresh * spread * draws[1]
         self._jitter = self._spread(config.jitter, config.turn_jitter) * draws[2]
 
+    def state(self) -> dict[str, Array]:
+        """What it keeps from one estimate to the next; the scales and draws follow from the seed."""
+        return {
+            "sequence": np.array(self._sequence, np.int64),
+            "position": self._position.copy(),
+            "heading": np.array(self._heading),
+            "reckoned": self._reckoned.copy(),
+            "bounded": self._bounded.copy(),
+            "jitter": self._jitter.copy(),
+            "covariance": self._covariance.copy(),
+            "travelled": np.array(self.travelled),
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go on from what `state` returned."""
+        self._sequence = int(state["sequence"])
+        self._position = state["position"].copy()
+        self._heading = float(state["heading"])
+        self._reckoned = state["reckoned"].copy()
+        self._bounded = state["bounded"].copy()
+        self._jitter = state["jitter"].copy()
+        self._covariance = state["covariance"].copy()
+        self.travelled = float(state["travelled"])
+
     @property
     def error(self) -> PoseError:
         """Of the newest estimate, in whole quanta."""

@@ -44,15 +44,29 @@ def compose(
     Raises:
         ValueError: A device does not fit its mount, or the ray engine cannot cast the model.
     """
-    sensors = sensors or SensorConfig()
     spec = mujoco.MjSpec.from_string(world.mjcf())
     robot_spec = mujoco.MjSpec.from_string(robot.mjcf())
     spec.attach(robot_spec, prefix=PREFIX, frame=spec.worldbody.add_frame())
-    model = spec.compile()
+    spec.compile()
+    return bind(spec.to_xml(), robot, sensors, threads)
+
+
+def bind(mjcf: str, robot: Robot, sensors: SensorConfig | None = None, threads: int = 1) -> Scene:
+    """Compile a flattened scene and bind the robot's controller and sensors to it.
+
+    Writing a scene as text rounds its numbers, so what is simulated is compiled from the text: the
+    scene in a log is then the very one that its episode saw.
+
+    Raises:
+        ValueError: The text is no scene of this robot, or a device does not fit it.
+        KeyError: It lacks one of the names.
+    """
+    sensors = sensors or SensorConfig()
+    model = mujoco.MjModel.from_xml_string(mjcf)
     base = model.body(PREFIX + "base").id
     return Scene(
         model=model,
-        mjcf=spec.to_xml(),
+        mjcf=mjcf,
         controller=robot.controller(model, PREFIX),
         casters=tuple(
             make_caster(model, mount, base, PREFIX, sensors, threads)

@@ -53,6 +53,18 @@ class Truth:
         """Cosine of the angle between the base's z axis and the world's."""
         return float(data.xmat[self._base, 8])
 
+    def state(self) -> dict[str, NDArray[np.int64]]:
+        """What one step hands to the next."""
+        return {
+            "touching": np.array(self._touching, np.int64),
+            "collisions": np.array(self.collisions, np.int64),
+        }
+
+    def restore(self, state: dict[str, NDArray[np.int64]]) -> None:
+        """Go on from what `state` returned."""
+        self._touching = bool(state["touching"])
+        self.collisions = int(state["collisions"])
+
     def _touches_obstacle(self, data: mujoco.MjData) -> bool:
         count = data.ncon
         pairs = np.ascontiguousarray(data.contact.geom[:count])

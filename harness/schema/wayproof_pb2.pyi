@@ -274,3 +274,25 @@ class Perturbation(_message.Message):
     displaced_position: _containers.RepeatedScalarFieldContainer[float]
     displaced_quaternion: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., kind: _Optional[str] = ..., severity: _Optional[int] = ..., amount: _Optional[float] = ..., unit: _Optional[str] = ..., streams: _Optional[_Iterable[str]] = ..., pose_shift: _Optional[_Iterable[float]] = ..., pose_turn: _Optional[float] = ..., changed_beams: _Optional[int] = ..., withheld: _Optional[_Iterable[str]] = ..., added_delay_s: _Optional[float] = ..., displaced_position: _Optional[_Iterable[float]] = ..., displaced_quaternion: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Array(_message.Message):
+    __slots__ = ("name", "dtype", "shape", "data")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    DTYPE_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    dtype: str
+    shape: _containers.RepeatedScalarFieldContainer[int]
+    data: bytes
+    def __init__(self, name: _Optional[str] = ..., dtype: _Optional[str] = ..., shape: _Optional[_Iterable[int]] = ..., data: _Optional[bytes] = ...) -> None: ...
+
+class State(_message.Message):
+    __slots__ = ("timestamp", "sequence", "arrays")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    ARRAYS_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    arrays: _containers.RepeatedCompositeFieldContainer[Array]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., arrays: _Optional[_Iterable[_Union[Array, _Mapping]]] = ...) -> None: ...

@@ -1,6 +1,18 @@
 """The verbs of the command line, one file each."""
 
-from harness.verbs import audit, bench, compare, demo, listing, replay, report, run, score, study
+from harness.verbs import (
+    audit,
+    bench,
+    compare,
+    demo,
+    listing,
+    recover,
+    replay,
+    report,
+    run,
+    score,
+    study,
+)
 from harness.verbs.verb import Document, Verb
 
 VERBS: dict[str, Verb] = {
@@ -11,6 +23,7 @@ VERBS: dict[str, Verb] = {
     "study": study.VERB,
     "report": report.VERB,
     "compare": compare.VERB,
+    "recover": recover.VERB,
     "list": listing.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,

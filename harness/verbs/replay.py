@@ -3,50 +3,218 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
 
-from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
+from harness.errors import InputError
+from harness.verbs.verb import Document, Verb, add_log_paths, add_settings, one_or_all
 
 if TYPE_CHECKING:
+    from harness.closed_loop import ClosedLoop
+    from harness.decision import Difference
     from harness.replay import Replay
+    from harness.what_if import Answer, WhatIf
+
+SHOWN_DIFFERENCES = 8
+SHOWN_CHANGES = 5
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Recompute the decisions of one or more logs."""
+    """Recompute the decisions of one or more logs, by the log's own settings or by others."""
+    _check(options)
+    if options.at is not None:
+        return _fork(options, console)
+    one = {True: _simulate, False: _what_if if options.set else _replay}[options.closed_loop]
+    outcomes = [one(path, options, console) for path in options.log]
+    code = 0 if all(good for good, _ in outcomes) else 1
+    return code, one_or_all("replays", [document for _, document in outcomes])
+
+
+def _check(options: argparse.Namespace) -> None:
+    if options.closed_loop and (options.set or options.at is not None):
+        raise InputError(
+            "--closed-loop: simulates what was recorded, so it goes with neither --set nor --from"
+        )
+    single = options.at is not None or options.out is not None
+    if single and len(options.log) > 1:
+        raise InputError(f"--from, --log: got {len(options.log)} logs, expected one")
+    if options.out is not None and not (options.closed_loop or options.at is not None):
+        raise InputError("--log: nothing to write, expected --closed-loop or --from N with it")
+    if options.at is not None and options.at < 0:
+        raise InputError(f"--from: got {options.at}, expected a decision's number, 0 or more")
+
+
+def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
     from harness.replay import replay
 
-    replays = []
-    for path in options.log:
-        replays.append(replay(path, options.allow_plugins))
-        print_replay(console, replays[-1])
-    code = 0 if all(one.identical for one in replays) else 1
-    return code, one_or_all("replays", [asdict(one) for one in replays])
+    replayed = replay(path, options.allow_plugins)
+    print_replay(console, replayed)
+    return replayed.identical, asdict(replayed)
+
+
+def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
+    from harness.what_if import what_if
+
+    answer = what_if(path, options.set, options.allow_plugins)
+    print_what_if(console, answer)
+    return not answer.changes, asdict(answer)
+
+
+def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
+    from harness.closed_loop import simulate_again
+
+    again = simulate_again(path, options.allow_plugins, options.out)
+    print_closed_loop(console, again)
+    return again.identical, asdict(again)
+
+
+def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    from harness.fork import fork, fork_name
+    from harness.live import LiveLine
+    from harness.reader import open_log
+    from harness.verbs.run import print_verdict
+    from harness.what_if import changed_config
+
+    path = options.log[0]
+    log = open_log(path, options.allow_plugins)
+    config = changed_config(log, options.set)
+    target = options.out or fork_name(path, options.at, config)
+    with LiveLine(console, config.robot) as line:
+        result = fork(path, options.at, options.set, target, options.allow_plugins, line)
+    before = log.result["outcome"]
+    console.print(f"recorded: {before}; from decision {options.at} on: {result.outcome}")
+    print_verdict(console, result)
+    code = 0 if result.outcome == "success" else 1
+    return code, {**asdict(result), "recorded_outcome": before, "from": options.at}
 
 
 def print_replay(console: Console, replayed: Replay) -> None:
-    """One replay's verdict in a line."""
+    """One replay's verdict in a line, and what differs first."""
     if replayed.identical:
         text = Text.assemble(
             ("identical", "bold green"), f": {replayed.decisions} of {replayed.decisions} decisions"
         )
     else:
-        first = "none" if replayed.first_difference is None else str(replayed.first_difference)
+        first = replayed.first_difference
+        where = "only the log's own chain" if first is None else f"first {first}"
         text = Text.assemble(
             ("differs", "bold red"),
-            f": {replayed.differing} of {replayed.decisions} decisions,"
-            f" first {first} in {', '.join(replayed.fields) or 'the chain'}",
+            f": {replayed.differing} of {replayed.decisions} decisions, {where}",
         )
     text.append(f"; {replayed.wall_time_s:.1f} s; chain {replayed.chain}; {replayed.log}")
     console.print(text, soft_wrap=True)
+    _print_differences(console, replayed.differences)
+
+
+def print_what_if(console: Console, answer: WhatIf) -> None:
+    """Which decisions change, from which on, and how."""
+    changes, settings = answer.changes, ", ".join(answer.settings)
+    if not answer.faithful:
+        console.print("the log's own settings no longer decide what is recorded: see replay")
+    if not changes:
+        console.print(
+            f"nothing changes: {answer.decisions} of {answer.decisions} decisions by {settings}; "
+            f"{answer.wall_time_s:.1f} s; {answer.log}",
+            soft_wrap=True,
+        )
+        return
+    first = changes[0]
+    console.print(
+        Text.assemble(
+            (f"{len(changes)} of {answer.decisions} decisions change", "bold yellow"),
+            f" by {settings}, from {first.sequence} ({first.time_s:.1f} s) on; "
+            f"{answer.wall_time_s:.1f} s; {answer.log}",
+        ),
+        soft_wrap=True,
+    )
+    if answer.first_action is not None:
+        console.print(f"  {answer.actions} change the action, from {answer.first_action} on")
+    shown = changes[:SHOWN_CHANGES]
+    shown += tuple(one for one in changes[SHOWN_CHANGES:] if one.sequence == answer.first_action)
+    for change in shown:
+        route = change.route_difference_m
+        apart = "only one has a route" if route is None else f"routes {route:.2f} m apart"
+        console.print(
+            f"  {change.sequence} ({change.time_s:.1f} s): trajectories {change.departure_m:.2f} m "
+            f"apart, {apart}",
+            soft_wrap=True,
+        )
+        console.print(f"    was {_answer(change.recorded)}", soft_wrap=True)
+        console.print(f"    now {_answer(change.changed)}", soft_wrap=True)
+    if len(changes) > len(shown):
+        console.print(f"  and {len(changes) - len(shown)} more")
+
+
+def print_closed_loop(console: Console, again: ClosedLoop) -> None:
+    """Whether the simulated episode is the recorded one, and where it leaves it."""
+    verdict = ("identical", "bold green") if again.identical else ("differs", "bold red")
+    kept = "decisions (sweeps simulated anew)" if again.regenerated else "inputs and decisions"
+    console.print(
+        Text.assemble(
+            verdict,
+            f": {kept} of {again.decisions} decisions, {again.outcome} now, "
+            f"{again.recorded_outcome} then; {again.wall_time_s:.1f} s; chain {again.chain}; "
+            f"{again.log}",
+        ),
+        soft_wrap=True,
+    )
+    if again.scene_from_seed is False:
+        console.print("  this version makes another scene from the seed; the log's was simulated")
+    if again.first_input is not None:
+        place = again.first_input
+        console.print(
+            f"  first input that differs: {place.stream} of decision {place.sequence} "
+            f"({place.time_s:.1f} s)",
+            soft_wrap=True,
+        )
+    if again.first_difference is not None:
+        console.print(f"  first decision that differs: {again.first_difference}")
+    _print_differences(console, again.differences)
+    if again.written:
+        console.print(f"log: {again.written}", soft_wrap=True, highlight=False)
+
+
+def _print_differences(console: Console, differences: Sequence[Difference]) -> None:
+    for one in differences[:SHOWN_DIFFERENCES]:
+        console.print(
+            f"  {one.field}: {one.recorded} -> {one.recomputed}", soft_wrap=True, markup=False
+        )
+    if len(differences) > SHOWN_DIFFERENCES:
+        console.print(f"  and {len(differences) - SHOWN_DIFFERENCES} more")
+
+
+def _answer(answer: Answer) -> str:
+    label = "" if answer.label == "none" else f" [{answer.label}]"
+    route = f", {answer.path_length_m:.2f} m to go" if answer.path_length_m else ", no route"
+    return f"{answer.action}{label}: {answer.reason}{route}".replace("[", r"\[")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_log_paths(parser)
+    parser.add_argument(
+        "--closed-loop",
+        action="store_true",
+        help="simulate the episode anew and compare what was sensed as well",
+    )
+    add_settings(parser)
+    parser.add_argument(
+        "--from",
+        dest="at",
+        type=int,
+        metavar="N",
+        help="simulate on from decision N with these settings, and write a new log",
+    )
+    parser.add_argument("--log", dest="out", type=Path, metavar="FILE", help="the new log's name")
 
 
 VERB = Verb(
-    help="recompute every decision of a log and compare bit by bit",
-    add_arguments=add_log_paths,
+    help="recompute every decision of a log and compare bit by bit, or ask what if",
+    add_arguments=_add_arguments,
     run=run,
-    example="wayproof replay logs/warehouse-drone-3.mcap",
+    example="wayproof replay logs/warehouse-drone-3.mcap --set map.inflation_margin=0.15",
 )

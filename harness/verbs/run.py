@@ -67,7 +67,7 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
         with LiveLine(console, config.robot) as line:
             return run_episode(scenario, path, line)
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG):
             raise
         raise InputError(f"log '{path}': {error.strerror}; what fitted is in .partial") from None
 
@@ -80,7 +80,8 @@ def print_verdict(console: Console, result: Result) -> None:
             (result.outcome, style),
             f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s,"
             f" {result.decisions} decisions, {result.collisions} collisions,"
-            f" least clearance {result.min_clearance_m:.2f} m",
+            f" least clearance {result.min_clearance_m:.2f} m,"
+            f" log {result.log_mb_per_min:.1f} MB/min",
         ),
         soft_wrap=True,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import mujoco
 import numpy as np
@@ -72,6 +72,14 @@ class Controller(Protocol):
 
     def follow(self, data: mujoco.MjData, setpoint: Setpoint) -> None:
         """Write the actuator commands (and aerodynamic forces) of one physics step."""
+        ...
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of all that one step hands to the next, by name; MuJoCo's own state apart."""
+        ...
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from what `state` returned, bit by bit."""
         ...
 
 

@@ -77,6 +77,20 @@ class QuadrotorController:
         data.ctrl[self._controls] = self._lag[0]
         mujoco.mj_forward(self._model, data)
 
+    def state(self) -> dict[str, Array]:
+        """Copies of what one step hands to the next; the rotors' thrust is the model's own."""
+        return {
+            "integral": self._integral.copy(),
+            "lag": self._lag.copy(),
+            "reference": self.reference.copy(),
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go on from what `state` returned, bit by bit."""
+        self._integral[:] = state["integral"]
+        self._lag[:] = state["lag"]
+        self.reference[:] = state["reference"]
+
     def follow(self, data: mujoco.MjData, setpoint: Setpoint) -> None:
         """Write rotor commands and drag of one physics step; call before `mj_step`.
 

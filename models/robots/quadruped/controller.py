@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -86,6 +87,26 @@ class QuadrupedController:
         data.ctrl[self._wiring.controls] = 0.0
         mujoco.mj_forward(self._model, data)
         self._restart()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of what one step hands to the next."""
+        return {
+            **self._tracker.state(),
+            "tick": np.array(self._tick),
+            "memory": np.frombuffer(self._memory.tobytes(), np.uint8).copy(),
+            "warm": self._warm.copy(),
+            "leg_inertia": self._leg_inertia.copy(),
+        }
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from what `state` returned, bit by bit."""
+        self._tracker.restore(state)
+        self._tick = int(state["tick"])
+        memory = np.frombuffer(state["memory"].tobytes(), MEMORY)[0]
+        for name in MEMORY.names or ():
+            self._memory[name] = memory[name]
+        self._warm[:] = state["warm"]
+        self._leg_inertia[:] = state["leg_inertia"]
 
     def follow(self, data: mujoco.MjData, setpoint: Setpoint) -> None:
         """Write the torques of one physics step towards a setpoint; call before `mj_step`.

@@ -69,3 +69,11 @@ class Tracker:
         else:
             self._arrived = distance < t.arrive_distance and angle < t.arrive_angle
         return self._arrived
+
+    def state(self) -> dict[str, NDArray[np.bool_]]:
+        """What one call hands to the next."""
+        return {"arrived": np.array(self._arrived)}
+
+    def restore(self, state: dict[str, NDArray[np.bool_]]) -> None:
+        """Go on from what `state` returned."""
+        self._arrived = bool(state["arrived"])

@@ -1,0 +1,271 @@
+"""Walking an MCAP file record by record, with nothing in it believed before it is checked.
+
+A log may come from a stranger, or from a disk that lost bytes. Every length is held against what is
+left of the file before anything of that size is made, every chunk against what it may unpack to,
+and every checksum that the format has is recomputed. Records as in the MCAP specification, version
+0; only the standard's fixed layouts are parsed, and no name in a file becomes a path.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, NamedTuple
+
+import zstandard
+from mcap.opcode import Opcode
+
+from harness.errors import InputError
+
+MAGIC = b"\x89MCAP0\r\n"
+
+GREATEST_RECORD = 64 * 2**20
+"""Of one record or attachment, and of what one chunk unpacks to, bytes."""
+
+GREATEST_RATIO = 4096
+"""Of all that the chunks unpack to and the file's own size; an empty world's sweeps reach 800."""
+
+HEAD = struct.Struct("<BQ")  # opcode, length
+
+
+class Attachment(NamedTuple):
+    """A named file in the file."""
+
+    name: str
+    data: bytes
+
+
+class Metadata(NamedTuple):
+    """Named text fields."""
+
+    name: str
+    fields: dict[str, str]
+
+
+class Packet(NamedTuple):
+    """One message, still encoded."""
+
+    schema: str
+    topic: str
+    time_ns: int
+    data: bytes
+
+
+Item = Attachment | Metadata | Packet
+
+
+class _Broken(Exception):
+    """What is wrong with the record at hand; `_Walk` adds where it lies."""
+
+
+class _Cursor:
+    """Reads the fields of one record, and never beyond its end."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._place = 0
+
+    @property
+    def left(self) -> int:
+        return len(self._data) - self._place
+
+    def take(self, count: int) -> bytes:
+        if count > self.left:
+            raise _Broken(f"a field of {count} bytes in a record with {self.left} left")
+        piece = self._data[self._place : self._place + count]
+        self._place += count
+        return piece
+
+    def number(self, size: int) -> int:
+        return int.from_bytes(self.take(size), "little")
+
+    def text(self) -> str:
+        try:
+            return str(self.take(self.number(4)), "utf-8")
+        except UnicodeDecodeError:
+            raise _Broken("text that is no UTF-8") from None
+
+    def pairs(self) -> dict[str, str]:
+        inner = _Cursor(self.take(self.number(4)))
+        fields = {}
+        while inner.left:
+            key = inner.text()
+            fields[key] = inner.text()
+        return fields
+
+
+def walk(path: Path, head_only: bool = False) -> Iterator[Item]:
+    """Everything in a file, in file order.
+
+    Args:
+        path: The file.
+        head_only: Whether to unpack no chunk after the first; all checksums of the file's own bytes
+            are recomputed all the same.
+
+    Raises:
+        InputError: The file breaks off, a checksum does not hold, or a record is not what it says.
+            The line tells the byte, and for a chunk its simulated time. What was yielded before
+            was sound.
+    """
+    try:
+        with path.open("rb") as file:
+            yield from _Walk(path, file, head_only).items()
+    except OSError as error:
+        raise InputError(f"log '{path}': {error.strerror}") from None
+
+
+class _Walk:
+    """One pass over one file."""
+
+    def __init__(self, path: Path, file: IO[bytes], head_only: bool) -> None:
+        self._path = path
+        self._file = file
+        self._size = path.stat().st_size
+        self._head_only = head_only
+        self._chunks = 0
+        self._unpacked = 0
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, tuple[str, str]] = {}  # topic, schema's name
+
+    def items(self) -> Iterator[Item]:
+        magic = self._file.read(len(MAGIC))
+        if magic != MAGIC:
+            raise InputError(f"log '{self._path}': not an MCAP file")
+        checksum = zlib.crc32(magic)
+        while True:
+            offset = self._file.tell()
+            opcode, head, body = self._next(offset)
+            try:
+                if opcode == Opcode.DATA_END:
+                    self._check_data(body, checksum)
+                    self._check_summary()
+                    return
+                yield from self._parse(opcode, body)
+            except _Broken as error:
+                raise self._damaged(f"{error}, {_name(opcode, body)} at byte {offset}") from None
+            checksum = zlib.crc32(body, zlib.crc32(head, checksum))
+
+    def _next(self, offset: int) -> tuple[int, bytes, bytes]:
+        """The record at an offset: its opcode, the bytes of its head, and its body."""
+        head = self._file.read(HEAD.size)
+        if len(head) < HEAD.size:
+            raise InputError(f"log '{self._path}': truncated after {self._size} bytes")
+        opcode, length = HEAD.unpack(head)
+        left = self._size - offset - HEAD.size
+        if length > GREATEST_RECORD:
+            raise self._damaged(f"a record of {length} bytes at byte {offset}")
+        if length > left:
+            raise InputError(
+                f"log '{self._path}': truncated, {left} of {length} bytes of the record at byte "
+                f"{offset}"
+            )
+        return opcode, head, self._file.read(length)
+
+    def _parse(self, opcode: int, body: bytes) -> Iterator[Item]:
+        cursor = _Cursor(body)
+        if opcode == Opcode.CHUNK:
+            self._chunks += 1
+            if self._chunks == 1 or not self._head_only:
+                yield from self._unpack(cursor)
+        elif opcode == Opcode.ATTACHMENT:
+            yield _attachment(cursor, body)
+        elif opcode == Opcode.METADATA:
+            yield Metadata(cursor.text(), cursor.pairs())
+        else:
+            yield from self._parse_in_chunk(opcode, body)
+
+    def _parse_in_chunk(self, opcode: int, body: bytes) -> Iterator[Packet]:
+        """Records that stand in chunks, or by themselves where a writer makes none."""
+        cursor = _Cursor(body)
+        if opcode == Opcode.SCHEMA:
+            number = cursor.number(2)
+            self._schemas[number] = cursor.text()
+        elif opcode == Opcode.CHANNEL:
+            number, schema = cursor.number(2), cursor.number(2)
+            self._channels[number] = cursor.text(), self._schemas.get(schema, "")
+        elif opcode == Opcode.MESSAGE:
+            number = cursor.number(2)
+            cursor.take(4)
+            time_ns = cursor.number(8)
+            cursor.take(8)
+            if number not in self._channels:
+                raise _Broken(f"a message on channel {number}, which was never declared")
+            topic, schema_name = self._channels[number]
+            yield Packet(schema_name, topic, time_ns, cursor.take(cursor.left))
+
+    def _unpack(self, cursor: _Cursor) -> Iterator[Packet]:
+        cursor.take(16)
+        size, checksum = cursor.number(8), cursor.number(4)
+        compression, packed = cursor.text(), cursor.take(cursor.number(8))
+        self._unpacked += size
+        if size > GREATEST_RECORD:
+            raise _Broken(f"unpacks to {size} bytes, expected at most {GREATEST_RECORD}")
+        if self._unpacked > GREATEST_RATIO * self._size:
+            raise _Broken(f"unpacks to over {GREATEST_RATIO} times the file's size")
+        data = _decompress(compression, packed, size)
+        if checksum != 0 and zlib.crc32(data) != checksum:
+            raise _Broken("checksum does not hold")
+        inner = _Cursor(data)
+        while inner.left:
+            opcode, length = HEAD.unpack(inner.take(HEAD.size))
+            yield from self._parse_in_chunk(opcode, inner.take(length))
+
+    def _check_data(self, body: bytes, checksum: int) -> None:
+        expected = _Cursor(body).number(4)
+        if expected not in (0, checksum):
+            raise _Broken("checksum of all bytes up to here does not hold, at")
+
+    def _check_summary(self) -> None:
+        """Index, footer and final magic; nothing in them is used, so they need but be whole."""
+        tail = self._file.read(GREATEST_RECORD + 1)
+        footer = HEAD.size + 20
+        if len(tail) > GREATEST_RECORD or len(tail) < footer + len(MAGIC):
+            raise _Broken(f"an index of {len(tail)} bytes after")
+        if tail[-len(MAGIC) :] != MAGIC:
+            raise InputError(f"log '{self._path}': truncated after {self._size} bytes")
+        signed = tail[: -len(MAGIC) - 4]
+        expected = int.from_bytes(tail[-len(MAGIC) - 4 : -len(MAGIC)], "little")
+        if expected not in (0, zlib.crc32(signed)):
+            raise _Broken("checksum of the index does not hold, after")
+
+    def _damaged(self, what: str) -> InputError:
+        return InputError(f"log '{self._path}': damaged ({what})")
+
+
+def _attachment(cursor: _Cursor, body: bytes) -> Attachment:
+    cursor.take(16)
+    name = cursor.text()
+    cursor.text()
+    data, checksum = cursor.take(cursor.number(8)), cursor.number(4)
+    if checksum not in (0, zlib.crc32(body[:-4])):
+        raise _Broken(f"checksum of '{name[:40]}' does not hold")
+    return Attachment(name, data)
+
+
+def _decompress(compression: str, packed: bytes, size: int) -> bytes:
+    """Unpack a chunk whose size was checked; a frame that says another size is not unpacked."""
+    if compression == "":
+        data = packed
+    elif compression == "zstd":
+        try:
+            told = zstandard.get_frame_parameters(packed).content_size
+            if told not in (zstandard.CONTENTSIZE_UNKNOWN, size):
+                raise _Broken(f"unpacks to {told} bytes, expected {size}")
+            data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+        except zstandard.ZstdError as error:
+            raise _Broken(f"cannot be unpacked: {error}") from None
+    else:
+        raise _Broken(f"compression {compression[:20]!r}, expected 'zstd' or none")
+    if len(data) != size:
+        raise _Broken(f"unpacks to {len(data)} bytes, expected {size}")
+    return data
+
+
+def _name(opcode: int, body: bytes) -> str:
+    """What a record is; of a chunk also its simulated time."""
+    if opcode != Opcode.CHUNK or len(body) < 16:
+        return {9: "attachment", 12: "metadata", 15: "end of data"}.get(opcode, f"record {opcode}")
+    begin, end = struct.unpack_from("<QQ", body)
+    return f"chunk of {begin * 1e-9:.1f} to {end * 1e-9:.1f} s"

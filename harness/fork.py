@@ -1,0 +1,136 @@
+"""Going on from one decision of a log with other settings: would they have saved the robot?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.config import Config, to_json
+from harness.episode import Episode, Observer, Result, settle_log
+from harness.errors import InputError
+from harness.inputs import beams_from_info
+from harness.log import LogWriter
+from harness.log_copy import time_of, topic_of
+from harness.navigator import Navigator
+from harness.reader import BEFORE, Log, open_log, read_messages
+from harness.rebuild import rebuild
+from harness.scenario import Scenario, sensor_info
+from harness.schema import wayproof_pb2 as pb
+from harness.twin import Twin
+from harness.what_if import changed_config, refuse_sensed
+from planners import Trajectory
+
+FIXED = ("world", "robot", "seed", "start")
+"""Settings that the episode's beginning already followed from."""
+
+
+@dataclass(frozen=True)
+class Past:
+    """What lies before a fork.
+
+    Attributes:
+        navigator: The changed stack, with the recorded one's past.
+        trajectories: Committed before the fork.
+        decisions: Made before it.
+        truths: Of each of these.
+        state: Of the simulator at the fork; none at the first decision.
+    """
+
+    navigator: Navigator
+    trajectories: tuple[Trajectory, ...]
+    decisions: tuple[pb.Decision, ...]
+    truths: tuple[pb.Truth, ...]
+    state: pb.State | None
+
+
+def fork(
+    path: Path,
+    at: int,
+    settings: Sequence[str],
+    target: Path,
+    allow_plugins: bool = False,
+    observe: Observer | None = None,
+) -> Result:
+    """Simulate a log's episode from one decision on, with other settings.
+
+    The new log begins with the old one's inputs and decisions, so it replays like any other.
+
+    Args:
+        path: The log.
+        at: Number of the first decision with the new settings.
+        settings: As `section.field=value`; with none, the episode ends as it did.
+        target: Name of the new log.
+        allow_plugins: Whether code that its config names may be imported.
+        observe: Called after each decision, for display.
+
+    Raises:
+        InputError: No such log, decision or setting, or no state was kept there.
+    """
+    log = open_log(path, allow_plugins)
+    if target.resolve() == path.resolve():
+        raise InputError(f"--log {target}: the log itself, expected another name")
+    config = changed_config(log, settings)
+    refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
+    scenario = rebuild(log, config)
+    past = _live_through(log, at, scenario)
+    head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
+    with LogWriter(target, *head) as writer:
+        _write_past(writer, log, at, scenario)
+        episode = Episode(scenario, past.navigator, writer, observe)
+        episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
+        result = episode.run()
+    return settle_log(result, config.record)
+
+
+def _live_through(log: Log, at: int, scenario: Scenario) -> Past:
+    """Both stacks through every decision before the fork."""
+    infos = [sensor_info(caster) for caster in scenario.scene.casters]
+    twin = Twin(log, log.config, scenario.config)
+    trajectories, decisions = [], []
+    state, reached = None, False
+    for record in log.records():
+        if record.decision.sequence == at:
+            state, reached = record.state, True
+            break
+        recorded, _ = twin.step(record)
+        if recorded.chain != record.decision.chain:
+            raise InputError(
+                f"log '{log.path}': decision {recorded.sequence} is recomputed otherwise, so no "
+                "fork would go on from it; expected a log that replays"
+            )
+        if not recorded.deadline_missed:
+            trajectories.append(twin.recorded.trajectory)
+        decisions.append(recorded)
+    if not reached:
+        raise InputError(f"--from {at}: expected a decision from 0 to {len(decisions) - 1}")
+    if state is None and at > 0:
+        raise InputError(
+            f"log '{log.path}': no state kept at decision {at} (record = '{log.config.record}'); "
+            "--closed-loop --log FILE writes it in full"
+        )
+    truths = [truth for truth in log.truth() if truth.sequence < at]
+    if len(truths) != len(decisions):
+        raise InputError(f"log '{log.path}': {len(truths)} truths before decision {at}")
+    navigator = twin.part({info.name: beams_from_info(info) for info in infos})
+    return Past(navigator, tuple(trajectories), tuple(decisions), tuple(truths), state)
+
+
+def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> None:
+    writer.note("fork", {"at": str(at), "config": to_json(log.config).decode()})
+    for caster in scenario.scene.casters:
+        info = sensor_info(caster)
+        writer.write(f"/sensor/{info.name}/info", info, 0)
+    for message in read_messages(log.path):
+        if isinstance(message, pb.SensorInfo):
+            writer.write(f"{BEFORE}{message.name}", message, 0)
+        elif message.sequence < at:  # type: ignore[attr-defined]
+            writer.write(topic_of(message), message, time_of(message))
+
+
+def fork_name(path: Path, at: int, config: Config) -> Path:
+    """Where a fork's log goes by default: beside the log that it is forked from."""
+    import hashlib
+
+    digest = hashlib.sha256(to_json(config)).hexdigest()[:8]
+    return path.with_name(f"{path.stem}-from-{at}-{digest}.mcap")

@@ -1,0 +1,78 @@
+"""Writing a log from another one: without what its seed gives again, or what of it is readable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from google.protobuf.message import Message
+
+from harness.container import walk
+from harness.log import LogWriter
+from harness.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head, read_messages
+from harness.schema import wayproof_pb2 as pb
+
+TOPICS: dict[type[Message], str] = {
+    pb.Pose: "/pose",
+    pb.Latency: "/latency",
+    pb.State: "/state",
+    pb.Decision: "/decision",
+    pb.Truth: "/truth",
+    pb.Streams: "/streams",
+    pb.Perturbation: "/perturbation",
+}
+"""Where each sort of message stands in a log, those of sensors apart."""
+
+
+def thin(path: Path) -> None:
+    """Leave sweeps and states out of a finished log, in its place.
+
+    Raises:
+        InputError: It is no finished log, or the folder cannot be written to.
+    """
+    result = open_log(path, allow_plugins=True).result
+    head = read_head(walk(path, head_only=True), path, allow_plugins=True)
+    write_copy(path, head, read_messages(path), result, record="decisions")
+
+
+def write_copy(
+    path: Path,
+    head: Head,
+    messages: Iterable[Message],
+    result: Mapping[str, str],
+    record: str = "full",
+) -> None:
+    """Write a log with the head of another one.
+
+    Args:
+        path: Its final name; the log there is replaced when all is written.
+        head: What comes first, as it was.
+        messages: In file order.
+        result: Outcome and figures.
+        record: `full`, or `decisions` to leave out what the seed gives again.
+    """
+    config, mission, _ = (head.attachments[name] for name in ATTACHMENTS)
+    # What it is written from is still there, so nothing hangs on flushing, and larger chunks pack
+    # better.
+    with LogWriter(path, config, mission, head.scene, head.run, LONGEST_NS) as log:
+        log.record = record
+        for message in messages:
+            log.write(topic_of(message), message, time_of(message))
+        log.finish(result)
+
+
+def topic_of(message: Message) -> str:
+    """Where a message stands in a log."""
+    if isinstance(message, pb.SensorInfo):
+        return f"/sensor/{message.name}/info"
+    if isinstance(message, pb.Sweep):
+        return f"/sensor/{message.sensor}"
+    return TOPICS[type(message)]
+
+
+def time_of(message: Message) -> int:
+    """Simulated time of a message, ns; sensors stand before everything."""
+    if isinstance(message, pb.SensorInfo):
+        return 0
+    time_ns: int = message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
+    return time_ns

@@ -1,0 +1,80 @@
+"""Scenes from a log as text that MuJoCo may be given: nothing in it reaches outside itself.
+
+MJCF can name files, include others, load plug-ins and ask for any amount of memory in a few bytes.
+What a log holds was flattened, so a scene with any of that is none of ours, and is refused before
+MuJoCo sees it.
+"""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree
+
+from harness.errors import InputError
+
+GREATEST_TEXT = 16 * 2**20
+
+MOST_ELEMENTS = 50_000
+
+REFUSED_ELEMENTS = frozenset(
+    "include plugin extension instance model attach flexcomp composite replicate skin hfield "
+    "deformable".split()
+)
+"""Those that name files or code, or that multiply."""
+
+REFUSED_ATTRIBUTES = frozenset(
+    "meshdir texturedir assetdir plugin memory njmax nconmax nstack content_type model_file".split()
+)
+"""Those that name folders or code, or amounts of memory; beside them all that begin with `file`."""
+
+GREATEST_SIZES = {"width": 2048, "height": 2048, "nuserdata": 4096, "nkey": 64, "iterations": 1000}
+"""Of what MuJoCo allocates or repeats on one number's word."""
+
+TIMESTEPS = (1e-4, 0.05)
+"""Least and greatest physics step, s."""
+
+
+def safe_scene(text: str) -> str:
+    """A scene's text, parsed and written anew, so that MuJoCo reads what was checked.
+
+    Raises:
+        InputError: It is no XML, too large, or reaches outside itself.
+    """
+    if len(text) > GREATEST_TEXT:
+        raise InputError(f"scene: {len(text)} characters, expected at most {GREATEST_TEXT}")
+    if "<!" in text.replace("<!--", ""):
+        raise InputError("scene: a document type, expected plain MJCF")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"scene: {error}") from None
+    if root.tag != "mujoco":
+        raise InputError(f"scene: <{root.tag[:40]}>, expected <mujoco>")
+    for count, element in enumerate(root.iter()):
+        if count >= MOST_ELEMENTS:
+            raise InputError(f"scene: more than {MOST_ELEMENTS} elements")
+        _check(element)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _check(element: ElementTree.Element) -> None:
+    tag = str(element.tag)
+    if tag in REFUSED_ELEMENTS:
+        raise InputError(f"scene: <{tag}> is refused, expected a flattened scene")
+    for name, value in element.attrib.items():
+        if name in REFUSED_ATTRIBUTES or name.startswith("file"):
+            raise InputError(f"scene: <{tag[:40]} {name}=...> is refused, expected no file or size")
+        if name in GREATEST_SIZES and _number(tag, name, value) > GREATEST_SIZES[name]:
+            raise InputError(f"scene: <{tag[:40]} {name}>: expected at most {GREATEST_SIZES[name]}")
+        if name == "timestep" and not TIMESTEPS[0] <= _number(tag, name, value) <= TIMESTEPS[1]:
+            raise InputError(f"scene: timestep {value[:20]}, expected {TIMESTEPS[0]} to 0.05 s")
+
+
+def _number(tag: str, name: str, value: str) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"scene: <{tag[:40]} {name}>: expected a number")
+    return number

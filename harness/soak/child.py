@@ -1,0 +1,98 @@
+"""A child process with everything compiled already: forked, watched, and killed when told to."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+
+TAIL = 4000  # of what a child said last, bytes
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a child ended.
+
+    Attributes:
+        code: Its exit code; negative is the signal that ended it.
+        lines: What it told, line by line; the last one may be cut short by a kill.
+        overdue: Whether it was ended because it told nothing for too long.
+        peak_mib: Greatest resident memory.
+    """
+
+    code: int
+    lines: tuple[str, ...]
+    overdue: bool
+    peak_mib: float
+
+
+def in_child(
+    work: Callable[[Callable[[str], None]], None],
+    silence_s: float,
+    kill_after_s: float | None = None,
+) -> Ended:
+    """Do something in a forked child.
+
+    Args:
+        work: What to do; it is given a function that tells the parent one line.
+        silence_s: The child is ended when it has told nothing for so long.
+        kill_after_s: SIGKILL so long after its first line, if at all.
+    """
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        _work(work, reading, writing)
+    os.close(writing)
+    text, overdue = _listen(reading, child, silence_s, kill_after_s)
+    os.close(reading)
+    _, status, usage = os.wait4(child, 0)
+    lines = tuple(text.decode(errors="replace").splitlines())
+    return Ended(os.waitstatus_to_exitcode(status), lines, overdue, usage.ru_maxrss / 1024)
+
+
+def _work(work: Callable[[Callable[[str], None]], None], reading: int, writing: int) -> None:
+    os.close(reading)
+
+    def tell(line: str) -> None:
+        os.write(writing, f"{line}\n".encode())
+
+    code = 0
+    try:
+        work(tell)
+    except BaseException:
+        tell("traceback: " + " | ".join(traceback.format_exc().splitlines())[-TAIL:])
+        code = 1
+    sys.stdout.flush()
+    os._exit(code)
+
+
+def _listen(
+    reading: int, child: int, silence_s: float, kill_after_s: float | None
+) -> tuple[bytes, bool]:
+    text, kill_at = b"", None
+    last = time.monotonic()
+    while True:
+        now = time.monotonic()
+        wait = last + silence_s - now
+        if kill_at is not None:
+            wait = min(wait, kill_at - now)
+        ready, _, _ = select.select([reading], [], [], max(wait, 0.0))
+        now = time.monotonic()
+        if ready:
+            piece = os.read(reading, 65536)
+            if not piece:
+                return text, False
+            if not text and kill_after_s is not None:
+                kill_at = now + kill_after_s
+            text, last = text + piece, now
+        if kill_at is not None and now >= kill_at:
+            os.kill(child, signal.SIGKILL)
+            kill_at = None
+        elif now - last >= silence_s:
+            os.kill(child, signal.SIGKILL)
+            return text, True

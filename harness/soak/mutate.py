@@ -1,0 +1,86 @@
+"""Mutations: of bytes, and of what a log says with every checksum put right again."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+
+from harness.container import Attachment, Metadata, walk
+from harness.log import digest_name
+
+DIGITS = b"0123456789"
+NASTY = (b"0", b"-1", b"1e308", b"1e-308", b"999999999999", b'""', b"null", b"[]", b"{}", b"true")
+
+
+def mutate(data: bytes, rng: np.random.Generator) -> bytes:
+    """One change, or a few: flipped bits, other bytes, digits, pieces cut, doubled or replaced."""
+    changed = bytearray(data)
+    for _ in range(min(int(rng.geometric(0.7)), 8)):
+        if not changed:
+            return bytes(changed)
+        place = int(rng.integers(len(changed)))
+        reach = int(rng.integers(1, 65))
+        match int(rng.integers(9)):
+            case 0:
+                changed[place] ^= 1 << int(rng.integers(8))
+            case 1:
+                changed[place] = int(rng.integers(256))
+            case 2:
+                del changed[place : place + reach]
+            case 3:
+                changed[place:place] = changed[place : place + reach]
+            case 4:
+                changed[place : place + reach] = rng.bytes(reach)
+            case 5 if rng.integers(4) == 0:
+                del changed[place:]
+            case _:
+                _change_number(changed, place, rng)
+    return bytes(changed)
+
+
+def _change_number(changed: bytearray, place: int, rng: np.random.Generator) -> None:
+    """Put something nasty in the place of the next number in a text."""
+    while place < len(changed) and changed[place] not in DIGITS:
+        place += 1
+    end = place
+    while end < len(changed) and changed[end] in DIGITS + b".e":
+        end += 1
+    changed[place:end] = NASTY[int(rng.integers(len(NASTY)))]
+
+
+def forge(source: Path, target: Path, rng: np.random.Generator) -> None:
+    """Write a log whose content is mutated in one place, as a stranger would: checksums hold."""
+    items = list(walk(source))
+    chosen = int(rng.integers(len(items)))
+    if rng.integers(3) == 0:  # attachments are few, and much follows from them
+        chosen = int(rng.choice([i for i, one in enumerate(items) if isinstance(one, Attachment)]))
+    attached = {}
+    for index, item in enumerate(items):
+        if isinstance(item, Attachment):
+            attached[item.name] = mutate(item.data, rng) if index == chosen else item.data
+    with target.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        writer.start(profile="wayproof")
+        channels: dict[str, int] = {}
+        for index, item in enumerate(items):
+            if isinstance(item, Attachment):
+                writer.add_attachment(0, 0, item.name, "", attached[item.name])
+            elif isinstance(item, Metadata):
+                fields = {
+                    name: str(mutate(value.encode(), rng), "latin-1") if index == chosen else value
+                    for name, value in item.fields.items()
+                }
+                if item.name == "run":
+                    digests = {n: hashlib.sha256(d).hexdigest() for n, d in attached.items()}
+                    fields.update({digest_name(n): d for n, d in digests.items()})
+                writer.add_metadata(item.name, fields)
+            else:
+                if item.topic not in channels:
+                    schema = writer.register_schema(item.schema, "protobuf", b"")
+                    channels[item.topic] = writer.register_channel(item.topic, "protobuf", schema)
+                data = mutate(item.data, rng) if index == chosen else item.data
+                writer.add_message(channels[item.topic], item.time_ns, data, item.time_ns)
+        writer.finish()

@@ -1,0 +1,160 @@
+"""Saving what an episode's parts hand from one decision to the next, and going on from it.
+
+Every part that keeps something between physics steps is `Stateful` and stands in the episode's
+`parts` under its name: a new one is one line there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import InputError
+from harness.schema import wayproof_pb2 as pb
+
+Arrays = dict[str, NDArray[Any]]
+
+DTYPES = ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1")
+"""Element types that a log may name; text of any other kind never reaches numpy."""
+
+MOST_ELEMENTS = 1 << 24
+"""In one array of a log."""
+
+
+class Stateful(Protocol):
+    """A part of an episode that keeps something between physics steps."""
+
+    def state(self) -> Arrays:
+        """Copies of all that it keeps, by name."""
+        ...
+
+    def restore(self, state: Arrays) -> None:
+        """Go on from what `state` returned, bit by bit."""
+        ...
+
+
+class Simulation:
+    """MuJoCo's state, as it was just before the physics step that leads up to a decision.
+
+    What the controllers read of `MjData` (contact forces, bias forces, the mass matrix) belongs to
+    the step before, and is no part of `mjSTATE_INTEGRATION`. So the state is taken one step early,
+    with the controls in it, and going on repeats that step: all of `MjData` is then as it was.
+    """
+
+    KIND = mujoco.mjtState.mjSTATE_INTEGRATION
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Keep the model and the data that the episode steps."""
+        self._model = model
+        self._data = data
+        self._before = np.zeros(mujoco.mj_stateSize(model, self.KIND))
+
+    def remember(self) -> None:
+        """Note the state; called right before `mj_step`."""
+        mujoco.mj_getState(self._model, self._data, self._before, self.KIND)
+
+    def state(self) -> Arrays:
+        """What was last remembered."""
+        return {"integration": self._before.copy()}
+
+    def restore(self, state: Arrays) -> None:
+        """Set what was remembered and repeat its step.
+
+        Raises:
+            ValueError: It is of another model.
+        """
+        values = state["integration"]
+        if values.shape != self._before.shape or values.dtype != np.float64:
+            raise ValueError(f"got {values.shape} numbers, expected {self._before.shape}")
+        if not np.isfinite(values).all():
+            raise ValueError("got numbers that are not finite")
+        mujoco.mj_setState(self._model, self._data, values, self.KIND)
+        mujoco.mj_step(self._model, self._data)
+        self._before[:] = values
+
+
+class StepPoses:
+    """The base's poses before each physics step of one decision period, for rolling shutters."""
+
+    def __init__(self, poses: deque[NDArray[np.float64]]) -> None:
+        """Keep the episode's own deque."""
+        self._poses = poses
+
+    def state(self) -> Arrays:
+        """The poses (n, 7), oldest first."""
+        return {"poses": np.array(self._poses).reshape(-1, 7)}
+
+    def restore(self, state: Arrays) -> None:
+        """Put them back; where none were kept, for no shutter rolled, the body stood still.
+
+        Raises:
+            ValueError: They are no poses.
+        """
+        self._poses.clear()
+        if "poses" not in state:
+            return
+        if state["poses"].shape[1:] != (7,):
+            raise ValueError(f"got shape {state['poses'].shape}, expected (n, 7)")
+        self._poses.extend(state["poses"])
+
+
+def state_message(parts: Mapping[str, Stateful], sequence: int) -> pb.State:
+    """The state of every part, as it is logged; the caller sets the time."""
+    message = pb.State(sequence=sequence)
+    for part, stateful in parts.items():
+        for name, array in stateful.state().items():
+            message.arrays.append(_pack(f"{part}/{name}", array))
+    return message
+
+
+def restore_parts(parts: Mapping[str, Stateful], message: pb.State) -> None:
+    """Let every part go on from a logged state.
+
+    Raises:
+        InputError: A part is missing in it, or what is there does not fit.
+    """
+    arrays = _unpack(message.arrays)
+    for part, stateful in parts.items():
+        prefix = f"{part}/"
+        own = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
+        try:
+            stateful.restore(own)
+        except KeyError as error:
+            raise InputError(
+                f"state at decision {message.sequence}: no {prefix}{error.args[0]}, "
+                "expected a log of this version with the same robot"
+            ) from None
+        except (ValueError, TypeError, IndexError) as error:
+            raise InputError(f"state at decision {message.sequence}: {part}: {error}") from None
+
+
+def _pack(name: str, array: NDArray[Any]) -> pb.Array:
+    array = np.asarray(array)
+    dtype = array.dtype.newbyteorder("<")
+    return pb.Array(
+        name=name, dtype=dtype.str, shape=array.shape, data=array.astype(dtype).tobytes()
+    )
+
+
+def _unpack(messages: Iterable[pb.Array]) -> Arrays:
+    arrays = {}
+    for message in messages:
+        if message.dtype not in DTYPES:
+            raise InputError(
+                f"state: {message.name!r} of type {message.dtype!r}, expected one of "
+                f"{', '.join(DTYPES)}"
+            )
+        count, shape = math.prod(message.shape), tuple(message.shape)
+        size = np.dtype(message.dtype).itemsize
+        if count > MOST_ELEMENTS or len(shape) > 8 or count * size != len(message.data):
+            raise InputError(
+                f"state: {message.name!r} of shape {shape} in {len(message.data)} bytes"
+            )
+        arrays[message.name] = np.frombuffer(message.data, message.dtype).reshape(shape).copy()
+    return arrays

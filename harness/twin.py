@@ -1,0 +1,153 @@
+"""The recorded stack and a changed one side by side on one log's inputs.
+
+Each changed decision is asked for with what the recorded stack had behind it: the trajectory that
+the robot really followed, the guide that it kept, the places it had looked from. So a difference
+is one that the change makes at that very decision, and not the echo of an earlier one. The changed
+stack's map is its own, built from all the sweeps before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from harness.config import Config
+from harness.errors import InputError
+from harness.inputs import Beams
+from harness.mission import Mission
+from harness.navigator import Navigator, build_navigator
+from harness.reader import Log, Record
+from harness.schema import wayproof_pb2 as pb
+from harness.view import Memory
+from planners import Trajectory
+
+T = TypeVar("T")
+
+
+def navigator_of(log: Log) -> Navigator:
+    """A log's own stack, before its first decision.
+
+    Raises:
+        InputError: It cannot be made with these settings.
+    """
+    return _guarded("the log's stack", lambda: build_navigator(log.config, log.mission, log.beams))
+
+
+def recompute(navigator: Navigator, record: Record) -> pb.Decision:
+    """Decide on one record's inputs, with the delay that it had.
+
+    Raises:
+        InputError: The inputs are none that a decision can be made on.
+    """
+    return _guarded(
+        f"decision {record.decision.sequence}",
+        lambda: navigator.commit(navigator.step(record.inputs), record.latency.delay_s),
+    )
+
+
+class Twin:
+    """Both stacks; one `step` for each record, then `part` to go on with the changed one."""
+
+    def __init__(
+        self, log: Log, recorded: Config, changed: Config, beams: Mapping[str, Beams] | None = None
+    ) -> None:
+        """Start both.
+
+        Args:
+            log: Its mission, and its sensors.
+            recorded: Settings that the decisions were made with.
+            changed: Settings in question.
+            beams: Sensors of the inputs, where they are not the log's last ones.
+
+        Raises:
+            InputError: There is no such stack.
+        """
+        self._beams = log.beams if beams is None else beams
+        mission = log.mission
+        self.recorded = _guarded(
+            "the recorded stack", lambda: build_navigator(recorded, mission, self._beams)
+        )
+        mission = changed_mission(log.mission, recorded, changed)
+        self.changed = _guarded(
+            "the changed stack", lambda: build_navigator(changed, mission, self._beams)
+        )
+        self._delay = _changed_delay(recorded, changed)
+        self._layer = 0.0  # of the changed costmap above the recorded one, m
+        if mission.motion == "ground":
+            self._layer = _layer(self.changed) - _layer(self.recorded)
+
+    def step(self, record: Record) -> tuple[pb.Decision, pb.Decision]:
+        """What each decides on one record: recorded, changed."""
+        memory, chain = self.recorded.memory, self.recorded.chain
+        recorded = recompute(self.recorded, record)
+        self.changed.adopt(lifted(memory, self._layer), chain)
+        if self._delay is not None:
+            latency = pb.Latency(sequence=record.latency.sequence, delay_s=self._delay)
+            record = replace(record, latency=latency)
+        return recorded, recompute(self.changed, record)
+
+    def part(self, beams: Mapping[str, Beams]) -> Navigator:
+        """The changed stack, with the recorded one's past and these sensors, to go on by itself."""
+        self.changed.adopt(lifted(self.recorded.memory, self._layer), self.recorded.chain)
+        self.changed.carry(beams)
+        return self.changed
+
+
+def lifted(memory: Memory, height: float) -> Memory:
+    """A memory in a costmap whose one layer lies this much higher, m."""
+    if height == 0.0:
+        return memory
+    offset = np.array([0.0, 0.0, height])
+
+    def moved(trajectory: Trajectory) -> Trajectory:
+        return replace(trajectory, path=trajectory.path + offset)
+
+    return replace(
+        memory,
+        trajectory=moved(memory.trajectory),
+        earlier=tuple(moved(one) for one in memory.earlier),
+        guide=None if memory.guide is None else memory.guide + offset,
+        visited=memory.visited + offset,
+    )
+
+
+def changed_mission(mission: Mission, recorded: Config, changed: Config) -> Mission:
+    """The mission, with the changed settings' goal."""
+    if changed.goal is None or changed.goal == recorded.goal:
+        return mission
+    x, y, *z = changed.goal
+    return replace(mission, goal=(x, y, z[0] if z else mission.goal[2]))
+
+
+def _changed_delay(recorded: Config, changed: Config) -> float | None:
+    """The delay of every changed decision, s; none if it is the recorded one."""
+    if changed.latency == recorded.latency or changed.latency.mode == "measured":
+        return None
+    return changed.latency.expected
+
+
+def _layer(navigator: Navigator) -> float:
+    """Height of the layer that a ground robot plans in, m."""
+    costmap = navigator.costmap
+    return float(costmap.origin[2] + 0.5 * costmap.resolution)
+
+
+def _guarded(what: str, make: Callable[[], T]) -> T:
+    """Turn what a stranger's settings or inputs break, deep in the stack, into one line."""
+    try:
+        return make()
+    except InputError:
+        raise
+    except (
+        ArithmeticError,
+        LookupError,
+        MemoryError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+    ) as error:
+        text = " ".join(str(error).split()) or "no more said"
+        raise InputError(f"{what}: {type(error).__name__}: {text[:200]}") from None

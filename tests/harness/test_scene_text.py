@@ -1,0 +1,41 @@
+import re
+
+import pytest
+
+from harness.errors import InputError
+from harness.reader import open_log
+from harness.scene_text import safe_scene
+from harness.small_log import COMMITTED, committed_name
+
+
+def scene(inside, head=""):
+    return f"<mujoco>{head}<worldbody>{inside}</worldbody></mujoco>"
+
+
+def test_our_own_scenes_pass():
+    text = open_log(COMMITTED / committed_name()).scene
+    assert safe_scene(text).count("<geom") == text.count("<geom")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (scene("", '<include file="/etc/passwd"/>'), "<include> is refused"),
+        (scene("", '<asset><mesh name="a" file="../a.obj"/></asset>'), "<mesh file=...>"),
+        (scene("", '<asset><texture fileright="a.png"/></asset>'), "<texture fileright=...>"),
+        (scene("", '<compiler meshdir="/"/>'), "<compiler meshdir=...>"),
+        (scene("", '<extension><plugin plugin="a.b"/></extension>'), "<extension> is refused"),
+        (scene('<replicate count="1000000"><geom/></replicate>'), "<replicate> is refused"),
+        (scene("", '<size memory="900G"/>'), "<size memory=...>"),
+        (scene("", '<asset><texture width="99999" height="1"/></asset>'), "at most 2048"),
+        (scene("", '<option timestep="1e-9"/>'), "timestep 1e-9"),
+        (scene("", '<option timestep="soon"/>'), "expected a number"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco/>', "a document type"),
+        ("<mujoco><worldbody>", "no element found"),
+        ("<robot/>", "expected <mujoco>"),
+        (scene("<body>" * 60_000 + "</body>" * 60_000), "more than 50000 elements"),
+    ],
+)
+def test_what_reaches_outside_or_multiplies_is_refused(text, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        safe_scene(text)

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from harness.errors import InputError
+from harness.reader import open_log
+from harness.small_log import COMMITTED, committed_name
+from harness.soak.child import in_child
+from harness.soak.episodes import soak_episodes
+from harness.soak.fuzz import KINDS, run_case, soak_fuzz
+from harness.soak.kill import soak_kill
+
+
+def test_killed_episodes_leave_what_was_flushed():
+    found = soak_kill(5, 0, print)
+    assert found.failures == ()
+    assert found.killed + found.finished == 5
+
+
+def test_random_episodes_come_again():
+    found = soak_episodes(3, 1, print)
+    assert found.failures == []
+    assert (found.count, found.replayed, found.closed_loop, found.forked) == (3, 6, 1, 1)
+
+
+def test_mutated_input_in_a_watched_process():
+    found = soak_fuzz(24, 3, print)
+    assert found.failures == ()
+    assert sum(found.refused.values()) + sum(found.read.values()) == 24
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    path = tmp_path_factory.mktemp("fuzz") / "source.mcap"
+    path.write_bytes((COMMITTED / committed_name()).read_bytes())
+    return path
+
+
+@given(st.sampled_from(KINDS), st.integers(0, 2**32))
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_mutated_input_is_refused_in_a_line_or_read(copy, kind, seed):
+    said = ""
+    try:
+        run_case(kind, copy, open_log(copy), np.random.default_rng(seed))
+    except InputError as error:
+        said = str(error)
+    assert "\n" not in said
+    assert [one.name for one in copy.parent.iterdir()] == ["source.mcap"]
+
+
+def test_a_child_that_hangs_or_breaks_is_told_of():
+    def hang(tell):
+        tell("begun")
+        while True:
+            pass
+
+    def fail(tell):
+        tell("begun")
+        raise ZeroDivisionError
+
+    hung, broken = in_child(hang, 0.5), in_child(fail, 20.0)
+    assert (hung.code, hung.overdue, hung.lines) == (-9, True, ("begun",))
+    assert broken.code == 1
+    assert "ZeroDivisionError" in broken.lines[-1]
+    killed = in_child(hang, 20.0, kill_after_s=0.2)
+    assert (killed.code, killed.overdue) == (-9, False)
