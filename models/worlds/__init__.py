@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from models.worlds.construction import construction
 from models.worlds.corridor import corridor
+from models.worlds.cylinders import cylinders
 from models.worlds.empty import empty
+from models.worlds.forest import forest
+from models.worlds.maze import maze
 from models.worlds.movers import Mover
+from models.worlds.office import office
 from models.worlds.solids import (
     Box,
     Capsule,
@@ -24,6 +29,11 @@ WORLDS: dict[str, Callable[..., World]] = {
     "warehouse": warehouse,
     "corridor": corridor,
     "empty": empty,
+    "office": office,
+    "forest": forest,
+    "construction": construction,
+    "maze": maze,
+    "cylinders": cylinders,
 }
 
 __all__ = [
