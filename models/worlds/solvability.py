@@ -93,14 +93,29 @@ def shortest_path_length(
     The 8-connected grid path (Dijkstra), pulled taut through free cells: without that a straight
     line at 22.5 degrees would count 8 % too long. Arguments as for `is_solvable`.
     """
+    way = shortest_path(world, radius, band_low, band_high, start, goal, clearance)
+    if way is None:
+        return None
+    return float(np.sqrt(np.square(np.diff(way, axis=0)).sum(axis=1)).sum())
+
+
+def shortest_path(
+    world: World,
+    radius: float,
+    band_low: float,
+    band_high: float,
+    start: ArrayLike,
+    goal: ArrayLike,
+    clearance: float = 0.0,
+) -> NDArray[np.float64] | None:  # (n, 2)
+    """Corners of that way, both ends included, m; None when there is none."""
     free = free_cells(world, radius + clearance, (band_low, band_high))
     cells = _grid_path(free, cell_of(world, start), cell_of(world, goal))
     if cells is None:
         return None
     centres = np.asarray(world.low[:2]) + (cells + 0.5) * RESOLUTION  # (n, 2)
     points = np.vstack([np.ravel(start)[:2], centres[1:-1], np.ravel(goal)[:2]])
-    corners = points[_taut(free, cells)]
-    return float(np.sqrt(np.square(np.diff(corners, axis=0)).sum(axis=1)).sum())
+    return np.asarray(points[_taut(free, cells)])
 
 
 def first_solvable(
