@@ -19,12 +19,12 @@ from models.worlds.solvability import (
 )
 
 DENSE = ("office", "forest", "construction", "maze", "cylinders")
-FAST = ("maze", "cylinders", "crossing", "ghosts", "empty")
+FAST = ("maze", "crossing", "ghosts", "empty")
 
 
 @pytest.mark.parametrize("name", sorted(WORLDS))
 def test_many_seeds_draw(name):
-    count = 100 if name in FAST else 10  # the soak draws thousands
+    count = 100 if name in FAST else 8  # the soak draws thousands
     for seed in range(1000, 1000 + count):
         draw(name, seed, difficulty=(seed % 5) / 4)
 
@@ -109,7 +109,8 @@ def test_a_site_has_holes_with_barriers_up_to_the_middle_and_without_at_the_end(
 def test_slabs_leave_the_holes_and_nothing_else():
     holes = [((2.0, 1.0), (3.0, 2.5)), ((2.5, 4.0), (5.0, 5.0))]
     slabs = slabs_around((0.0, 0.0, -0.5), (10.0, 6.0, 3.0), holes)
-    assert {(slab.bottom, slab.top) for slab in slabs} == {(pytest.approx(-0.3), 0.0)}
+    for slab in slabs:
+        assert (slab.bottom, slab.top) == pytest.approx((-0.3, 0.0))
     area = sum(4 * slab.half_extents[0] * slab.half_extents[1] for slab in slabs)
     assert area == pytest.approx(60.0 - 1.5 - 2.5)
     points = [(2.5, 2.0), (3.0, 4.5), (2.5, 3.0), (1.0, 1.0)]
