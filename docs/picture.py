@@ -73,6 +73,10 @@ def render_scene(log, truth, size):
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:3], data.qpos[3:7] = truth.position, truth.quaternion
+    for mover in truth.movers:
+        mocap = model.body(mover.name).mocapid[0]
+        data.mocap_pos[mocap] = mover.position if mover.present else (0.0, 0.0, -1000.0)
+        data.mocap_quat[mocap] = mover.quaternion
     mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
     low, high = np.array(log.mission.low), np.array(log.mission.high)
@@ -93,8 +97,9 @@ def flatten_colours(model):
     model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.6, 0.3
     model.vis.headlight.specular[:] = 0.0
     model.light_diffuse[:] = model.light_specular[:] = 0.0
-    model.geom_rgba[model.geom("floor").id] = 0.98, 0.98, 0.98, 1.0
     for geom in range(model.ngeom):
+        if model.geom(geom).name.startswith("floor"):
+            model.geom_rgba[geom] = 0.98, 0.98, 0.98, 1.0
         if model.geom(geom).name.startswith(("wall", "partition", "lintel")):
             model.geom_rgba[geom] = 0.15, 0.15, 0.17, 1.0
     model.geom_rgba[model.geom_group == ROBOT_GROUP] = 0.9, 0.1, 0.1, 1.0

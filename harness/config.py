@@ -108,13 +108,14 @@ class Config:
         world: Name in `models.worlds.WORLDS`.
         robot: Name in `models.robots.ROBOTS`.
         seed: Seed of the world and of every random stream; never random itself.
+        difficulty: Of the world, 0 to 1, as its generator understands it.
         goal: (x, y) or (x, y, z) in place of the world's own goal, m.
         start: Likewise.
         threads: That rays, map and costmap share; decisions are the same on any number.
-        odometry: How good the pose is that the stack and the controller get.
-        perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
         record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
             again; `failures` is full where the episode failed, and decisions where it succeeded.
+        odometry: How good the pose is that the stack and the controller get.
+        perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
     """
 
     world: str
@@ -123,6 +124,7 @@ class Config:
     goal: tuple[float, ...] | None = None
     start: tuple[float, ...] | None = None
     threads: int = 1
+    difficulty: float = 0.5
     record: Literal["full", "decisions", "failures"] = "full"
     sensors: SensorConfig = field(default_factory=SensorConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
@@ -142,6 +144,7 @@ class Config:
                 raise ValueError(f"{name}: got {len(point)} numbers, expected x,y or x,y,z in m")
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
+        _expect("difficulty", self.difficulty, 0.0, 1.0, "")
         if not 1 <= self.threads <= MOST_THREADS:
             raise ValueError(f"threads: got {self.threads}, expected 1 to {MOST_THREADS}")
         check_margins(self.map.class_margins, self.sensors.semantics)

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +71,29 @@ class Estimate:
         self._timestep = timestep
         self.tracked = np.array([*self.error.shift, self.error.turn])
         self._tracked_rate = np.zeros(4)
+
+    def state(self) -> dict[str, Array]:
+        """The estimator's memory, when it looks next, errors of the trail (n, 4), the filter."""
+        errors = [(*one.shift, one.turn) for one in self._errors]
+        return {
+            **{f"odometry.{name}": array for name, array in self._odometry.state().items()},
+            "due_ns": np.array(self._due_ns, np.int64),
+            "errors": np.array(errors).reshape(-1, 4),
+            "added": np.array([*self.added.shift, self.added.turn]),
+            "tracked": np.stack([self.tracked, self._tracked_rate]),
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go on from what `state` returned."""
+        prefix = "odometry."
+        own = {n.removeprefix(prefix): a for n, a in state.items() if n.startswith(prefix)}
+        self._odometry.restore(own)
+        self._due_ns = int(state["due_ns"])
+        self._errors.clear()
+        self._errors.extend(_pose_error(row) for row in state["errors"])
+        self.added = _pose_error(state["added"])
+        self.error = self._odometry.error + self.added
+        self.tracked, self._tracked_rate = state["tracked"].copy()
 
     def advance(self, time_ns: int, position: Array, quaternion: Array) -> None:
         """Make the next estimate if its time has come; the true pose is (3,) and (4,)."""
@@ -132,29 +154,12 @@ class Estimate:
             sample.yaw_rate,
         )
 
-    def state(self) -> dict[str, NDArray[Any]]:
-        """All that it keeps, by name."""
-        errors = [*self._errors, self.error, self.added]
-        return {
-            "due": np.array([self._due_ns]),
-            "errors": np.array([[*error.shift, error.turn] for error in errors]),
-            "tracked": np.stack([self.tracked, self._tracked_rate]),
-            **self._odometry.state(),
-        }
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on from `state`."""
-        self._due_ns = int(state["due"][0])
-        *past, error, self.added = [
-            PoseError((x, y, z), turn) for x, y, z, turn in state["errors"].tolist()
-        ]
-        self._errors.clear()
-        self._errors.extend(past)
-        self.error = error
-        self.tracked, self._tracked_rate = state["tracked"]
-        self._odometry.restore(state)
-
     def _look(self, time_ns: int) -> None:
         travelled = self._odometry.travelled
         self.added = self._perturbation.pose_error(self._config.seed, time_ns, travelled)
         self.error = self._odometry.error + self.added
+
+
+def _pose_error(row: Array) -> PoseError:
+    x, y, z, turn = row.tolist()
+    return PoseError((x, y, z), turn)

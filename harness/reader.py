@@ -270,6 +270,7 @@ _MESSAGES: dict[str, type[Message]] = {
         pb.Latency,
         pb.Decision,
         pb.Truth,
+        pb.State,
         pb.Streams,
         pb.Perturbation,
         pb.State,

@@ -64,12 +64,12 @@ def scene_is_ours(log: Log) -> bool | None:
 def _world(log: Log) -> World:
     """The world as its seed makes it; of a world that is a file, what the mission tells."""
     if log.config.world in WORLDS:
-        return WORLDS[log.config.world](log.config.seed)
+        return WORLDS[log.config.world](log.config.seed, log.config.difficulty)
     mission = log.mission
     return World(
         name=log.config.world,
         seed=log.config.seed,
-        boxes=(),
+        solids=(),
         low=mission.low,
         high=mission.high,
         start=mission.start,

@@ -15,11 +15,13 @@ CLASSES = (
     "floor",
     "wall",
     "shelf",
+    "crate",
     "furniture",
     "person",
     "vehicle",
     "vegetation",
     "structure",
+    "door",
     "robot",
 )
 """Names of the classes; a class is its place among them."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +151,30 @@ class Odometry:
         self._bounded = self._decay * self._bounded + fresh * spread * draws[1]
         self._jitter = self._spread(config.jitter, config.turn_jitter) * draws[2]
 
+    def state(self) -> dict[str, Array]:
+        """What it keeps between estimates; the scales and draws follow from the seed."""
+        return {
+            "sequence": np.array(self._sequence, np.int64),
+            "position": self._position.copy(),
+            "heading": np.array(self._heading),
+            "reckoned": self._reckoned.copy(),
+            "bounded": self._bounded.copy(),
+            "jitter": self._jitter.copy(),
+            "covariance": self._covariance.copy(),
+            "travelled": np.array(self.travelled),
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go on from what `state` returned."""
+        self._sequence = int(state["sequence"])
+        self._position = state["position"].copy()
+        self._heading = float(state["heading"])
+        self._reckoned = state["reckoned"].copy()
+        self._bounded = state["bounded"].copy()
+        self._jitter = state["jitter"].copy()
+        self._covariance = state["covariance"].copy()
+        self.travelled = float(state["travelled"])
+
     @property
     def error(self) -> PoseError:
         """Of the newest estimate, in whole quanta."""
@@ -172,28 +195,6 @@ class Odometry:
         """Standard deviation that the estimator states of its heading, rad."""
         reckoned = float(self._covariance[HEADING, HEADING])
         return math.sqrt(reckoned + self._config.turn_sigma**2 + self._config.turn_jitter**2)
-
-    def state(self) -> dict[str, NDArray[Any]]:
-        """All that it keeps, by name."""
-        scalars = [self._sequence, self._heading, self.travelled]
-        return {
-            "scalars": np.array(scalars, np.float64),
-            "position": self._position.copy(),
-            "reckoned": self._reckoned.copy(),
-            "bounded": self._bounded.copy(),
-            "jitter": self._jitter.copy(),
-            "covariance": self._covariance.copy(),
-        }
-
-    def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on from `state`."""
-        sequence, self._heading, self.travelled = state["scalars"].tolist()
-        self._sequence = int(sequence)
-        self._position = state["position"]
-        self._reckoned = state["reckoned"]
-        self._bounded = state["bounded"]
-        self._jitter = state["jitter"]
-        self._covariance = state["covariance"]
 
     def _reckon(self, step: Array, turn: float) -> Array:
         """Add a true step to the dead reckoning; returns it as it is believed, (3,) world, m."""

@@ -1,0 +1,132 @@
+"""Every generator over many seeds: nothing crashes, nothing is shut, each is what it says."""
+
+from dataclasses import replace
+from math import hypot
+
+import mujoco
+import numpy as np
+import pytest
+
+from models.worlds import WORLDS, Box, Cylinder, is_solvable, is_solvable_in_any
+from models.worlds.layout import slabs_around
+from models.worlds.soak import draw, soak
+from models.worlds.solvability import (
+    AIR_BANDS,
+    GROUND_BAND,
+    first_solvable,
+    passage_radius,
+    shortest_path_length,
+)
+
+DENSE = ("office", "forest", "construction", "maze", "cylinders")
+FAST = ("maze", "crossing", "ghosts", "empty")
+
+
+@pytest.mark.parametrize("name", sorted(WORLDS))
+def test_many_seeds_draw(name):
+    count = 100 if name in FAST else 8  # the soak draws thousands
+    for seed in range(1000, 1000 + count):
+        draw(name, seed, difficulty=(seed % 5) / 4)
+
+
+@pytest.mark.parametrize("name", sorted(WORLDS))
+@pytest.mark.parametrize("difficulty", [0.75])
+def test_a_seed_at_a_difficulty_is_one_world(name, difficulty):
+    once, again = (WORLDS[name](3, difficulty) for _ in range(2))
+    assert once == again
+    assert once.mjcf() == again.mjcf()
+    assert once.difficulty == difficulty
+    model = mujoco.MjModel.from_xml_string(once.mjcf())
+    assert model.nuser_geom == 1
+
+
+@pytest.mark.parametrize("name", DENSE)
+def test_the_reference_bodies_pass_and_the_way_is_of_an_episodes_length(name):
+    for seed in range(2):
+        for difficulty in (0.5, 1.0):
+            world = WORLDS[name](seed, difficulty)
+            radius, ends = passage_radius(difficulty), (world.start, world.goal)
+            assert is_solvable(world, radius, *GROUND_BAND, *ends)
+            assert is_solvable_in_any(world, radius, AIR_BANDS, *ends)
+            length = shortest_path_length(world, 0.45, *GROUND_BAND, *ends)
+            assert hypot(*np.subtract(world.goal, world.start)[:2]) <= length + 1e-9
+            assert 5.0 <= length <= 24.0
+
+
+@pytest.mark.parametrize("name", DENSE)
+def test_difficulty_adds_solids(name):
+    easy, hard = ([len(WORLDS[name](s, d).solids) for s in range(2)] for d in (0.0, 1.0))
+    assert np.mean(easy) < np.mean(hard)
+
+
+def test_passages_narrow_beyond_the_middle_alone():
+    radii = [passage_radius(d) for d in (0.0, 0.5, 0.75, 1.0)]
+    assert radii == pytest.approx([0.75, 0.75, 0.675, 0.6])
+
+
+@pytest.mark.parametrize("difficulty", [-0.1, 1.5, float("nan")])
+def test_a_difficulty_outside_0_to_1_is_refused(difficulty):
+    with pytest.raises(ValueError, match="difficulty: got"):
+        WORLDS["maze"](0, difficulty)
+
+
+def test_a_maze_without_loops_has_one_way():
+    """Of the four sides of the goal's cell just one lets the way in."""
+    world = WORLDS["maze"](2, 1.0)
+    ends, pitch, origin = (world.start, world.goal), 2.1, 0.2 - 0.075
+    x0, y0 = (origin + int((end - origin) / pitch) * pitch for end in world.goal[:2])
+    x1, y1 = x0 + pitch, y0 + pitch
+    sides = [((x0, y0), (x0, y1)), ((x1, y0), (x1, y1)), ((x0, y0), (x1, y0)), ((x0, y1), (x1, y1))]
+    shutting = 0
+    for (a, b), (c, d) in sides:
+        door = Box.between((a - 0.05, b - 0.05, 0.0), (c + 0.05, d + 0.05, 3.0), "wall")
+        shut = replace(world, solids=(*world.solids, door))
+        shutting += not is_solvable(shut, 0.3, *GROUND_BAND, *ends)
+    assert shutting == 1
+
+
+def test_offices_hide_boards_and_legs_from_a_grid_at_one_height():
+    world = WORLDS["office"](1, 1.0)
+    pieces = [solid for solid in world.solids if solid.kind == "furniture"]
+    legs = [solid for solid in pieces if isinstance(solid, Cylinder)]
+    boards = [solid for solid in pieces if solid.bottom > GROUND_BAND[1]]
+    assert len(legs) >= 8
+    assert boards
+    assert all(leg.radius < 0.03 for leg in legs)
+
+
+def test_a_site_has_holes_with_barriers_up_to_the_middle_and_without_at_the_end():
+    for difficulty, guarded in ((0.5, True), (1.0, False)):
+        for seed in range(2):
+            world = WORLDS["construction"](seed, difficulty)
+            posts = [s for s in world.solids if s.kind == "barrier" and isinstance(s, Cylinder)]
+            assert bool(posts) == guarded
+            assert len(world.floor) > 1
+            bare = replace(world, floor=None)
+            assert is_solvable(bare, 0.45, *GROUND_BAND, world.start, world.goal)
+
+
+def test_slabs_leave_the_holes_and_nothing_else():
+    holes = [((2.0, 1.0), (3.0, 2.5)), ((2.5, 4.0), (5.0, 5.0))]
+    slabs = slabs_around((0.0, 0.0, -0.5), (10.0, 6.0, 3.0), holes)
+    for slab in slabs:
+        assert (slab.bottom, slab.top) == pytest.approx((-0.3, 0.0))
+    area = sum(4 * slab.half_extents[0] * slab.half_extents[1] for slab in slabs)
+    assert area == pytest.approx(60.0 - 1.5 - 2.5)
+    points = [(2.5, 2.0), (3.0, 4.5), (2.5, 3.0), (1.0, 1.0)]
+    apart = np.min([slab.distance_in_plane(points, (-1.0, 1.0)) for slab in slabs], axis=0)
+    assert (apart > 0.0).tolist() == [True, True, False, False]
+
+
+def test_the_soak_counts_what_it_draws():
+    drawn = soak(0.5, first_seed=5)
+    assert sum(drawn.values()) >= 1
+
+
+def test_a_failing_generator_is_named(monkeypatch):
+    def broken(seed, difficulty):
+        return first_solvable("broken", seed, lambda rng: None, difficulty)
+
+    monkeypatch.setitem(WORLDS, "broken", broken)
+    with pytest.raises(RuntimeError, match=r"world broken, seed 7, difficulty 0\.5: "):
+        draw("broken", 7, 0.5)
