@@ -151,16 +151,13 @@ class _Walk:
         """The record at an offset: its opcode, the bytes of its head, and its body."""
         head = self._file.read(HEAD.size)
         if len(head) < HEAD.size:
-            raise InputError(f"log '{self._path}': truncated after {self._size} bytes")
+            raise self._cut(f"no end of data in {self._size} bytes")
         opcode, length = HEAD.unpack(head)
         left = self._size - offset - HEAD.size
         if length > GREATEST_RECORD:
             raise self._damaged(f"a record of {length} bytes at byte {offset}")
         if length > left:
-            raise InputError(
-                f"log '{self._path}': truncated, {left} of {length} bytes of the record at byte "
-                f"{offset}"
-            )
+            raise self._cut(f"{left} of {length} bytes of the record at byte {offset}")
         return opcode, head, self._file.read(length)
 
     def _parse(self, opcode: int, body: bytes) -> Iterator[Item]:
@@ -224,11 +221,18 @@ class _Walk:
         if len(tail) > GREATEST_RECORD or len(tail) < footer + len(MAGIC):
             raise _Broken(f"an index of {len(tail)} bytes after")
         if tail[-len(MAGIC) :] != MAGIC:
-            raise InputError(f"log '{self._path}': truncated after {self._size} bytes")
+            raise self._cut(f"no end mark in {self._size} bytes")
         signed = tail[: -len(MAGIC) - 4]
         expected = int.from_bytes(tail[-len(MAGIC) - 4 : -len(MAGIC)], "little")
         if expected not in (0, zlib.crc32(signed)):
             raise _Broken("checksum of the index does not hold, after")
+
+    def _cut(self, what: str) -> InputError:
+        """The file breaks off; with an end mark after all it is not merely cut short."""
+        self._file.seek(-len(MAGIC), 2)
+        if self._file.read() == MAGIC:
+            return self._damaged(what)
+        return InputError(f"log '{self._path}': truncated ({what})")
 
     def _damaged(self, what: str) -> InputError:
         return InputError(f"log '{self._path}': damaged ({what})")

@@ -34,12 +34,13 @@ class Recovery:
     damage: str
 
 
-def recover(path: Path, target: Path | None = None) -> Recovery:
+def recover(path: Path, target: Path | None = None, allow_plugins: bool = False) -> Recovery:
     """Write the readable part of a log as a log of its own.
 
     Args:
         path: The broken log; it stays as it is.
         target: Name of the new one; by default the broken one's name with `-recovered`.
+        allow_plugins: Whether code that its config names may be imported.
 
     Raises:
         InputError: No such file, no whole decision in it, or the folder cannot be written to.
@@ -50,7 +51,7 @@ def recover(path: Path, target: Path | None = None) -> Recovery:
     if target.resolve() == path.resolve():
         raise InputError(f"--out {target}: the log itself, expected another name")
     reading = _Reading(path)
-    head = read_head(reading.items(), path, allow_plugins=True)
+    head = read_head(reading.items(), path, allow_plugins)
     if not reading.complete:
         raise InputError(
             f"log '{path}': no whole decision in it ({reading.damage or 'at its end'})"

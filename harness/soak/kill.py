@@ -24,7 +24,7 @@ from harness.soak.child import in_child
 from harness.warm_up import warm_up
 
 EPISODES = (("empty", "drone"), ("corridor", "quadruped"))
-SETTINGS = ("episode.time_limit=20",)
+SETTINGS = ("episode.time_limit=6",)
 SILENCE_S = 60.0
 CHECKED = 10
 """Every so manieth log that was recovered is also replayed and audited."""

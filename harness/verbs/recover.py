@@ -15,7 +15,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write the readable part of a log."""
     from harness.recover import recover
 
-    recovery = recover(options.broken, options.out)
+    recovery = recover(options.broken, options.out, options.allow_plugins)
     console.print(
         f"recovered: {recovery.decisions} decisions, {recovery.sim_time_s:.1f} s simulated; "
         f"{recovery.damage or 'the log ends without a result'}",
@@ -27,6 +27,11 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("broken", metavar="LOG", type=Path, help="a .partial or damaged log")
+    parser.add_argument(
+        "--allow-plugins",
+        action="store_true",
+        help="import the planner that a log names as module:Class",
+    )
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="the new log's name, NAME-recovered.mcap else"
     )

@@ -213,7 +213,8 @@ def rewritten(source, target, change):
     return target
 
 
-def test_code_named_in_a_log_is_not_imported(source, tmp_path, capsys):
+def test_code_named_in_a_log_is_not_imported(source, tmp_path, capsys, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
     evil = tmp_path / "evil.py"
     evil.write_text(f"open({str(tmp_path / 'touched')!r}, 'w')\nclass Planner: ...\n")
 
@@ -221,7 +222,7 @@ def test_code_named_in_a_log_is_not_imported(source, tmp_path, capsys):
         config["planner"]["name"] = "evil:Planner"
 
     path = rewritten(source, tmp_path / "evil.mcap", name_it)
-    for verb in (["replay"], ["replay", "--closed-loop"], ["audit"], ["replay", "--from", "1"]):
+    for verb in (["replay"], ["replay", "--closed-loop"], ["audit"], ["recover"]):
         assert main([*verb, str(path)]) == 2
         assert "expected --allow-plugins" in capsys.readouterr().err
     assert not (tmp_path / "touched").exists()
