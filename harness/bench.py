@@ -90,7 +90,9 @@ def run_stage(
 
 def _find_stage(name: str) -> Stage:
     if name in BENCHMARKS and name not in STAGES:
-        raise InputError(f"bench {name}: expected {BENCHMARKS[name].option} with the path of its files")
+        raise InputError(
+            f"bench {name}: expected {BENCHMARKS[name].option} with the path of its files"
+        )
     if name not in STAGES:
         raise unknown_name("stage", name, STAGES)
     return STAGES[name]

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from models.imports.options import Found, ImportOptions
+from models.imports.parts import Part, Vector3, moved, turned_by, vector
 from models.imports.reading import MOST_CELLS, Unreadable, read_text
 
 
@@ -62,3 +64,31 @@ def merged_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:  # (n, 2, 3)
 def _run(taken: NDArray[np.bool_]) -> int:
     """How many are true from the first on."""
     return len(taken) if taken.all() else int(np.argmin(taken))
+
+
+def read_voxel_map(path: Path, options: ImportOptions) -> Found:
+    """The occupied cells as merged boxes; the map's low corner is the world's origin.
+
+    Raises:
+        Unreadable: Naming the line that is no cell of the map.
+    """
+    return Found(parts=cell_boxes(read_voxels(path), options.resolution, (0.0, 0.0, 0.0)))
+
+
+def cell_boxes(
+    occupied: NDArray[np.bool_], resolution: float, origin: Vector3, yaw: float = 0.0
+) -> list[Part]:
+    """Merged boxes of a grid.
+
+    Args:
+        occupied: (nx, ny, nz).
+        resolution: Side of a cell, m.
+        origin: Low corner of the grid in the world, m.
+        yaw: Turn of the grid about that corner, rad.
+    """
+    R = turned_by(0.0, 0.0, yaw)
+    parts = []
+    for low, high in merged_boxes(occupied):
+        size, centre = (high - low) * (resolution / 2.0), (low + high) * (resolution / 2.0)
+        parts.append(moved(Part("box", vector(size), vector(centre)), origin, R))
+    return parts
