@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from itertools import groupby
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich import box
@@ -20,7 +19,7 @@ from harness.bench_loop import bench_loop
 from harness.bench_map import bench_map
 from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
-from harness.benchmarks import BENCHMARKS, find_benchmark
+from harness.benchmarks import BENCHMARKS, Files, find_benchmark
 from harness.errors import InputError, unknown_name
 
 Row = dict[str, Any]
@@ -62,21 +61,19 @@ SHORT_HEADINGS = {
 """Of fields whose name is too wide for a table of 80 columns."""
 
 
-def run_stage(
-    name: str, repeats: int | None, seed: int, files: tuple[str, Path] | None = None
-) -> list[Row]:
+def run_stage(name: str, repeats: int | None, seed: int, files: Files | None = None) -> list[Row]:
     """Measure one stage; its figures depend on the machine, its scenes on the seed alone.
 
     Args:
         name: In `STAGES`, or in `harness.benchmarks.BENCHMARKS` where files are given.
         repeats: None for as many as the stage needs.
         seed: Of the scenes.
-        files: The option that names a published benchmark's files, and where they lie.
+        files: Of a published benchmark.
 
     Raises:
         InputError: No such stage; too few or too many repeats; a negative seed; unusable files.
     """
-    stage = _from_files(name, *files) if files else _find_stage(name)
+    stage = _from_files(name, files) if files else _find_stage(name)
     repeats = stage.repeats if repeats is None else repeats
     if not 1 <= repeats <= MOST_REPEATS:
         raise InputError(f"repeats: got {repeats}, expected 1 to {MOST_REPEATS}")
@@ -98,9 +95,9 @@ def _find_stage(name: str) -> Stage:
     return STAGES[name]
 
 
-def _from_files(name: str, option: str, path: Path) -> Stage:
-    one = find_benchmark(name, option)
-    return Stage(partial(one.measure, path), one.repeats)
+def _from_files(name: str, files: Files) -> Stage:
+    one = find_benchmark(name, files.option)
+    return Stage(partial(one.measure, files), one.repeats)
 
 
 def print_rows(console: Console, title: str, rows: list[Row]) -> None:

@@ -93,7 +93,8 @@ def run_episode(scenario: Scenario, log_path: Path, observe: Observer | None = N
     beams = {info.name: beams_from_info(info) for info in infos}
     navigator = build_navigator(scenario.config, scenario.mission, beams)
     config, mission = to_json(scenario.config), scenario.mission.to_json()
-    with LogWriter(log_path, config, mission, scenario.scene.mjcf) as log:
+    text = getattr(scenario.world, "text", "")  # of a world file
+    with LogWriter(log_path, config, mission, scenario.scene.mjcf, text) as log:
         for info in infos:
             log.write(f"/sensor/{info.name}/info", info, 0)
         return Episode(scenario, navigator, log, observe).run()

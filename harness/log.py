@@ -38,7 +38,9 @@ RECORDED_PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "prot
 class LogWriter:
     """Writes one episode; use as a context manager. Without `finish` the log stays partial."""
 
-    def __init__(self, path: Path, config: bytes, mission: bytes, scene: str) -> None:
+    def __init__(
+        self, path: Path, config: bytes, mission: bytes, scene: str, world: str = ""
+    ) -> None:
         """Open the partial file and write the head.
 
         Args:
@@ -46,6 +48,7 @@ class LogWriter:
             config: Resolved config, JSON.
             mission: What the stack was told, JSON.
             scene: Flattened MJCF.
+            world: Text of the world file, if the world was read from one.
 
         Raises:
             InputError: The folder cannot be written to or is full.
@@ -59,6 +62,8 @@ class LogWriter:
         self._count = 0
         self._decisions = 0
         attachments = {"config.json": config, "mission.json": mission, "scene.xml": scene.encode()}
+        if world:
+            attachments["world.xml"] = world.encode()
         self._writer.add_metadata("run", _run_metadata(attachments))
         for name, data in attachments.items():
             self._writer.add_attachment(0, 0, name, f"application/{name.split('.')[1]}", data)

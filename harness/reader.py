@@ -40,6 +40,7 @@ class Log:
         config: Resolved config.
         mission: What the stack was told.
         scene: Flattened MJCF; only re-simulation needs it.
+        world: Text of the world file, where the world was read from one.
         run: Versions and hashes.
         result: Outcome and figures.
         beams: Sensor geometry by sensor name.
@@ -49,6 +50,7 @@ class Log:
     config: Config
     mission: Mission
     scene: str
+    world: str | None
     run: dict[str, str]
     result: dict[str, str]
     beams: dict[str, Beams]
@@ -107,6 +109,7 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
         config=from_json(attachments["config.json"], allow_plugins),
         mission=Mission.from_json(attachments["mission.json"]),
         scene=attachments["scene.xml"].decode(),
+        world=attachments["world.xml"].decode() if "world.xml" in attachments else None,
         run=metadata["run"],
         result=metadata["result"],
         beams=beams,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
+from harness.benchmarks.barn import bench_barn
+from harness.benchmarks.dodge import bench_dodge
+from harness.benchmarks.files import Files, Progress
 from harness.benchmarks.voxel_problems import bench_scenarios
-from harness.errors import InputError, unknown_name
+from harness.errors import unknown_name
 
 Row = dict[str, Any]
 
@@ -16,17 +18,19 @@ class Benchmark(NamedTuple):
     """A published protocol.
 
     Attributes:
-        measure: From (path, repeats, seed, progress) to flat rows.
+        measure: From (files, repeats, seed, progress) to flat rows.
         repeats: By default: seeds of each world, or problems of each planner compared.
         option: The option that names its files.
     """
 
-    measure: Callable[[Path, int, int, Callable[[str], None]], list[Row]]
+    measure: Callable[[Files, int, int, Progress], list[Row]]
     repeats: int
     option: str
 
 
 BENCHMARKS: dict[str, Benchmark] = {
+    "barn": Benchmark(bench_barn, 5, "--worlds"),
+    "dodge": Benchmark(bench_dodge, 20, "--worlds"),
     "plan": Benchmark(bench_scenarios, 25, "--scenarios"),
 }
 """Name -> protocol on files given by the user."""
@@ -44,4 +48,4 @@ def find_benchmark(name: str, option: str) -> Benchmark:
     return BENCHMARKS[name]
 
 
-__all__ = ["BENCHMARKS", "Benchmark", "find_benchmark"]
+__all__ = ["BENCHMARKS", "Benchmark", "Files", "find_benchmark"]

@@ -8,7 +8,6 @@ file. They may go straight in any direction, so a ratio below 1 is no error.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.bench_plan import REACH, squared_distances
+from harness.benchmarks.files import Files, Progress
 from harness.benchmarks.voxel_search import Moves, VoxelSearch
 from harness.errors import InputError
 from models.imports.reading import Unreadable, beside, read_text
@@ -72,14 +72,14 @@ class Row:
 
 
 def bench_scenarios(
-    path: Path, repeats: int, seed: int, progress: Callable[[str], None]
+    files: Files, repeats: int, seed: int, progress: Progress
 ) -> list[dict[str, Any]]:
     """Solve every problem of a file exactly, and `repeats` of them by each planner compared.
 
     Raises:
         InputError: The file or its map cannot be read.
     """
-    map_name, occupied, problems = read_problems(path)
+    map_name, occupied, problems = read_problems(files.path)
     progress(f"plan: {map_name}, exact")
     search = VoxelSearch(occupied)
     search.solve(problems[0].start, problems[0].goal)  # compiles

@@ -1,6 +1,6 @@
 """The verbs of the command line, one file each."""
 
-from harness.verbs import audit, bench, demo, listing, replay, run
+from harness.verbs import audit, bench, demo, import_world, listing, replay, run
 from harness.verbs.verb import Document, Verb
 
 VERBS: dict[str, Verb] = {
@@ -10,6 +10,7 @@ VERBS: dict[str, Verb] = {
     "list": listing.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,
+    "import": import_world.VERB,
 }
 """Name on the command line -> verb, in the order in which `--help` shows them."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb
+from harness.verbs.verb import Document, Verb, add_log_folder
 
 FILES = {
     "worlds": "folder with the worlds of a published benchmark: barn, dodge",
@@ -20,11 +20,12 @@ FILES = {
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Measure one stage."""
     from harness.bench import print_rows, run_stage
+    from harness.benchmarks import Files
 
-    given = [(f"--{name}", getattr(options, name)) for name in FILES]
-    files = [(option, path) for option, path in given if path is not None]
-    if len(files) > 1:
-        raise InputError(f"got {' and '.join(option for option, _ in files)}, expected one of them")
+    given = [name for name in FILES if getattr(options, name) is not None]
+    if len(given) > 1:
+        raise InputError(f"got --{' and --'.join(given)}, expected one of them")
+    files = [Files(f"--{name}", getattr(options, name), options.logs) for name in given]
     rows = run_stage(options.stage, options.repeats, options.seed, *files)
     print_rows(console, f"bench {options.stage}, seed {options.seed}", rows)
     return 0, {"rows": rows}
@@ -41,6 +42,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: 0)")
     for name, said in FILES.items():
         parser.add_argument(f"--{name}", type=Path, metavar="PATH", help=said)
+    add_log_folder(parser)
 
 
 VERB = Verb(

@@ -136,5 +136,3 @@ def _choose_ends(found: Found) -> None:
         if getattr(found, name) is None:
             setattr(found, name, (float(x), float(y), 0.0))
             found.notes.append(f"{name} chosen: ({x:g}, {y:g})")
-
-

@@ -91,10 +91,14 @@ def _check_files(top: Path, path: Path, opened: list[Path]) -> None:
         raise Unreadable(top, f"<include> of '{path.name}': in a circle, or too deep")
     tree = read_xml(path)
     elements = list(_walk(tree))
-    folders = {element.attributes[k] for element in elements for k in FOLDERS if k in element.attributes}
+    folders = {
+        element.attributes[k] for element in elements for k in FOLDERS if k in element.attributes
+    }
     for element in elements:
         if element.tag in CODE:
-            raise Unreadable(path, f"<{element.tag}>: loads code, cannot be taken over", element.line)
+            raise Unreadable(
+                path, f"<{element.tag}>: loads code, cannot be taken over", element.line
+            )
         named = [value for key, value in element.attributes.items() if key.startswith("file")]
         for name in named:
             for folder in ("", *folders):
@@ -127,14 +131,16 @@ def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_]) -> Iterator[str]:
         yield f"{silent} geoms that nothing collides with: left out"
     if model.njnt:
         yield f"{model.njnt} joints: everything stands still here"
-    for count, what in ((model.nu, "actuators"), (model.neq, "equalities"), (model.nflex, "flexes")):
+    for count, what in (
+        (model.nu, "actuators"),
+        (model.neq, "equalities"),
+        (model.nflex, "flexes"),
+    ):
         if count:
             yield f"{count} {what}: left out"
 
 
-def _check_floor(
-    path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int
-) -> None:
+def _check_floor(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> None:
     height, up = data.geom_xpos[geom, 2], data.geom_xmat[geom, 8]
     if abs(height) > FLAT or abs(up - 1.0) > FLAT:
         what = f"plane '{_name(model, geom)}': expected one that is level at height 0, the floor"
@@ -197,7 +203,8 @@ def _take_custom(model: mujoco.MjModel, found: Found) -> None:
         numbers[model.numeric(n).name] = model.numeric_data[first : first + model.numeric_size[n]]
     for n in range(model.ntext):
         first, size = model.text_adr[n], model.text_size[n]
-        texts[model.text(n).name] = bytes(model.text_data[first : first + size - 1]).decode()
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, n)
+        texts[name] = bytes(model.text_data[first : first + size - 1]).decode()
     for name in ("goal", "low", "high"):
         if len(numbers.get(CUSTOM + name, ())) == 3:
             setattr(found, name, vector(numbers[CUSTOM + name]))
@@ -207,4 +214,5 @@ def _take_custom(model: mujoco.MjModel, found: Found) -> None:
     route = numbers.get(f"{CUSTOM}route_length", np.zeros(1))
     found.route_length = float(route[0]) or None
     found.format = texts.get(f"{CUSTOM}format", "")
+    found.protocol = texts.get(f"{CUSTOM}protocol", "")
     found.source = texts.get(f"{CUSTOM}source", "")

@@ -56,7 +56,9 @@ def _walls(
     x, y, yaw = origin
     flat = cell_boxes(solid.T[:, :, None], resolution, (x, y, 0.0), yaw)
     return [
-        replace(part, size=(*part.size[:2], height / 2.0), position=(*part.position[:2], height / 2.0))
+        replace(
+            part, size=(*part.size[:2], height / 2.0), position=(*part.position[:2], height / 2.0)
+        )
         for part in flat
     ]
 
@@ -91,9 +93,7 @@ def _number(
     return value
 
 
-def _list(
-    path: Path, entries: dict[str, tuple[str, int]], key: str, count: int
-) -> list[float]:
+def _list(path: Path, entries: dict[str, tuple[str, int]], key: str, count: int) -> list[float]:
     text, line = entries[key]
     try:
         values = [float(word) for word in text.strip("[]").split(",")]

@@ -57,6 +57,7 @@ class Found:
         high: Upper corner.
         route_length: Published length of a route from start to goal, m.
         source: What it was made from.
+        protocol: Of a benchmark that the world is part of: limits and the constants of its score.
         format: Of the world file that it was read from; empty for other files.
     """
 
@@ -69,4 +70,5 @@ class Found:
     high: Vector3 | None = None
     route_length: float | None = None
     source: str = ""
+    protocol: str = ""
     format: str = ""

@@ -15,6 +15,9 @@ from models.imports.reading import MOST_SOLIDS, Unreadable, read_text
 
 COLUMNS = 11
 
+FAR = 500.0
+"""Beyond this, m, lie spheres that the published fields have put away."""
+
 
 def read_table(path: Path, options: ImportOptions) -> Found:
     """Spheres from a table.
@@ -28,6 +31,10 @@ def read_table(path: Path, options: ImportOptions) -> Found:
             found.parts.append(_sphere(path, number, row))
         if len(found.parts) > MOST_SOLIDS:
             raise Unreadable(path, f"more than {MOST_SOLIDS} obstacles", number)
+    away = [part for part in found.parts if max(map(abs, part.position)) > FAR]
+    if away:
+        found.parts = [part for part in found.parts if part not in away]
+        found.notes.append(f"{len(away)} spheres more than {FAR:g} m away: left out")
     return found
 
 

@@ -71,11 +71,13 @@ class FileWorld(World):
         text: The file's own.
         route_length: Of a published route from start to goal, m; 0 if there is none.
         source: What the file was made from.
+        protocol: Of a benchmark that it is part of: limits and the constants of its score.
     """
 
     text: str = field(default="", repr=False)
     route_length: float = 0.0
     source: str = ""
+    protocol: str = ""
 
     @property
     def identity(self) -> str:
@@ -124,6 +126,7 @@ def world_of(text: str, name: str, path: Path | str = "world") -> FileWorld:
             boxes=tuple(solid_of(part) for part in found.parts),
             start=found.start, start_heading=found.start_heading, goal=found.goal,  # type: ignore[arg-type]
             text=text, route_length=found.route_length or 0.0, source=found.source,
+            protocol=found.protocol,
         )  # fmt: skip
     except ValueError as error:
         raise Unreadable(path, str(error)) from None
@@ -143,7 +146,9 @@ def world_text(found: Found, name: str) -> str:
     return _FILE.format(
         name=quoteattr(name),
         custom="\n".join(_custom(found)),
-        assets="\n".join(line for n, part in zip(names, found.parts, strict=True) for line in _asset(n, part)),
+        assets="\n".join(
+            line for n, part in zip(names, found.parts, strict=True) for line in _asset(n, part)
+        ),
         centre=_numbers(centre),
         half=_numbers(half),
         friction=FLOOR_FRICTION,
@@ -174,10 +179,11 @@ def _custom(found: Found) -> list[str]:
         f'    <numeric name="{CUSTOM}{name}" data="{_numbers(data)}"/>'
         for name, data in values.items()
     ]
-    texts = {"format": FORMAT, "source": found.source}
+    texts = {"format": FORMAT, "source": found.source, "protocol": found.protocol}
     return lines + [
-        f'    <text name="{CUSTOM}{name}" data={quoteattr(text or "unknown")}/>'
+        f'    <text name="{CUSTOM}{name}" data={quoteattr(text)}/>'
         for name, text in texts.items()
+        if text
     ]
 
 
