@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import mujoco
+import numpy as np
 
+from models.classes import CLASSES
 from models.devices import DEVICES, OWN, Device, Mount, Rangefinder, SensorConfig
 from models.robots import Controller, Robot
 from models.sensors import Caster, make_caster
 from models.worlds import World
+
+FLOOR = CLASSES.index("floor")
 
 PREFIX = "robot_"
 """Before every name of the robot, so that a world may use any name itself."""
@@ -25,7 +29,7 @@ class Scene:
         controller: The robot's controller, bound to the model.
         casters: One for each sensor, in the order in which their sweeps are integrated.
         base: Body id of the robot's base.
-        floor: Geom id of the floor.
+        floor: Ids of the geoms that may be stepped on: those of class `floor`.
     """
 
     model: mujoco.MjModel
@@ -33,7 +37,7 @@ class Scene:
     controller: Controller
     casters: tuple[Caster, ...]
     base: int
-    floor: int
+    floor: tuple[int, ...]
 
 
 def compose(
@@ -59,7 +63,7 @@ def compose(
             for mount in equip(robot.spec.mounts, sensors)
         ),
         base=base,
-        floor=model.geom("floor").id,
+        floor=tuple(np.flatnonzero(model.geom_user[:, 0] == FLOOR).tolist()),
     )
 
 

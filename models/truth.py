@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +15,15 @@ from models.sensors import ROBOT_GROUP
 class Truth:
     """Contacts and clearance between one robot and everything but the floor."""
 
-    def __init__(self, model: mujoco.MjModel, base: int, floor: int) -> None:
-        """Sort the geoms into the robot's and the world's."""
+    def __init__(self, model: mujoco.MjModel, base: int, floor: Sequence[int]) -> None:
+        """Sort the geoms into the robot's, the floor (ids, to be stepped on), and the rest."""
         self._model = model
         self._base = base
-        self._floor = floor
         self._is_robot = model.geom_group == ROBOT_GROUP
+        self._is_obstacle = ~self._is_robot
+        self._is_obstacle[list(floor)] = False
         self._robot = np.flatnonzero(self._is_robot)
-        world = np.flatnonzero(~self._is_robot)
-        self._obstacles = world[world != floor]
+        self._obstacles = np.flatnonzero(self._is_obstacle)
         self._fromto = np.zeros(6)
         self._touching = False
         self.collisions = 0
@@ -56,7 +58,7 @@ class Truth:
     def _touches_obstacle(self, data: mujoco.MjData) -> bool:
         count = data.ncon
         pairs = np.ascontiguousarray(data.contact.geom[:count])
-        return count > 0 and bool(touches(pairs, self._is_robot, self._floor))
+        return count > 0 and bool(touches(pairs, self._is_robot, self._is_obstacle))
 
     def _sphere_gaps(self, data: mujoco.MjData) -> NDArray[np.float64]:
         model, robot, obstacles = self._model, self._robot, self._obstacles
@@ -72,15 +74,17 @@ class Truth:
 
 
 @kernel
-def touches(pairs: NDArray[np.int32], is_robot: NDArray[np.bool_], floor: int) -> bool:
-    """Whether any pair of geoms (n, 2) is one of the robot's and one that is not, nor the floor."""
+def touches(
+    pairs: NDArray[np.int32], is_robot: NDArray[np.bool_], is_obstacle: NDArray[np.bool_]
+) -> bool:
+    """Whether any pair of geoms (n, 2) is one of the robot's and one that it should not touch."""
     for k in range(len(pairs)):
         a, b = pairs[k, 0], pairs[k, 1]
-        if is_robot[a] != is_robot[b] and a != floor and b != floor:
+        if (is_robot[a] and is_obstacle[b]) or (is_robot[b] and is_obstacle[a]):
             return True
     return False
 
 
 def warm_up() -> None:
     """Compile the kernel, or load it from the cache."""
-    touches(np.zeros((1, 2), np.int32), np.zeros(1, np.bool_), 0)
+    touches(np.zeros((1, 2), np.int32), np.zeros(1, np.bool_), np.zeros(1, np.bool_))

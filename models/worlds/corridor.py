@@ -12,8 +12,9 @@ from models.worlds.layout import (
     room_walls,
     with_crates,
 )
+from models.worlds.solids import Box, Vector3
 from models.worlds.solvability import first_solvable
-from models.worlds.world import Box, Vector3, World
+from models.worlds.world import World
 
 LENGTH = 16.0
 """Along the centre line, from end wall to end wall, m."""
@@ -83,7 +84,7 @@ def _shell(
         seed=seed,
         low=low,
         high=high,
-        boxes=(*room_walls(low, high), *blocks),
+        solids=(*room_walls(low, high), *blocks),
         start=(round(start[0], 3), round(start[1], 3), 0.0),
         start_heading=heading_towards(rng, start, (start[0] + 1.0, start[1])),
         goal=(round(goal[0], 3), round(goal[1], 3), 0.0),

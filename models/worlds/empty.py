@@ -34,7 +34,7 @@ def _draft(rng: np.random.Generator, seed: int) -> World:
         seed=seed,
         low=low,
         high=high,
-        boxes=room_walls(low, high),
+        solids=room_walls(low, high),
         start=(*start, 0.0),
         start_heading=heading_towards(rng, start, goal),
         goal=(*goal, 0.0),

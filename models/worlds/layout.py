@@ -8,6 +8,7 @@ from math import atan2, pi
 
 import numpy as np
 
+from models.worlds.solids import Box, Solid, Vector3
 from models.worlds.solvability import (
     GROUND_BAND,
     REFERENCE_RADIUS,
@@ -16,7 +17,7 @@ from models.worlds.solvability import (
     free_cells,
     label_regions,
 )
-from models.worlds.world import Box, Vector3, World
+from models.worlds.world import World
 
 WALL_HEIGHT = 3.0
 WALL_THICKNESS = 0.2
@@ -29,6 +30,9 @@ END_CLEARANCE = 0.95
 
 REACHABLE_SHARE = 0.95
 """Crates leave at least this share of the passable floor in one piece with the start."""
+
+ALL_HEIGHTS = (-100.0, 100.0)
+"""A band that holds everything, m."""
 
 PLACEMENTS = 200
 """Places tried for one crate."""
@@ -55,7 +59,7 @@ def heading_towards(
 
 
 def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
-    """The same world seen in a mirror across x, y, both or neither, in the same outline."""
+    """A world of upright boxes seen in a mirror across x, y, both or neither, in its outline."""
 
     def place(point: Vector3) -> Vector3:
         x, y, z = point
@@ -63,14 +67,16 @@ def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
         y = round(world.low[1] + world.high[1] - y, 4) if flip_y else y
         return x, y, z
 
-    def box_in_mirror(box: Box) -> Box:
-        yaw = round(pi - box.yaw, 3) if box.yaw and flip_x != flip_y else box.yaw
-        return replace(box, centre=place(box.centre), yaw=yaw)
+    def solid_in_mirror(solid: Solid) -> Solid:
+        if not (isinstance(solid, Box) and solid.upright):
+            raise TypeError(f"mirrored: got {solid}, expected upright boxes")
+        yaw = round(pi - solid.yaw, 3) if solid.yaw and flip_x != flip_y else solid.yaw
+        return replace(solid, centre=place(solid.centre), yaw=yaw)
 
     heading = pi - world.start_heading if flip_x else world.start_heading
     return replace(
         world,
-        boxes=tuple(map(box_in_mirror, world.boxes)),
+        solids=tuple(map(solid_in_mirror, world.solids)),
         start=place(world.start),
         start_heading=round(-heading if flip_y else heading, 3),
         goal=place(world.goal),
@@ -100,7 +106,7 @@ def with_crates(rng: np.random.Generator, world: World, count: int, longest: flo
             labels = label_regions(still_free)
             reachable = np.count_nonzero(labels == labels[start])
             if labels[start] and reachable >= REACHABLE_SHARE * np.count_nonzero(still_free):
-                free, world = still_free, replace(world, boxes=(*world.boxes, crate))
+                free, world = still_free, replace(world, solids=(*world.solids, crate))
                 break
     return world
 
@@ -126,9 +132,15 @@ def _crate(rng: np.random.Generator, world: World, size: Vector3) -> Box:
 
 
 def _fits(world: World, crate: Box) -> bool:
-    """Whether a crate stands free of every box and of start and goal."""
-    if crate.distance([world.start[:2], world.goal[:2]]).min() < END_CLEARANCE:
+    """Whether a crate stands free of every solid and of start and goal."""
+    if (
+        crate.distance_in_plane([world.start[:2], world.goal[:2]], ALL_HEIGHTS).min()
+        < END_CLEARANCE
+    ):
         return False
     size = float(np.hypot(*crate.half_extents[:2]))
     centre = [crate.centre[:2]]
-    return all(box.bottom >= crate.top or box.distance(centre)[0] > size for box in world.boxes)
+    return all(
+        solid.bottom >= crate.top or solid.distance_in_plane(centre, ALL_HEIGHTS)[0] > size
+        for solid in world.solids
+    )

@@ -1,7 +1,7 @@
 """Can a body of this size get from here to there, in truth? And how short is the way?
 
-The truth is the world's boxes, not a map of them: each grid cell knows the exact distance from
-its centre to the nearest box that stands in the body's height band.
+The truth is the world's solids, not a map of them: each grid cell knows the distance from its
+centre to the nearest solid that stands in the body's height band. What moves is left out.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
-from models.worlds.world import Box, World
+from models.worlds.solids import Band, Solid
+from models.worlds.world import World
 
 RESOLUTION = 0.05
 """Side of a cell, m."""
@@ -30,9 +31,10 @@ AIR_BANDS = ((0.8, 1.6), (1.3, 2.2))
 
 ATTEMPTS = 100
 
-_EIGHT_CONNECTED = np.ones((3, 3), np.bool_)
+LOWEST_FLIGHT = 0.2
+"""A body whose height band begins below this needs floor under it, m."""
 
-Band = tuple[float, float]
+_EIGHT_CONNECTED = np.ones((3, 3), np.bool_)
 
 
 def is_solvable(
@@ -44,13 +46,13 @@ def is_solvable(
     goal: ArrayLike,
     clearance: float = 0.0,
 ) -> bool:
-    """Whether an upright cylinder can move from start to goal without touching a box.
+    """Whether an upright cylinder can move from start to goal without touching a solid.
 
     Args:
         world: Truth.
         radius: Of the cylinder, m.
-        band_low: Boxes that end at or below this height are stepped or flown over, m.
-        band_high: Boxes that begin at or above this height are passed under, m.
+        band_low: Solids that end at or below this height are stepped or flown over, m.
+        band_high: Solids that begin at or above this height are passed under, m.
         start: (2,) or (3,) world frame, m; z is ignored.
         goal: (2,) or (3,) world frame, m; z is ignored.
         clearance: Distance to keep beyond the radius, m.
@@ -117,27 +119,47 @@ def first_solvable(name: str, seed: int, draft: Callable[[np.random.Generator], 
 
 
 def free_cells(world: World, radius: float, band: Band) -> NDArray[np.bool_]:  # (nx, ny)
-    """Cells whose centre is farther than `radius` from every box that stands in the band."""
+    """Cells whose centre is farther than `radius` from every solid that stands in the band.
+
+    Nor is a cell free for a body on the ground that is as near to a hole in the floor.
+    """
     extent = np.subtract(world.high[:2], world.low[:2])
     free = np.ones(tuple(np.rint(extent / RESOLUTION).astype(int)), np.bool_)
-    for box in world.boxes:
-        if box.bottom < band[1] and box.top > band[0]:
-            clear_around(free, world, box, radius)
+    if world.floor is not None and band[0] < LOWEST_FLIGHT:
+        free &= _far_from_holes(world, free.shape, radius)
+    for solid in world.solids:
+        if solid.bottom < band[1] and solid.top > band[0]:
+            clear_around(free, world, solid, radius, band)
     return free
 
 
-def clear_around(free: NDArray[np.bool_], world: World, box: Box, radius: float) -> None:
-    """Mark the cells within `radius` of a box as not free, in place."""
-    reach = np.add(box.reach, radius)
-    low = np.subtract(box.centre[:2], reach) - world.low[:2]
-    high = np.add(box.centre[:2], reach) - world.low[:2]
+def clear_around(
+    free: NDArray[np.bool_], world: World, solid: Solid, radius: float, band: Band = GROUND_BAND
+) -> None:
+    """Mark the cells within `radius` of a solid, where it stands in the band, in place."""
+    low = np.subtract(solid.low[:2], radius) - world.low[:2]
+    high = np.add(solid.high[:2], radius) - world.low[:2]
     first = np.clip(np.floor(low / RESOLUTION).astype(int), 0, free.shape)
     last = np.clip(np.ceil(high / RESOLUTION).astype(int), 0, free.shape)
     window = np.s_[first[0] : last[0], first[1] : last[1]]
     x = world.low[0] + (np.arange(first[0], last[0]) + 0.5) * RESOLUTION
     y = world.low[1] + (np.arange(first[1], last[1]) + 0.5) * RESOLUTION
     centres = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    free[window] &= (box.distance(centres) > radius).reshape(len(x), len(y))
+    distance = solid.distance_in_plane(centres, band)
+    free[window] &= (distance > radius).reshape(len(x), len(y))
+
+
+def _far_from_holes(
+    world: World, shape: tuple[int, ...], radius: float
+) -> NDArray[np.bool_]:  # (nx, ny)
+    """Cells farther than `radius` from all that no slab of the floor bears."""
+    hole = np.ones(shape, np.bool_)
+    for slab in world.floor or ():
+        clear_around(hole, world, slab, 0.0)
+    if not hole.any():
+        return np.ones(shape, np.bool_)
+    distance = ndimage.distance_transform_edt(~hole, sampling=RESOLUTION)
+    return np.asarray(distance > radius + RESOLUTION / 2)  # a hole ends between two centres
 
 
 def label_regions(free: NDArray[np.bool_]) -> NDArray[np.int32]:  # (nx, ny)

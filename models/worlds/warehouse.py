@@ -15,8 +15,9 @@ from models.worlds.layout import (
     with_crates,
 )
 from models.worlds.shelves import AISLE, shelf_rows
+from models.worlds.solids import Box, Vector3
 from models.worlds.solvability import first_solvable
-from models.worlds.world import Box, Vector3, World
+from models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (20.0, 14.0, 3.0)
@@ -48,7 +49,7 @@ def _draft(rng: np.random.Generator, seed: int) -> World:
         seed=seed,
         low=LOW,
         high=HIGH,
-        boxes=(
+        solids=(
             *room_walls(LOW, HIGH),
             *_partition(rng, partition_x),
             *_storage(rng, partition_x + AISLE + 0.2),

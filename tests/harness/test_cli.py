@@ -71,7 +71,7 @@ def test_bad_settings_leave_nothing_behind(capsys, tmp_path, options, said):
 def test_a_goal_inside_a_shelf(capsys, tmp_path):
     from models.worlds import WORLDS
 
-    shelf = next(box for box in WORLDS["warehouse"](0).boxes if box.kind == "shelf")
+    shelf = next(box for box in WORLDS["warehouse"](0).solids if box.kind == "shelf")
     goal = f"{shelf.centre[0]},{shelf.centre[1]}"
     arguments = ["run", "warehouse", "--robot", "quadruped", "--seed", "0", "--goal", goal]
     line = bad_input(capsys, [*arguments, "--logs", str(tmp_path / "logs")])

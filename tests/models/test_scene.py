@@ -142,7 +142,7 @@ def test_clearance_is_the_least_over_all_pairs(placed):
     scene, data = placed
     model = scene.model
     robot = np.flatnonzero(model.geom_group == ROBOT_GROUP)
-    world = [geom for geom in np.flatnonzero(model.geom_group == 0) if geom != scene.floor]
+    world = [geom for geom in np.flatnonzero(model.geom_group == 0) if geom not in scene.floor]
     fromto = np.zeros(6)
     least = min(
         mujoco.mj_geomDistance(model, data, int(a), int(b), 5.0, fromto)

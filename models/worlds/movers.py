@@ -1,0 +1,118 @@
+"""Things that move by themselves, come and go: a body, a route and a timetable each."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from functools import cached_property
+from math import atan2, hypot, inf
+from typing import NamedTuple
+
+from models.worlds.solids import Solid, Vector3
+
+STANDS_OFF = 0.5
+"""How near people let a robot come that stands in their way before they stop, m; assumed."""
+
+
+class Place(NamedTuple):
+    """Where a mover is.
+
+    Attributes:
+        position: Of its frame's origin, world, m.
+        yaw: Of its frame, rad.
+        heading: The way it is going, rad; its yaw, or the opposite where it backs up.
+    """
+
+    position: Vector3
+    yaw: float
+    heading: float
+
+
+@dataclass(frozen=True)
+class Mover:
+    """Solids that follow a route together, at one speed, in a straight line from point to point.
+
+    Attributes:
+        name: Unlike any other in the world.
+        solids: In the mover's own frame: x ahead, z up, its origin on the ground; m.
+        route: World frame, m; one point for what stands still.
+        speed: m/s.
+        begin: How far along the route it starts, m.
+        returns: Whether it goes back and forth along the route; otherwise it stays at the end.
+        backs_up: Whether it returns without turning round, as a vehicle does in an aisle.
+        stands_off: It stops while a robot in its way is nearer than this, m; 0 for what never does.
+        appears: When it comes into being, s; later while a robot is within `stands_off` of there.
+        vanishes: When it ceases to be, s.
+    """
+
+    name: str
+    solids: tuple[Solid, ...]
+    route: tuple[Vector3, ...]
+    speed: float = 0.0
+    begin: float = 0.0
+    returns: bool = True
+    backs_up: bool = False
+    stands_off: float = STANDS_OFF
+    appears: float = 0.0
+    vanishes: float = inf
+
+    def __post_init__(self) -> None:
+        """Refuse a mover without a body, a route or a timetable.
+
+        Raises:
+            ValueError: Naming the field, what was got and what was expected.
+        """
+        if not self.solids or not self.route:
+            raise ValueError(f"mover '{self.name}': expected at least one solid and one point")
+        for field in ("speed", "begin", "stands_off", "appears"):
+            if not 0.0 <= getattr(self, field) < inf:
+                raise ValueError(f"{field}: got {getattr(self, field)}, expected 0 or more")
+        if not self.vanishes > self.appears:
+            raise ValueError(f"vanishes: got {self.vanishes}, expected after {self.appears} s")
+        if any(tail == head for tail, head in zip(self.route, self.route[1:], strict=False)):
+            raise ValueError("route: got the same point twice in a row, expected another one")
+
+    @cached_property
+    def milestones(self) -> tuple[float, ...]:
+        """How far along the route each point is, m."""
+        told = [0.0]
+        for tail, head in zip(self.route, self.route[1:], strict=False):
+            told.append(told[-1] + hypot(head[0] - tail[0], head[1] - tail[1], head[2] - tail[2]))
+        return tuple(told)
+
+    @property
+    def length(self) -> float:
+        """Of the route, m."""
+        return self.milestones[-1]
+
+    @cached_property
+    def size(self) -> tuple[float, float]:
+        """How far it reaches from its origin along its own x and y axes, m."""
+        x = max(max(-solid.low[0], solid.high[0]) for solid in self.solids)
+        y = max(max(-solid.low[1], solid.high[1]) for solid in self.solids)
+        return x, y
+
+    def place(self, moving_ns: int) -> Place:
+        """Where it is after going, not standing, for so many nanoseconds."""
+        if len(self.route) == 1:
+            return Place(self.route[0], 0.0, 0.0)
+        gone = self.begin + self.speed * (moving_ns * 1e-9)
+        back = False
+        if self.returns:
+            gone %= 2.0 * self.length
+            back = gone > self.length
+            gone = 2.0 * self.length - gone if back else gone
+        gone = min(gone, self.length)
+        leg = min(bisect_right(self.milestones, gone), len(self.route) - 1) - 1
+        (x0, y0, z0), (x1, y1, z1) = self.route[leg : leg + 2]
+        share = (gone - self.milestones[leg]) / (self.milestones[leg + 1] - self.milestones[leg])
+        onward, backward = atan2(y1 - y0, x1 - x0), atan2(y0 - y1, x0 - x1)
+        heading = backward if back else onward
+        yaw = onward if self.backs_up else heading
+        x, y, z = x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0 + share * (z1 - z0)
+        return Place((x, y, z), yaw, heading)
+
+    @property
+    def solid_names(self) -> tuple[str, ...]:
+        """Geom name of each solid."""
+        return tuple(f"{self.name}/{number}" for number in range(len(self.solids)))

@@ -1,0 +1,19 @@
+"""What worlds are made of: shapes that know their exact distance and their MJCF."""
+
+from models.worlds.solids.box import Box
+from models.worlds.solids.round import Capsule, Cylinder, Sphere
+from models.worlds.solids.solid import FRICTION, Band, Solid, Vector3
+from models.worlds.solids.surfaces import HeightField, TriangleMesh
+
+__all__ = [
+    "FRICTION",
+    "Band",
+    "Box",
+    "Capsule",
+    "Cylinder",
+    "HeightField",
+    "Solid",
+    "Sphere",
+    "TriangleMesh",
+    "Vector3",
+]

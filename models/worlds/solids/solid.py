@@ -1,0 +1,130 @@
+"""What every solid can do, and how a geom is written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from models.worlds.kinds import class_of, colour_of
+
+Vector3 = tuple[float, float, float]
+Band = tuple[float, float]
+
+FRICTION = 0.8
+"""Sliding friction, assumed: rubber on dry concrete."""
+
+DECIMALS = 4
+"""Generated lengths are whole tenths of a millimetre: corners are whole millimetres, halves not."""
+
+
+class Solid(Protocol):
+    """Something solid in the world, immutable."""
+
+    @property
+    def kind(self) -> str:
+        """What it stands for, such as `shelf`: a name in `KINDS` or any other."""
+        ...
+
+    @property
+    def low(self) -> Vector3:
+        """Lower corner of its axis-aligned bounds, world frame, m."""
+        ...
+
+    @property
+    def high(self) -> Vector3:
+        """Upper corner of them, m."""
+        ...
+
+    @property
+    def bottom(self) -> float:
+        """Height of its lowest point, m."""
+        ...
+
+    @property
+    def top(self) -> float:
+        """Height of its highest point, m."""
+        ...
+
+    def distance(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
+        ...
+
+    def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
+        """Distance (n,) from points (n, 2) to the footprint of what stands in a height band, m.
+
+        Never more than the true one; more parts than those in the band may count.
+        """
+        ...
+
+    def asset(self, name: str) -> str:
+        """The MJCF asset that its geom needs, or nothing."""
+        ...
+
+    def geom(self, name: str) -> str:
+        """Its MJCF geom."""
+        ...
+
+
+class Bounded:
+    """Bottom and top from the bounds, and no asset: what most solids share."""
+
+    @property
+    def low(self) -> Vector3:
+        """Lower corner of the axis-aligned bounds, m."""
+        raise NotImplementedError
+
+    @property
+    def high(self) -> Vector3:
+        """Upper corner of them, m."""
+        raise NotImplementedError
+
+    @property
+    def bottom(self) -> float:
+        """Height of the lowest point, m."""
+        return self.low[2]
+
+    @property
+    def top(self) -> float:
+        """Height of the highest point, m."""
+        return self.high[2]
+
+    def asset(self, name: str) -> str:
+        """No asset."""
+        del name
+        return ""
+
+
+def write_geom(name: str, kind: str, shape: str) -> str:
+    """A geom that robots and beams meet, with its class in its user data.
+
+    Args:
+        name: Of the geom.
+        kind: Gives colour and class.
+        shape: The attributes that say type, size and place.
+    """
+    return (
+        f'    <geom name="{name}" {shape} group="0" contype="1" conaffinity="1" '
+        f'friction="{FRICTION} 0.005 0.0001" rgba="{colour_of(kind)}" user="{class_of(kind)}"/>'
+    )
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Lengths at a tenth of a millimetre where that says all, else as many digits as matter."""
+    return " ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    if abs(value - round(value, DECIMALS)) < 1e-12:
+        return f"{value:.{DECIMALS}f}"
+    return f"{value:.12g}"
+
+
+def least_and_greatest(points: ArrayLike) -> tuple[Vector3, Vector3]:
+    """Corners of the axis-aligned bounds of points (n, 3)."""
+    array = np.asarray(points, np.float64)
+    x0, y0, z0 = array.min(axis=0).tolist()
+    x1, y1, z1 = array.max(axis=0).tolist()
+    return (x0, y0, z0), (x1, y1, z1)

@@ -1,0 +1,215 @@
+"""Solids of triangles: meshes and height fields, written into the MJCF itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from models.worlds.solids.solid import (
+    Band,
+    Bounded,
+    Vector3,
+    least_and_greatest,
+    numbers,
+    write_geom,
+)
+from models.worlds.solids.triangles import distance_to_triangles
+
+FLAT = 1e-3
+"""Height that MuJoCo is told of a height field without relief, which must have some, m."""
+
+
+@dataclass(frozen=True)
+class TriangleMesh(Bounded):
+    """A surface of triangles. Beams meet the triangles; bodies, in MuJoCo, their convex hull.
+
+    So a mesh that is to be touched where it is hollow has to come in convex pieces.
+
+    Attributes:
+        vertices: World frame, m.
+        faces: Three numbers of vertices each, counter-clockwise as seen from outside.
+        kind: What it stands for.
+    """
+
+    vertices: tuple[Vector3, ...]
+    faces: tuple[tuple[int, int, int], ...]
+    kind: str
+
+    def __post_init__(self) -> None:
+        """Refuse what MuJoCo would.
+
+        Raises:
+            ValueError: Fewer than four vertices, no face, or a face of a vertex that is not there.
+        """
+        if len(self.vertices) < 4:
+            raise ValueError(f"vertices: got {len(self.vertices)}, expected at least 4")
+        used = np.array(self.faces)
+        if used.ndim != 2 or used.min() < 0 or used.max() >= len(self.vertices):
+            raise ValueError(f"faces: expected triples of vertices 0 to {len(self.vertices) - 1}")
+
+    @classmethod
+    def from_arrays(cls, vertices: ArrayLike, faces: ArrayLike, kind: str) -> TriangleMesh:
+        """Build it from vertices (n, 3), m, and faces (m, 3)."""
+        return cls(
+            tuple(map(tuple, np.asarray(vertices, np.float64).tolist())),
+            tuple(map(tuple, np.asarray(faces, np.int64).tolist())),
+            kind,
+        )
+
+    @cached_property
+    def triangles(self) -> NDArray[np.float64]:  # (m, 3, 3)
+        """Corners of each face, world frame, m."""
+        return np.asarray(np.array(self.vertices, np.float64)[np.array(self.faces)])
+
+    @property
+    def low(self) -> Vector3:
+        """Lower corner of the axis-aligned bounds, m."""
+        return least_and_greatest(self.vertices)[0]
+
+    @property
+    def high(self) -> Vector3:
+        """Upper corner of them, m."""
+        return least_and_greatest(self.vertices)[1]
+
+    def distance(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Exact distance (n,) from points (n, 3), world frame, to the surface, m; slow."""
+        return distance_to_triangles(points, self.triangles)
+
+    def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
+        """Distance (n,) from points (n, 2) to the triangles that touch the band; see `Solid`."""
+        return distance_to_triangles(points, _in_band(self.triangles, band)[:, :, :2])
+
+    def asset(self, name: str) -> str:
+        """The mesh itself; an open one weighs as a shell, which no world's solid minds."""
+        vertices = " ".join(numbers(vertex) for vertex in self.vertices)
+        faces = " ".join(f"{a} {b} {c}" for a, b, c in self.faces)
+        return f'    <mesh name="{name}" inertia="shell" vertex="{vertices}" face="{faces}"/>'
+
+    def geom(self, name: str) -> str:
+        """Its MJCF geom."""
+        return write_geom(name, self.kind, f'type="mesh" mesh="{name}"')
+
+
+@dataclass(frozen=True)
+class HeightField(Bounded):
+    """Ground of given heights at the nodes of a grid, solid down to a base below them.
+
+    Attributes:
+        corner: Its corner of least x and y; heights count from the corner's z, m.
+        spacing: Between nodes in x and y, m.
+        heights: heights[i][j] m at the node i along x and j along y.
+        kind: What it stands for.
+        base: Thickness below the lowest node, m.
+    """
+
+    corner: Vector3
+    spacing: tuple[float, float]
+    heights: tuple[tuple[float, ...], ...]
+    kind: str
+    base: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse what is no grid.
+
+        Raises:
+            ValueError: Fewer than two nodes along an axis, ragged rows, no spacing or no base.
+        """
+        widths = {len(row) for row in self.heights}
+        if len(self.heights) < 2 or len(widths) != 1 or min(widths) < 2:
+            raise ValueError("heights: expected at least 2 x 2 nodes, as many in every row")
+        if min(*self.spacing, self.base) <= 0.0:
+            raise ValueError(
+                f"spacing, base: got {self.spacing} and {self.base}, expected positive lengths"
+            )
+
+    @classmethod
+    def from_array(
+        cls, corner: Vector3, spacing: tuple[float, float], heights: ArrayLike, kind: str
+    ) -> HeightField:
+        """Build it from heights (nx, ny), m."""
+        rows = np.asarray(heights, np.float64).tolist()
+        return cls(corner, spacing, tuple(map(tuple, rows)), kind)
+
+    @cached_property
+    def nodes(self) -> NDArray[np.float64]:  # (nx, ny, 3)
+        """World frame, m."""
+        z = np.array(self.heights)
+        i, j = np.indices(z.shape)
+        grid = np.stack([i * self.spacing[0], j * self.spacing[1], z], axis=-1)
+        return np.asarray(grid + self.corner)
+
+    @cached_property
+    def triangles(self) -> NDArray[np.float64]:  # (2 (nx - 1) (ny - 1), 3, 3)
+        """Two for each cell, cut as MuJoCo cuts it: from the low corner to the high one."""
+        n = self.nodes
+        a, b, c, d = n[:-1, :-1], n[1:, :-1], n[1:, 1:], n[:-1, 1:]
+        faces = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)])
+        return np.asarray(faces.reshape(-1, 3, 3))
+
+    @property
+    def low(self) -> Vector3:
+        """Lower corner of the axis-aligned bounds, m: that of the base."""
+        x, y, z = least_and_greatest(self.nodes.reshape(-1, 3))[0]
+        return x, y, z - self.base
+
+    @property
+    def high(self) -> Vector3:
+        """Upper corner of them, m."""
+        return least_and_greatest(self.nodes.reshape(-1, 3))[1]
+
+    def distance(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Exact distance (n,) from points (n, 3) above the base, to the ground, m; 0 below it."""
+        points = np.asarray(points, np.float64)
+        return np.where(self._below(points), 0.0, distance_to_triangles(points, self.triangles))
+
+    def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
+        """Distance (n,) from points (n, 2) to the ground that rises into the band; see `Solid`."""
+        if self.bottom >= band[1]:
+            return np.full(len(np.asarray(points)), np.inf)
+        rising = self.triangles[self.triangles[:, :, 2].max(axis=1) > band[0]]
+        return distance_to_triangles(points, rising[:, :, :2])
+
+    def asset(self, name: str) -> str:
+        """Its heights as shares of its relief, rows from the far side in y."""
+        z = np.array(self.heights)
+        relief = float(z.max() - z.min())
+        shares = ((z - z.min()) / (relief or 1.0)).T[::-1]
+        (width, depth), (nx, ny) = self._half_extents(), z.shape
+        size = numbers([width, depth, relief or FLAT, self.base])
+        elevation = " ".join(f"{share:.9g}" for share in shares.ravel())
+        return (
+            f'    <hfield name="{name}" nrow="{ny}" ncol="{nx}" size="{size}" '
+            f'elevation="{elevation}"/>'
+        )
+
+    def geom(self, name: str) -> str:
+        """Its MJCF geom."""
+        half_x, half_y = self._half_extents()
+        x, y, z = self.corner
+        pos = numbers([x + half_x, y + half_y, z + min(map(min, self.heights))])
+        return write_geom(name, self.kind, f'type="hfield" hfield="{name}" pos="{pos}"')
+
+    def _half_extents(self) -> tuple[float, float]:
+        nx, ny = len(self.heights), len(self.heights[0])
+        return (nx - 1) * self.spacing[0] / 2, (ny - 1) * self.spacing[1] / 2
+
+    def _below(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:  # (n,)
+        """Whether points lie on or under the ground and not under its base."""
+        at = (points[:, :2] - self.corner[:2]) / self.spacing
+        cells = np.subtract(self.nodes.shape[:2], 1)
+        over = ((at >= 0.0) & (at <= cells)).all(axis=1)
+        i, j = np.clip(at.astype(np.int64), 0, cells - 1).T
+        u, v = (at - np.stack([i, j], axis=1)).T
+        z = self.nodes[..., 2]
+        a, b, c, d = z[i, j], z[i + 1, j], z[i + 1, j + 1], z[i, j + 1]
+        ground = np.where(u >= v, a + u * (b - a) + v * (c - b), a + v * (d - a) + u * (c - d))
+        return np.asarray(over & (points[:, 2] <= ground) & (points[:, 2] >= self.bottom))
+
+
+def _in_band(triangles: NDArray[np.float64], band: Band) -> NDArray[np.float64]:
+    heights = triangles[:, :, 2]
+    within = (heights.min(axis=1) < band[1]) & (heights.max(axis=1) > band[0])
+    return np.asarray(triangles[within])
