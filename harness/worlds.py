@@ -33,7 +33,7 @@ def find_world(config: Config) -> World:
             raise InputError(f"world '{config.world}': {error}") from None
     if HASHED in config.world:
         raise InputError(
-            f"world '{config.world}' was read from a file: expected the file, or a log that holds it"
+            f"world '{config.world}' was read from a file: expected the file, or a log with it"
         )
     if config.world not in WORLDS:
         raise unknown_name("world", config.world, WORLDS)

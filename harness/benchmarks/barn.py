@@ -148,8 +148,8 @@ def read_barn(path: Path) -> FileWorld:
     found.protocol = json.dumps(
         {"name": "barn", "speed": SPEED, "clip": [FASTEST, SLOWEST], "settings": SETTINGS}
     )
-    complete(found)
-    return world_of(world_text(found, path.stem), path.stem, path)
+    text = world_text(found, complete(found), path.stem)
+    return world_of(text, path.stem, path)
 
 
 def reference_length(cells: NDArray[Any]) -> float:
@@ -206,7 +206,7 @@ def _row(finished: Finished) -> Row:
     world, seed = trial.world, trial.config.seed
     if result is None:
         return _unrun(world, seed, "refused")
-    optimal = world.route_length / SPEED
+    optimal = (world.route_length or 0.0) / SPEED
     score = barn_score(result.outcome == "success", result.sim_time_s, optimal)
     return Row(
         world.name, seed, result.outcome, score, result.sim_time_s, optimal, _CLIP,
@@ -215,7 +215,7 @@ def _row(finished: Finished) -> Row:
 
 
 def _unrun(world: FileWorld, seed: int, outcome: str) -> Row:
-    optimal = world.route_length / SPEED
+    optimal = (world.route_length or 0.0) / SPEED
     return Row(world.name, seed, outcome, 0.0, 0.0, optimal, _CLIP, 0.0, 0.0, 0)
 
 

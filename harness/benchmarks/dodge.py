@@ -113,7 +113,7 @@ def bench_dodge(files: Files, repeats: int, seed: int, progress: Progress) -> li
         groups[row.field].append(row)
     groups["all"] = rows
     summaries = [summarise(name, some) for name, some in groups.items()]
-    return [asdict(one) for one in [*rows, *summaries]]
+    return [*map(asdict, rows), *map(asdict, summaries)]
 
 
 def read_field(path: Path) -> FileWorld:
@@ -129,8 +129,8 @@ def read_field(path: Path) -> FileWorld:
         found.source = path.name
         limits = {"finish_x": FINISH, "limit": LIMIT, "settings": SETTINGS}
         found.protocol = json.dumps({"name": "dodge", **limits})
-        complete(found)
-        return world_of(world_text(found, path.stem), path.stem, path)
+        text = world_text(found, complete(found), path.stem)
+        return world_of(text, path.stem, path)
     except Unreadable as error:
         raise InputError(str(error)) from None
 

@@ -71,9 +71,8 @@ def run_trials(trials: Iterable[Trial], progress: Progress) -> Iterator[Finished
         for number, finished in enumerate(pool.map(run_trial, trials), start=1):
             trial = finished.trial
             outcome = finished.refused or (finished.result and finished.result.outcome)
-            progress(
-                f"{number} of {len(trials)}: {trial.world.name}, seed {trial.config.seed}: {outcome}"
-            )
+            name = f"{trial.world.name}, seed {trial.config.seed}"
+            progress(f"{number} of {len(trials)}: {name}: {outcome}")
             yield finished
 
 

@@ -155,9 +155,9 @@ def _planner_row(
 ) -> Row:
     times, lengths = [], []
     for number, problem in enumerate(problems):
-        ends = [(np.array(cell) + 0.5) * RESOLUTION for cell in (problem.start, problem.goal)]
+        start, goal = ((np.array(at) + 0.5) * RESOLUTION for at in (problem.start, problem.goal))
         began = time.process_time()
-        found = plan(space, *ends, config, plan_seed(seed, "voxels", number))
+        found = plan(space, start, goal, config, plan_seed(seed, "voxels", number))
         times.append(time.process_time() - began)
         lengths.append(found.length / RESOLUTION)
     return _row(name, config.name, problems, lengths, times, None)

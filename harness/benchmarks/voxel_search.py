@@ -79,7 +79,8 @@ class VoxelSearch:
         )
         if expanded < 0:
             return None
-        return Moves(*(int(count) for count in self._counts[last]), expanded)
+        straight, diagonal, space_diagonal = self._counts[last].tolist()
+        return Moves(straight, diagonal, space_diagonal, expanded)
 
 
 def _allowed_moves(padded: NDArray[np.bool_]) -> NDArray[np.uint32]:  # (nx * ny * nz,)

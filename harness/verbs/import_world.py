@@ -32,11 +32,11 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError(f"import: {error}") from None
     _write(out, world.text)
     document: Document = {
-        "world": str(out), "name": world.identity, "solids": len(world.boxes),
+        "world": str(out), "name": world.identity, "solids": len(world.solids),
         "low": world.low, "high": world.high, "start": world.start, "goal": world.goal,
         "notes": notes,
     }  # fmt: skip
-    console.print(f"{out}: {len(world.boxes)} solids, {world.identity}", soft_wrap=True)
+    console.print(f"{out}: {len(world.solids)} solids, {world.identity}", soft_wrap=True)
     for note in notes:
         console.print(f"  {note}", soft_wrap=True, highlight=False)
     return 0, document

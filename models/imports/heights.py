@@ -31,13 +31,14 @@ def read_heights(path: Path, options: ImportOptions) -> Found:
         heights = _array(path)
     else:
         image = read_image(path)
-        heights = image[::-1] * (options.height / np.iinfo(image.dtype).max)
+        scale = options.height / np.iinfo(image.dtype).max
+        heights = np.asarray(image[::-1] * scale, np.float64)
     low, rise = float(heights.min()), float(np.ptp(heights))
     if min(heights.shape) < 2 or rise < FLAT:
         raise Unreadable(path, f"{heights.shape} heights that rise by {rise:g} m: no field")
     half = [(n - 1) * options.resolution / 2.0 for n in heights.shape[::-1]]
     part = Part(
-        "heights", (*half, rise, DEPTH), (half[0], half[1], low), kind="terrain",
+        "heights", (*half, rise, DEPTH), (half[0], half[1], low), kind="floor",
         heights=(heights - low) / rise,
     )  # fmt: skip
     return Found(parts=[part])
@@ -53,4 +54,4 @@ def _array(path: Path) -> NDArray[np.float64]:  # (ny, nx)
         raise Unreadable(path, f"{array.dtype} {array.shape}, expected (ny, nx) numbers")
     if not np.isfinite(array).all():
         raise Unreadable(path, "a height that is not finite")
-    return array.astype(np.float64)
+    return np.asarray(array, np.float64)

@@ -29,7 +29,8 @@ def read_image(path: Path) -> Image:
 def _pgm(path: Path) -> Image:
     """Netpbm's grey format, plain (P2) or raw (P5)."""
     data = path.read_bytes()
-    words, at = [], 0
+    words: list[bytes] = []
+    at = 0
     while len(words) < 4 and at < len(data):
         if data[at : at + 1] == b"#":
             at = data.find(b"\n", at) % (len(data) + 1)  # a comment without an end ends the file

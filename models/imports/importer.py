@@ -13,14 +13,14 @@ from models.imports.meshes import read_mesh
 from models.imports.mjcf_scenes import read_mjcf
 from models.imports.occupancy_maps import read_occupancy_map
 from models.imports.octomaps import read_octomap
-from models.imports.options import Found, ImportOptions
+from models.imports.options import Ends, Found, ImportOptions
 from models.imports.parts import Vector3, bounds_of
 from models.imports.reading import Unreadable, check_file
 from models.imports.sdf import read_sdf
 from models.imports.solids import solid_of
 from models.imports.tables import read_table
 from models.imports.voxel_maps import read_voxel_map
-from models.imports.world_file import FileWorld, world_of, world_text
+from models.imports.world_file import FLOOR, FileWorld, world_of, world_text
 from models.worlds.solvability import RESOLUTION, free_cells, label_regions
 from models.worlds.world import World
 
@@ -56,6 +56,9 @@ LEAST_TOP = 3.0
 ROOM = 0.75
 """Distance that chosen starts and goals keep from everything, m: the generated worlds' own."""
 
+MOST_FACES, MOST_AREA = 5000, 4_000_000
+"""Triangles, and cells of the area, up to which ends are chosen: else it would take minutes."""
+
 BAND = (0.03, 1.6)
 """Height band that is kept free there, m: both robots'."""
 
@@ -90,12 +93,16 @@ def import_world(
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     found.source = found.source or f"{path.name}, sha256 {digest}"
     found.start, found.goal = start or found.start, goal or found.goal
-    complete(found)
-    return world_of(world_text(found, path.stem), path.stem, path), found.notes
+    text = world_text(found, complete(found), path.stem)
+    return world_of(text, path.stem, path), found.notes
 
 
-def complete(found: Found) -> None:
-    """Settle the operating area, the start and the goal where a file tells none."""
+def complete(found: Found) -> Ends:
+    """Operating area, start and goal: the file's own, or chosen and noted where it tells none.
+
+    Raises:
+        Unreadable: There is too much to choose a start and a goal in.
+    """
     low, high = bounds_of(found.parts)
     for point in (found.start, found.goal):
         if point is not None:
@@ -105,34 +112,41 @@ def complete(found: Found) -> None:
     if found.high is None:
         top = max(LEAST_TOP, float(high[2]) + HEADROOM)
         found.high = (float(high[0]) + BORDER, float(high[1]) + BORDER, top)
-    if found.start is None or found.goal is None:
-        _choose_ends(found)
-    if found.start_heading is None and found.start is not None and found.goal is not None:
-        ahead = np.subtract(found.goal, found.start)
-        found.start_heading = float(np.arctan2(ahead[1], ahead[0]))
+    start, goal = found.start, found.goal
+    if start is None or goal is None:
+        chosen = _chosen_ends(found, found.low, found.high)
+        for name, told, point in zip(("start", "goal"), (start, goal), chosen, strict=True):
+            if told is None:
+                found.notes.append(f"{name} chosen: ({point[0]:g}, {point[1]:g})")
+        start, goal = start or chosen[0], goal or chosen[1]
+    heading = found.start_heading
+    if heading is None:
+        heading = float(np.arctan2(goal[1] - start[1], goal[0] - start[0]))
+    return Ends(found.low, found.high, start, heading, goal)
 
 
-def _choose_ends(found: Found) -> None:
+def _chosen_ends(found: Found, low: Vector3, high: Vector3) -> tuple[Vector3, Vector3]:
     """Start near the area's low corner, goal near its high one, in the largest region of space."""
-    assert found.low is not None and found.high is not None
-    middle = (np.add(found.low, found.high) / 2.0).tolist()
+    faces = sum(len(part.mesh.faces) for part in found.parts if part.mesh is not None)
+    cells_wide = np.subtract(high, low)[:2] / RESOLUTION
+    if faces > MOST_FACES or np.prod(cells_wide) > MOST_AREA:
+        what = f"{faces} triangles, {cells_wide[0]:.0f} x {cells_wide[1]:.0f} cells"
+        raise Unreadable(found.source, f"{what}: too much to choose in; give --start and --goal")
+    middle = [(a + b) / 2.0 for a, b in zip(low, high, strict=True)]
     place: Vector3 = (middle[0], middle[1], 0.0)
-    solids = tuple(solid_of(part) for part in found.parts)
-    area = World("area", 0, found.low, found.high, solids, place, 0.0, place)
-    free = free_cells(area, ROOM, BAND)
+    solids = tuple(solid_of(part) for part in found.parts if part.kind != FLOOR)
+    free = free_cells(World("area", 0, low, high, solids, place, 0.0, place), ROOM, BAND)
     rim = int(np.ceil(ROOM / RESOLUTION))
     free[:rim] = free[-rim:] = free[:, :rim] = free[:, -rim:] = False
     labels = label_regions(free)
     sizes = np.bincount(labels.ravel())[1:]
     if not len(sizes):
-        found.start, found.goal = found.start or place, found.goal or place
-        found.notes.append(f"no space {ROOM:g} m from everything: give --start and --goal")
-        return
+        what = f"no space {ROOM:g} m from everything: give --start and --goal"
+        raise Unreadable(found.source, what)
     cells = np.argwhere(labels == 1 + int(np.argmax(sizes)))
     order = cells.sum(axis=1)
-    ends = [cells[int(np.argmin(order))], cells[int(np.argmax(order))]]
-    points = [np.round(np.array(found.low[:2]) + (end + 0.5) * RESOLUTION, 3) for end in ends]
-    for name, (x, y) in zip(("start", "goal"), points, strict=True):
-        if getattr(found, name) is None:
-            setattr(found, name, (float(x), float(y), 0.0))
-            found.notes.append(f"{name} chosen: ({x:g}, {y:g})")
+    points = [
+        np.round(np.array(low[:2]) + (cells[n] + 0.5) * RESOLUTION, 3).tolist()
+        for n in (int(np.argmin(order)), int(np.argmax(order)))
+    ]
+    return (points[0][0], points[0][1], 0.0), (points[1][0], points[1][1], 0.0)

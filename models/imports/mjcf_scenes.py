@@ -79,6 +79,7 @@ def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
     for geom in np.flatnonzero(solid).tolist():
         if model.geom_type[geom] == Geoms.mjGEOM_PLANE:
             _check_floor(path, model, data, geom)
+            found.plane = True
         else:
             found.parts.append(_part(path, model, data, geom))
     _take_custom(model, found)
@@ -138,6 +139,8 @@ def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_]) -> Iterator[str]:
     ):
         if count:
             yield f"{count} {what}: left out"
+    if model.nmocap:
+        yield f"{model.nmocap} bodies that are moved from outside: they stand still here"
 
 
 def _check_floor(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> None:
@@ -193,7 +196,7 @@ def _heights(model: mujoco.MjModel, field: int) -> NDArray[np.float64]:  # (ny, 
     rows, columns = model.hfield_nrow[field], model.hfield_ncol[field]
     first = model.hfield_adr[field]
     levels = model.hfield_data[first : first + rows * columns]
-    return levels.reshape(rows, columns).astype(np.float64)
+    return np.asarray(levels.reshape(rows, columns), np.float64)
 
 
 def _take_custom(model: mujoco.MjModel, found: Found) -> None:

@@ -25,7 +25,7 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
         if not file.readline().startswith(HEADER):
             raise Unreadable(path, f"expected a file that begins with '{HEADER.decode()}'", 1)
     try:
-        import pyoctomap
+        import pyoctomap  # type: ignore[import-untyped]
     except ImportError:
         raise Unreadable(path, "OctoMaps need pyoctomap: pip install pyoctomap") from None
     tree = pyoctomap.OcTree(0.1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from models.imports.parts import Part, Vector3
 
@@ -43,12 +43,31 @@ class ImportOptions:
                 raise ValueError(f"{name}: got {value:g}, expected {low:g} to {high:g} m")
 
 
+class Ends(NamedTuple):
+    """What a mission needs besides the solids.
+
+    Attributes:
+        low: Lower corner of the operating area, m.
+        high: Upper corner, m.
+        start: On the floor, m.
+        start_heading: rad.
+        goal: On the floor, m.
+    """
+
+    low: Vector3
+    high: Vector3
+    start: Vector3
+    start_heading: float
+    goal: Vector3
+
+
 @dataclass
 class Found:
     """What stands in a file.
 
     Attributes:
         parts: Everything solid but the floor.
+        plane: Whether the file has a level plane at height 0: the floor.
         notes: What was left out or taken otherwise than written, a line each.
         start: On the floor, if the file tells one, m.
         start_heading: rad.
@@ -62,6 +81,7 @@ class Found:
     """
 
     parts: list[Part] = field(default_factory=list)
+    plane: bool = False
     notes: list[str] = field(default_factory=list)
     start: Vector3 | None = None
     start_heading: float | None = None
@@ -72,3 +92,11 @@ class Found:
     source: str = ""
     protocol: str = ""
     format: str = ""
+
+    def ends(self) -> Ends | None:
+        """What the file tells of a mission, if it tells all."""
+        if self.low is None or self.high is None or self.start is None or self.goal is None:
+            return None
+        if self.start_heading is None:
+            return None
+        return Ends(self.low, self.high, self.start, self.start_heading, self.goal)

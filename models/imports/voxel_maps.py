@@ -54,8 +54,8 @@ def merged_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:  # (n, 2, 3)
         if not left[i, j, k]:
             continue
         z = k + _run(left[i, j, k:])
-        y = j + _run(left[i, j:, k:z].all(axis=1))
-        x = i + _run(left[i:, j:y, k:z].all(axis=(1, 2)))
+        y = j + _run(np.asarray(left[i, j:, k:z].all(axis=1)))
+        x = i + _run(np.asarray(left[i:, j:y, k:z].all(axis=(1, 2))))
         left[i:x, j:y, k:z] = False
         boxes.append(((i, j, k), (x, y, z)))
     return np.array(boxes, np.int64).reshape(-1, 2, 3)

@@ -11,22 +11,29 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from models.imports.mjcf_scenes import CUSTOM, found_in, is_world_file
-from models.imports.options import Found
-from models.imports.parts import UPRIGHT, Part, Vector3
+from models.imports.options import Ends, Found
+from models.imports.parts import UPRIGHT, Part
 from models.imports.reading import Unreadable, read_text
 from models.imports.solids import solid_of
 from models.imports.xml_tree import Element, read_xml
-from models.worlds.world import COLOURS, FLOOR_FRICTION, World
+from models.worlds.kinds import class_of, colour_of
+from models.worlds.solids import FRICTION, Box
+from models.worlds.world import World
 
 FORMAT = "1"
 """Of world files; raised when those of the version before no longer read."""
+
+FLOOR = "floor"
+"""Kind of what may be stepped on."""
 
 DIGITS = 16
 """Of the hash in a world's name."""
@@ -37,10 +44,9 @@ TAGS = {
 }  # fmt: skip
 """All that a world file may hold: nothing that names another file or loads code."""
 
-GREY = "0.6 0.6 0.6 1"
-
 _FILE = """\
 <mujoco model={name}>
+  <size nuser_geom="1"/>
   <option timestep="0.002" integrator="implicitfast" cone="pyramidal" iterations="50" \
 gravity="0 0 -9.81"/>
   <visual>
@@ -54,8 +60,6 @@ gravity="0 0 -9.81"/>
   </asset>
   <worldbody>
     <light name="sun" pos="{centre} 10" dir="0 0 -1" directional="true" castshadow="false"/>
-    <geom name="floor" type="plane" pos="{centre} 0" size="{half} 0.05" group="0" contype="1" \
-conaffinity="1" friction="{friction} 0.005 0.0001" rgba="0.9 0.9 0.9 1"/>
 {geoms}
   </worldbody>
 </mujoco>
@@ -69,13 +73,11 @@ class FileWorld(World):
 
     Attributes:
         text: The file's own.
-        route_length: Of a published route from start to goal, m; 0 if there is none.
         source: What the file was made from.
         protocol: Of a benchmark that it is part of: limits and the constants of its score.
     """
 
     text: str = field(default="", repr=False)
-    route_length: float = 0.0
     source: str = ""
     protocol: str = ""
 
@@ -87,6 +89,21 @@ class FileWorld(World):
     def mjcf(self) -> str:
         """The file's own text."""
         return self.text
+
+    @cached_property
+    def _corners(self) -> NDArray[np.float64]:  # (2, n, 3)
+        ends = [[solid.low for solid in self.solids], [solid.high for solid in self.solids]]
+        return np.array(ends, np.float64).reshape(2, -1, 3)
+
+    def contains_obstacle(self, point: ArrayLike, radius: float) -> str | None:
+        """As for any world; only solids whose bounds are near are asked, for there may be many."""
+        at = np.asarray(point, np.float64)
+        outside = np.maximum(np.maximum(self._corners[0] - at, at - self._corners[1]), 0.0)
+        near = np.flatnonzero(np.linalg.norm(outside, axis=1) <= radius)
+        distances = [float(self.solids[i].distance(at[None])[0]) for i in near]
+        if not distances or min(distances) > radius:
+            return None
+        return self.solid_names[int(near[int(np.argmin(distances))])]
 
 
 def read_world_file(path: Path) -> FileWorld:
@@ -117,42 +134,42 @@ def world_of(text: str, name: str, path: Path | str = "world") -> FileWorld:
         found = found_in(mujoco.MjModel.from_xml_string(text), path)
     except ValueError as error:
         raise error if isinstance(error, Unreadable) else Unreadable(path, _line(error)) from None
-    told = found.start, found.start_heading, found.goal, found.low, found.high
-    if None in told or found.format != FORMAT:
+    ends = found.ends()
+    if ends is None or found.format != FORMAT:
         raise Unreadable(path, f"world file of format '{found.format}', expected '{FORMAT}'")
+    solids = [(part, solid_of(part)) for part in found.parts]
+    slabs = tuple(solid for part, solid in solids if part.kind == FLOOR and isinstance(solid, Box))
     try:
         return FileWorld(
-            name=name, seed=0, low=found.low, high=found.high,  # type: ignore[arg-type]
-            boxes=tuple(solid_of(part) for part in found.parts),
-            start=found.start, start_heading=found.start_heading, goal=found.goal,  # type: ignore[arg-type]
-            text=text, route_length=found.route_length or 0.0, source=found.source,
-            protocol=found.protocol,
+            name=name, seed=0, low=ends.low, high=ends.high,
+            solids=tuple(solid for part, solid in solids if part.kind != FLOOR),
+            start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
+            floor=None if found.plane or not slabs else slabs, route_length=found.route_length,
+            text=text, source=found.source, protocol=found.protocol,
         )  # fmt: skip
     except ValueError as error:
         raise Unreadable(path, str(error)) from None
 
 
-def world_text(found: Found, name: str) -> str:
+def world_text(found: Found, ends: Ends, name: str) -> str:
     """The world file of what an importer found; the same bytes for the same parts.
 
     Args:
-        found: With start, goal and corners.
+        found: Its parts, and what it tells about them.
+        ends: Operating area, start and goal.
         name: Of the model.
     """
-    assert found.low is not None and found.high is not None  # `complete` has seen to it
-    centre = [(a + b) / 2.0 for a, b in zip(found.low[:2], found.high[:2], strict=True)]
-    half = [(b - a) / 2.0 for a, b in zip(found.low[:2], found.high[:2], strict=True)]
-    names = part_names(found.parts)
+    centre = [(a + b) / 2.0 for a, b in zip(ends.low[:2], ends.high[:2], strict=True)]
+    named = list(zip(part_names(found.parts), found.parts, strict=True))
+    geoms = [_geom(name, part) for name, part in named]
+    if found.plane or all(part.kind != FLOOR for part in found.parts):
+        geoms.insert(0, _floor(centre, ends))
     return _FILE.format(
         name=quoteattr(name),
-        custom="\n".join(_custom(found)),
-        assets="\n".join(
-            line for n, part in zip(names, found.parts, strict=True) for line in _asset(n, part)
-        ),
+        custom="\n".join(_custom(found, ends)),
+        assets="\n".join(line for name, part in named for line in _asset(name, part)),
         centre=_numbers(centre),
-        half=_numbers(half),
-        friction=FLOOR_FRICTION,
-        geoms="\n".join(_geom(n, part) for n, part in zip(names, found.parts, strict=True)),
+        geoms="\n".join(geoms),
     )
 
 
@@ -167,12 +184,12 @@ def part_names(parts: Iterable[Part]) -> list[str]:
     return names
 
 
-def _custom(found: Found) -> list[str]:
+def _custom(found: Found, ends: Ends) -> list[str]:
     values: dict[str, Iterable[float]] = {
-        "start": [*(found.start or ()), found.start_heading or 0.0],
-        "goal": found.goal or (),
-        "low": found.low or (),
-        "high": found.high or (),
+        "start": [*ends.start, ends.start_heading],
+        "goal": ends.goal,
+        "low": ends.low,
+        "high": ends.high,
         "route_length": [found.route_length or 0.0],
     }
     lines = [
@@ -203,16 +220,25 @@ def _asset(name: str, part: Part) -> list[str]:
     return []
 
 
+def _floor(centre: list[float], ends: Ends) -> str:
+    half = [(b - a) / 2.0 for a, b in zip(ends.low[:2], ends.high[:2], strict=True)]
+    place = f'type="plane" pos="{_numbers(centre)} 0" size="{_numbers(half)} 0.05"'
+    return _geom_of(FLOOR, place, FLOOR)
+
+
 def _geom(name: str, part: Part) -> str:
     shape = {
         "mesh": f'type="mesh" mesh="{name}"',
         "heights": f'type="hfield" hfield="{name}"',
     }.get(part.shape, f'type="{part.shape}" size="{_numbers(part.size)}"')
     turn = "" if part.quaternion == UPRIGHT else f' quat="{_numbers(part.quaternion)}"'
+    return _geom_of(name, f'{shape} pos="{_numbers(part.position)}"{turn}', part.kind)
+
+
+def _geom_of(name: str, place: str, kind: str) -> str:
     return (
-        f'    <geom name="{name}" {shape} pos="{_numbers(part.position)}"{turn} group="0" '
-        f'contype="1" conaffinity="1" friction="{FLOOR_FRICTION} 0.005 0.0001" '
-        f'rgba="{COLOURS.get(part.kind, GREY)}"/>'
+        f'    <geom name="{name}" {place} group="0" contype="1" conaffinity="1" '
+        f'friction="{FRICTION} 0.005 0.0001" rgba="{colour_of(kind)}" user="{class_of(kind)}"/>'
     )
 
 
