@@ -32,13 +32,14 @@ FINISH = 17.0  # m along x
 GOAL_X = 18.0  # m: a little behind, as the drone comes to rest there
 LIMIT = 35.0  # s
 START_HEIGHTS = (2.0, 8.0)  # m
-START_ROOM = 1.0  # m from every sphere: what it cannot see at once is declared free
+START_ROOM = 1.3  # m from the body to every sphere: more than what is declared free
 GOAL_ROOM = 1.0  # m
 
 SETTINGS = (
     "sensors.lidar=ideal-depth-camera",  # on both mounts: it sees nothing else
     "motion.altitude_high=15",
     f"episode.time_limit={LIMIT:g}",
+    "episode.start_clear_radius=0.9",  # a body wider than the cone of sight begins in known space
     "episode.goal_tolerance=0.5",
 )
 
