@@ -178,8 +178,9 @@ def _part(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: in
 
 
 def _name(model: mujoco.MjModel, geom: int) -> str:
-    """The geom's name, or that of its body."""
-    return str(model.geom(geom).name or model.body(model.geom_bodyid[geom]).name)
+    """The geom's name, or that of its body; empty if neither has one."""
+    body = model.geom_bodyid[geom]
+    return str(model.geom(geom).name or (model.body(body).name if body else ""))
 
 
 def _mesh(model: mujoco.MjModel, geom: int) -> Mesh:

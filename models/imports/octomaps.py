@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +26,11 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
         if not file.readline().startswith(HEADER):
             raise Unreadable(path, f"expected a file that begins with '{HEADER.decode()}'", 1)
     try:
-        import pyoctomap  # type: ignore[import-untyped]
+        pyoctomap = importlib.import_module("pyoctomap")
     except ImportError:
         raise Unreadable(path, "OctoMaps need pyoctomap: pip install pyoctomap") from None
     tree = pyoctomap.OcTree(0.1)
-    if not tree.readBinary(str(path).encode()):
+    if not tree.readBinary(str(path)):
         raise Unreadable(path, "no binary OctoMap")
     cell = float(tree.getResolution())
     leaves = [

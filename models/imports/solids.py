@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import asin, atan2
 
 import numpy as np
@@ -62,8 +63,8 @@ def _ground(part: Part) -> Solid:
     x, y, z = part.position
     if np.array_equal(part.R_world_part, np.eye(3)):
         corner = (x - half_x, y - half_y, z)
-        return HeightField.from_array(corner, spacing, heights, kind, base)
-    own = HeightField.from_array((-half_x, -half_y, 0.0), spacing, heights, kind, base)
+        return replace(HeightField.from_array(corner, spacing, heights, kind), base=base)
+    own = HeightField.from_array((-half_x, -half_y, 0.0), spacing, heights, kind)
     corners = own.triangles.reshape(-1, 3) @ part.R_world_part.T + part.position
     return TriangleMesh.from_arrays(corners, np.arange(len(corners)).reshape(-1, 3), kind)
 
