@@ -49,7 +49,7 @@ def world_of_log(log: Log) -> World:
     if log.world is None:
         return find_world(log.config)
     try:
-        world = world_of(log.world, log.config.world.partition(HASHED)[0], log.path)
+        world = world_of(log.world, log.path)
     except Unreadable as error:
         raise InputError(f"log '{log.path}': {error}") from None
     if world.identity != log.config.world:

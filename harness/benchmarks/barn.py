@@ -9,6 +9,7 @@ The folder holds `world_N.world` and `path_N.npy`, as published.
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from harness.errors import InputError
 from models.imports import FileWorld, ImportOptions, Unreadable, world_of, world_text
 from models.imports.importer import complete
 from models.imports.sdf import read_sdf
-from models.robots import ROBOTS
+from models.robots import ROBOTS, RobotSpec
 from models.worlds import is_solvable
 
 ROBOT = "quadruped"
@@ -36,13 +37,14 @@ HIGH = (0.5, 15.0, 3.0)
 
 SPEED = 2.0  # m/s, of the reference
 FASTEST, SLOWEST = 2.0, 8.0  # times OT: clipped to these
+REACHED = 1.0  # m from the goal: there a trial is over
+LIMIT = 50.0  # s
 MARGIN = 0.05  # m, localization: the pose is exact, so half a decimetre for the map's cells
 
 SETTINGS = (
     "map.resolution=0.05",
     f"map.inflation_margin={MARGIN}",
-    "episode.goal_tolerance=1.0",
-    "episode.time_limit=50",
+    f"episode.time_limit={LIMIT:g}",
 )
 
 
@@ -56,12 +58,12 @@ class Row:
         outcome: As an episode ends; `impossible` where truth closes the world for this body and
             margin, and `refused` where the episode could not start.
         score: Success x OT / clip(AT, 2 OT, 8 OT).
-        time_s: AT.
+        time_s: AT, until the goal is 1 m away; else until the episode ended.
         optimal_s: OT.
         clip: Bounds of AT, in OT.
         path_m: Distance travelled.
         clearance_m: Least true distance to a cylinder.
-        collisions: How often it started to touch one.
+        collisions: How often it started to touch one before that.
     """
 
     world: str
@@ -146,10 +148,16 @@ def read_barn(path: Path) -> FileWorld:
     found.route_length = reference_length(cells)
     found.source = path.name
     found.protocol = json.dumps(
-        {"name": "barn", "speed": SPEED, "clip": [FASTEST, SLOWEST], "settings": SETTINGS}
+        {
+            "name": "barn",
+            "speed": SPEED,
+            "clip": [FASTEST, SLOWEST],
+            "reached": REACHED,
+            "settings": SETTINGS,
+        }
     )
     text = world_text(found, complete(found), path.stem)
-    return world_of(text, path.stem, path)
+    return world_of(text, path)
 
 
 def reference_length(cells: NDArray[Any]) -> float:
@@ -167,7 +175,14 @@ def is_open(world: FileWorld) -> bool:
     """Whether truth lets the body with its margin pass from start to goal."""
     spec = ROBOTS[ROBOT].spec
     ends = world.start, world.goal
-    return is_solvable(world, spec.radius, spec.step_height, spec.height, *ends, clearance=MARGIN)
+    return is_solvable(
+        world, body_radius(spec), spec.step_height, spec.height, *ends, clearance=MARGIN
+    )
+
+
+def body_radius(spec: RobotSpec) -> float:
+    """Radius about which the stack keeps space free, m: what a way has to be wide enough for."""
+    return spec.radius
 
 
 def barn_config(world: FileWorld, seed: int) -> Config:
@@ -207,10 +222,13 @@ def _row(finished: Finished) -> Row:
     if result is None:
         return _unrun(world, seed, "refused")
     optimal = (world.route_length or 0.0) / SPEED
-    score = barn_score(result.outcome == "success", result.sim_time_s, optimal)
+    passed = finished.first(lambda x, y, z: math.dist((x, y), GOAL[:2]) <= REACHED)
+    success = passed is not None and passed <= LIMIT
+    time = passed if passed is not None and success else result.sim_time_s
+    outcome = "success" if success else result.outcome
     return Row(
-        world.name, seed, result.outcome, score, result.sim_time_s, optimal, _CLIP,
-        result.path_length_m, result.min_clearance_m, result.collisions,
+        world.name, seed, outcome, barn_score(success, time, optimal), time, optimal, _CLIP,
+        result.path_length_m, result.min_clearance_m, 0 if success else result.collisions,
     )  # fmt: skip
 
 

@@ -131,7 +131,7 @@ def read_field(path: Path) -> FileWorld:
         limits = {"finish_x": FINISH, "limit": LIMIT, "settings": SETTINGS}
         found.protocol = json.dumps({"name": "dodge", **limits})
         text = world_text(found, complete(found), path.stem)
-        return world_of(text, path.stem, path)
+        return world_of(text, path)
     except Unreadable as error:
         raise InputError(str(error)) from None
 
@@ -185,7 +185,7 @@ def _row(finished: Finished) -> Row:
     told = (LIMIT, FINISH, height)
     if result is None:
         return Row(trial.world.name, trial.config.seed, "refused", 0.0, *told, 0.0, 0)
-    passed = next((time for time, x, *_ in finished.track if x >= FINISH), None)
+    passed = finished.first(lambda x, y, z: x >= FINISH)
     if passed is not None and passed <= LIMIT:
         outcome, time, collisions = "success", passed, 0  # an episode ends at its first collision
     else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,6 +51,10 @@ class Finished:
     result: Result | None
     refused: str
     track: tuple[tuple[float, float, float, float], ...]
+
+    def first(self, reached: Callable[[float, float, float], bool]) -> float | None:
+        """When the body was first, at a decision, where a benchmark ends, s."""
+        return next((time for time, *place in self.track if reached(*place)), None)
 
 
 def run_trials(trials: Iterable[Trial], progress: Progress) -> Iterator[Finished]:

@@ -94,7 +94,7 @@ def import_world(
     found.source = found.source or f"{path.name}, sha256 {digest}"
     found.start, found.goal = start or found.start, goal or found.goal
     text = world_text(found, complete(found), path.stem)
-    return world_of(text, path.stem, path), found.notes
+    return world_of(text, path), found.notes
 
 
 def complete(found: Found) -> Ends:

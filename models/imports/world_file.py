@@ -116,22 +116,22 @@ def read_world_file(path: Path) -> FileWorld:
     if not is_world_file(tree):
         raise Unreadable(path, "not a world file; 'wayproof import' makes one of it")
     _check_tags(path, tree)
-    return world_of(text, path.stem, path)
+    return world_of(text, path)
 
 
-def world_of(text: str, name: str, path: Path | str = "world") -> FileWorld:
+def world_of(text: str, path: Path | str = "world") -> FileWorld:
     """The world that a world file's text describes.
 
     Args:
         text: The file's own.
-        name: Of the world.
         path: For what is said if the text cannot be taken.
 
     Raises:
         Unreadable: The text does not compile, or lacks what a mission needs.
     """
     try:
-        found = found_in(mujoco.MjModel.from_xml_string(text), path)
+        model = mujoco.MjModel.from_xml_string(text)
+        found = found_in(model, path)
     except ValueError as error:
         raise error if isinstance(error, Unreadable) else Unreadable(path, _line(error)) from None
     ends = found.ends()
@@ -141,7 +141,7 @@ def world_of(text: str, name: str, path: Path | str = "world") -> FileWorld:
     slabs = tuple(solid for part, solid in solids if part.kind == FLOOR and isinstance(solid, Box))
     try:
         return FileWorld(
-            name=name, seed=0, low=ends.low, high=ends.high,
+            name=model.names.split(b"\0")[0].decode(), seed=0, low=ends.low, high=ends.high,
             solids=tuple(solid for part, solid in solids if part.kind != FLOOR),
             start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
             floor=None if found.plane or not slabs else slabs, route_length=found.route_length,

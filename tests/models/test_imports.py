@@ -268,7 +268,7 @@ def test_a_world_file_names_no_other_file(tmp_path):
         read_world_file(write(tmp_path, "b.xml", "<mujoco/>"))
     other = text.replace('format" data="1"', 'format" data="9"')
     with pytest.raises(Unreadable, match="format '9', expected '1'"):
-        world_of(other, "c")
+        world_of(other)
 
 
 # ---- maps, tables, meshes, heights
