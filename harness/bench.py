@@ -19,6 +19,7 @@ from harness.bench_loop import bench_loop
 from harness.bench_map import bench_map
 from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
+from harness.bench_worlds import bench_worlds
 from harness.benchmarks import BENCHMARKS, Files, find_benchmark
 from harness.errors import InputError, unknown_name
 
@@ -42,6 +43,7 @@ STAGES: dict[str, Stage] = {
     "map": Stage(bench_map, 15),
     "plan": Stage(bench_plan, 15),
     "rays": Stage(bench_rays, 15),
+    "worlds": Stage(bench_worlds, 3),
 }
 
 MOST_REPEATS = 1000

@@ -106,6 +106,7 @@ class Config:
             hash of that file.
         robot: Name in `models.robots.ROBOTS`.
         seed: Seed of the world and of every random stream; never random itself.
+        difficulty: Of the world, 0 to 1, as its generator understands it.
         goal: (x, y) or (x, y, z) in place of the world's own goal, m.
         start: Likewise.
         threads: That rays, map and costmap share; decisions are the same on any number.
@@ -117,6 +118,7 @@ class Config:
     goal: tuple[float, ...] | None = None
     start: tuple[float, ...] | None = None
     threads: int = 1
+    difficulty: float = 0.5
     sensors: SensorConfig = field(default_factory=SensorConfig)
     map: MapConfig = field(default_factory=MapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
@@ -133,6 +135,7 @@ class Config:
                 raise ValueError(f"{name}: got {len(point)} numbers, expected x,y or x,y,z in m")
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
+        _expect("difficulty", self.difficulty, 0.0, 1.0, "")
         if not 1 <= self.threads <= MOST_THREADS:
             raise ValueError(f"threads: got {self.threads}, expected 1 to {MOST_THREADS}")
 

@@ -24,6 +24,7 @@ from models.poses import Trail
 from models.robots import Setpoint
 from models.sensors import Caster
 from models.truth import Truth
+from models.worlds import Traffic
 from planners import Trajectory
 
 Outcome = Literal[
@@ -49,8 +50,10 @@ class Result:
         wall_time_s: Time that it took, compilation apart.
         decisions: Number of decisions.
         collisions: How often the robot started to touch something but the floor.
+        struck: How often something that moves ran into the robot at rest.
         min_clearance_m: Least true distance to anything but the floor, at decision times.
         path_length_m: Distance travelled.
+        route_length_m: Length of the shortest way by the truth; None if there is none.
         deadline_misses: Decisions past their deadline.
         chain: Hash over all decisions.
         log: The log's path.
@@ -63,8 +66,10 @@ class Result:
     wall_time_s: float
     decisions: int
     collisions: int
+    struck: int
     min_clearance_m: float
     path_length_m: float
+    route_length_m: float | None
     deadline_misses: int
     chain: str
     log: str
@@ -119,6 +124,9 @@ class Episode:
         start, heading = np.array(scenario.mission.start), scenario.mission.start_heading
         scene.controller.reset(self._data, start, heading)
         self._truth = Truth(scene.model, scene.base, scene.floor)
+        movers, radius = scenario.world.movers, scenario.spec.radius
+        self._traffic = Traffic(scene.model, movers, scene.base, radius) if movers else None
+        self._move_others(0)
         self._least_uprightness = math.cos(scenario.spec.max_tilt)
         self._navigator = navigator
         self._following = self._navigator.trajectory
@@ -233,7 +241,10 @@ class Episode:
             velocity=data.qvel[:3].tolist(),
             clearance_m=clearance,
             collisions=self._truth.collisions,
+            struck=self._truth.struck,
         )
+        for mover in self._traffic.states() if self._traffic else ():
+            message.movers.add(**mover._asdict())
         message.timestamp.FromNanoseconds(time_ns)
         self._log.write("/truth", message, time_ns)
         return message
@@ -249,6 +260,12 @@ class Episode:
         self._steps.append(self._data.qpos[self._base_coordinates].copy())
         mujoco.mj_step(self._scene.model, self._data)
         self._truth.count_contacts(self._data)
+        self._move_others(self._now_ns() - now_ns)
+
+    def _move_others(self, step_ns: int) -> None:
+        """Bring what moves by itself to the present."""
+        if self._traffic is not None:
+            self._traffic.advance(self._data, self._now_ns(), step_ns)
 
     def _verdict_of(self, decision: pb.Decision) -> tuple[Outcome, str] | None:
         """What the decision ends: the goal it claims is checked against the truth."""
@@ -272,7 +289,9 @@ class Episode:
         """What a physics step ends; called at each, so it compares plain floats."""
         mission, truth = self._scenario.mission, self._truth
         if truth.collisions:
-            return "collision", f"touched an obstacle at {self._place()}"
+            return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
+        if truth.struck:
+            return "collision", f"was hit by {truth.touched} while at rest at {self._place()}"
         if not truth.uprightness(self._data) > self._least_uprightness:
             return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"
         position = self._data.xpos[self._scene.base].tolist()
@@ -294,8 +313,10 @@ class Episode:
             wall_time_s=wall_time_s,
             decisions=self._sequence,
             collisions=self._truth.collisions,
+            struck=self._truth.struck,
             min_clearance_m=min(self._clearances),
             path_length_m=float(np.linalg.norm(steps, axis=1).sum()),
+            route_length_m=self._scenario.route_length(),
             deadline_misses=self._misses,
             chain=self._navigator.chain,
             log=str(self._log.path),

@@ -17,7 +17,8 @@ from models.devices import DepthCamera, Device, Rangefinder
 from models.robots import ROBOTS, RobotSpec
 from models.scene import PREFIX, Scene, compose, device_name, resolve
 from models.sensors import Caster
-from models.worlds import World
+from models.worlds import World, shortest_path_length
+from models.worlds.solvability import AIR_BANDS
 
 Point = tuple[float, float, float]
 
@@ -44,6 +45,22 @@ class Scenario:
     mission: Mission
     spec: RobotSpec
     warnings: tuple[str, ...]
+
+    def route_length(self) -> float | None:
+        """Length of the shortest way for this body by the truth without movers, m; None if none.
+
+        For a robot that flies, in the plane, at one of two altitudes. SPL (Anderson et al. 2018)
+        compares the way travelled with it.
+        """
+        if self.world.route_length is not None:
+            return self.world.route_length
+        spec, mission = self.spec, self.mission
+        bands = AIR_BANDS if spec.motion == "air" else ((spec.step_height, spec.height),)
+        ways = [
+            shortest_path_length(self.world, spec.radius, *band, mission.start, mission.goal)
+            for band in bands
+        ]
+        return min((way for way in ways if way is not None), default=None)
 
 
 def build(config: Config, world: World | None = None) -> Scenario:

@@ -37,7 +37,7 @@ def find_world(config: Config) -> World:
         )
     if config.world not in WORLDS:
         raise unknown_name("world", config.world, WORLDS)
-    return WORLDS[config.world](config.seed)
+    return WORLDS[config.world](config.seed, config.difficulty)
 
 
 def world_of_log(log: Log) -> World:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import mujoco
@@ -11,9 +12,22 @@ from numpy.typing import NDArray
 from models._jit import kernel
 from models.sensors import ROBOT_GROUP
 
+REST_SPEED = 0.05
+"""Slower than this a robot is at rest, m/s."""
+
+REST_WINDOW = 0.2
+"""Time over which its speed is taken, s."""
+
 
 class Truth:
-    """Contacts and clearance between one robot and everything but the floor."""
+    """Contacts and clearance between one robot and everything but the floor.
+
+    Attributes:
+        collisions: How often the robot, in motion, started to touch something but the floor; or
+            something that stays where it is, at rest.
+        struck: How often a mover started to touch the robot at rest.
+        touched: Name of the mover last touched, or nothing.
+    """
 
     def __init__(self, model: mujoco.MjModel, base: int, floor: Sequence[int]) -> None:
         """Sort the geoms into the robot's, the floor (ids, to be stepped on), and the rest."""
@@ -25,14 +39,36 @@ class Truth:
         self._robot = np.flatnonzero(self._is_robot)
         self._obstacles = np.flatnonzero(self._is_obstacle)
         self._fromto = np.zeros(6)
+        self._is_mover = model.body_mocapid[model.geom_bodyid] >= 0
+        window = round(REST_WINDOW / float(model.opt.timestep)) + 1
+        self._places: deque[NDArray[np.float64]] = deque(maxlen=window)
         self._touching = False
         self.collisions = 0
+        self.struck = 0
+        self.touched = ""
 
     def count_contacts(self, data: mujoco.MjData) -> None:
         """Count a collision whenever the robot starts to touch something but the floor."""
-        touching = self._touches_obstacle(data)
-        self.collisions += touching and not self._touching
-        self._touching = touching
+        self._places.append(data.xpos[self._base].copy())
+        obstacle = self._touched_obstacle(data)
+        if obstacle >= 0 and not self._touching:
+            self._note(obstacle)
+        self._touching = obstacle >= 0
+
+    def _note(self, obstacle: int) -> None:
+        by_mover = bool(self._is_mover[obstacle])
+        self.touched = self._model.body(self._model.geom_bodyid[obstacle]).name if by_mover else ""
+        if by_mover and self._speed() < REST_SPEED:
+            self.struck += 1
+        else:
+            self.collisions += 1
+
+    def _speed(self) -> float:
+        """Of the base over the last moments, m/s: a standing trot sways."""
+        if len(self._places) < 2:
+            return 0.0
+        time = (len(self._places) - 1) * float(self._model.opt.timestep)
+        return float(np.linalg.norm(self._places[-1] - self._places[0])) / time
 
     def clearance(self, data: mujoco.MjData, limit: float = 2.0) -> float:
         """Least distance from any robot geom to any geom but the floor, m, at most `limit`.
@@ -55,10 +91,13 @@ class Truth:
         """Cosine of the angle between the base's z axis and the world's."""
         return float(data.xmat[self._base, 8])
 
-    def _touches_obstacle(self, data: mujoco.MjData) -> bool:
+    def _touched_obstacle(self, data: mujoco.MjData) -> int:
+        """Geom id of an obstacle that the robot touches, -1 if there is none."""
         count = data.ncon
+        if not count:
+            return -1
         pairs = np.ascontiguousarray(data.contact.geom[:count])
-        return count > 0 and bool(touches(pairs, self._is_robot, self._is_obstacle))
+        return int(touched(pairs, self._is_robot, self._is_obstacle))
 
     def _sphere_gaps(self, data: mujoco.MjData) -> NDArray[np.float64]:
         model, robot, obstacles = self._model, self._robot, self._obstacles
@@ -74,17 +113,19 @@ class Truth:
 
 
 @kernel
-def touches(
+def touched(
     pairs: NDArray[np.int32], is_robot: NDArray[np.bool_], is_obstacle: NDArray[np.bool_]
-) -> bool:
-    """Whether any pair of geoms (n, 2) is one of the robot's and one that it should not touch."""
+) -> int:
+    """The first geom among pairs (n, 2) in contact that the robot should not touch; -1 if none."""
     for k in range(len(pairs)):
         a, b = pairs[k, 0], pairs[k, 1]
-        if (is_robot[a] and is_obstacle[b]) or (is_robot[b] and is_obstacle[a]):
-            return True
-    return False
+        if is_robot[a] and is_obstacle[b]:
+            return int(b)
+        if is_robot[b] and is_obstacle[a]:
+            return int(a)
+    return -1
 
 
 def warm_up() -> None:
     """Compile the kernel, or load it from the cache."""
-    touches(np.zeros((1, 2), np.int32), np.zeros(1, np.bool_), np.zeros(1, np.bool_))
+    touched(np.zeros((1, 2), np.int32), np.zeros(1, np.bool_), np.zeros(1, np.bool_))

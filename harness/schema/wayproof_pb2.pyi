@@ -204,7 +204,7 @@ class Decision(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., blocked_at_or_below: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., guide: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ...) -> None: ...
 
 class Truth(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "clearance_m", "collisions")
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "clearance_m", "collisions", "movers", "struck")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -212,6 +212,8 @@ class Truth(_message.Message):
     VELOCITY_FIELD_NUMBER: _ClassVar[int]
     CLEARANCE_M_FIELD_NUMBER: _ClassVar[int]
     COLLISIONS_FIELD_NUMBER: _ClassVar[int]
+    MOVERS_FIELD_NUMBER: _ClassVar[int]
+    STRUCK_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
@@ -219,4 +221,18 @@ class Truth(_message.Message):
     velocity: _containers.RepeatedScalarFieldContainer[float]
     clearance_m: float
     collisions: int
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ...) -> None: ...
+    movers: _containers.RepeatedCompositeFieldContainer[MoverPose]
+    struck: int
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., movers: _Optional[_Iterable[_Union[MoverPose, _Mapping]]] = ..., struck: _Optional[int] = ...) -> None: ...
+
+class MoverPose(_message.Message):
+    __slots__ = ("name", "present", "position", "quaternion")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    PRESENT_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    present: bool
+    position: _containers.RepeatedScalarFieldContainer[float]
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, name: _Optional[str] = ..., present: _Optional[bool] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ...) -> None: ...

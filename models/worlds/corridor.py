@@ -23,20 +23,24 @@ END = 1.1
 """Start and goal keep this from the end walls, m."""
 
 
-def corridor(seed: int) -> World:
-    """A corridor 2.0-2.4 m wide and 16 m long with one or two bends and up to four crates.
+def corridor(seed: int, difficulty: float = 0.5) -> World:
+    """A corridor 2.0-2.4 m wide and 16 m long with one or two bends.
+
+    Difficulty scales the number of crates: 2 to 4 at 0.5.
 
     Raises:
-        ValueError: The seed is negative.
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable("corridor", seed, lambda rng: _draft(rng, seed))
+    return first_solvable("corridor", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
 
 
-def _draft(rng: np.random.Generator, seed: int) -> World:
+def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
     width = rng.uniform(2.0, 2.4)
     shell = _one_bend(rng, seed, width) if rng.uniform() < 0.5 else _two_bends(rng, seed, width)
-    furnished = with_crates(rng, shell, count=int(rng.integers(2, 5)), longest=0.6)
+    furnished = with_crates(
+        rng, shell, count=round(2 * difficulty * int(rng.integers(2, 5))), longest=0.6
+    )
     return mirrored(furnished, flip_x=bool(rng.integers(2)), flip_y=bool(rng.integers(2)))
 
 

@@ -14,13 +14,13 @@ WALL_MARGIN = 1.2
 """Start and goal keep this from the outside of the walls, m: 1 m from their inside."""
 
 
-def empty(seed: int) -> World:
-    """A 12 x 12 m room, start and goal at least 6 m apart.
+def empty(seed: int, difficulty: float = 0.5) -> World:
+    """A 12 x 12 m room, start and goal at least 6 m apart, at any difficulty.
 
     Raises:
-        ValueError: The seed is negative.
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
     """
-    return first_solvable("empty", seed, lambda rng: _draft(rng, seed))
+    return first_solvable("empty", seed, lambda rng: _draft(rng, seed), difficulty)
 
 
 def _draft(rng: np.random.Generator, seed: int) -> World:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import atan2, pi
 
 import numpy as np
+from numpy.typing import NDArray
 
-from models.worlds.solids import Box, Solid, Vector3
+from models.worlds.solids import Box, Capsule, Cylinder, Solid, Vector3
 from models.worlds.solvability import (
     GROUND_BAND,
     REFERENCE_RADIUS,
@@ -31,22 +33,34 @@ END_CLEARANCE = 0.95
 REACHABLE_SHARE = 0.95
 """Crates leave at least this share of the passable floor in one piece with the start."""
 
+FLOOR_THICKNESS = 0.3
+"""Of a floor of slabs, m."""
+
+Group = tuple[Solid, ...]
+Rectangle = tuple[tuple[float, float], tuple[float, float]]
+
 ALL_HEIGHTS = (-100.0, 100.0)
 """A band that holds everything, m."""
+
+COVER = 0.15
+"""Half the distance between the circles that cover a long bar, m."""
 
 PLACEMENTS = 200
 """Places tried for one crate."""
 
+FEW_PLACEMENTS = 30
+"""Places tried for one of many things."""
 
-def room_walls(low: Vector3, high: Vector3) -> tuple[Box, ...]:
-    """Four walls just inside a rectangle, from the floor to 3 m."""
+
+def room_walls(low: Vector3, high: Vector3, kind: str = "wall") -> tuple[Box, ...]:
+    """Four walls just inside a rectangle, from the floor to 3 m; or a hedge, or a fence."""
     (x0, y0, _), (x1, y1, _) = low, high
     t, h = WALL_THICKNESS, WALL_HEIGHT
     return (
-        Box.between((x0, y0, 0.0), (x0 + t, y1, h), "wall"),
-        Box.between((x1 - t, y0, 0.0), (x1, y1, h), "wall"),
-        Box.between((x0 + t, y0, 0.0), (x1 - t, y0 + t, h), "wall"),
-        Box.between((x0 + t, y1 - t, 0.0), (x1 - t, y1, h), "wall"),
+        Box.between((x0, y0, 0.0), (x0 + t, y1, h), kind),
+        Box.between((x1 - t, y0, 0.0), (x1, y1, h), kind),
+        Box.between((x0 + t, y0, 0.0), (x1 - t, y0 + t, h), kind),
+        Box.between((x0 + t, y1 - t, 0.0), (x1 - t, y1, h), kind),
     )
 
 
@@ -92,21 +106,39 @@ def with_crates(rng: np.random.Generator, world: World, count: int, longest: flo
         count: Crates to add; one that fits nowhere is left out.
         longest: Longest side of a crate, m.
     """
+
+    def crates() -> Iterator[Iterator[Group]]:
+        for _ in range(count):
+            size = _crate_size(rng, longest)
+            yield ((_crate(rng, world, size),) for _ in range(PLACEMENTS))
+
+    return with_groups(world, crates())
+
+
+def with_groups(world: World, choices: Iterable[Iterable[Group]]) -> World:
+    """Add groups of solids that stand free of all else and close no way through.
+
+    Args:
+        world: To be furnished.
+        choices: For each group, itself in one place after another: the first that fits is taken,
+            and none if none does.
+    """
     free = free_cells(world, REFERENCE_RADIUS, GROUND_BAND)
     start = cell_of(world, world.start)
-    for _ in range(count):
-        size = _crate_size(rng, longest)
-        for _ in range(PLACEMENTS):
-            crate = _crate(rng, world, size)
-            if not _fits(world, crate):
+    crowd = _Crowd(world)
+    for places in choices:
+        for group in places:
+            if not all(map(crowd.leaves_room_for, group)):
                 continue
             still_free = free.copy()
-            if crate.top > GROUND_BAND[0]:
-                clear_around(still_free, world, crate, REFERENCE_RADIUS)
+            for solid in group:
+                if solid.top > GROUND_BAND[0] and solid.bottom < GROUND_BAND[1]:
+                    clear_around(still_free, world, solid, REFERENCE_RADIUS)
             labels = label_regions(still_free)
             reachable = np.count_nonzero(labels == labels[start])
             if labels[start] and reachable >= REACHABLE_SHARE * np.count_nonzero(still_free):
-                free, world = still_free, replace(world, solids=(*world.solids, crate))
+                free, world = still_free, replace(world, solids=(*world.solids, *group))
+                crowd = _Crowd(world)
                 break
     return world
 
@@ -131,16 +163,56 @@ def _crate(rng: np.random.Generator, world: World, size: Vector3) -> Box:
     return replace(upright, centre=centre, yaw=round(rng.uniform(0.0, pi), 3))
 
 
-def _fits(world: World, crate: Box) -> bool:
-    """Whether a crate stands free of every solid and of start and goal."""
-    if (
-        crate.distance_in_plane([world.start[:2], world.goal[:2]], ALL_HEIGHTS).min()
-        < END_CLEARANCE
-    ):
-        return False
-    size = float(np.hypot(*crate.half_extents[:2]))
-    centre = [crate.centre[:2]]
-    return all(
-        solid.bottom >= crate.top or solid.distance_in_plane(centre, ALL_HEIGHTS)[0] > size
-        for solid in world.solids
-    )
+class _Crowd:
+    """The solids that are there already, with their bounds as arrays."""
+
+    def __init__(self, world: World) -> None:
+        self._solids = world.solids
+        self._ends = [world.start[:2], world.goal[:2]]
+        self._low = np.array([solid.low for solid in world.solids])  # (n, 3)
+        self._high = np.array([solid.high for solid in world.solids])
+
+    def leaves_room_for(self, solid: Solid) -> bool:
+        """Whether a solid stands free of every other and of start and goal."""
+        if solid.distance_in_plane(self._ends, ALL_HEIGHTS).min() < END_CLEARANCE:
+            return False
+        points, size = _cover(solid)
+        low, high = self._low[:, None, :2] - points, points - self._high[:, None, :2]
+        gap = np.linalg.norm(np.maximum(np.maximum(low, high), 0.0), axis=2).min(axis=1)
+        level = (self._low[:, 2] < solid.top) & (self._high[:, 2] > solid.bottom)
+        near = np.flatnonzero(level & (gap <= size))  # by their bounds; now by themselves
+        return all(
+            self._solids[other].distance_in_plane(points, ALL_HEIGHTS).min() > size
+            for other in near
+        )
+
+
+def _cover(solid: Solid) -> tuple[NDArray[np.float64], float]:
+    """Middles (k, 2) and the radius of circles that together cover a footprint, m."""
+    if isinstance(solid, Cylinder | Capsule):
+        axis = np.array([solid.tail[:2], solid.head[:2]])
+        count = int(np.linalg.norm(axis[1] - axis[0]) / (2 * COVER)) + 1
+        shares = (np.arange(count)[:, None] + 0.5) / count
+        return axis[0] + shares * (axis[1] - axis[0]), solid.radius + COVER
+    if isinstance(solid, Box) and solid.upright:
+        return np.array([solid.centre[:2]]), float(np.hypot(*solid.half_extents[:2]))
+    low, high = np.array(solid.low[:2]), np.array(solid.high[:2])
+    return (low + high)[None] / 2, float(np.hypot(*(high - low))) / 2
+
+
+def slabs_around(low: Vector3, high: Vector3, holes: Sequence[Rectangle]) -> tuple[Box, ...]:
+    """A floor 0.3 m thick with rectangular holes that do not overlap.
+
+    Args:
+        low: Corner of the floor; z is not used, the floor's surface is at 0.
+        high: Corner of the floor.
+        holes: Lower and upper corner of each, m, to millimetres.
+    """
+    cuts = sorted({low[0], high[0], *(x for (x0, _), (x1, _) in holes for x in (x0, x1))})
+    slabs = []
+    for x0, x1 in pairwise(cuts):
+        missing = sorted((a[1], b[1]) for a, b in holes if a[0] <= x0 and x1 <= b[0])
+        edges = [low[1], *(y for hole in missing for y in hole), high[1]]
+        for y0, y1 in zip(edges[::2], edges[1::2], strict=True):
+            slabs.append(Box.between((x0, y0, -FLOOR_THICKNESS), (x1, y1, 0.0), "floor"))
+    return tuple(slabs)

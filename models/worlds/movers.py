@@ -10,8 +10,11 @@ from typing import NamedTuple
 
 from models.worlds.solids import Solid, Vector3
 
-STANDS_OFF = 0.5
-"""How near people let a robot come that stands in their way before they stop, m; assumed."""
+STANDS_OFF = 0.8
+"""How near people let a robot come that is in their way before they stop, m; assumed."""
+
+ASIDE = 0.3
+"""What passes a mover farther aside than this, between their sides, is not in its way, m."""
 
 
 class Place(NamedTuple):

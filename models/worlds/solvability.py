@@ -7,6 +7,7 @@ centre to the nearest solid that stands in the body's height band. What moves is
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,8 +21,11 @@ RESOLUTION = 0.05
 """Side of a cell, m."""
 
 REFERENCE_RADIUS = 0.75
-"""Every generated world lets a disc of this radius through, m: a quadruped of 0.45 m, a margin of
-0.1 m, and the two cells of 10 cm that a map may round away."""
+"""Up to a difficulty of 0.5 every world lets a disc of this radius through, m: a quadruped of
+0.45 m, a margin of 0.1 m, and the two cells of 10 cm that a map may round away."""
+
+TIGHTEST_RADIUS = 0.6
+"""At a difficulty of 1, m: the same body and margin; a map of 10 cm may close what is open."""
 
 GROUND_BAND = (0.03, 0.5)
 """Height band of the reference quadruped, m: between what it steps over and its back."""
@@ -89,33 +93,62 @@ def shortest_path_length(
     The 8-connected grid path (Dijkstra), pulled taut through free cells: without that a straight
     line at 22.5 degrees would count 8 % too long. Arguments as for `is_solvable`.
     """
+    way = shortest_path(world, radius, band_low, band_high, start, goal, clearance)
+    if way is None:
+        return None
+    return float(np.sqrt(np.square(np.diff(way, axis=0)).sum(axis=1)).sum())
+
+
+def shortest_path(
+    world: World,
+    radius: float,
+    band_low: float,
+    band_high: float,
+    start: ArrayLike,
+    goal: ArrayLike,
+    clearance: float = 0.0,
+) -> NDArray[np.float64] | None:  # (n, 2)
+    """Corners of that way, both ends included, m; None when there is none."""
     free = free_cells(world, radius + clearance, (band_low, band_high))
     cells = _grid_path(free, cell_of(world, start), cell_of(world, goal))
     if cells is None:
         return None
     centres = np.asarray(world.low[:2]) + (cells + 0.5) * RESOLUTION  # (n, 2)
     points = np.vstack([np.ravel(start)[:2], centres[1:-1], np.ravel(goal)[:2]])
-    corners = points[_taut(free, cells)]
-    return float(np.sqrt(np.square(np.diff(corners, axis=0)).sum(axis=1)).sum())
+    return np.asarray(points[_taut(free, cells)])
 
 
-def first_solvable(name: str, seed: int, draft: Callable[[np.random.Generator], World]) -> World:
+def first_solvable(
+    name: str, seed: int, draft: Callable[[np.random.Generator], World], difficulty: float = 0.5
+) -> World:
     """Draw drafts from sub-seeds of (seed, name) until the reference bodies can pass.
 
     Raises:
-        ValueError: The seed is negative.
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft was solvable.
     """
     if seed < 0:
         raise ValueError(f"seed: got {seed}, expected 0 or more")
+    if not 0.0 <= difficulty <= 1.0:
+        raise ValueError(f"difficulty: got {difficulty}, expected 0 to 1")
+    radius = passage_radius(difficulty)
     for attempt in range(ATTEMPTS):
         world = draft(np.random.default_rng([seed, attempt, *name.encode()]))
         ends = (world.start, world.goal)
-        if is_solvable(world, REFERENCE_RADIUS, *GROUND_BAND, *ends) and is_solvable_in_any(
-            world, REFERENCE_RADIUS, AIR_BANDS, *ends
+        if is_solvable(world, radius, *GROUND_BAND, *ends) and is_solvable_in_any(
+            world, radius, AIR_BANDS, *ends
         ):
-            return world
+            return replace(world, difficulty=difficulty)
     raise RuntimeError(f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts was solvable")
+
+
+def passage_radius(difficulty: float) -> float:
+    """Radius of the disc that a world lets through, m.
+
+    `REFERENCE_RADIUS` up to a difficulty of 0.5, then less, down to `TIGHTEST_RADIUS`.
+    """
+    tight = max(2.0 * difficulty - 1.0, 0.0)
+    return REFERENCE_RADIUS + tight * (TIGHTEST_RADIUS - REFERENCE_RADIUS)
 
 
 def free_cells(world: World, radius: float, band: Band) -> NDArray[np.bool_]:  # (nx, ny)

@@ -31,17 +31,19 @@ DISTANCE = (12.0, 17.0)
 """Straight line from start to goal, m."""
 
 
-def warehouse(seed: int) -> World:
+def warehouse(seed: int, difficulty: float = 0.5) -> World:
     """A 20 x 14 m hall, start and goal 12-17 m apart at its two ends.
 
+    Difficulty scales the number of crates: 6 to 12 at 0.5.
+
     Raises:
-        ValueError: The seed is negative.
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable("warehouse", seed, lambda rng: _draft(rng, seed))
+    return first_solvable("warehouse", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
 
 
-def _draft(rng: np.random.Generator, seed: int) -> World:
+def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
     partition_x = rng.uniform(4.6, 6.0)
     start, goal = _ends(rng)
     hall = World(
@@ -58,7 +60,9 @@ def _draft(rng: np.random.Generator, seed: int) -> World:
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
     )
-    furnished = with_crates(rng, hall, count=int(rng.integers(6, 13)), longest=0.8)
+    furnished = with_crates(
+        rng, hall, count=round(2 * difficulty * int(rng.integers(6, 13))), longest=0.8
+    )
     return mirrored(furnished, flip_x=bool(rng.integers(2)), flip_y=bool(rng.integers(2)))
 
 

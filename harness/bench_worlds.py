@@ -1,0 +1,141 @@
+"""How both robots fare in every world: one episode each of some seeds, and a summary."""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.config import Config
+from harness.episode import run_episode
+from harness.scenario import build
+from harness.warm_up import warm_up
+from models.worlds import WORLDS
+
+ROBOTS = ("quadruped", "drone")
+PROCESSES = 2
+
+Job = tuple[str, str, int]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One episode with the default settings.
+
+    Attributes:
+        world: Its name.
+        robot: Its name.
+        seed: Of the world and of all else.
+        outcome: How it ended.
+        time_s: Simulated time.
+        clearance_m: Least true distance to anything but the floor.
+        spl: Success weighted by path length (Anderson et al. 2018): the shortest way over the one
+            travelled, at most 1; 0 for a failure.
+        struck: How often a mover ran into the robot at rest.
+        reason: In words.
+    """
+
+    world: str
+    robot: str
+    seed: int
+    outcome: str
+    time_s: float
+    clearance_m: float
+    spl: float
+    struck: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Summary:
+    """All episodes of one robot in one world.
+
+    Attributes:
+        world: Its name.
+        robot: Its name.
+        episodes: How many.
+        reached: Of these, how many ended in success.
+        mean_time_s: Mean simulated time of the successes; None without any.
+        mean_spl: Over all episodes.
+        least_clearance_m: Over all episodes.
+    """
+
+    world: str
+    robot: str
+    episodes: int
+    reached: int
+    mean_time_s: float | None
+    mean_spl: float
+    least_clearance_m: float
+
+
+def bench_worlds(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Run every world with both robots; a `Row` for each episode, then `Summary` rows.
+
+    Args:
+        repeats: Seeds of each pair.
+        seed: The first.
+        progress: Told what is done.
+    """
+    seeds = range(seed, seed + repeats)
+    jobs = [(world, robot, each) for world in WORLDS for robot in ROBOTS for each in seeds]
+    rows = _run_all(jobs, progress)
+    pairs = dict.fromkeys((world, robot) for world, robot, _ in jobs)
+    summaries = [
+        _summarise([row for row in rows if (row.world, row.robot) == pair]) for pair in pairs
+    ]
+    return [*map(asdict, rows), *map(asdict, summaries)]
+
+
+def _run_all(jobs: list[Job], progress: Callable[[str], None]) -> list[Row]:
+    """In the order of the jobs, whichever process ran them."""
+    context = multiprocessing.get_context("spawn")
+    rows: dict[Job, Row] = {}
+    with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
+        running = {pool.submit(run_one, *job): job for job in jobs}
+        for done in as_completed(running):
+            row = rows[running[done]] = done.result()
+            progress(
+                f"worlds: {len(rows)} of {len(jobs)}, {row.world} {row.robot} {row.seed}: "
+                f"{row.outcome}"
+            )
+    return [rows[job] for job in jobs]
+
+
+def run_one(world: str, robot: str, seed: int) -> Row:
+    """One episode, its log thrown away."""
+    config = Config(world, robot, seed)
+    warm_up(config)
+    with tempfile.TemporaryDirectory() as folder:
+        result = run_episode(build(config), Path(folder) / "episode.mcap")
+    success = result.outcome == "success"
+    shortest = result.route_length_m or 0.0
+    longest = max(result.path_length_m, shortest)
+    return Row(
+        world=world,
+        robot=robot,
+        seed=seed,
+        outcome=result.outcome,
+        time_s=result.sim_time_s,
+        clearance_m=result.min_clearance_m,
+        spl=shortest / longest if success and longest else 0.0,
+        struck=result.struck,
+        reason=result.reason,
+    )
+
+
+def _summarise(rows: list[Row]) -> Summary:
+    times = [row.time_s for row in rows if row.outcome == "success"]
+    return Summary(
+        world=rows[0].world,
+        robot=rows[0].robot,
+        episodes=len(rows),
+        reached=len(times),
+        mean_time_s=sum(times) / len(times) if times else None,
+        mean_spl=sum(row.spl for row in rows) / len(rows),
+        least_clearance_m=min(row.clearance_m for row in rows),
+    )

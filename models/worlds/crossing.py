@@ -1,0 +1,75 @@
+"""A hall that people and forklifts cross, from wall to wall, to and fro."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.worlds.layout import heading_towards, room_walls, with_crates
+from models.worlds.movers import Mover
+from models.worlds.passers_by import FORKLIFT, PERSON
+from models.worlds.solids import Vector3
+from models.worlds.solvability import first_solvable
+from models.worlds.world import World
+
+LOW: Vector3 = (0.0, 0.0, -0.5)
+HIGH: Vector3 = (17.0, 11.0, 3.0)
+END = 1.4
+"""Start and goal keep this from the outside of the walls, m."""
+
+LANES = (4.2, 12.8)
+"""Between the first and the last lane in x, m."""
+
+MOVERS = (2, 8)
+SPEEDS = ((0.3, 0.7), (0.7, 1.5))
+"""Least and greatest, at difficulty 0 and 1, m/s; people walk at up to 1.5."""
+
+FORKLIFTS = 0.25
+"""Share of the movers."""
+
+
+def crossing(seed: int, difficulty: float = 0.5) -> World:
+    """A 17 x 11 m hall, start and goal at its two ends, lanes across between them.
+
+    Difficulty raises the number of movers from 2 to 8, and their speed.
+
+    Raises:
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
+        RuntimeError: No draft let the reference bodies through.
+    """
+    return first_solvable("crossing", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+
+
+def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
+    start, goal = (
+        (x, round(rng.uniform(LOW[1] + 2.5, HIGH[1] - 2.5), 3), 0.0) for x in (END, HIGH[0] - END)
+    )
+    count = round(MOVERS[0] + difficulty * (MOVERS[1] - MOVERS[0]))
+    lanes = np.linspace(*LANES, count) + rng.uniform(-0.3, 0.3, count)
+    hall = World(
+        name="crossing",
+        seed=seed,
+        low=LOW,
+        high=HIGH,
+        solids=room_walls(LOW, HIGH),
+        start=start,
+        start_heading=heading_towards(rng, start, goal),
+        goal=goal,
+        movers=tuple(_mover(rng, i, float(x), difficulty) for i, x in enumerate(lanes)),
+    )
+    return with_crates(rng, hall, count=int(rng.integers(0, 4)), longest=0.8)
+
+
+def _mover(rng: np.random.Generator, number: int, x: float, difficulty: float) -> Mover:
+    slow, fast = (a + difficulty * (b - a) for a, b in zip(*SPEEDS, strict=True))
+    speed = round(rng.uniform(slow, fast), 3)
+    drives = bool(rng.uniform() < FORKLIFTS)
+    margin = 2.0 if drives else 0.7
+    route = ((round(x, 3), margin, 0.0), (round(x, 3), HIGH[1] - margin, 0.0))
+    if rng.integers(2):
+        route = route[::-1]
+    begin = round(rng.uniform(0.0, 2.0 * (HIGH[1] - 2.0 * margin)), 3)
+    if drives:
+        return Mover(
+            f"forklift_{number}", FORKLIFT, route, speed, begin, backs_up=True, stands_off=1.0
+        )
+    return Mover(f"person_{number}", PERSON, route, speed, begin)

@@ -1,0 +1,94 @@
+"""A dense field of pillars grown by a cellular automaton, with one winding way left open.
+
+After the worlds of BARN (Perille et al. 2020, "Benchmarking Metric Ground Navigation"): cells are
+filled at random, then smoothed by their neighbours. BARN's passages suit a wheeled robot of 0.25 m;
+cells and passages here suit the wider bodies of this project, and pillars are as high as the walls.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
+from models.worlds.solids import Cylinder, Vector3
+from models.worlds.solvability import first_solvable, passage_radius
+from models.worlds.world import World
+
+LOW: Vector3 = (0.0, 0.0, -0.5)
+HIGH: Vector3 = (16.0, 10.0, 3.0)
+CELL = 0.4
+RADIUS = 0.2
+FILLED = (0.10, 0.34)
+"""Share of the cells filled at random, at difficulty 0 and 1; BARN takes 0.15 to 0.30."""
+
+BIRTH, DEATH = 5, 1
+"""A cell with at least 5 filled neighbours of 8 is filled, one with at most 1 is emptied."""
+
+SMOOTHINGS = (1, 3)
+MARGIN = 0.12
+"""The way left open is wider than the passage by this on either side, m."""
+
+END = 1.3
+"""Start and goal keep this from the walls, m."""
+
+
+def cylinders(seed: int, difficulty: float = 0.5) -> World:
+    """Pillars in a 16 x 10 m hall, start and goal at its two ends.
+
+    Difficulty raises the share of the cells that are filled and narrows the way left open.
+
+    Raises:
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
+        RuntimeError: No draft let the reference bodies through.
+    """
+    return first_solvable("cylinders", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+
+
+def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
+    start, goal = (
+        (x, round(rng.uniform(LOW[1] + END, HIGH[1] - END), 3), 0.0) for x in (END, HIGH[0] - END)
+    )
+    share = FILLED[0] + difficulty * (FILLED[1] - FILLED[0])
+    centres = _filled_cells(rng, share)
+    way = _way(rng, start, goal)
+    away = np.linalg.norm(centres[:, None] - way[None], axis=2).min(axis=1)
+    ends = np.linalg.norm(centres[:, None] - np.array([start, goal])[None, :, :2], axis=2)
+    keep = (away > passage_radius(difficulty) + RADIUS + MARGIN) & (ends.min(axis=1) > END)
+    return World(
+        name="cylinders",
+        seed=seed,
+        low=LOW,
+        high=HIGH,
+        solids=(
+            *room_walls(LOW, HIGH),
+            *(
+                Cylinder((x, y, 0.0), (x, y, WALL_HEIGHT), RADIUS, "pillar")
+                for x, y in np.round(centres[keep], 3).tolist()
+            ),
+        ),
+        start=start,
+        start_heading=heading_towards(rng, start, goal),
+        goal=goal,
+    )
+
+
+def _filled_cells(rng: np.random.Generator, share: float) -> NDArray[np.float64]:  # (n, 2)
+    """Centres of the cells that are filled after smoothing, m."""
+    inside = np.subtract(HIGH[:2], LOW[:2]) - 2 * WALL_THICKNESS
+    filled = rng.uniform(size=tuple((inside / CELL).astype(int))) < share
+    around = np.ones((3, 3), np.int64)
+    for _ in range(int(rng.integers(SMOOTHINGS[0], SMOOTHINGS[1] + 1))):
+        neighbours = ndimage.convolve(filled.astype(np.int64), around, mode="constant") - filled
+        filled = (filled & (neighbours > DEATH)) | (neighbours >= BIRTH)
+    corner = np.add(LOW[:2], WALL_THICKNESS)
+    return np.asarray(corner + (np.argwhere(filled) + 0.5) * CELL)
+
+
+def _way(rng: np.random.Generator, start: Vector3, goal: Vector3) -> NDArray[np.float64]:  # (n, 2)
+    """Points 0.1 m apart along a polyline from start to goal through two points between."""
+    x = np.linspace(start[0], goal[0], 4)
+    y = [start[1], *rng.uniform(LOW[1] + END, HIGH[1] - END, 2), goal[1]]
+    along = np.linspace(x[0], x[-1], round(10 * (x[-1] - x[0])))
+    return np.column_stack([along, np.interp(along, x, y)])

@@ -1,0 +1,91 @@
+"""A wood: trunks that lean a little, branches between knee and head, bushes; a hedge around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, pi, sin
+
+import numpy as np
+
+from models.worlds.layout import FEW_PLACEMENTS, Group, heading_towards, room_walls, with_groups
+from models.worlds.solids import Capsule, Cylinder, Sphere, Vector3
+from models.worlds.solvability import first_solvable
+from models.worlds.world import World
+
+LOW: Vector3 = (0.0, 0.0, -0.5)
+HIGH: Vector3 = (17.0, 12.0, 3.0)
+END = 1.4
+"""Start and goal keep this from the outside of the hedge, m."""
+
+TRUNKS = (12, 44)
+BUSHES = (2, 8)
+"""At difficulty 0 and 1; what fits nowhere is left out."""
+
+TRUNK_HEIGHT = 3.4
+BRANCHES = 3
+"""A tree has up to so many, at a share that grows with the difficulty."""
+
+
+def forest(seed: int, difficulty: float = 0.5) -> World:
+    """A wood of 17 x 12 m, start and goal at its two ends.
+
+    Difficulty raises the number of trees, of branches that a ground robot passes under and a drone
+    does not, and of bushes.
+
+    Raises:
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
+        RuntimeError: No draft let the reference bodies through.
+    """
+    return first_solvable("forest", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+
+
+def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
+    start, goal = (
+        (x, round(rng.uniform(LOW[1] + END, HIGH[1] - END), 3), 0.0) for x in (END, HIGH[0] - END)
+    )
+    clearing = World(
+        name="forest",
+        seed=seed,
+        low=LOW,
+        high=HIGH,
+        solids=room_walls(LOW, HIGH, "hedge"),
+        start=start,
+        start_heading=heading_towards(rng, start, goal),
+        goal=goal,
+    )
+    trunks, bushes = (round(a + difficulty * (b - a)) for a, b in (TRUNKS, BUSHES))
+
+    def growth() -> Iterator[Iterator[Group]]:
+        for _ in range(trunks):
+            yield (_tree(rng, difficulty) for _ in range(FEW_PLACEMENTS))
+        for _ in range(bushes):
+            yield (_bush(rng) for _ in range(FEW_PLACEMENTS))
+
+    return with_groups(clearing, growth())
+
+
+def _tree(rng: np.random.Generator, difficulty: float) -> Group:
+    x, y = np.round(rng.uniform(LOW[:2], HIGH[:2]), 3).tolist()
+    radius = round(rng.uniform(0.08, 0.22), 3)
+    lean, bearing = rng.uniform(0.0, 0.08), rng.uniform(0.0, 2 * pi)  # a tangent, rad
+    ahead = (lean * cos(bearing), lean * sin(bearing))
+
+    def at(height: float) -> Vector3:
+        return (round(x + ahead[0] * height, 3), round(y + ahead[1] * height, 3), round(height, 3))
+
+    trunk = Cylinder(at(0.0), at(TRUNK_HEIGHT), radius, "trunk")
+    branches = []
+    for _ in range(int(rng.binomial(BRANCHES, 0.2 + 0.5 * difficulty))):
+        root = at(rng.uniform(0.7, 2.4))
+        length, turn, rise = rng.uniform(0.4, 0.9), rng.uniform(0.0, 2 * pi), rng.uniform(0.0, 0.6)
+        step = np.multiply(length, (cos(turn), sin(turn), rise))
+        end_x, end_y, end_z = np.round(np.add(root, step), 3).tolist()
+        thickness = round(rng.uniform(0.015, 0.04), 3)
+        branches.append(Capsule(root, (end_x, end_y, end_z), thickness, "branch"))
+    return (trunk, *branches)
+
+
+def _bush(rng: np.random.Generator) -> Group:
+    x, y = np.round(rng.uniform(LOW[:2], HIGH[:2]), 3).tolist()
+    radius = round(rng.uniform(0.2, 0.4), 3)
+    return (Sphere((x, y, round(0.7 * radius, 3)), radius, "hedge"),)

@@ -1,0 +1,131 @@
+"""A maze of walls: a tree of passages in which some walls are taken out again."""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import groupby
+
+import numpy as np
+
+from models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
+from models.worlds.solids import Box, Vector3
+from models.worlds.solvability import first_solvable
+from models.worlds.world import World
+
+Cell = tuple[int, int]
+
+COLUMNS, ROWS = 6, 5
+WIDEST, NARROWEST = 2.6, 2.1
+"""Distance from wall to wall, middle to middle, at difficulty 0 and 1, m."""
+
+THICKNESS = 0.15
+LONGEST_WAY = 15.0
+"""Goals lie no farther from the start along the passages, m."""
+
+
+def maze(seed: int, difficulty: float = 0.5) -> World:
+    """A maze of 6 x 5 cells, the goal as far as 15 m along its passages.
+
+    Difficulty narrows the passages from 2.45 to 1.95 m and leaves fewer loops: at 1 there is one
+    way alone.
+
+    Raises:
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
+        RuntimeError: No draft let the reference bodies through.
+    """
+    return first_solvable("maze", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+
+
+def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
+    pitch = round(WIDEST + difficulty * (NARROWEST - WIDEST), 3)
+    open_sides = _tree(rng)
+    _add_loops(rng, open_sides, share=0.4 * (1.0 - difficulty))
+    origin = WALL_THICKNESS - THICKNESS / 2
+    low: Vector3 = (0.0, 0.0, -0.5)
+    high = tuple(round(2 * origin + n * pitch, 3) for n in (COLUMNS, ROWS))
+    first = (int(rng.integers(2)) * (COLUMNS - 1), int(rng.integers(ROWS)))
+    last = _far_cell(open_sides, first, int(LONGEST_WAY / pitch))
+    start, goal = (
+        (round(origin + (i + 0.5) * pitch, 3), round(origin + (j + 0.5) * pitch, 3), 0.0)
+        for i, j in (first, last)
+    )
+    outline = (high[0], high[1], WALL_HEIGHT)
+    return World(
+        name="maze",
+        seed=seed,
+        low=low,
+        high=outline,
+        solids=(*room_walls(low, outline), *_walls(open_sides, pitch, origin)),
+        start=start,
+        start_heading=heading_towards(rng, start, goal),
+        goal=goal,
+    )
+
+
+def _tree(rng: np.random.Generator) -> set[frozenset[Cell]]:
+    """Pairs of neighbours without a wall between them, by a random depth-first search."""
+    path = [(int(rng.integers(COLUMNS)), int(rng.integers(ROWS)))]
+    seen, open_sides = set(path), set()
+    while path:
+        fresh = [cell for cell in _neighbours(path[-1]) if cell not in seen]
+        if not fresh:
+            path.pop()
+            continue
+        cell = fresh[int(rng.integers(len(fresh)))]
+        open_sides.add(frozenset((path[-1], cell)))
+        seen.add(cell)
+        path.append(cell)
+    return open_sides
+
+
+def _add_loops(rng: np.random.Generator, open_sides: set[frozenset[Cell]], share: float) -> None:
+    """Take out a share of the walls inside, in place."""
+    for side in _sides():
+        if rng.uniform() < share:
+            open_sides.add(side)
+
+
+def _sides() -> list[frozenset[Cell]]:
+    """Every pair of neighbours, in a fixed order."""
+    cells = [(i, j) for i in range(COLUMNS) for j in range(ROWS)]
+    return [frozenset((a, b)) for a in cells for b in _neighbours(a) if a < b]
+
+
+def _neighbours(cell: Cell) -> list[Cell]:
+    i, j = cell
+    around = [(i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)]
+    return [(i, j) for i, j in around if 0 <= i < COLUMNS and 0 <= j < ROWS]
+
+
+def _far_cell(open_sides: set[frozenset[Cell]], first: Cell, most: int) -> Cell:
+    """The cell farthest from the first along the passages, at most so many steps away."""
+    steps, queue = {first: 0}, deque([first])
+    while queue:
+        cell = queue.popleft()
+        for other in _neighbours(cell):
+            if other not in steps and frozenset((cell, other)) in open_sides:
+                steps[other] = steps[cell] + 1
+                queue.append(other)
+    return max((count, cell) for cell, count in steps.items() if count <= most)[1]
+
+
+def _walls(open_sides: set[frozenset[Cell]], pitch: float, origin: float) -> list[Box]:
+    """The walls that stand, each as long as it goes on in one line."""
+    walls = []
+    shut = [tuple(sorted(side)) for side in _sides() if side not in open_sides]
+    for across in (0, 1):  # walls across x, that is along y; then along x
+        along = 1 - across
+        here = sorted(
+            (a[across] + 1, a[along]) for a, b in shut if a[along] == b[along]
+        )  # (line, place along it)
+        runs = groupby(enumerate(here), key=lambda item: (item[1][0], item[1][1] - item[0]))
+        for (line, _), run in runs:
+            places = [place for _, (_, place) in run]
+            low, high = [0.0, 0.0, 0.0], [0.0, 0.0, WALL_HEIGHT]
+            low[across] = origin + line * pitch - THICKNESS / 2
+            high[across] = low[across] + THICKNESS
+            low[along] = origin + places[0] * pitch - THICKNESS / 2
+            high[along] = origin + (places[-1] + 1) * pitch + THICKNESS / 2
+            corners = (low[0], low[1], low[2]), (high[0], high[1], high[2])
+            walls.append(Box.between(*corners, "partition"))
+    return walls

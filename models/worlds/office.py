@@ -1,0 +1,184 @@
+"""A floor of offices: rooms off a hallway, open doors, tables and chairs on thin legs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import cos, pi, sin
+
+import numpy as np
+
+from models.worlds.layout import (
+    FEW_PLACEMENTS,
+    WALL_HEIGHT,
+    WALL_THICKNESS,
+    Group,
+    heading_towards,
+    room_walls,
+    with_groups,
+)
+from models.worlds.solids import Box, Cylinder, Vector3
+from models.worlds.solvability import first_solvable
+from models.worlds.world import World
+
+LOW: Vector3 = (0.0, 0.0, -0.5)
+HIGH: Vector3 = (16.0, 12.4, 3.0)
+ROOMS = 3
+"""On either side of the hallway."""
+
+HALLWAY = (2.4, 2.0)
+DOOR = (1.9, 1.6)
+"""Widths at difficulty 0 and 1, m."""
+
+DOOR_HEIGHT = 2.2
+THICKNESS = 0.12
+FURNITURE = (4, 20)
+"""Pieces at difficulty 0 and 1; what would close a way is left out."""
+
+END = 1.3
+"""Start and goal keep this from the walls of their room, m."""
+
+LEG = 0.025
+"""Radius of a table's leg, m."""
+
+
+def office(seed: int, difficulty: float = 0.5) -> World:
+    """Six rooms of 16 x 12.4 m in all, start and goal in rooms at the two ends.
+
+    Difficulty narrows hallway and doors and adds furniture; legs and table boards are what a 2D
+    grid at one height does not see.
+
+    Raises:
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
+        RuntimeError: No draft let the reference bodies through.
+    """
+    return first_solvable("office", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+
+
+def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
+    hallway, door = (a + difficulty * (b - a) for a, b in (HALLWAY, DOOR))
+    middle = (LOW[1] + HIGH[1]) / 2 + rng.uniform(-0.3, 0.3)
+    sides = (middle - hallway / 2, middle + hallway / 2)  # of the hallway, in y
+    walls: list[Box] = []
+    ends: list[Vector3] = []
+    for south in (True, False):
+        cuts = _cuts(rng)
+        walls += _partitions(rng, cuts, sides, south, door)
+        room = int(rng.integers(2)) if not ends else ROOMS - 1  # the goal's at the far end
+        ends.append(_end(rng, cuts[room : room + 2], sides, south))
+    if rng.integers(2):
+        ends.reverse()
+    start, goal = ends
+    floor = World(
+        name="office",
+        seed=seed,
+        low=LOW,
+        high=HIGH,
+        solids=(*room_walls(LOW, HIGH), *walls),
+        start=start,
+        start_heading=heading_towards(rng, start, goal),
+        goal=goal,
+    )
+    count = round(FURNITURE[0] + difficulty * (FURNITURE[1] - FURNITURE[0]))
+
+    def furniture() -> Iterator[Iterator[Group]]:
+        for _ in range(count):
+            make = (_table, _chair, _cabinet)[int(rng.integers(3))]
+            yield (make(rng) for _ in range(FEW_PLACEMENTS))
+
+    return with_groups(floor, furniture())
+
+
+def _cuts(rng: np.random.Generator) -> list[float]:
+    """Where the rooms of one side begin and end, in x."""
+    even = np.linspace(LOW[0] + WALL_THICKNESS, HIGH[0] - WALL_THICKNESS, ROOMS + 1)
+    even[1:-1] += rng.uniform(-0.6, 0.6, ROOMS - 1)
+    return [round(float(x), 3) for x in even]
+
+
+def _partitions(
+    rng: np.random.Generator,
+    cuts: list[float],
+    sides: tuple[float, float],
+    south: bool,
+    door: float,
+) -> list[Box]:
+    """The hallway's wall on one side, with a door for each room, and the walls between rooms."""
+    near = sides[0] - THICKNESS if south else sides[1]
+    y = (near, near + THICKNESS)
+    outer = LOW[1] + WALL_THICKNESS if south else HIGH[1] - WALL_THICKNESS
+    walls, begin = [], cuts[0]
+    for left, right in pairwise(cuts):
+        opening = rng.uniform(left + 0.3, right - 0.3 - door)
+        walls.append(_wall((begin, opening), y))
+        begin = opening + door
+        walls.append(_wall((opening, begin), y, DOOR_HEIGHT, "lintel"))
+        walls.append(_leaf(rng, opening, y, south, door))
+    walls.append(_wall((begin, cuts[-1]), y))
+    inner = y[0] if south else y[1]
+    span = (min(outer, inner), max(outer, inner))
+    walls += [_wall((cut - THICKNESS / 2, cut + THICKNESS / 2), span) for cut in cuts[1:-1]]
+    return walls
+
+
+def _wall(
+    x: tuple[float, float], y: tuple[float, float], bottom: float = 0.0, kind: str = "partition"
+) -> Box:
+    return Box.between((x[0], y[0], bottom), (x[1], y[1], WALL_HEIGHT), kind)
+
+
+def _leaf(
+    rng: np.random.Generator, hinge: float, y: tuple[float, float], south: bool, door: float
+) -> Box:
+    """The leaf of a door, opened into its room until it nearly meets the wall again."""
+    width = door / 2  # of one of two leaves; the other has been taken out
+    opened = rng.uniform(0.85, 0.95) * pi
+    yaw = -opened if south else opened
+    x0, y0 = hinge, y[0] - 0.03 if south else y[1] + 0.03
+    centre = (round(x0 + width / 2 * cos(yaw), 3), round(y0 + width / 2 * sin(yaw), 3), 1.05)
+    return Box(centre, (round(width / 2, 3), 0.02, 1.05), round(yaw, 3), "door")
+
+
+def _end(
+    rng: np.random.Generator, room: list[float], sides: tuple[float, float], south: bool
+) -> Vector3:
+    y = (LOW[1] + WALL_THICKNESS, sides[0]) if south else (sides[1], HIGH[1] - WALL_THICKNESS)
+    x0, x1 = room[0] + END, room[1] - END
+    place = rng.uniform((x0, y[0] + END), (x1, y[1] - END))
+    return round(float(place[0]), 3), round(float(place[1]), 3), 0.0
+
+
+def _table(rng: np.random.Generator) -> Group:
+    """A board on four legs."""
+    length, width = rng.uniform(1.0, 1.6), rng.uniform(0.6, 0.8)
+    return _on_legs(rng, (length, width), height=0.73, thickness=0.03)
+
+
+def _chair(rng: np.random.Generator) -> Group:
+    """A seat on four legs."""
+    return _on_legs(rng, (0.45, 0.45), height=0.45, thickness=0.05)
+
+
+def _on_legs(
+    rng: np.random.Generator, size: tuple[float, float], height: float, thickness: float
+) -> Group:
+    x, y = rng.uniform(LOW[:2], HIGH[:2])
+    yaw = round(rng.uniform(0.0, pi), 3)
+    c, s = cos(yaw), sin(yaw)
+    half_x, half_y = round(size[0] / 2, 3), round(size[1] / 2, 3)
+    x, y = round(float(x), 3), round(float(y), 3)
+    bottom = height - thickness
+    board = Box((x, y, height - thickness / 2), (half_x, half_y, thickness / 2), yaw, "furniture")
+    legs = []
+    for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        along, across = a * (half_x - 2 * LEG), b * (half_y - 2 * LEG)
+        place = (round(x + c * along - s * across, 3), round(y + s * along + c * across, 3))
+        legs.append(Cylinder((*place, 0.0), (*place, bottom), LEG, "furniture"))
+    return (board, *legs)
+
+
+def _cabinet(rng: np.random.Generator) -> Group:
+    x, y = np.round(rng.uniform(LOW[:2], HIGH[:2]), 3).tolist()
+    half_z = round(rng.uniform(0.4, 1.0), 3)
+    half = (round(rng.uniform(0.3, 0.6), 3), 0.2, half_z)
+    return (Box((x, y, half_z), half, 0.0 if rng.integers(2) else round(pi / 2, 9), "furniture"),)

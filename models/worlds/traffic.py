@@ -1,0 +1,107 @@
+"""Moves what moves: the timetable of a world's movers, played step by step in a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, hypot, sin
+from typing import NamedTuple
+
+import mujoco
+
+from models.worlds.movers import ASIDE, Mover, Place
+
+AWAY = (0.0, 0.0, -1000.0)
+"""Where a mover is that does not exist now, m: out of every sensor's and body's reach."""
+
+
+class MoverState(NamedTuple):
+    """A mover now.
+
+    Attributes:
+        name: Its name.
+        present: Whether it exists.
+        position: T_world_mover, m.
+        quaternion: w x y z.
+    """
+
+    name: str
+    present: bool
+    position: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+
+
+class Traffic:
+    """The movers of one simulation; their state is whole nanoseconds, so that it repeats exactly.
+
+    A mover stands still while a robot is in its way: ahead of it, within `ASIDE` of the width of
+    both, and nearer than `Mover.stands_off`. It appears only where no robot is that near.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, movers: Sequence[Mover], base: int, radius: float
+    ) -> None:
+        """Find the movers' bodies.
+
+        Args:
+            model: World and robot.
+            movers: Of the world that the model was made of.
+            base: Body id of the robot's base, which has a free joint.
+            radius: Of the robot, m.
+        """
+        self._movers = tuple(movers)
+        self._mocap = [int(model.body(mover.name).mocapid[0]) for mover in movers]
+        joint = int(model.body_jntadr[base])
+        self._robot = int(model.jnt_qposadr[joint]) if joint >= 0 else 0
+        self._radius = radius
+        self.moving_ns = [0] * len(self._movers)
+        self.present = [False] * len(self._movers)
+
+    def advance(self, data: mujoco.MjData, time_ns: int, step_ns: int) -> None:
+        """Bring every mover to `time_ns`, a step of `step_ns` after the last time; 0 to begin."""
+        x, y = data.qpos[self._robot : self._robot + 2].tolist()
+        for number, mover in enumerate(self._movers):
+            place = mover.place(self.moving_ns[number])
+            present = self._is_present(number, time_ns, place, (x, y))
+            if present and mover.speed and not self._is_blocked(mover, place, (x, y)):
+                self.moving_ns[number] += step_ns
+                place = mover.place(self.moving_ns[number])
+            self.present[number] = present
+            data.mocap_pos[self._mocap[number]] = place.position if present else AWAY
+            data.mocap_quat[self._mocap[number]] = _quaternion(place.yaw)
+
+    def states(self) -> list[MoverState]:
+        """Where every mover is; one that does not exist, where it would be."""
+        told = []
+        for mover, moving_ns, present in zip(
+            self._movers, self.moving_ns, self.present, strict=True
+        ):
+            place = mover.place(moving_ns)
+            told.append(MoverState(mover.name, present, place.position, _quaternion(place.yaw)))
+        return told
+
+    def _is_present(
+        self, number: int, time_ns: int, place: Place, robot: tuple[float, float]
+    ) -> bool:
+        mover = self._movers[number]
+        if not mover.appears <= time_ns * 1e-9 < mover.vanishes:
+            return False
+        if self.present[number] or time_ns == 0:
+            return True
+        room = self._radius + hypot(*mover.size) + mover.stands_off
+        return hypot(robot[0] - place.position[0], robot[1] - place.position[1]) > room
+
+    def _is_blocked(self, mover: Mover, place: Place, robot: tuple[float, float]) -> bool:
+        """Whether the robot is in the mover's way and too near."""
+        if not mover.stands_off:
+            return False
+        dx, dy = robot[0] - place.position[0], robot[1] - place.position[1]
+        c, s = cos(place.heading), sin(place.heading)
+        ahead, aside = c * dx + s * dy, abs(c * dy - s * dx)
+        gap = ahead - mover.size[0] - self._radius
+        return (
+            ahead > 0.0 and gap < mover.stands_off and aside < mover.size[1] + self._radius + ASIDE
+        )
+
+
+def _quaternion(yaw: float) -> tuple[float, float, float, float]:
+    return cos(yaw / 2), 0.0, 0.0, sin(yaw / 2)
