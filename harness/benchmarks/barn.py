@@ -25,7 +25,7 @@ from models.imports import FileWorld, ImportOptions, Unreadable, world_of, world
 from models.imports.importer import complete
 from models.imports.sdf import read_sdf
 from models.robots import ROBOTS, RobotSpec
-from models.worlds import is_solvable
+from models.worlds import shortest_path_length
 
 ROBOT = "quadruped"
 START = (-2.25, 3.0, 0.0)
@@ -58,6 +58,7 @@ class Row:
         outcome: As an episode ends; `impossible` where truth closes the world for this body and
             margin, and `refused` where the episode could not start.
         score: Success x OT / clip(AT, 2 OT, 8 OT).
+        best: What it would be on the shortest way at the body's greatest speed.
         time_s: AT, until the goal is 1 m away; else until the episode ended.
         optimal_s: OT.
         clip: Bounds of AT, in OT.
@@ -70,6 +71,7 @@ class Row:
     seed: int
     outcome: str
     score: float
+    best: float
     time_s: float
     optimal_s: float
     clip: str
@@ -109,23 +111,28 @@ def bench_barn(files: Files, repeats: int, seed: int, progress: Progress) -> lis
     """
     worlds = [read_barn(path) for path in files_named(files.path, "world_*.world")]
     progress("barn: which worlds are open for this body")
-    closed = {world.name for world in worlds if not is_open(world)}
+    ways = {world.name: shortest_way(world) for world in worlds}
+    seeds = range(seed, seed + repeats)
     trials = (
-        Trial(
-            world, barn_config(world, number), files.logs / "barn" / f"{world.name}-{number}.mcap"
-        )
+        Trial(world, barn_config(world, number), _log_name(files.logs, world, number))
         for world in worlds
-        if world.name not in closed
-        for number in range(seed, seed + repeats)
+        if ways[world.name] is not None
+        for number in seeds
     )
-    rows = [_row(finished) for finished in run_trials(trials, progress)]
+    rows = [
+        _row(finished, ways[finished.trial.world.name]) for finished in run_trials(trials, progress)
+    ]
     rows += [
-        _unrun(world, number, "impossible")
+        _unrun(world, number, "impossible", None)
         for world in worlds
-        if world.name in closed
-        for number in range(seed, seed + repeats)
+        if ways[world.name] is None
+        for number in seeds
     ]
     return [*(asdict(row) for row in rows), asdict(summarise(rows))]
+
+
+def _log_name(folder: Path, world: FileWorld, seed: int) -> Path:
+    return folder / "barn" / f"{world.name}-{seed}.mcap"
 
 
 def read_barn(path: Path) -> FileWorld:
@@ -176,13 +183,18 @@ def reference_length(cells: NDArray[Any]) -> float:
     return float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
 
 
-def is_open(world: FileWorld) -> bool:
-    """Whether truth lets the body with its margin pass from start to goal."""
+def shortest_way(world: FileWorld) -> float | None:
+    """Length of the shortest way by the truth for the body with its margin, m; None if none."""
     spec = ROBOTS[ROBOT].spec
-    ends = world.start, world.goal
-    return is_solvable(
-        world, body_radius(spec), spec.step_height, spec.height, *ends, clearance=MARGIN
-    )
+    band, ends = (spec.step_height, spec.height), (world.start, world.goal)
+    return shortest_path_length(world, body_radius(spec), *band, *ends, clearance=MARGIN)
+
+
+def best_score(world: FileWorld, way: float | None) -> float:
+    """The score of a body that goes the shortest way at its greatest speed from the first moment."""
+    if way is None:
+        return 0.0
+    return barn_score(True, (way - REACHED) / ROBOTS[ROBOT].spec.max_speed, optimal_time(world))
 
 
 def body_radius(spec: RobotSpec) -> float:
@@ -221,25 +233,25 @@ def _mean(values: list[bool] | list[float]) -> float:
     return float(np.mean(values)) if values else 0.0
 
 
-def _row(finished: Finished) -> Row:
+def _row(finished: Finished, way: float | None) -> Row:
     trial, result = finished.trial, finished.result
     world, seed = trial.world, trial.config.seed
     if result is None:
-        return _unrun(world, seed, "refused")
-    optimal = optimal_time(world)
+        return _unrun(world, seed, "refused", way)
+    optimal, best = optimal_time(world), best_score(world, way)
     passed = finished.first(lambda x, y, z: math.dist((x, y), GOAL[:2]) <= REACHED)
     success = passed is not None and passed <= LIMIT
     time = passed if passed is not None and success else result.sim_time_s
     outcome = "success" if success else result.outcome
     return Row(
-        world.name, seed, outcome, barn_score(success, time, optimal), time, optimal, _CLIP,
+        world.name, seed, outcome, barn_score(success, time, optimal), best, time, optimal, _CLIP,
         result.path_length_m, result.min_clearance_m, 0 if success else result.collisions,
     )  # fmt: skip
 
 
-def _unrun(world: FileWorld, seed: int, outcome: str) -> Row:
-    optimal = optimal_time(world)
-    return Row(world.name, seed, outcome, 0.0, 0.0, optimal, _CLIP, 0.0, 0.0, 0)
+def _unrun(world: FileWorld, seed: int, outcome: str, way: float | None) -> Row:
+    optimal, best = optimal_time(world), best_score(world, way)
+    return Row(world.name, seed, outcome, 0.0, best, 0.0, optimal, _CLIP, 0.0, 0.0, 0)
 
 
 _CLIP = f"{FASTEST:g}-{SLOWEST:g} OT"
