@@ -58,6 +58,8 @@ SHORT_HEADINGS = {
     "trajectory_m": "path m",
     "floor_columns_lost": "floor lost",
     "agreement": "agree",
+    "optimal_s": "OT s",
+    "clearance_m": "clear m",
     "agreement_above_floor": "above floor",
 }
 """Of fields whose name is too wide for a table of 80 columns."""

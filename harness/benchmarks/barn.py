@@ -191,7 +191,7 @@ def shortest_way(world: FileWorld) -> float | None:
 
 
 def best_score(world: FileWorld, way: float | None) -> float:
-    """The score of a body that goes the shortest way at its greatest speed from the first moment."""
+    """The score on the shortest way at the body's greatest speed from the first moment on."""
     if way is None:
         return 0.0
     return barn_score(True, (way - REACHED) / ROBOTS[ROBOT].spec.max_speed, optimal_time(world))
