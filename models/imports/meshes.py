@@ -49,6 +49,8 @@ def mesh_parts(path: Path, scale: NDArray[np.float64], notes: list[str]) -> list
     vertices, faces = _load(path)
     if not 1 <= len(faces) <= MOST_FACES:
         raise Unreadable(path, f"{len(faces)} triangles, expected 1 to {MOST_FACES}")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise Unreadable(path, "a triangle of a vertex that is not there")
     vertices = vertices * scale
     if np.prod(scale) < 0.0:
         faces = faces[:, ::-1]  # a mirrored surface is inside out
@@ -71,8 +73,10 @@ def _load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         what = "meshes need trimesh: pip install trimesh"
         raise Unreadable(path, what) from None
     try:
-        mesh = trimesh.load_mesh(str(path), process=True)
-        return np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int64).reshape(-1, 3)
+        with path.open("rb") as file:  # not by name: so it looks for no materials
+            mesh = trimesh.load_mesh(file, file_type=path.suffix[1:].lower(), process=True)
+        vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
+        return vertices, np.array(mesh.faces, np.int64).reshape(-1, 3)
     except Exception as error:  # whatever a parser of someone else's raises on a broken file
         text = " ".join(str(error).split()) or type(error).__name__
         raise Unreadable(path, f"no mesh ({text[:100]})") from None

@@ -458,3 +458,28 @@ def test_the_file_tells_what_it_was_made_from(tmp_path):
     assert world.source.startswith("a & b.world, sha256 ")
     assert world.name == "a & b"
     assert json.dumps(world.low) == "[-1.0, -1.075, -0.5]"
+
+
+SOUND = {
+    "a.world": SDF.format(models=PILLAR.format(pose="2 0.1 0 0 0 0.3")),
+    "a.csv": "s, 1, 2, 3, 1, 0, 0, 0, 1, 1, 1\n",
+    "a.3dmap": "voxel 9 5 4\n4 1 0\n4 2 0\n",
+    "a.yaml": MAP.format(yaw=0.5, negate=0),
+    "a.xml": "<mujoco><worldbody><geom name='a_0' type='box' size='1 1 1'/></worldbody></mujoco>",
+}
+
+
+@pytest.mark.parametrize("name", sorted(SOUND))
+def test_damaged_files_are_read_or_refused_and_nothing_else(tmp_path, name):
+    write(tmp_path, "m.pgm", b"P5 3 2 255\n" + bytes([0, 254, 254, 254, 254, 205]))
+    rng = np.random.default_rng(len(name))
+    for _ in range(60):
+        text = SOUND[name]
+        for _ in range(rng.integers(1, 4)):
+            at, length = int(rng.integers(len(text))), int(rng.integers(0, 12))
+            new = "".join(rng.choice(list("0-9.e<>/ \n[]na"), size=rng.integers(0, 3)))
+            text = text[:at] + new + text[at + length :] or "x"
+        try:
+            imported(write(tmp_path, name, text))
+        except Unreadable as error:
+            assert "\n" not in str(error)
