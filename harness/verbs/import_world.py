@@ -12,6 +12,13 @@ from harness.verbs.verb import Document, Verb
 
 WORLDS = Path("worlds")
 
+LENGTHS = {
+    "height": "of what a flat map shows, and of white in a height image (default: 2)",
+    "resolution": "side of a cell where the file tells none (default: 0.1)",
+    "scale": "metres to a unit of a mesh (default: 1)",
+}
+"""Options of `models.imports.ImportOptions`, whose defaults they tell without loading it."""
+
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Read a file, write the world file, and tell what was left out."""
@@ -21,9 +28,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if out.suffix != ".xml":
         raise InputError(f"--out: got '{out}', expected a name that ends in .xml")
     try:
-        told = ImportOptions(
-            options.height, options.resolution, options.scale, options.unknown, options.skip_missing
-        )
+        names = (*LENGTHS, "unknown", "skip_missing")
+        given = {name: value for name in names if (value := getattr(options, name)) is not None}
+        told = ImportOptions(**given)
         start, goal = (_point(name, getattr(options, name)) for name in ("start", "goal"))
         world, notes = import_world(options.file, told, start, goal)
     except Unreadable as error:
@@ -68,29 +75,17 @@ def _write(path: Path, text: str) -> None:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    from models.imports.options import ImportOptions
-
-    own = ImportOptions()
     parser.add_argument("file", metavar="FILE", type=Path, help="its ending says the format")
     parser.add_argument("--out", type=Path, metavar="FILE.xml", help="default: worlds/NAME.xml")
     parser.add_argument("--start", metavar="X,Y[,Z]", help="m; default: the file's, or chosen")
     parser.add_argument("--goal", metavar="X,Y[,Z]", help="likewise")
+    for name, said in LENGTHS.items():
+        parser.add_argument(f"--{name}", type=float, metavar="M", help=said)
     parser.add_argument(
-        "--height", type=float, default=own.height, metavar="M",
-        help=f"of what a flat map shows, and of white in a height image (default: {own.height:g})",
-    )  # fmt: skip
-    parser.add_argument(
-        "--resolution", type=float, default=own.resolution, metavar="M",
-        help=f"side of a cell where the file tells none (default: {own.resolution:g})",
-    )  # fmt: skip
-    parser.add_argument(
-        "--scale", type=float, default=own.scale, metavar="M",
-        help=f"metres to a unit of a mesh (default: {own.scale:g})",
-    )  # fmt: skip
-    parser.add_argument(
-        "--unknown", choices=("occupied", "free"), default=own.unknown,
-        help="what a flat map's unknown cells are (default: %(default)s)",
-    )  # fmt: skip
+        "--unknown",
+        choices=("occupied", "free"),
+        help="what a flat map's unknown cells are (default: occupied)",
+    )
     parser.add_argument(
         "--skip-missing", action="store_true", help="leave out models that are not at hand"
     )

@@ -21,6 +21,7 @@ from harness.reader import open_log
 from harness.replay import replay
 from harness.scenario import build
 from harness.worlds import world_of_log
+from models.imports import ImportOptions
 
 PILLAR = """<model name='p{n}'><static>1</static><pose frame=''>{x} {y} 0 0 0 0</pose>
 <link name='l'><collision name='c'><geometry><cylinder><radius>0.075</radius><length>1</length>
@@ -282,3 +283,13 @@ def test_every_benchmark_names_its_files():
         "barn": "--worlds",
         "dodge": "--worlds",
     }
+
+
+def test_the_help_tells_the_defaults_that_count(capsys):
+    with pytest.raises(SystemExit):
+        main(["import", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    own = ImportOptions()
+    for value in (own.height, own.resolution, own.scale, own.unknown):
+        text = value if isinstance(value, str) else f"{value:g}"
+        assert f"(default: {text})" in told
