@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import partial
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from harness.bench_map import bench_map
 from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
 from harness.bench_worlds import bench_worlds
+from harness.benchmarks import BENCHMARKS, Files, find_benchmark
 from harness.errors import InputError, unknown_name
 
 Row = dict[str, Any]
@@ -56,20 +58,26 @@ SHORT_HEADINGS = {
     "trajectory_m": "path m",
     "floor_columns_lost": "floor lost",
     "agreement": "agree",
+    "optimal_s": "OT s",
+    "clearance_m": "clear m",
     "agreement_above_floor": "above floor",
 }
 """Of fields whose name is too wide for a table of 80 columns."""
 
 
-def run_stage(name: str, repeats: int | None, seed: int) -> list[Row]:
+def run_stage(name: str, repeats: int | None, seed: int, files: Files | None = None) -> list[Row]:
     """Measure one stage; its figures depend on the machine, its scenes on the seed alone.
 
+    Args:
+        name: In `STAGES`, or in `harness.benchmarks.BENCHMARKS` where files are given.
+        repeats: None for as many as the stage needs.
+        seed: Of the scenes.
+        files: Of a published benchmark.
+
     Raises:
-        InputError: No such stage; too few or too many repeats; a negative seed.
+        InputError: No such stage; too few or too many repeats; a negative seed; unusable files.
     """
-    if name not in STAGES:
-        raise unknown_name("stage", name, STAGES)
-    stage = STAGES[name]
+    stage = _from_files(name, files) if files else _find_stage(name)
     repeats = stage.repeats if repeats is None else repeats
     if not 1 <= repeats <= MOST_REPEATS:
         raise InputError(f"repeats: got {repeats}, expected 1 to {MOST_REPEATS}")
@@ -79,6 +87,21 @@ def run_stage(name: str, repeats: int | None, seed: int) -> list[Row]:
         return stage.measure(repeats, seed, _show_progress)
     finally:
         _show_progress("")
+
+
+def _find_stage(name: str) -> Stage:
+    if name in BENCHMARKS and name not in STAGES:
+        raise InputError(
+            f"bench {name}: expected {BENCHMARKS[name].option} with the path of its files"
+        )
+    if name not in STAGES:
+        raise unknown_name("stage", name, STAGES)
+    return STAGES[name]
+
+
+def _from_files(name: str, files: Files) -> Stage:
+    one = find_benchmark(name, files.option)
+    return Stage(partial(one.measure, files), one.repeats)
 
 
 def print_rows(console: Console, title: str, rows: list[Row]) -> None:

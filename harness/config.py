@@ -105,7 +105,8 @@ class Config:
     """Everything that an episode follows from, with the versions of the installed packages.
 
     Attributes:
-        world: Name in `models.worlds.WORLDS`.
+        world: Name in `models.worlds.WORLDS`, or the path of a world file; a log tells the name and
+            hash of that file.
         robot: Name in `models.robots.ROBOTS`.
         seed: Seed of the world and of every random stream; never random itself.
         difficulty: Of the world, 0 to 1, as its generator understands it.

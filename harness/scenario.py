@@ -11,12 +11,13 @@ from harness.config import Config
 from harness.errors import InputError, unknown_name
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
+from harness.worlds import find_world, told_name
 from models.checks import check
 from models.devices import DepthCamera, Device, Rangefinder
 from models.robots import ROBOTS, RobotSpec
 from models.scene import PREFIX, Scene, compose, device_name, resolve
 from models.sensors import Caster
-from models.worlds import WORLDS, World, shortest_path_length
+from models.worlds import World, shortest_path_length
 from models.worlds.solvability import AIR_BANDS
 
 Point = tuple[float, float, float]
@@ -62,18 +63,21 @@ class Scenario:
         return min((way for way in ways if way is not None), default=None)
 
 
-def build(config: Config) -> Scenario:
+def build(config: Config, world: World | None = None) -> Scenario:
     """Generate the world, place start and goal, and compile the scene.
+
+    Args:
+        config: What to run.
+        world: In place of the one that the config names.
 
     Raises:
         InputError: Unknown world or robot; a start or goal outside the geofence or inside an
             obstacle; a scene that cannot be compiled or cast, or whose sensors would see wrongly.
     """
-    for kind, name, registry in (("world", config.world, WORLDS), ("robot", config.robot, ROBOTS)):
-        if name not in registry:
-            raise unknown_name(kind, name, registry)
+    if config.robot not in ROBOTS:
+        raise unknown_name("robot", config.robot, ROBOTS)
     spec = ROBOTS[config.robot].spec
-    world = WORLDS[config.world](config.seed, config.difficulty)
+    world = find_world(config) if world is None else world
     start = _place(config.start, world.start, spec)
     goal = _place(config.goal, world.goal, spec)
     for name, point in (("start", start), ("goal", goal)):
@@ -82,7 +86,8 @@ def build(config: Config) -> Scenario:
         sensors = resolve(spec.mounts, config.sensors)
     except ValueError as error:
         raise InputError(f"robot '{config.robot}': {error}") from None
-    config = replace(config, start=start, goal=goal, sensors=sensors)
+    named = told_name(world, config.world)
+    config = replace(config, world=named, start=start, goal=goal, sensors=sensors)
     scene = _compose(world, config)
     return Scenario(
         config=config,

@@ -5,6 +5,7 @@ from harness.verbs import (
     bench,
     compare,
     demo,
+    import_world,
     listing,
     recover,
     replay,
@@ -27,6 +28,7 @@ VERBS: dict[str, Verb] = {
     "list": listing.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,
+    "import": import_world.VERB,
 }
 """Name on the command line -> verb, in the order in which `--help` shows them."""
 

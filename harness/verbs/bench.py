@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from rich.console import Console
 
-from harness.verbs.verb import Document, Verb
+from harness.errors import InputError
+from harness.verbs.verb import Document, Verb, add_log_folder
+
+FILES = {
+    "worlds": "folder with the worlds of a published benchmark: barn, dodge",
+    "scenarios": "planning problems on a voxel map (.3dscen): plan",
+}
+"""Options that name files of the user's, and what they hold."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Measure one stage."""
     from harness.bench import print_rows, run_stage
+    from harness.benchmarks import Files
 
-    rows = run_stage(options.stage, options.repeats, options.seed)
+    given = [name for name in FILES if getattr(options, name) is not None]
+    if len(given) > 1:
+        raise InputError(f"got --{' and --'.join(given)}, expected one of them")
+    files = [Files(f"--{name}", getattr(options, name), options.logs) for name in given]
+    rows = run_stage(options.stage, options.repeats, options.seed, *files)
     print_rows(console, f"bench {options.stage}, seed {options.seed}", rows)
     return 0, {"rows": rows}
 
@@ -27,6 +40,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="sweeps, queries or episodes of each row; by default as many as the stage needs",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: 0)")
+    for name, said in FILES.items():
+        parser.add_argument(f"--{name}", type=Path, metavar="PATH", help=said)
+    add_log_folder(parser)
 
 
 VERB = Verb(

@@ -1,0 +1,59 @@
+"""Height fields: `.npy` arrays of heights in m, or `.png` images from black to white.
+
+Rows of an array run along y, the first at the least y; columns along x. Rows of an image run down.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.imports.images import read_image
+from models.imports.options import Found, ImportOptions
+from models.imports.parts import Part
+from models.imports.reading import MOST_CELLS, Unreadable, check_file
+
+DEPTH = 0.5
+"""Of the ground below the least height, m."""
+
+FLAT = 1e-9
+
+
+def read_heights(path: Path, options: ImportOptions) -> Found:
+    """The field, its low corner at the origin and its heights above the floor.
+
+    Raises:
+        Unreadable: No array or image of heights, or one without any rise.
+    """
+    if path.suffix.lower() == ".npy":
+        heights = _array(path)
+    else:
+        image = read_image(path)
+        scale = options.height / np.iinfo(image.dtype).max
+        heights = np.asarray(image[::-1] * scale, np.float64)
+    low, rise = float(heights.min()), float(np.ptp(heights))
+    if min(heights.shape) < 2 or rise < FLAT:
+        raise Unreadable(path, f"{heights.shape} heights that rise by {rise:g} m: no field")
+    half = [(n - 1) * options.resolution / 2.0 for n in heights.shape[::-1]]
+    part = Part(
+        "heights", (*half, rise, DEPTH), (half[0], half[1], low), kind="floor",
+        heights=(heights - low) / rise,
+    )  # fmt: skip
+    return Found(parts=[part])
+
+
+def _array(path: Path) -> NDArray[np.float64]:  # (ny, nx)
+    check_file(path)
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)  # a forged size takes no memory
+    except Exception as error:  # numpy parses the header as source text: any error of that
+        raise Unreadable(path, f"no array ({' '.join(str(error).split())[:100]})") from None
+    if not isinstance(array, np.ndarray):
+        raise Unreadable(path, "an archive, expected one array")
+    if array.ndim != 2 or array.dtype.kind not in "fiu" or array.size > MOST_CELLS:
+        raise Unreadable(path, f"{array.dtype} {array.shape}, expected (ny, nx) numbers")
+    if not np.isfinite(array).all():
+        raise Unreadable(path, "a height that is not finite")
+    return np.asarray(array, np.float64)

@@ -1,0 +1,52 @@
+"""OctoMaps (`.bt`), by pyoctomap: the occupied leaves as merged boxes."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+
+from models.imports.options import Found, ImportOptions
+from models.imports.parts import vector
+from models.imports.reading import MOST_CELLS, Unreadable, check_file
+from models.imports.voxel_maps import cell_boxes
+
+HEADER = b"# Octomap OcTree binary file"
+
+
+def read_octomap(path: Path, options: ImportOptions) -> Found:
+    """Occupied space of a binary OctoMap (Hornung et al. 2013, Autonomous Robots 34).
+
+    Raises:
+        Unreadable: No pyoctomap, no binary OctoMap, or one of more cells than allowed.
+    """
+    check_file(path)
+    with path.open("rb") as file:
+        if not file.readline().startswith(HEADER):
+            raise Unreadable(path, f"expected a file that begins with '{HEADER.decode()}'", 1)
+    try:
+        pyoctomap = importlib.import_module("pyoctomap")
+    except ImportError:
+        raise Unreadable(path, "OctoMaps need pyoctomap: pip install pyoctomap") from None
+    tree = pyoctomap.OcTree(0.1)
+    if not tree.readBinary(str(path)):
+        raise Unreadable(path, "no binary OctoMap")
+    cell = float(tree.getResolution())
+    leaves = [
+        (*leaf.getCoordinate(), leaf.getSize())
+        for leaf in tree.begin_leafs()
+        if tree.isNodeOccupied(leaf)
+    ]
+    if not leaves:
+        raise Unreadable(path, "no occupied cell")
+    table = np.array(leaves)  # (n, 4)
+    first = np.rint((table[:, :3] - table[:, 3:] / 2.0) / cell).astype(np.int64)
+    sides = np.rint(table[:, 3] / cell).astype(np.int64)
+    low, high = first.min(axis=0), (first + sides[:, None]).max(axis=0)
+    if np.prod((high - low).astype(np.float64)) > MOST_CELLS:
+        raise Unreadable(path, f"{tuple(high - low)} cells, expected at most {MOST_CELLS}")
+    occupied = np.zeros(tuple(high - low), np.bool_)
+    for (i, j, k), side in zip((first - low).tolist(), sides.tolist(), strict=True):
+        occupied[i : i + side, j : j + side, k : k + side] = True
+    return Found(parts=cell_boxes(occupied, cell, vector(low * cell)))
