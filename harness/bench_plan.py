@@ -371,7 +371,7 @@ def _reference(
     inner = space.origin + (indices + 0.5) * space.resolution
     path = np.vstack((start, inner, goal))
     draws = shortcut_draws(REFERENCE_SHORTCUTS, not space.flat, seed)
-    shortened: Array = kernels.shortcut(space.grid, threshold, 0.0, path, draws)
+    shortened: Array = kernels.shortcut(space.grid, threshold, 0.0, 0.0, path, draws)
     return shortened
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from harness.view import Array, Memory, View, length, standing
 from planners import (
-    FreeSpace,
     Plan,
     TrajectorySample,
     blend_corners,
@@ -16,6 +15,7 @@ from planners import (
     plan_seed,
     remaining,
     stopping_distance,
+    tangent_at,
     truncate,
 )
 
@@ -52,8 +52,7 @@ def keep_or_replan_guide(
 def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> Array | None:
     """The stretch that the robot will drive before a new path can bend it; none if it is blocked.
 
-    It reaches beyond the braking distance, so that a stop on the old path always remains, and by
-    the length of a blend, so that the new path need not begin with a corner.
+    It is as long as the robot takes to stop, so that a stop on the old path always remains.
     """
     if standing(now):
         return now.position[None]
@@ -63,33 +62,37 @@ def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> A
     braking = stopping_distance(now.speed, now.acceleration, view.limits)
     if admitted < braking:
         return None
-    return truncate(guide, min(braking + view.behaviour.blend_length, admitted, length(guide)))
+    return truncate(guide, min(braking, length(guide)))
 
 
 def _search(view: View, prefix: Array, seed: int, only_known: bool) -> tuple[Plan, Array | None]:
     """Plan from the prefix's end: through known space if that reaches the goal, else beyond it."""
+    straight = _straight_on(view, prefix)
     space = view.known
-    search = plan(space, prefix[-1], view.goal, view.planner, seed)
+    search = plan(space, straight[-1], view.goal, view.planner, seed)
     if search.waypoints is None and not only_known:
         space = view.passable
-        search = plan(space, prefix[-1], view.goal, view.planner, seed)
+        search = plan(space, straight[-1], view.goal, view.planner, seed)
     if search.waypoints is None:
         return search, None
-    return search, _join(space, prefix, search.waypoints, view.behaviour.blend_length)
+    waypoints = np.concatenate([straight[:-1], search.waypoints])
+    blended = blend_corners(space, waypoints, view.behaviour.blend_length)
+    return search, np.concatenate([prefix[:-1], blended])
 
 
-def _join(space: FreeSpace, prefix: Array, waypoints: Array, blend_length: float) -> Array:
-    """The prefix and the path from its end, with every corner from there on blended.
+def _straight_on(view: View, prefix: Array) -> Array:
+    """From the prefix's end straight on for the length of a blend, as far as that is admitted.
 
-    The robot is driving on the prefix, so it is left as it is, but for its last stretch: where that
-    can be drawn straight, the corner at its end can be blended too.
+    A new path that begins there leaves the prefix without a corner, and the corner that it makes
+    with the straight piece has room to be blended.
     """
-    keep = truncate(prefix, max(length(prefix) - blend_length, 0.0))
-    if space.edge_free(keep[-1], prefix[-1]):
-        return np.concatenate(
-            [keep[:-1], blend_corners(space, np.vstack([keep[-1], waypoints]), blend_length)]
-        )
-    return np.concatenate([prefix[:-1], blend_corners(space, waypoints, blend_length)])
+    end = prefix[-1]
+    tangent = tangent_at(prefix, length(prefix))
+    for share in (1.0, 0.5, 0.25):
+        beyond = end + share * view.behaviour.blend_length * tangent
+        if len(prefix) > 1 and view.admitted.edge_free(end, beyond):
+            return np.stack([end, beyond])
+    return prefix[-1:]
 
 
 def _better(view: View, memory: Memory, fresh: Array | None, guide: Array) -> bool:

@@ -36,6 +36,8 @@ class BehaviourConfig:
         blend_length: Corners are rounded over at most this length on each side, m.
         improve_period: Time between looks for a cheaper guide, s.
         penalized_speed: Share of the speed while unknown space is entered under `penalize`.
+        unknown_cost: Cost of unknown space to a guide, in place of what a cell at the edge of the
+            inflation costs, 1: who comes to the unknown may have to stop.
     """
 
     patience: float = 1.0
@@ -47,6 +49,7 @@ class BehaviourConfig:
     blend_length: float = 0.6
     improve_period: float = 1.0
     penalized_speed: float = 0.4
+    unknown_cost: float = 4.0
 
     def __post_init__(self) -> None:
         """Refuse lengths, times and angles that are not positive."""
