@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.view import Array, Memory, View, length, standing
+from harness.view import Array, Memory, View, distance, length, standing
 from planners import (
     Plan,
     TrajectorySample,
@@ -22,6 +22,17 @@ from planners import (
 ARRIVED = 0.05
 """A path shorter than this is driven, m."""
 
+MOVED = 3.0
+"""A goal's place that moves by more than so many cells is another one."""
+
+
+def place_for_goal(view: View) -> Array:
+    """The goal, or where it lies inside the inflation the nearest place that does not."""
+    if view.passable.is_free(view.goal):
+        return view.goal
+    nearest = view.passable.nearest_free(view.goal, view.behaviour.goal_reach)
+    return view.goal if nearest is None else nearest
+
 
 def keep_or_replan_guide(
     view: View, memory: Memory, now: TrajectorySample
@@ -35,6 +46,8 @@ def keep_or_replan_guide(
     if memory.on_errand and guide is not None and length(guide) < ARRIVED:
         guide = None
     valid = guide is not None and view.passable.free_length(guide) >= length(guide) - 1e-6
+    if guide is not None and not memory.on_errand:  # the goal has become free, or is no longer
+        valid = valid and distance(guide[-1], view.goal) <= MOVED * view.passable.resolution
     improve_due = view.time_ns - memory.improved_ns >= view.behaviour.improve_period * 1e9
     if valid and not improve_due:
         return replace(memory, guide=guide), None, 0
