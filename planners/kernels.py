@@ -138,7 +138,8 @@ def walk(
         rate = grid.cost_by_distance[min(value, furthest)]
         least = min(least, least_at_crossing(grid, i, j, k, di, dj, dk))
         if least <= threshold:
-            share = max(walked, (first - 2) / span)
+            # Before the last face too, if that is as near: rounding must not reach either.
+            share = max((first - 2) / span, 0.0)
             return share, least, cost + (share - walked) * rate
         cost += (first / span - walked) * rate
         walked = first / span

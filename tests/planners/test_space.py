@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from planners import FreeSpace, kernels, point_at
+from planners import FreeSpace, kernels, point_at, truncate
 
 SUBCELLS = kernels.SUBCELLS
 
@@ -249,3 +249,16 @@ def test_the_fewest_corners_are_kept_that_their_price_is_worth():
         best = min(costs.values())
         chosen = [n for n, x in enumerate(bow[:, 0]) if x in kept(price)]
         assert costs[tuple(chosen)] == pytest.approx(best, abs=1e-8)
+
+
+def test_a_way_cut_short_at_a_corner_of_cells_ends_in_a_free_cell():
+    """A diagonal that rounding leads past the corner by one more cell, which is free."""
+    rng = np.random.default_rng(3)
+    field = np.full((200, 200, 1), 100, dtype=np.uint16)
+    field[97, 79, 0] = 0
+    space = FreeSpace(field, np.array([0.0, 0.0, 0.025]), 0.1, 1, np.zeros(101))
+    a, b = np.array([9.65, 7.85, 0.075]), np.array([10.65, 8.85, 0.075])
+    for shift in (np.zeros(3), *(rng.uniform(-1e-5, 1e-5, 3) for _ in range(200))):
+        path = np.array([a + shift, b + shift])
+        cut = truncate(path, space.free_length(path))
+        assert space.edge_free(cut[0], cut[-1])
