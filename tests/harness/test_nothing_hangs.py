@@ -1,4 +1,4 @@
-"""Tasks that cannot be done end within their budget, with the outcome and the label that say why."""
+"""Tasks that cannot be done end in time, with the outcome and the label that say why."""
 
 import dataclasses
 
