@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from harness.decision import Action, Label
-from harness.guide import keep_or_replan_guide
+from harness.guide import ARRIVED, keep_or_replan_guide, place_for_goal
 from harness.inputs import heading_of
+from harness.trail import trodden, way_back
 from harness.view import Array, Choice, Memory, View, distance, length, standing
 from planners import (
     Plan,
@@ -39,7 +40,7 @@ def decide(view: View, memory: Memory) -> tuple[Choice, Memory]:
     committed = (*memory.earlier, memory.trajectory)
     begun = [k for k, trajectory in enumerate(committed) if trajectory.start_ns <= view.time_ns]
     committed = committed[begun[-1] if begun else 0 :]
-    choice, memory = _choose(view, memory, committed[0])
+    choice, memory = _choose(view, trodden(memory, view), committed[0])
     return choice, replace(memory, earlier=committed)
 
 
@@ -53,6 +54,10 @@ def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, M
         return _arrive(view, memory, now)
     if standing(now) and not view.admitted.is_free(now.position):
         return _escape(view, memory, now)
+    target = place_for_goal(view)
+    if target is not view.goal and believed.at_rest and distance(now.position, target) < ARRIVED:
+        return _wait_at_goal(view, memory, now)
+    view = replace(view, goal=target)
     memory, search, seed = keep_or_replan_guide(view, memory, now)
     if memory.guide is None:
         choice, memory = _stop_or_wait(view, memory, now, search)
@@ -76,6 +81,20 @@ def _arrive(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, 
     trajectory = hold(now.position, view.effect_ns, now.heading)
     reason = f"at rest {distance(view.position, view.goal):.2f} m from the goal"
     return Choice("goal", reason, "none", trajectory), replace(memory, trajectory=trajectory)
+
+
+def _wait_at_goal(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, Memory]:
+    """As near to a blocked goal as can be: wait for it to become free, then give up."""
+    trajectory = hold(now.position, view.effect_ns, now.heading)
+    since = view.time_ns if memory.rest_since_ns < 0 else memory.rest_since_ns
+    waited = (view.time_ns - since) * 1e-9
+    memory = replace(memory, trajectory=trajectory, rest_since_ns=since, guide=None)
+    reason = (
+        f"the goal is inside the inflation, the nearest place outside of it "
+        f"{distance(now.position, view.goal):.2f} m away; waited {waited:.1f} s"
+    )
+    action: Action = "abort" if waited >= view.behaviour.goal_patience else "stop_and_wait"
+    return Choice(action, reason, "goal_blocked", trajectory), memory
 
 
 def _escape(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, Memory]:
@@ -192,6 +211,9 @@ def _look_from_elsewhere(
         None if target is None else plan(view.admitted, now.position, target, view.planner, seed)
     )
     if target is None or search is None or search.waypoints is None:
+        back = way_back(view, memory, now)
+        if back is not None:
+            return _back_up(view, memory, now, back, label, reason)
         text = f"{reason}; no frontier in reach"
         memory = replace(memory, guide=None, on_errand=False)
         return Choice("stop_and_wait", text, label, memory.trajectory), memory
@@ -200,6 +222,18 @@ def _look_from_elsewhere(
     choice, memory = _advance(view, memory, now, guide)
     text = f"{reason}; looking from {length(guide):.2f} m away"
     return replace(choice, reason=text, search=search, search_seed=seed), memory
+
+
+def _back_up(
+    view: View, memory: Memory, now: TrajectorySample, back: Array, label: Label, reason: str
+) -> tuple[Choice, Memory]:
+    """Go back on the trail, to look from there."""
+    memory = replace(
+        memory, guide=back, on_errand=True, improved_ns=view.time_ns, backups=memory.backups + 1
+    )
+    choice, memory = _advance(view, memory, now, back)
+    text = f"{reason}; going back {length(back):.2f} m on the trail"
+    return replace(choice, action="recover", reason=text), memory
 
 
 def _brake(

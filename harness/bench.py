@@ -15,6 +15,7 @@ from rich import box
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
+from harness.bench_episodes import bench_delays, bench_planners, bench_policies
 from harness.bench_loop import bench_loop
 from harness.bench_map import bench_map
 from harness.bench_plan import bench_plan
@@ -39,9 +40,12 @@ class Stage(NamedTuple):
 
 
 STAGES: dict[str, Stage] = {
+    "delays": Stage(bench_delays, 2),
     "loop": Stage(bench_loop, 3),
     "map": Stage(bench_map, 15),
     "plan": Stage(bench_plan, 15),
+    "planners": Stage(bench_planners, 12),
+    "policies": Stage(bench_policies, 6),
     "rays": Stage(bench_rays, 15),
     "worlds": Stage(bench_worlds, 3),
 }

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.view import Array, Memory, View, length, standing
+from harness.view import Array, Memory, View, distance, length, standing
 from planners import (
-    FreeSpace,
     Plan,
     TrajectorySample,
     blend_corners,
@@ -16,11 +15,23 @@ from planners import (
     plan_seed,
     remaining,
     stopping_distance,
+    tangent_at,
     truncate,
 )
 
 ARRIVED = 0.05
 """A path shorter than this is driven, m."""
+
+MOVED = 3.0
+"""A goal's place that moves by more than so many cells is another one."""
+
+
+def place_for_goal(view: View) -> Array:
+    """The goal, or where it lies inside the inflation the nearest place that does not."""
+    if view.passable.is_free(view.goal):
+        return view.goal
+    nearest = view.passable.nearest_free(view.goal, view.behaviour.goal_reach)
+    return view.goal if nearest is None else nearest
 
 
 def keep_or_replan_guide(
@@ -35,6 +46,8 @@ def keep_or_replan_guide(
     if memory.on_errand and guide is not None and length(guide) < ARRIVED:
         guide = None
     valid = guide is not None and view.passable.free_length(guide) >= length(guide) - 1e-6
+    if guide is not None and not memory.on_errand:  # the goal has become free, or is no longer
+        valid = valid and distance(guide[-1], view.goal) <= MOVED * view.passable.resolution
     improve_due = view.time_ns - memory.improved_ns >= view.behaviour.improve_period * 1e9
     if valid and not improve_due:
         return replace(memory, guide=guide), None, 0
@@ -52,8 +65,7 @@ def keep_or_replan_guide(
 def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> Array | None:
     """The stretch that the robot will drive before a new path can bend it; none if it is blocked.
 
-    It reaches beyond the braking distance, so that a stop on the old path always remains, and by
-    the length of a blend, so that the new path need not begin with a corner.
+    It is as long as the robot takes to stop, so that a stop on the old path always remains.
     """
     if standing(now):
         return now.position[None]
@@ -63,33 +75,37 @@ def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> A
     braking = stopping_distance(now.speed, now.acceleration, view.limits)
     if admitted < braking:
         return None
-    return truncate(guide, min(braking + view.behaviour.blend_length, admitted, length(guide)))
+    return truncate(guide, min(braking, length(guide)))
 
 
 def _search(view: View, prefix: Array, seed: int, only_known: bool) -> tuple[Plan, Array | None]:
     """Plan from the prefix's end: through known space if that reaches the goal, else beyond it."""
+    straight = _straight_on(view, prefix)
     space = view.known
-    search = plan(space, prefix[-1], view.goal, view.planner, seed)
+    search = plan(space, straight[-1], view.goal, view.planner, seed)
     if search.waypoints is None and not only_known:
         space = view.passable
-        search = plan(space, prefix[-1], view.goal, view.planner, seed)
+        search = plan(space, straight[-1], view.goal, view.planner, seed)
     if search.waypoints is None:
         return search, None
-    return search, _join(space, prefix, search.waypoints, view.behaviour.blend_length)
+    waypoints = np.concatenate([straight[:-1], search.waypoints])
+    blended = blend_corners(space, waypoints, view.behaviour.blend_length)
+    return search, np.concatenate([prefix[:-1], blended])
 
 
-def _join(space: FreeSpace, prefix: Array, waypoints: Array, blend_length: float) -> Array:
-    """The prefix and the path from its end, with every corner from there on blended.
+def _straight_on(view: View, prefix: Array) -> Array:
+    """From the prefix's end straight on for the length of a blend, as far as that is admitted.
 
-    The robot is driving on the prefix, so it is left as it is, but for its last stretch: where that
-    can be drawn straight, the corner at its end can be blended too.
+    A new path that begins there leaves the prefix without a corner, and the corner that it makes
+    with the straight piece has room to be blended.
     """
-    keep = truncate(prefix, max(length(prefix) - blend_length, 0.0))
-    if space.edge_free(keep[-1], prefix[-1]):
-        return np.concatenate(
-            [keep[:-1], blend_corners(space, np.vstack([keep[-1], waypoints]), blend_length)]
-        )
-    return np.concatenate([prefix[:-1], blend_corners(space, waypoints, blend_length)])
+    end = prefix[-1]
+    tangent = tangent_at(prefix, length(prefix))
+    for share in (1.0, 0.5, 0.25):
+        beyond = end + share * view.behaviour.blend_length * tangent
+        if len(prefix) > 1 and view.admitted.edge_free(end, beyond):
+            return np.stack([end, beyond])
+    return prefix[-1:]
 
 
 def _better(view: View, memory: Memory, fresh: Array | None, guide: Array) -> bool:

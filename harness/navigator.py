@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,7 +177,7 @@ class Navigator:
             goal_tolerance=0.8 * config.episode.goal_tolerance,
             admitted=self._space(self.costmap.field()),
             known=self._space(self.costmap.clearance),
-            passable=self._space(self._passable_field()),
+            passable=self._passable(),
             turns_in_place=mission.motion == "ground",
             penalize_unknown=config.map.unknown_policy == "penalize",
             limits=_limits(config, mission),
@@ -239,16 +240,20 @@ class Navigator:
             cost_by_distance=costmap.cost_table / INSCRIBED_COST,
         )
 
-    def _passable_field(self) -> NDArray[np.uint16]:
-        """Distances to obstacles, but no farther than at an obstacle's edge where space is unknown.
+    def _passable(self) -> FreeSpace:
+        """Space not known to be blocked: distances to obstacles, an obstacle's edge where unknown.
 
-        So a guide may cross the unknown, and takes known space where it can.
+        So a guide may cross the unknown, at `behaviour.unknown_cost`, and takes known space where
+        it can.
         """
         costmap = self.costmap
         field = costmap.obstacle_clearance.copy()
-        edge = np.uint16(costmap.blocked_at_or_below + 1)
-        np.minimum(field, edge, out=field, where=costmap.clearance < edge)
-        return field
+        edge = costmap.blocked_at_or_below + 1
+        np.minimum(field, np.uint16(edge), out=field, where=costmap.clearance < edge)
+        space = self._space(field)
+        costs = space.cost_by_distance.copy()
+        costs[edge] = self._config.behaviour.unknown_cost
+        return replace(space, cost_by_distance=costs)
 
     def _planning_point(self, position: Array) -> Array:
         """The point in the costmap's frame: ground robots plan in the plane of its one layer."""

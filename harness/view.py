@@ -36,6 +36,13 @@ class BehaviourConfig:
         blend_length: Corners are rounded over at most this length on each side, m.
         improve_period: Time between looks for a cheaper guide, s.
         penalized_speed: Share of the speed while unknown space is entered under `penalize`.
+        unknown_cost: Cost of unknown space to a guide, in place of what a cell at the edge of the
+            inflation costs, 1: who comes to the unknown may have to stop.
+        goal_reach: A goal inside the inflation is replaced by the nearest place outside of it, at
+            most this far away, m.
+        goal_patience: Time that the robot waits there for the goal to become free, s.
+        backups: How often it goes back on its own trail, before the action is `abort`.
+        backup_length: How far, m.
     """
 
     patience: float = 1.0
@@ -47,6 +54,11 @@ class BehaviourConfig:
     blend_length: float = 0.6
     improve_period: float = 1.0
     penalized_speed: float = 0.4
+    unknown_cost: float = 4.0
+    goal_reach: float = 1.0
+    goal_patience: float = 5.0
+    backups: int = 2
+    backup_length: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse lengths, times and angles that are not positive."""
@@ -110,6 +122,8 @@ class Memory:
         rest_since_ns: Since when the robot has been waiting for the way to open; -1 if it is not.
         improved_ns: When a cheaper guide was last looked for.
         visited: (n, 3) places that it has looked from.
+        trail: (n, 3) where it came along, the latest last, no longer than a way back needs.
+        backups: How often it has gone back on its trail.
     """
 
     trajectory: Trajectory
@@ -119,6 +133,8 @@ class Memory:
     rest_since_ns: int = -1
     improved_ns: int = 0
     visited: Array = field(default_factory=lambda: np.empty((0, 3)))
+    trail: Array = field(default_factory=lambda: np.empty((0, 3)))
+    backups: int = 0
 
 
 @dataclass(frozen=True)

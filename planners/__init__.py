@@ -82,7 +82,7 @@ def warm_up(config: PlannerConfig | None = None) -> None:
         to_goal = GoalField(goal, PlannerConfig())
         for _ in range(2):
             to_goal.plan(space, start, seed=1)
-    for one in [PlannerConfig(name="field"), PlannerConfig()] if config is None else [config]:
+    for one in [PlannerConfig(), PlannerConfig(name="rrtconnect")] if config is None else [config]:
         plan(space, start, goal, one, seed=1)
     corner = np.array([start, [1.75, 0.25, 0.05], goal])
     path = blend_corners(space, corner, blend_length=0.4)

@@ -138,7 +138,8 @@ def walk(
         rate = grid.cost_by_distance[min(value, furthest)]
         least = min(least, least_at_crossing(grid, i, j, k, di, dj, dk))
         if least <= threshold:
-            share = max(walked, (first - 2) / span)
+            # Before the last face too, if that is as near: rounding must not reach either.
+            share = max((first - 2) / span, 0.0)
             return share, least, cost + (share - walked) * rate
         cost += (first / span - walked) * rate
         walked = first / span
@@ -227,6 +228,34 @@ def prune(grid: Grid, threshold: int, weight: float, path: Floats) -> Floats:
 
 
 @kernel
+def fewest_corners(grid: Grid, threshold: int, weight: float, price: float, path: Floats) -> Floats:
+    """The cheapest path through some of a path's way points, in order, shape (k, 3).
+
+    The optimum by dynamic programming over all edges between two of them, each corner at a price.
+    """
+    count = len(path)
+    least, before = np.full(count, np.inf), np.zeros(count, np.int64)
+    least[0] = 0.0
+    for n in range(1, count):
+        here = row(path, n)
+        for m in range(n - 1, -1, -1):
+            known = least[m] + price
+            if known + distance(row(path, m), here) + LEAST_GAIN >= least[n]:
+                continue
+            cost = known + edge_cost(grid, threshold, weight, row(path, m), here)
+            if cost + LEAST_GAIN < least[n]:
+                least[n], before[n] = cost, m
+    kept = np.empty((count, 3))
+    end, first = count - 1, count
+    while True:
+        first -= 1
+        kept[first] = path[end]
+        if end == 0:
+            return kept[first:].copy()
+        end = before[end]
+
+
+@kernel
 def path_length(path: Floats) -> float:
     """Length of a polyline, shape (n, 3) [m]."""
     length = 0.0
@@ -263,6 +292,7 @@ def detour(
     ends: tuple[Point, Point, Point, Point],
     apex: Point,
     old: float,
+    price: float,
 ) -> tuple[int, float, float, float, float]:
     """Try to lead from ``ends[1]`` to ``ends[2]`` straight, else over an apex.
 
@@ -272,7 +302,8 @@ def detour(
         weight: Weight of the cell cost against length.
         ends: The point before the cut, its two ends, and the point after it [m].
         apex: Of the detour [m].
-        old: What the way from the first to the last of the ends costs now [m].
+        old: What the way from the first to the last of the ends costs now, its corners with it [m].
+        price: Of a corner [m].
 
     Returns:
         How many points the cheaper way has between the first and the last (0 if none is cheaper,
@@ -280,7 +311,7 @@ def detour(
     """
     outside, u, v, beyond = ends
     # No edge costs less than its length, so most attempts end before a cell is looked at.
-    least = distance(outside, u) + distance(v, beyond) + LEAST_GAIN
+    least = distance(outside, u) + distance(v, beyond) + LEAST_GAIN + 2.0 * price
     if least + distance(u, v) >= old:
         return 0, 0.0, 0.0, 0.0, 0.0
     straight = edge_cost(grid, threshold, weight, u, v)
@@ -288,8 +319,9 @@ def detour(
     if least + straight < old:
         first = edge_cost(grid, threshold, weight, outside, u)
         last = edge_cost(grid, threshold, weight, v, beyond)
-        if first + straight + last < old - LEAST_GAIN:
+        if first + straight + last + 2.0 * price < old - LEAST_GAIN:
             return 2, first, straight, last, 0.0
+    least += price
     if least + distance(u, apex) + distance(apex, v) >= old:
         return 0, 0.0, 0.0, 0.0, 0.0
     to_apex = edge_cost(grid, threshold, weight, u, apex)
@@ -301,13 +333,15 @@ def detour(
     if first == math.inf:
         first = edge_cost(grid, threshold, weight, outside, u)
         last = edge_cost(grid, threshold, weight, v, beyond)
-    if first + to_apex + from_apex + last < old - LEAST_GAIN:
+    if first + to_apex + from_apex + last + 3.0 * price < old - LEAST_GAIN:
         return 3, first, to_apex, from_apex, last
     return 0, 0.0, 0.0, 0.0, 0.0
 
 
 @kernel
-def shortcut(grid: Grid, threshold: int, weight: float, path: Floats, draws: Floats) -> Floats:
+def shortcut(
+    grid: Grid, threshold: int, weight: float, price: float, path: Floats, draws: Floats
+) -> Floats:
     """Lower a path's cost by replacing the part between two random points of it.
 
     Random shortcuts after Geraerts and Overmars, "Creating High-quality Paths for Motion
@@ -319,6 +353,7 @@ def shortcut(grid: Grid, threshold: int, weight: float, path: Floats, draws: Flo
         grid: The distance field.
         threshold: A cell is forbidden at or below this squared distance.
         weight: Weight of the cell cost against length.
+        price: What each corner costs more [m].
         path: Way points [m], shape (n, 3), n >= 2, free edge by edge.
         draws: Shape (m, 5): two places along the path in [0, 1) and the offset [m].
 
@@ -343,7 +378,8 @@ def shortcut(grid: Grid, threshold: int, weight: float, path: Floats, draws: Flo
         middle = between(u, v, 0.5)
         apex = (middle[0] + draw[2], middle[1] + draw[3], middle[2] + draw[4])
         ends = (row(points, i), u, v, row(points, j + 1))
-        added, a, b, c, d = detour(grid, threshold, weight, ends, apex, np.sum(costs[i : j + 1]))
+        old = np.sum(costs[i : j + 1]) + price * (j - i)
+        added, a, b, c, d = detour(grid, threshold, weight, ends, apex, old, price)
         changed = added > 0
         if changed:
             shift = i + 1 + added - (j + 1)
@@ -358,7 +394,7 @@ def shortcut(grid: Grid, threshold: int, weight: float, path: Floats, draws: Flo
             for n in range(added + 1):
                 costs[i + n] = fresh[n]
             count = last
-    return prune(grid, threshold, weight, points[:count])
+    return fewest_corners(grid, threshold, weight, price, points[:count])
 
 
 @kernel

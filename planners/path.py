@@ -15,6 +15,8 @@ BLEND_SHRINKINGS = 5
 LEAST_BLEND_EDGES = 8
 # A shorter edge is what rounding leaves over, and its direction is noise [m].
 LEAST_EDGE = 1e-6
+# A corner that turns by less shares its edges as if it turned by this [rad].
+LEAST_TURN = 0.05
 SHARP_ANGLE = math.radians(50.0)
 SHARP_WINDOW = 0.3  # [m]
 
@@ -118,36 +120,55 @@ def blend_corners(
     Args:
         space: Where blends may run.
         waypoints: Shape (n, 3) [m].
-        blend_length: Length cut from both edges of a corner, at most half of each [m].
+        blend_length: Length cut from both edges of a corner, at most [m]; two corners share the
+            edge between them by how far each of them turns.
         spacing: Largest distance between points of the result [m].
 
     Returns:
         Shape (m, 3) [m], with the ends of ``waypoints``; free if they are, edge by edge.
     """
-    blends = [
-        _blend(space, waypoints[n - 1 : n + 2], blend_length, spacing)
-        for n in range(1, len(waypoints) - 1)
-    ]
-    path = _join(space, [waypoints[:1], *blends, waypoints[-1:]], spacing)
+    reaches = _reaches(waypoints, blend_length)
     # An edge cut short by its blends is rounded anew and can touch a cell that it just missed.
-    if not _all_free(space, path):
-        path = _join(space, [point[None, :] for point in waypoints], spacing)
-    return path
+    for share in (1.0, 0.7, 0.4):
+        blends = [
+            _blend(space, waypoints[n - 1 : n + 2], share * reaches[n - 1], spacing)
+            for n in range(1, len(waypoints) - 1)
+        ]
+        path = _join(space, [waypoints[:1], *blends, waypoints[-1:]], spacing)
+        if _all_free(space, path):
+            return path
+    return _join(space, [point[None, :] for point in waypoints], spacing)
 
 
 def _join(space: FreeSpace, pieces: list[Floats], spacing: float) -> Floats:
     """Pieces of a path joined by resampled straight edges, shape (m, 3)."""
     joined = [pieces[0]]
     for before, after in itertools.pairwise(pieces):
+        if edge_lengths(np.vstack((before[-1], after[0])))[0] < LEAST_EDGE:
+            joined[-1] = joined[-1][:-1]  # one blend begins where the other ends
+            joined.append(after)
+            continue
         joined += [_resample_edge(space, before[-1], after[0], spacing), after[1:]]
     return np.vstack(joined)
 
 
-def _blend(space: FreeSpace, corner: Floats, blend_length: float, spacing: float) -> Floats:
+def _reaches(waypoints: Floats, blend_length: float) -> list[float]:
+    """Length that each corner's blend may take of its edges [m], shape (n - 2,)."""
+    lengths = edge_lengths(waypoints)
+    turns = edge_lengths(edge_tangents(waypoints))  # (n - 2,) change of the tangent
+    turns = np.concatenate(([0.0], np.maximum(turns, LEAST_TURN), [0.0]))  # the ends turn nowhere
+    if len(waypoints) < 3:
+        return []
+    shares = turns[:-1] / np.maximum(turns[:-1] + turns[1:], LEAST_TURN)  # of the corner before
+    before, after = lengths * (1.0 - shares), lengths * shares
+    reaches: list[float] = np.minimum(np.minimum(before[:-1], after[1:]), blend_length).tolist()
+    return reaches
+
+
+def _blend(space: FreeSpace, corner: Floats, length: float, spacing: float) -> Floats:
     """Points of the largest free blend of a corner, shape (k, 3), or the corner itself."""
     at = corner[1]
-    lengths, tangents = edge_lengths(corner), edge_tangents(corner)
-    length = min(blend_length, 0.5 * lengths[0], 0.5 * lengths[1])
+    tangents = edge_tangents(corner)
     if length < LEAST_EDGE:
         return corner[1:2].copy()
     for _ in range(BLEND_SHRINKINGS):

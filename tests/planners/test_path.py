@@ -84,8 +84,21 @@ def test_a_blocked_blend_shrinks_and_at_last_leaves_the_corner():
         for s in (free, space)
     ]
     # A parabola passes its corner at half the distance from the corner to its chord: d / sqrt(8).
-    assert nearest[0] == pytest.approx(0.75 / math.sqrt(8.0), abs=1e-3)
-    assert 0.02 < nearest[1] < nearest[0] / 2.0  # smaller, but not the bare corner
+    assert nearest[0] == pytest.approx(1.0 / math.sqrt(8.0), abs=1e-3)
+    assert 0.02 < nearest[1] < nearest[0] / 1.9  # smaller, but not the bare corner
+
+
+def test_corners_share_an_edge_by_how_far_each_turns(room):
+    # A quarter turn and one of 2 atan(1 / 3): changes of the tangent by sqrt(2) and 2 / sqrt(10).
+    waypoints = np.array([point(room, 20, 20), point(room, 60, 20), point(room, 60, 44)])
+    along = np.array([-0.6, 0.8, 0.0])
+    waypoints = np.vstack([waypoints, waypoints[-1] + 4.0 * along])
+    path = blend_corners(room, waypoints, blend_length=10.0)
+    steps = np.diff(path, axis=0)
+    assert np.linalg.norm(steps, axis=1).min() > 1e-3  # no edge of no length between the blends
+    met = path[np.argmin(np.abs(path[:, 1] - waypoints[1, 1] - 2.4 * 2**0.5 / (2**0.5 + 0.4**0.5)))]
+    share = (met[1] - waypoints[1, 1]) / 2.4
+    assert share == pytest.approx(2**0.5 / (2**0.5 + 0.4**0.5), abs=1e-3)
 
 
 def test_blends_have_the_curvature_of_their_parabola(room):

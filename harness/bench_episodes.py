@@ -1,0 +1,227 @@
+"""The same seeds run under different settings: unknown policies, planners, delays.
+
+`wayproof bench policies`, `wayproof bench planners` and `wayproof bench delays`. Whole episodes in
+the warehouse; the arms of one seed run one after the other, so that what slows the machine slows
+all of them.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.config import from_document, override
+from harness.episode import Result, run_episode
+from harness.navigator import build_navigator
+from harness.reader import Log, open_log
+from harness.scenario import build
+from harness.schema import wayproof_pb2 as pb
+from harness.warm_up import warm_up
+from maps import UNKNOWN, states_in
+
+WORLD = "warehouse"
+LOOKING = "looking from"
+"""In the reason of a decision that sets out for a place to look from."""
+
+
+class Arm(NamedTuple):
+    """One robot with one set of settings."""
+
+    robot: str
+    name: str
+    settings: tuple[str, ...]
+
+
+POLICIES = tuple(
+    Arm("drone", policy, (f"map.unknown_policy={policy}",))
+    for policy in ("forbid", "penalize", "allow")
+)
+PLANNING = tuple(
+    Arm(robot, name, (f"planner.name={name}",))
+    for robot in ("drone", "quadruped")
+    for name in ("field", "rrtconnect")
+)
+DELAYS = tuple(
+    Arm(robot, f"{3 * part:g} ms", (
+        *(f"latency.{stage}={part * 1e-3}" for stage in ("sense", "map", "plan")),
+        "latency.deadline=1.0",
+    ))
+    for robot in ("drone", "quadruped")
+    for part in (20, 100, 200)
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """Episodes of one arm.
+
+    Attributes:
+        robot: Its name.
+        arm: What was set.
+        episodes: Of seeds from the given one on.
+        success: Share that ended in success.
+        collisions: Number of episodes that ended in a collision.
+        time_s: Mean simulated time of the successful ones.
+        length_m: Mean distance travelled of these.
+        speed_m_s: Their lengths by their times.
+        looks: Mean number of times that the robot set out for a place to look from.
+        explore_share: Share of decisions that drive up to what has not been seen.
+        least_clearance_m: Least true distance to an obstacle, of all episodes.
+        unknown_share: Share of decisions whose committed path leads through space not known to be
+            free.
+        unknown_cells: Mean number of cells of the map that were unknown when the body was in them;
+            0 where the policy is not what is compared.
+        plan_ms_p50: Median wall time of a decision.
+        plan_ms_p99: 99th percentile of the same.
+    """
+
+    robot: str
+    arm: str
+    episodes: int
+    success: float
+    collisions: int
+    time_s: float
+    length_m: float
+    speed_m_s: float
+    looks: float
+    explore_share: float
+    least_clearance_m: float
+    unknown_share: float
+    unknown_cells: float
+    plan_ms_p50: float
+    plan_ms_p99: float
+
+
+class Noted(NamedTuple):
+    """What is kept of one decision."""
+
+    action: str
+    reason: str
+    unknown: bool  # whether its committed path leads through space not known to be free
+    plan_ms: float
+
+
+class Trial(NamedTuple):
+    """What one episode left."""
+
+    result: Result
+    looks: int
+    explore_share: float
+    unknown_share: float
+    unknown_cells: int
+    plan_ms: list[float]
+
+
+Progress = Callable[[str], None]
+
+
+def bench_policies(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+    """A drone under each unknown policy; one row (see `Row`) for each."""
+    return _compare(POLICIES, repeats, seed, progress)
+
+
+def bench_planners(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+    """Both robots with our planner and with RRT-Connect."""
+    return _compare(PLANNING, repeats, seed, progress)
+
+
+def bench_delays(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+    """Both robots with delays of 60, 300 and 600 ms from a sweep to the decision's effect."""
+    return _compare(DELAYS, repeats, seed, progress)
+
+
+def _compare(
+    arms: Iterable[Arm], repeats: int, seed: int, progress: Progress
+) -> list[dict[str, Any]]:
+    trials: dict[Arm, list[Trial]] = {arm: [] for arm in arms}
+    with tempfile.TemporaryDirectory() as folder:
+        for one in range(seed, seed + repeats):
+            for arm, done in trials.items():
+                progress(f"{arm.robot}, {arm.name}, seed {one}")
+                done.append(_run(arm, one, Path(folder) / "episode.mcap"))
+    return [asdict(_row(arm, done)) for arm, done in trials.items()]
+
+
+def _run(arm: Arm, seed: int, path: Path) -> Trial:
+    config = override(
+        from_document({"world": WORLD, "robot": arm.robot, "seed": seed}), arm.settings
+    )
+    warm_up(config)
+    decisions: list[Noted] = []
+
+    def note(decision: pb.Decision, _: pb.Truth) -> None:
+        nearest = (decision.least_clearance_m / decision.resolution_m) ** 2
+        unknown = round(nearest) <= decision.blocked_at_or_below
+        decisions.append(Noted(decision.action, decision.reason, unknown, decision.stages.plan_ms))
+
+    result = run_episode(build(config), path, note)
+    return Trial(
+        result,
+        sum(LOOKING in one.reason for one in decisions),
+        sum(one.action == "explore" for one in decisions) / len(decisions),
+        sum(one.unknown for one in decisions) / len(decisions),
+        entered_unknown(open_log(path)) if arm in POLICIES else 0,
+        [one.plan_ms for one in decisions],
+    )
+
+
+def entered_unknown(log: Log) -> int:
+    """Number of cells that the map held for unknown when the flying body was in them.
+
+    The map is rebuilt from the log, and looked at about the true place of each decision. 0 for a
+    robot on the ground, which is not one ball.
+    """
+    mission = log.mission
+    if mission.motion == "ground":
+        return 0
+    navigator = build_navigator(log.config, mission, log.beams)
+    entered: set[bytes] = set()
+    for record in log.records():
+        navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
+        place = record.inputs.pose.position
+        entered |= {cell.tobytes() for cell in _unknown_in(navigator.map, place, mission.radius)}
+    return len(entered)
+
+
+def _unknown_in(voxel_map: Any, place: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
+    """Unknown cells whose centres are in a ball, (n, 3)."""
+    size = voxel_map.resolution
+    first = np.floor((place - radius) / size + (0.0, 0.0, 0.75))
+    end = np.ceil((place + radius) / size + (0.0, 0.0, 0.75))
+    corner = (first - (0.0, 0.0, 0.75)) * size
+    top = (end - (0.0, 0.0, 0.75)) * size
+    states = states_in(voxel_map, corner + 0.25 * size, top - 0.25 * size)
+    cells = np.argwhere(states == UNKNOWN)
+    centres = corner + (cells + 0.5) * size
+    inside = ((centres - place) ** 2).sum(axis=1) <= radius * radius
+    return np.asarray(cells[inside] + first.astype(np.int64), np.int64)
+
+
+def _row(arm: Arm, trials: list[Trial]) -> Row:
+    reached = [trial.result for trial in trials if trial.result.outcome == "success"]
+    time_s = float(np.mean([result.sim_time_s for result in reached])) if reached else 0.0
+    length = float(np.mean([result.path_length_m for result in reached])) if reached else 0.0
+    plan_ms = np.concatenate([trial.plan_ms for trial in trials])
+    return Row(
+        robot=arm.robot,
+        arm=arm.name,
+        episodes=len(trials),
+        success=len(reached) / len(trials),
+        collisions=sum(trial.result.outcome == "collision" for trial in trials),
+        time_s=time_s,
+        length_m=length,
+        speed_m_s=length / time_s if reached else 0.0,
+        looks=float(np.mean([trial.looks for trial in trials])),
+        explore_share=float(np.mean([trial.explore_share for trial in trials])),
+        least_clearance_m=min(trial.result.min_clearance_m for trial in trials),
+        unknown_share=float(np.mean([trial.unknown_share for trial in trials])),
+        unknown_cells=float(np.mean([trial.unknown_cells for trial in trials])),
+        plan_ms_p50=float(np.median(plan_ms)),
+        plan_ms_p99=float(np.percentile(plan_ms, 99)),
+    )

@@ -1,0 +1,98 @@
+"""Tasks that cannot be done end in time, with the outcome and the label that say why."""
+
+import dataclasses
+
+import pytest
+
+from harness.config import Config, override
+from harness.episode import run_episode
+from harness.errors import InputError
+from harness.reader import open_log
+from harness.replay import replay
+from harness.scenario import build
+from models.worlds import WORLDS, World
+from models.worlds.layout import room_walls
+from models.worlds.world import Box
+
+LOW, HIGH = (0.0, 0.0, -0.5), (7.0, 5.0, 3.0)
+WALL = Box.between((4.0, 0.0, 0.0), (4.2, 5.0, 3.0), "partition")
+PILLAR = Box.between((4.8, 1.2, 0.0), (5.2, 1.6, 3.0), "crate")
+SHORT = ("episode.time_limit=40", "behaviour.patience=0.5", "behaviour.tries=3")
+
+
+def small_world(*boxes):
+    return World(
+        name="small",
+        seed=0,
+        low=LOW,
+        high=HIGH,
+        boxes=(*room_walls(LOW, HIGH), *boxes),
+        start=(1.5, 2.5, 0.0),
+        start_heading=0.0,
+        goal=(5.5, 2.5, 0.0),
+    )
+
+
+@pytest.fixture
+def episode(monkeypatch, tmp_path):
+    """Run in a room of 7 x 5 m with some boxes: the result and the decisions."""
+
+    def run(boxes, robot, *settings):
+        monkeypatch.setitem(WORLDS, "small", lambda seed: small_world(*boxes))
+        config = override(Config("small", robot, 0), (*SHORT, *settings))
+        result = run_episode(build(config), tmp_path / "episode.mcap")
+        log = open_log(tmp_path / "episode.mcap")
+        assert replay(tmp_path / "episode.mcap").identical
+        return result, [record.decision for record in log.records()]
+
+    return run
+
+
+# What a drone's beams miss under the ceiling stays unknown: there might be a way.
+@pytest.mark.parametrize(("robot", "label"), [("drone", "unknown_ahead"), ("quadruped", "no_path")])
+def test_a_sealed_room_ends_in_an_abort_that_says_why(episode, robot, label):
+    result, decisions = episode([WALL], robot)
+    assert result.outcome == "aborted", result.reason
+    assert decisions[-1].label == label
+    assert result.sim_time_s < 40.0
+    assert result.collisions == 0
+
+
+def test_the_trail_is_gone_back_on_before_giving_up(episode):
+    decisions = episode([WALL], "quadruped")[1]
+    back = [d for d in decisions if d.action == "recover" and "on the trail" in d.reason]
+    assert 0 < len(back) <= 2
+
+
+def test_a_goal_inside_the_inflation_is_approached_and_then_given_up(episode):
+    # 0.45 m from the pillar: the body of 0.36 m would fit, but not with its margin.
+    result, decisions = episode([PILLAR], "drone", "goal=[5.0,2.0]", "episode.goal_tolerance=0.05")
+    assert result.outcome == "aborted", result.reason
+    assert decisions[-1].label == "goal_blocked"
+    assert result.goal_distance_m < 0.5
+    waited = [d for d in decisions if d.label == "goal_blocked"]
+    assert len(waited) * 0.1 == pytest.approx(5.0, abs=0.3)
+
+
+def test_a_goal_inside_the_inflation_is_reached_where_the_tolerance_allows(episode):
+    settings = ("goal=[5.0,2.0]", "episode.goal_tolerance=0.6")
+    assert episode([PILLAR], "drone", *settings)[0].outcome == "success"
+
+
+@pytest.mark.parametrize(
+    ("settings", "word"),
+    [
+        (["goal=[5.0,1.4]"], "goal"),
+        (["start=[5.0,1.4]"], "start"),
+        (["goal=[9.0,2.5]"], "geofence"),
+    ],
+)
+def test_places_that_cannot_be_are_refused_before_the_episode(episode, settings, word):
+    with pytest.raises(InputError, match=word):
+        episode([PILLAR], "drone", *settings)
+
+
+def test_an_episode_without_time_ends_in_a_timeout(episode):
+    result, _ = episode([], "drone", "episode.time_limit=1")
+    assert result.outcome == "timeout"
+    assert dataclasses.asdict(result)["sim_time_s"] == pytest.approx(1.0, abs=0.11)
