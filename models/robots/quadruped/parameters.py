@@ -77,7 +77,7 @@ class Gait(NamedTuple):
     period: float = 0.40
     duty: float = 0.55
     height: float = 0.30
-    swing_height: float = 0.08
+    swing_height: float = 0.10
     linear_acceleration: float = 2.0
     yaw_acceleration: float = 4.0
     standing_speed: float = 0.02
@@ -93,6 +93,7 @@ class Gait(NamedTuple):
     early_contact_force: float = 5.0
     early_contact_share: float = 0.6
     ground_time: float = 0.15
+    longest_wait: float = 0.12
 
 
 class Prediction(NamedTuple):
@@ -125,6 +126,7 @@ class Prediction(NamedTuple):
     weight_force: float = 4e-6
     penalty: float = 2e-5
     iterations: int = 15
+    late_contact: float = 0.01
 
 
 class Legs(NamedTuple):
@@ -141,8 +143,8 @@ class Legs(NamedTuple):
     swing_stiffness: float = 600.0
     swing_damping: float = 15.0
     stance_damping: float = 0.3
-    reach_speed: float = 0.4
-    press: float = 0.005
+    reach_speed: float = 1.2
+    press: float = 0.02
 
 
 class Tracking(NamedTuple):
