@@ -117,7 +117,7 @@ class Prediction(NamedTuple):
     steps: int = 10
     step_time: float = 0.03
     period: float = 0.02
-    friction: float = 0.6
+    friction: float = 0.4
     largest_normal_force: float = 250.0
     weight_angle: tuple[float, float, float] = (30.0, 30.0, 20.0)
     weight_position: tuple[float, float, float] = (10.0, 10.0, 80.0)

@@ -13,8 +13,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from models.robots.estimate import Estimate, EstimateNoise
+from models.robots.quadruped.parameters import LEGS
 from models.robots.quadruped.robot import Quadruped
 from models.robots.robot import Setpoint
 from models.robots.terrain import COURSE_END, TERRAINS, Block
@@ -275,3 +277,147 @@ def cross_terrain(
         steer = np.clip([-y, -2.0 * heading], [-0.2, -0.5], [0.2, 0.5])
         ride.walk(np.array([speed, *steer]))
     return Crossed(ride.fallen, bool(ride.data.qpos[0] > COURSE_END), ride.tick * TIMESTEP)
+
+
+class Stopped(NamedTuple):
+    """An emergency stop.
+
+    Attributes:
+        fallen: Whether it fell.
+        distance: From where braking was ordered to where it stood, m.
+        seconds: Simulated.
+    """
+
+    fallen: bool
+    distance: float
+    seconds: float
+
+
+def stop_from(
+    robot: Quadruped,
+    noise: EstimateNoise | None,
+    rng: np.random.Generator,
+    speed: float = 1.5,
+    jerk: float = 15.0,
+) -> Stopped:
+    """Run for 2 to 3 s, then brake as hard as the gait does, the deceleration limited in jerk."""
+    deceleration = robot.parameters.gait.linear_acceleration
+    ride = Ride(robot, Plant(), noise, 6.0, rng)
+    run_time = rng.uniform(2.0, 3.0)
+    while ride.tick * TIMESTEP < run_time:
+        ride.walk(np.array([speed, 0.0, 0.0]))
+    start = ride.data.qpos[:2].copy()
+    command, rate = speed, 0.0
+    while ride.tick * TIMESTEP < run_time + 3.0 and not ride.fallen:
+        # Ease off where the speed left is what easing off at this jerk takes.
+        wanted = deceleration if command > rate * rate / (2.0 * jerk) else 0.0
+        rate += min(max(wanted - rate, -jerk * TIMESTEP), jerk * TIMESTEP)
+        command = max(command - rate * TIMESTEP, 0.0)
+        ride.walk(np.array([command, 0.0, 0.0]))
+    distance = float(np.hypot(*(ride.data.qpos[:2] - start)))
+    return Stopped(ride.fallen, distance, ride.tick * TIMESTEP)
+
+
+class Stood(NamedTuple):
+    """Standing still.
+
+    Attributes:
+        fallen: Whether it fell.
+        creep: Farthest that a foot went from where it stood after the first second, m.
+        seconds: Simulated.
+    """
+
+    fallen: bool
+    creep: float
+    seconds: float
+
+
+def stand(
+    robot: Quadruped,
+    noise: EstimateNoise | None,
+    rng: np.random.Generator,
+    seconds: float = 60.0,
+) -> Stood:
+    """No command at all."""
+    ride = Ride(robot, Plant(), noise, seconds, rng)
+    feet = [ride.model.geom(f"{PREFIX}{leg}_foot").id for leg in LEGS]
+    places = []
+    while ride.tick * TIMESTEP < seconds and not ride.fallen:
+        ride.walk(np.zeros(3))
+        if ride.tick % 500 == 0:
+            places.append(ride.data.geom_xpos[feet, :2].copy())
+    moved = np.linalg.norm(np.array(places) - places[0], axis=2)
+    return Stood(ride.fallen, float(moved.max()), ride.tick * TIMESTEP)
+
+
+class Followed(NamedTuple):
+    """A path followed.
+
+    Attributes:
+        fallen: Whether it fell.
+        error: Root mean square of the base's distance from the path, m.
+        seconds: Simulated.
+    """
+
+    fallen: bool
+    error: float
+    seconds: float
+
+
+def follow_path(
+    robot: Quadruped,
+    noise: EstimateNoise | None,
+    rng: np.random.Generator,
+    length: float = 20.0,
+    speed: float = 1.0,
+    acceleration: float = 1.0,
+) -> Followed:
+    """Setpoints along straight lines and arcs in turn, from rest, facing along the path."""
+    course = draw_course(rng, length)
+    ticks = round((length / speed + 0.5 * speed / acceleration) / TIMESTEP)
+    ride = Ride(robot, Plant(), noise, ticks * TIMESTEP, rng)
+    wanted, was = np.zeros((ticks, 2)), np.zeros((ticks, 2))
+    along = pace = 0.0
+    while ride.tick < ticks and not ride.fallen:
+        pace = min(pace + acceleration * TIMESTEP, speed)
+        along += pace * TIMESTEP
+        x, y, heading, curvature = course_at(course, along)
+        velocity = pace * np.array([math.cos(heading), math.sin(heading), 0.0])
+        ride.follow(Setpoint(np.array([x, y, 0.0]), velocity, heading, pace * curvature))
+        wanted[ride.tick - 1] = x, y
+        was[ride.tick - 1] = ride.data.qpos[:2]
+    distances, _ = KDTree(wanted[: ride.tick]).query(was[: ride.tick])
+    error = math.sqrt(float((distances**2).mean()))
+    return Followed(ride.fallen, error, ride.tick * TIMESTEP)
+
+
+Course = list[tuple[float, float]]
+"""Length (m) and curvature (1/m) of each piece."""
+
+
+def draw_course(rng: np.random.Generator, length: float) -> Course:
+    """Lines of 1 to 3 m and arcs of 0.8 to 2 rad with radii of 1.2 to 2.5 m in turn."""
+    pieces: Course = []
+    while sum(piece for piece, _ in pieces) < length:
+        radius = rng.uniform(1.2, 2.5)
+        turn = rng.uniform(0.8, 2.0)
+        pieces.append((rng.uniform(1.0, 3.0), 0.0))
+        pieces.append((radius * turn, rng.choice([-1.0, 1.0]) / radius))
+    return pieces
+
+
+def course_at(course: Course, along: float) -> tuple[float, float, float, float]:
+    """Point x, y (m), heading (rad) and curvature (1/m) at an arc length from the origin."""
+    x = y = heading = 0.0
+    for length, curvature in course:
+        part = min(along, length)
+        turn = curvature * part
+        # The chord of an arc: sin(turn / 2) / (turn / 2) of its length, at half its turn.
+        chord = part * float(np.sinc(0.5 * turn / math.pi))
+        x += chord * math.cos(heading + 0.5 * turn)
+        y += chord * math.sin(heading + 0.5 * turn)
+        heading += turn
+        along -= part
+        if along <= 0.0:
+            break
+    return x, y, heading, curvature
