@@ -18,6 +18,7 @@ from harness.bench_loop import bench_loop
 from harness.bench_map import bench_map
 from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
+from harness.bench_robots import bench_robots
 from harness.errors import InputError, unknown_name
 
 Row = dict[str, Any]
@@ -40,6 +41,7 @@ STAGES: dict[str, Stage] = {
     "map": Stage(bench_map, 15),
     "plan": Stage(bench_plan, 15),
     "rays": Stage(bench_rays, 15),
+    "robots": Stage(bench_robots, 10),
 }
 
 MOST_REPEATS = 1000
