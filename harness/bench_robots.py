@@ -24,6 +24,7 @@ from models.robots.estimate import EstimateNoise
 from models.robots.quadrotor import Quadrotor
 from models.robots.quadrotor import trials as flights
 from models.robots.quadrotor import warm_up as warm_up_quadrotor
+from models.robots.quadrotor.parameters import Parameters, Smoothing
 from models.robots.quadruped import Quadruped
 from models.robots.quadruped import trials as walks
 from models.robots.quadruped import warm_up as warm_up_quadruped
@@ -257,21 +258,28 @@ def _flight(
     draw_course: Callable[[np.random.Generator], flights.Course],
     wind: float = 0.0,
     noise: EstimateNoise | None = None,
+    robot: Quadrotor | None = None,
 ) -> Run:
     course = draw_course(rng)
-    result = flights.fly(Quadrotor(), course, FLIGHT_TIME, wind, noise, rng)
+    result = flights.fly(robot or Quadrotor(), course, FLIGHT_TIME, wind, noise, rng)
     return Run(result.crashed, distance_error=result.error, energy=result.energy)
 
 
 def _random_flight(rng: np.random.Generator) -> Run:
-    """Points, headings and pauses drawn, gusts of a drawn mean up to 6 m/s, a noisy estimate."""
-    return _flight(rng, _points, rng.uniform(0.0, GUSTS), NOISE)
+    """Speed, points, headings, pauses and gusts of a mean up to 6 m/s drawn, a noisy estimate."""
+    limits = flights.Limits(speed=rng.uniform(0.5, 3.0))
+    return _flight(rng, partial(_points, limits=limits), rng.uniform(0.0, GUSTS), NOISE)
+
+
+def _fast_flight(rng: np.random.Generator) -> Run:
+    """5 m/s takes a smoothing filter that lets it through; the robot's own stops at 3 m/s."""
+    smoothing = Smoothing(limits=(6.0, 8.0, 100.0, 2000.0))
+    course = partial(_points, limits=flights.Limits(speed=5.0), far=24.0)
+    return _flight(rng, course, robot=Quadrotor(Parameters(smoothing=smoothing)))
 
 
 _eight = flights.figure_of_eight
 _points = partial(flights.point_to_point, seconds=FLIGHT_TIME)
-_fast_eight = flights.figure_of_eight
-_points = partial(_points, limits=flights.Limits(speed=(5.0, 2.0)), far=20.0)
 
 CASES = (
     Case("quadruped", "commands", 10, _commands),
@@ -294,7 +302,7 @@ CASES = (
     Case("drone", "hover", 0.2, partial(_flight, draw_course=flights.hover)),
     Case("drone", "figure of eight 3 m/s", 0.5, partial(_flight, draw_course=_eight)),
     Case("drone", "points 3 m/s", 1, partial(_flight, draw_course=_points)),
-    Case("drone", "points 5 m/s", 1, partial(_flight, draw_course=_fast_points)),
+    Case("drone", "points 5 m/s", 1, _fast_flight),
     Case("drone", "hover, gusts", 1, partial(_flight, draw_course=flights.hover, wind=GUSTS)),
     Case("drone", "figure of eight, gusts", 1, partial(_flight, draw_course=_eight, wind=GUSTS)),
     Case("drone", "points, gusts", 1, partial(_flight, draw_course=_points, wind=GUSTS)),

@@ -97,8 +97,8 @@ class Smoothing(NamedTuple):
         heading_limits: The same for heading, rad/s .. rad/s^4.
     """
 
-    bandwidth: float = 25.0
-    limits: tuple[float, float, float, float] = (7.0, 8.0, 100.0, 2000.0)
+    bandwidth: float = 20.0
+    limits: tuple[float, float, float, float] = (3.0, 8.0, 100.0, 2000.0)
     heading_limits: tuple[float, float, float, float] = (3.0, 10.0, 200.0, 4000.0)
 
     @property

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -40,7 +41,7 @@ _SCENE = f"""\
 
 
 class Limits(NamedTuple):
-    """Of point-to-point flights, horizontal (each axis) and vertical; SI.
+    """Of point-to-point flights, along the line.
 
     Attributes:
         speed: m/s.
@@ -48,9 +49,9 @@ class Limits(NamedTuple):
         jerk: m/s^3.
     """
 
-    speed: tuple[float, float] = (3.0, 2.0)
-    acceleration: tuple[float, float] = (4.0, 2.5)
-    jerk: tuple[float, float] = (20.0, 15.0)
+    speed: float = 3.0
+    acceleration: float = 4.0
+    jerk: float = 20.0
 
 
 class Flown(NamedTuple):
@@ -182,55 +183,59 @@ def figure_of_eight(rng: np.random.Generator, speed: float = 3.0, ramp: float = 
 
 
 def point_to_point(
-    rng: np.random.Generator, seconds: float, limits: Limits | None = None, far: float = 6.0
+    rng: np.random.Generator, seconds: float, limits: Limits | None = None, far: float = 8.0
 ) -> Course:
-    """Flights from rest to rest between drawn points, each shortest in time under the limits.
+    """Straight flights from rest to rest between drawn points, shortest in time under the limits.
 
-    The profiles are ruckig's (Berscheid and Kroeger, RSS 2021), axes synchronised in time; the
-    heading turns to a drawn one by a smooth step meanwhile.
+    The profiles are ruckig's (Berscheid and Kroeger, RSS 2021); the heading turns to a drawn one
+    by a smooth step meanwhile.
 
     Args:
         rng: Of points, headings and pauses.
         seconds: To fill.
-        limits: Of each axis.
-        far: Side of the square the points are in, m.
+        limits: Along the line.
+        far: Side of the square the points are in, m; they are 1 to 3 m high.
     """
-    limits = limits or Limits()
-    legs: list[tuple[float, ruckig.Trajectory, float, float]] = []
-    start, heading, begin = np.array([0.0, 0.0, 2.0]), 0.0, 0.0
+    legs: list[_Leg] = []
+    leg = _Leg(0.0, np.array([0.0, 0.0, 2.0]), np.array([0.0, 0.0, 2.0]), None, 0.0, 0.0)
+    begin = 0.0
     while begin < seconds:
         goal = rng.uniform([-far / 2, -far / 2, 1.0], [far / 2, far / 2, 3.0])
-        trajectory = _profile(start, goal, limits)
-        turned = heading + rng.uniform(-1.0, 1.0) * min(2.0, 0.7 * trajectory.duration)
-        legs.append((begin, trajectory, heading, turned))
-        begin += trajectory.duration + rng.uniform(0.0, 1.0)
-        start, heading = goal, turned
-    now = 0
+        profile = _profile(float(np.linalg.norm(goal - leg.goal)), limits or Limits())
+        turned = leg.turned + rng.uniform(-1.0, 1.0) * min(2.0, 0.7 * profile.duration)
+        leg = _Leg(begin, leg.goal, goal, profile, leg.turned, turned)
+        legs.append(leg)
+        begin += profile.duration + rng.uniform(0.0, 1.0)
+    begins = [leg.begin for leg in legs]
+    return lambda time: legs[bisect_right(begins, time) - 1].at(time)
 
-    def course(time: float) -> tuple[float, float, float, float]:
-        nonlocal now
-        if time < legs[now][0]:
-            now = 0
-        while now + 1 < len(legs) and time >= legs[now + 1][0]:
-            now += 1
-        begun, trajectory, before, after = legs[now]
-        elapsed = min(time - begun, trajectory.duration)
-        x, y, z = trajectory.at_time(elapsed)[0]
-        share = elapsed / trajectory.duration
+
+class _Leg(NamedTuple):
+    """One straight flight: when it begins, from where to where, how, and the heading meanwhile."""
+
+    begin: float
+    start: Array
+    goal: Array
+    profile: Any
+    heading: float
+    turned: float
+
+    def at(self, time: float) -> tuple[float, float, float, float]:
+        elapsed = min(time - self.begin, self.profile.duration)
+        share = elapsed / self.profile.duration
         smooth = share**3 * (share * (6.0 * share - 15.0) + 10.0)
-        return x, y, z, before + smooth * (after - before)
+        along = self.profile.at_time(elapsed)[0][0] / float(np.linalg.norm(self.goal - self.start))
+        x, y, z = (self.start + along * (self.goal - self.start)).tolist()
+        return x, y, z, self.heading + smooth * (self.turned - self.heading)
 
-    return course
 
-
-def _profile(start: Array, goal: Array, limits: Limits) -> ruckig.Trajectory:
-    request = ruckig.InputParameter(3)
-    request.current_position, request.target_position = start.tolist(), goal.tolist()
-    request.max_velocity = [limits.speed[0]] * 2 + [limits.speed[1]]
-    request.max_acceleration = [limits.acceleration[0]] * 2 + [limits.acceleration[1]]
-    request.max_jerk = [limits.jerk[0]] * 2 + [limits.jerk[1]]
-    trajectory = ruckig.Trajectory(3)
-    result = ruckig.Ruckig(3).calculate(request, trajectory)
+def _profile(distance: float, limits: Limits) -> Any:
+    request = ruckig.InputParameter(1)
+    request.current_position, request.target_position = [0.0], [distance]
+    request.max_velocity, request.max_acceleration = [limits.speed], [limits.acceleration]
+    request.max_jerk = [limits.jerk]
+    trajectory = ruckig.Trajectory(1)
+    result = ruckig.Ruckig(1).calculate(request, trajectory)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise ValueError(f"profile: got {result} from {start} to {goal}, expected a solution")
+        raise ValueError(f"profile: got {result} over {distance} m, expected a solution")
     return trajectory

@@ -72,6 +72,7 @@ class Gait(NamedTuple):
         early_contact_force: A swinging one above this, N.
         early_contact_share: Share of the swing before which touching is scuffing, not standing.
         ground_time: Time constant of the ground estimate, s.
+        longest_wait: Lift-off waits for a late foot of the other pair no longer than this, s.
     """
 
     period: float = 0.40
@@ -103,7 +104,8 @@ class Prediction(NamedTuple):
         steps: Horizon length.
         step_time: s.
         period: Time between solves, s; half as often falls, twice as often gains nothing.
-        friction: Friction coefficient that the forces stay within; below the floor's on purpose.
+        friction: Friction coefficient that the forces stay within: the least expected of a floor.
+            At 0.6 five of ten runs on floors of 0.4 to 0.55 fell, at 0.4 none.
         largest_normal_force: Per foot, N.
         weight_angle: Roll, pitch, yaw error, 1/rad^2.
         weight_position: x, y, z error of the centre of mass, 1/m^2.
@@ -112,6 +114,8 @@ class Prediction(NamedTuple):
         weight_force: 1/N^2.
         penalty: rho of ADMM (Boyd et al. 2011, section 3.1), 1/N^2.
         iterations: ADMM iterations; 15 walk as well as 40.
+        late_contact: A foot that has not met the ground so long after it was due bears nothing
+            now, s.
     """
 
     steps: int = 10
@@ -137,7 +141,8 @@ class Legs(NamedTuple):
         swing_damping: Cartesian, N s/m.
         stance_damping: Joint damping of standing legs, Nm s/rad.
         reach_speed: A foot that should stand but hangs in the air moves down at this, m/s.
-        press: Swing ends this far below the ground, so that the foot arrives, m.
+        press: Swing ends this far below the ground, so that the foot arrives, m;
+            at 0.005 as at 0.12 s of waiting it waits on flat floor, too, and tracks worse.
     """
 
     swing_stiffness: float = 600.0
