@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -119,11 +119,14 @@ def bench_robots(repeats: int, seed: int, progress: Callable[[str], None]) -> li
     return [asdict(row) for row in [*rows, *speed_rows()]]
 
 
-def run_cases(repeats: int, seed: int, progress: Callable[[str], None]) -> list[list[Run]]:
-    """Every run of every case, in the order of `CASES`."""
+def run_cases(
+    repeats: int, seed: int, progress: Callable[[str], None], names: Collection[str] | None = None
+) -> list[list[Run]]:
+    """Every run of every case, or of those named, in the order of `CASES`."""
     jobs = [
         (number, run)
         for number, case in enumerate(CASES)
+        if names is None or case.name in names
         for run in range(max(1, round(case.share * repeats)))
     ]
     found: dict[tuple[int, int], Run] = {}
@@ -166,25 +169,25 @@ def summarise(case: Case, runs: list[Run]) -> Row:
     """A row of all runs of one case; errors are of those that stayed up."""
     up = [run for run in runs if not run.fallen]
     errors = [run.errors for run in up if run.errors is not None]
-    velocity: list[float | None] = [None] * 3
-    if errors:
-        velocity = list(np.sqrt(np.mean(np.square(errors), axis=0)).tolist())
+    velocity = np.sqrt(np.mean(np.square(errors), axis=0)).tolist() if errors else [None] * 3
     distances = [run.distance_error for run in up if run.distance_error is not None]
     stops = [run.stop for run in up if run.stop is not None]
     creeps = [run.creep for run in up if run.creep is not None]
     energies = [run.energy for run in up if run.energy is not None]
     arrived = [run.arrived for run in runs if run.arrived is not None]
     return Row(
-        case.robot,
-        case.name,
-        len(runs),
-        len(runs) - len(up),
-        sum(arrived) if arrived else None,
-        *velocity,
-        math.sqrt(np.mean(np.square(distances))) if distances else None,
-        max(stops) if stops else None,
-        1e3 * max(creeps) if creeps else None,
-        float(np.mean(energies)) if energies else None,
+        robot=case.robot,
+        case=case.name,
+        runs=len(runs),
+        falls=len(runs) - len(up),
+        crossed=sum(arrived) if arrived else None,
+        rms_vx=velocity[0],
+        rms_vy=velocity[1],
+        rms_wz=velocity[2],
+        rmse_m=math.sqrt(np.mean(np.square(distances))) if distances else None,
+        stop_m=max(stops) if stops else None,
+        creep_mm=1e3 * max(creeps) if creeps else None,
+        energy_j=float(np.mean(energies)) if energies else None,
     )
 
 
