@@ -261,7 +261,7 @@ def _add_bench(verbs: Any) -> None:
         help="how fast one stage is on this machine, and whether its results are right",
         epilog="example: wayproof bench rays --json",
     )
-    parser.add_argument("stage", metavar="STAGE", help="loop, map, plan or rays")
+    parser.add_argument("stage", metavar="STAGE", help="loop, map, plan, rays or robots")
     parser.add_argument(
         "--repeats",
         type=int,
