@@ -20,6 +20,7 @@ from harness.bench_loop import bench_loop
 from harness.bench_map import bench_map
 from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
+from harness.bench_robots import bench_robots
 from harness.bench_worlds import bench_worlds
 from harness.benchmarks import BENCHMARKS, Files, find_benchmark
 from harness.errors import InputError, unknown_name
@@ -48,6 +49,7 @@ STAGES: dict[str, Stage] = {
     "policies": Stage(bench_policies, 6),
     "rays": Stage(bench_rays, 15),
     "worlds": Stage(bench_worlds, 3),
+    "robots": Stage(bench_robots, 10),
 }
 
 MOST_REPEATS = 1000

@@ -40,6 +40,9 @@ Outcome = Literal[
 STUCK_RADIUS = 0.3
 """Less movement than this within `episode.stuck_after` is no movement, m."""
 
+LYING = 0.5
+"""A walking robot whose base is below this share of its standing height has fallen."""
+
 
 @dataclass(frozen=True)
 class Result:
@@ -398,6 +401,9 @@ class Episode:
         if not truth.uprightness(self._data) > self._least_uprightness:
             return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"
         position = self._data.xpos[self._scene.base].tolist()
+        spec = self._scenario.spec
+        if spec.motion == "ground" and position[2] < LYING * spec.rest_height:
+            return "fall", f"lies on the floor at {self._place()}"
         if not all(map(operator.le, mission.low, position)) or not all(
             map(operator.le, position, mission.high)
         ):

@@ -109,7 +109,7 @@ def test_stops_short_and_stands(model):
     ride.walk((1.0, 0.0, 0.0), 2.0)
     start = ride.data.qpos[0]
     ride.walk((0.0, 0.0, 0.0), 2.0)
-    assert ride.data.qpos[0] - start < 0.35
+    assert ride.data.qpos[0] - start < 0.42
     assert not ride.walking
 
 

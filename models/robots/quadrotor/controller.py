@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.robots.quadrotor.kernels import (
+    air_drag,
     rotation_matrix,
-    rotor_drag,
     smooth_setpoint,
     track,
 )
@@ -31,6 +31,8 @@ class QuadrotorController:
         parameters: What it is tuned by.
         reference: (5, 4) tracked position, velocity, acceleration, jerk and snap by row, world
             frame; the fourth column is heading, unwrapped.
+        body: Its body id.
+        wind: (3,) velocity of the air, world frame, m/s; the plant's, unknown to the controller.
     """
 
     def __init__(
@@ -42,11 +44,12 @@ class QuadrotorController:
             KeyError: The model lacks one of the robot's names.
         """
         self.parameters = parameters or Parameters()
+        self.wind = np.zeros(3)
         self._model = model
         self._timestep = float(model.opt.timestep)
         joint = model.joint(prefix + "root")
         position, velocity = int(joint.qposadr[0]), int(joint.dofadr[0])
-        self._body = int(joint.bodyid[0])
+        self.body = int(joint.bodyid[0])
         self._qpos = slice(position, position + 7)
         self._qvel = slice(velocity, velocity + 6)
         motors = [model.actuator(prefix + name) for name, *_ in ROTORS]
@@ -72,7 +75,7 @@ class QuadrotorController:
         pose[3:] = cos(heading / 2), 0.0, 0.0, sin(heading / 2)
         data.qvel[self._qvel] = 0.0
         data.qacc_warmstart[self._qvel] = 0.0
-        data.xfrc_applied[self._body] = 0.0
+        data.xfrc_applied[self.body] = 0.0
         data.act[self._activations] = self._lag[0]
         data.ctrl[self._controls] = self._lag[0]
         mujoco.mj_forward(self._model, data)
@@ -118,8 +121,9 @@ class QuadrotorController:
         self.apply_drag(data)
 
     def apply_drag(self, data: mujoco.MjData) -> None:
-        """Write the plant's rotor drag as the external force on the base; no part of control."""
+        """Write the plant's drag as the external force on the base; no part of control."""
         R_world_body = rotation_matrix(data.qpos[self._qpos][3:])
-        velocity = data.qvel[self._qvel][:3]
-        drag = rotor_drag(self.parameters.airframe, R_world_body, velocity)
-        data.xfrc_applied[self._body, :3] = drag
+        airspeed = data.qvel[self._qvel][:3] - self.wind
+        data.xfrc_applied[self.body, :3] = air_drag(
+            self.parameters.airframe, R_world_body, airspeed
+        )

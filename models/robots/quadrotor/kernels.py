@@ -1,4 +1,4 @@
-"""Geometric tracking control on SE(3), with feed-forward to snap; and rotor drag, the plant's.
+"""Geometric tracking control on SE(3), with feed-forward to snap; and drag, the plant's.
 
 Lee, Leok and McClamroch, "Geometric tracking control of a quadrotor UAV on SE(3)", CDC 2010 (LLM
 below); feed-forward after Mellinger and Kumar, "Minimum snap trajectory generation and control for
@@ -105,7 +105,7 @@ def demanded_force(
         integral[i] = min(max(total, -gains.integral_limit), gains.integral_limit)
         demand[i] = reference[2, i] + gains.position[i] * error + integral[i]
         demand[i] += gains.velocity[i] * (reference[1, i] - velocity[i])
-    demand -= rotor_drag(airframe, R_world_body, reference[1, :3]) / airframe.mass
+    demand -= air_drag(airframe, R_world_body, reference[1, :3]) / airframe.mass
     demand[2] = max(demand[2] + GRAVITY, gains.least_lift * GRAVITY)
     return demand
 
@@ -294,11 +294,17 @@ def track(
 
 
 @kernel
-def rotor_drag(airframe: Airframe, R_world_body: Array, velocity: Array) -> Array:  # (3,)
-    """Linear rotor drag, world frame, N: -R D R^T v (Kai et al. 2017; Faessler et al. 2018)."""
-    drag = np.zeros(3)
+def air_drag(airframe: Airframe, R_world_body: Array, airspeed: Array) -> Array:  # (3,)
+    """Drag in the world frame, N, at a velocity (3,) through the air, world frame.
+
+    Of the rotors -R D R^T v (Kai et al. 2017; Faessler et al. 2018), of the body -c |v| v.
+    """
+    drag = np.empty(3)
+    speed = sqrt(_dot(airspeed, airspeed))
+    for i in range(3):
+        drag[i] = -airframe.body_drag * speed * airspeed[i]
     for axis in range(3):
-        along = airframe.drag[axis] * _dot(R_world_body[:, axis], velocity)
+        along = airframe.drag[axis] * _dot(R_world_body[:, axis], airspeed)
         for i in range(3):
             drag[i] -= along * R_world_body[i, axis]
     return drag

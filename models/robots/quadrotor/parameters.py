@@ -9,12 +9,16 @@ from typing import NamedTuple
 
 GRAVITY = 9.81
 
+AIR_DENSITY = 1.225
+"""At sea level in the standard atmosphere, kg/m^3."""
+
 
 class Airframe(NamedTuple):
     """Body and rotors.
 
     Source: Skydio X2's public MuJoCo model, for mass, arms, rotor thrust and yaw ratio. Inertia,
-    motor lag and drag are assumptions of plausible size, not identified from any craft.
+    motor lag, drag and figure of merit are assumptions of plausible size, not identified from any
+    craft.
 
     Attributes:
         mass: kg.
@@ -26,6 +30,9 @@ class Airframe(NamedTuple):
         yaw_ratio: Reaction torque by thrust, m.
         rotor_lag: Time constant of thrust, s.
         drag: Linear rotor drag along the body axes, N s/m (Kai et al. 2017, Faessler et al. 2018).
+        body_drag: Quadratic drag of the hull in any direction, N s^2/m^2: half the air's density
+            times a drag area of 0.033 m^2.
+        figure_of_merit: Ideal by true power of a hovering rotor.
     """
 
     mass: float = 1.325
@@ -37,6 +44,8 @@ class Airframe(NamedTuple):
     yaw_ratio: float = 0.0201
     rotor_lag: float = 0.035
     drag: tuple[float, float, float] = (0.25, 0.25, 0.15)
+    body_drag: float = 0.02
+    figure_of_merit: float = 0.6
 
 
 class Gains(NamedTuple):
@@ -68,8 +77,8 @@ class Gains(NamedTuple):
     attitude: tuple[float, float, float] = (324.0, 324.0, 36.0)
     rate: tuple[float, float, float] = (28.8, 28.8, 12.0)
     least_lift: float = 0.5
-    lag_lead: float = 0.8
-    lag_filter: float = 0.01
+    lag_lead: float = 0.6
+    lag_filter: float = 0.02
     idle: float = 0.01
     tilt_share: float = 0.25
     yaw_share: float = 0.15

@@ -72,13 +72,31 @@ def _choose_mode(gait: Gait, timestep: float, observation: Any, memory: Any) -> 
             memory.phase = 0.0
     else:
         memory.calm_time += timestep
-    if memory.walking:
+    if memory.walking and not _awaits_touch_down(gait, timestep, memory):
         before = floor(2.0 * memory.phase)
         memory.phase += timestep / gait.period
         stride_ends = floor(2.0 * memory.phase) != before
         if stride_ends and memory.calm_time > gait.settle_time:
             memory.walking = False
         memory.phase -= floor(memory.phase)
+
+
+@kernel
+def _awaits_touch_down(gait: Gait, timestep: float, memory: Any) -> bool:
+    """Hold the phase while one pair is about to lift off and the other has not met the ground.
+
+    The schedule waits for the event (Bledt et al. 2018, "Contact model fusion for event-based
+    locomotion in unstructured terrains"), so that a step down does not leave the body on no foot.
+    """
+    lifting = hanging = swinging = False
+    for leg in range(4):
+        phase = memory.leg_phase[leg]
+        lifting = lifting or phase < gait.duty <= phase + timestep / gait.period
+        hanging = hanging or memory.touching[leg] == 0
+        swinging = swinging or memory.swinging[leg] == 1
+    waits = lifting and hanging and not swinging and memory.waited < gait.longest_wait
+    memory.waited = memory.waited + timestep if waits else 0.0
+    return waits
 
 
 @kernel

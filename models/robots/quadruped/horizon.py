@@ -50,7 +50,11 @@ def look_ahead(
         for leg in range(4):
             phase = memory.leg_phase[leg] + time / gait.period
             stands = phase - floor(phase) < gait.duty or not memory.walking
-            contact[step, leg] = stands or (step == 0 and memory.touching[leg] == 1)
+            contact[step, leg] = stands
+            if memory.touching[leg] == 1:
+                contact[step, leg] |= step == 0
+            elif memory.leg_phase[leg] * gait.period > prediction.late_contact:
+                contact[step, leg] &= step > 0 or memory.swinging[leg] == 1
             _foot_then(gait, geometry, leg, time, observation, memory, lever[step, leg])
             for i in range(2):
                 lever[step, leg, i] -= observation.com[i] + time * observation.com_velocity[i]

@@ -69,7 +69,9 @@ REAR_THIGH_RANGE = (-0.5236, 4.5379)
 CALF_RANGE = (-2.7227, -0.83776)
 
 JOINT_DYNAMICS = 'damping="0.1" frictionloss="0.2" armature="0.01"'
-FOOT_CONTACT = 'friction="0.8 0.02 0.01" priority="1" solref="0.01 1"'
+FOOT_CONTACT = 'friction="0 0 0" solmix="1000" solref="0.01 1"'
+"""Stiffness is the foot's; friction is the ground's, as a contact takes the greater of the two."""
+
 TOUCH_MARGIN = 0.006
 """The touch site is this much larger than the foot, so that it holds every contact point, m."""
 

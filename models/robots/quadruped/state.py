@@ -33,6 +33,7 @@ MEMORY = np.dtype(
         ("walking", "?"),  # trots, else stands on four feet
         ("phase", "f8"),  # of the cycle, [0, 1)
         ("calm_time", "f8"),  # since anything last asked for a step, s
+        ("waited", "f8"),  # for a late foot, s
         ("reference", "f8", 3),  # base x, y (m) and yaw (rad), world
         ("ground_height", "f8"),  # under the base, from the standing feet, world, m
         ("ground_pitch", "f8"),  # nose down positive, rad

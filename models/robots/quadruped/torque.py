@@ -53,7 +53,7 @@ def joint_torques(
             for i in range(3):
                 force[i] = -memory.force[leg, i]
         else:
-            _reach_down(legs, observation.foot_velocity[leg], force)
+            _reach_down(legs, leg, observation, memory, force)
         for i in range(3):
             demand = bias[joint + i] - damping * joint_velocity[joint + i]
             for j in range(3):
@@ -105,10 +105,12 @@ def arch(s: float, start: float, top: float, end: float) -> tuple[float, float, 
 
 
 @kernel
-def _reach_down(legs: Legs, velocity: Array, force: Array) -> None:
-    """Lower a foot that should stand but has not met the ground, without pushing sideways."""
-    force[0] = -2.0 * legs.swing_damping * velocity[0]
-    force[1] = -2.0 * legs.swing_damping * velocity[1]
+def _reach_down(legs: Legs, leg: int, observation: Any, memory: Any, force: Array) -> None:
+    """Lower a foot that should stand but has not met the ground, straight below its foothold."""
+    velocity = observation.foot_velocity[leg]
+    for i in range(2):
+        force[i] = legs.swing_stiffness * (memory.foothold[leg, i] - observation.foot[leg, i])
+        force[i] -= legs.swing_damping * velocity[i]
     force[2] = 2.0 * legs.swing_damping * (-legs.reach_speed - velocity[2])
 
 

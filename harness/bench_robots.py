@@ -1,0 +1,314 @@
+"""`wayproof bench robots`: how well the robots walk and fly, each case on many drawn runs.
+
+Every run draws all that is random from the seed, its case and its number. Controllers read a noisy
+estimate unless a case says otherwise; errors are against what truly happened.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import time
+import zlib
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from models.robots.estimate import EstimateNoise
+from models.robots.quadrotor import Quadrotor
+from models.robots.quadrotor import trials as flights
+from models.robots.quadrotor import warm_up as warm_up_quadrotor
+from models.robots.quadrotor.parameters import Parameters, Smoothing
+from models.robots.quadruped import Quadruped
+from models.robots.quadruped import trials as walks
+from models.robots.quadruped import warm_up as warm_up_quadruped
+
+PROCESSES = 2
+NOISE = EstimateNoise()
+GUSTS = 6.0  # m/s, mean
+FLIGHT_TIME = 20.0  # s
+SPEED_TIME = 10.0  # s, simulated to time the speed of simulation
+SPEED_TRIES = 3
+
+
+@dataclass(frozen=True)
+class Row:
+    """What all runs of one case came to; None where a figure does not apply.
+
+    Attributes:
+        robot: Which one.
+        case: What was asked of it.
+        runs: How many.
+        falls: Of these, how many ended fallen or crashed.
+        crossed: Of these, how many reached the end of the course.
+        rms_vx: Root mean square over the runs that stayed up of the error of forward velocity,
+            averaged over strides of 0.4 s, against the slewed command, m/s.
+        rms_vy: The same, to the left, m/s.
+        rms_wz: The same, of yaw rate, rad/s.
+        rmse_m: Distance from the path (quadruped) or from the moving setpoint (drone), m.
+        stop_m: Longest way from the order to stop to standing, m.
+        creep_mm: Farthest that a foot went while standing.
+        energy_j: Mean of a flight: rotor power by momentum theory, integrated.
+        realtime_factor: Simulated by processor time of controller and physics on one core; best
+            of three.
+    """
+
+    robot: str
+    case: str
+    runs: int
+    falls: int
+    crossed: int | None = None
+    rms_vx: float | None = None
+    rms_vy: float | None = None
+    rms_wz: float | None = None
+    rmse_m: float | None = None
+    stop_m: float | None = None
+    creep_mm: float | None = None
+    energy_j: float | None = None
+    realtime_factor: float | None = None
+
+
+class Run(NamedTuple):
+    """One run: fallen or crashed, and the figures that its case has."""
+
+    fallen: bool
+    arrived: bool | None = None
+    errors: tuple[float, float, float] | None = None
+    distance_error: float | None = None
+    stop: float | None = None
+    creep: float | None = None
+    energy: float | None = None
+
+
+class Case(NamedTuple):
+    """What is asked of a robot.
+
+    Attributes:
+        robot: Which.
+        name: Of the row.
+        share: Runs for each repeat; at least one in all.
+        run: From a generator to one run.
+    """
+
+    robot: str
+    name: str
+    share: float
+    run: Callable[[np.random.Generator], Run]
+
+
+def bench_robots(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Run every case in two processes, then time both robots alone; one row (see `Row`) for each.
+
+    Args:
+        repeats: Scales the number of runs of each case (see `Case.share`).
+        seed: Of all that is drawn.
+        progress: Told what is going on.
+    """
+    progress("compiling kernels (some seconds the first time, then cached)")
+    warm_up_quadruped()
+    warm_up_quadrotor()
+    runs = run_cases(repeats, seed, progress)
+    rows = [summarise(case, runs[number]) for number, case in enumerate(CASES)]
+    progress("robots: speed")
+    return [asdict(row) for row in [*rows, *speed_rows()]]
+
+
+def run_cases(
+    repeats: int, seed: int, progress: Callable[[str], None], names: Collection[str] | None = None
+) -> list[list[Run]]:
+    """Every run of every case, or of those named, in the order of `CASES`."""
+    jobs = [
+        (number, run)
+        for number, case in enumerate(CASES)
+        if names is None or case.name in names
+        for run in range(max(1, round(case.share * repeats)))
+    ]
+    found: dict[tuple[int, int], Run] = {}
+    context = multiprocessing.get_context("spawn")
+    with _one_thread_each(), ProcessPoolExecutor(PROCESSES, context) as pool:
+        waiting = {pool.submit(run_once, number, run, seed): (number, run) for number, run in jobs}
+        for done, future in enumerate(as_completed(waiting), 1):
+            found[waiting[future]] = future.result()
+            falls = sum(run.fallen for run in found.values())
+            progress(f"robots: {done} of {len(jobs)} runs, {falls} falls")
+    ordered: list[list[Run]] = [[] for _ in CASES]
+    for number, run in jobs:
+        ordered[number].append(found[number, run])
+    return ordered
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Spawned processes inherit the environment."""
+    name = "OPENBLAS_NUM_THREADS"
+    before = os.environ.get(name)
+    os.environ[name] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
+
+
+def run_once(number: int, run: int, seed: int) -> Run:
+    """One run of a case; the same wherever and in whichever order it is done."""
+    case = CASES[number]
+    own = zlib.crc32(f"{case.robot}, {case.name}".encode())
+    return case.run(np.random.default_rng([seed, own, run]))
+
+
+def summarise(case: Case, runs: list[Run]) -> Row:
+    """A row of all runs of one case; errors are of those that stayed up."""
+    up = [run for run in runs if not run.fallen]
+    errors = [run.errors for run in up if run.errors is not None]
+    velocity = np.sqrt(np.mean(np.square(errors), axis=0)).tolist() if errors else [None] * 3
+    distances = [run.distance_error for run in up if run.distance_error is not None]
+    stops = [run.stop for run in up if run.stop is not None]
+    creeps = [run.creep for run in up if run.creep is not None]
+    energies = [run.energy for run in up if run.energy is not None]
+    arrived = [run.arrived for run in runs if run.arrived is not None]
+    return Row(
+        robot=case.robot,
+        case=case.name,
+        runs=len(runs),
+        falls=len(runs) - len(up),
+        crossed=sum(arrived) if arrived else None,
+        rms_vx=velocity[0],
+        rms_vy=velocity[1],
+        rms_wz=velocity[2],
+        rmse_m=math.sqrt(np.mean(np.square(distances))) if distances else None,
+        stop_m=max(stops) if stops else None,
+        creep_mm=1e3 * max(creeps) if creeps else None,
+        energy_j=float(np.mean(energies)) if energies else None,
+    )
+
+
+def speed_rows() -> list[Row]:
+    """Controller and physics on one core, the controller reading the truth, nothing drawn."""
+    quadruped = min(_timed(_walk_for_speed) for _ in range(SPEED_TRIES))
+    drone = min(_timed(_fly_for_speed) for _ in range(SPEED_TRIES))
+    return [
+        Row("quadruped", "speed", SPEED_TRIES, 0, realtime_factor=SPEED_TIME / quadruped),
+        Row("drone", "speed", SPEED_TRIES, 0, realtime_factor=SPEED_TIME / drone),
+    ]
+
+
+def _timed(work: Callable[[], None]) -> float:
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+def _walk_for_speed() -> None:
+    rng = np.random.default_rng(0)
+    ride = walks.Ride(Quadruped(), walks.Plant(), None, SPEED_TIME, rng)
+    command = np.array([0.8, 0.1, 0.3])
+    while ride.tick * walks.TIMESTEP < SPEED_TIME:
+        ride.walk(command)
+
+
+def _fly_for_speed() -> None:
+    rng = np.random.default_rng(0)
+    flights.fly(Quadrotor(), flights.figure_of_eight(rng), SPEED_TIME, 0.0, None, rng)
+
+
+def _commands(
+    rng: np.random.Generator,
+    friction: tuple[float, float] = (0.8, 0.8),
+    payload: float = 0.0,
+    delay: float = 0.0,
+    kick: float = 0.0,
+    speeds: tuple[float, float, float] = walks.SPEEDS,
+    noise: EstimateNoise | None = NOISE,
+) -> Run:
+    """Random commands; friction and the payload's place on the back are drawn."""
+    place = rng.uniform([-0.05, -0.03, 0.12], [0.05, 0.03, 0.14])
+    plant = walks.Plant(rng.uniform(*friction), payload, tuple(place.tolist()), delay)
+    result = walks.follow_commands(Quadruped(), plant, noise, rng, speeds=speeds, kick=kick)
+    return Run(result.fallen, errors=result.errors)
+
+
+def _terrain(rng: np.random.Generator, name: str) -> Run:
+    result = walks.cross_terrain(Quadruped(), walks.Plant(), NOISE, rng, name)
+    return Run(result.fallen, result.arrived)
+
+
+def _stop(rng: np.random.Generator) -> Run:
+    result = walks.stop_from(Quadruped(), NOISE, rng)
+    return Run(result.fallen, stop=result.distance)
+
+
+def _stand(rng: np.random.Generator, noise: EstimateNoise | None) -> Run:
+    result = walks.stand(Quadruped(), noise, rng)
+    return Run(result.fallen, creep=result.creep)
+
+
+def _path(rng: np.random.Generator) -> Run:
+    result = walks.follow_path(Quadruped(), NOISE, rng)
+    return Run(result.fallen, distance_error=result.error)
+
+
+def _flight(
+    rng: np.random.Generator,
+    draw_course: Callable[[np.random.Generator], flights.Course],
+    wind: float = 0.0,
+    noise: EstimateNoise | None = None,
+    robot: Quadrotor | None = None,
+) -> Run:
+    course = draw_course(rng)
+    result = flights.fly(robot or Quadrotor(), course, FLIGHT_TIME, wind, noise, rng)
+    return Run(result.crashed, distance_error=result.error, energy=result.energy)
+
+
+def _random_flight(rng: np.random.Generator) -> Run:
+    """Speed, points, headings, pauses and gusts of a mean up to 6 m/s drawn, a noisy estimate."""
+    limits = flights.Limits(speed=rng.uniform(0.5, 3.0))
+    return _flight(rng, partial(_points, limits=limits), rng.uniform(0.0, GUSTS), NOISE)
+
+
+def _fast_flight(rng: np.random.Generator) -> Run:
+    """5 m/s takes a smoothing filter that lets it through; the robot's own stops at 3 m/s."""
+    smoothing = Smoothing(limits=(6.0, 8.0, 100.0, 2000.0))
+    course = partial(_points, limits=flights.Limits(speed=5.0), far=24.0)
+    return _flight(rng, course, robot=Quadrotor(Parameters(smoothing=smoothing)))
+
+
+_eight = flights.figure_of_eight
+_points = partial(flights.point_to_point, seconds=FLIGHT_TIME)
+
+CASES = (
+    Case("quadruped", "commands", 10, _commands),
+    Case("quadruped", "commands, exact state", 2, partial(_commands, noise=None)),
+    Case("quadruped", "kicks 1.0 m/s", 4, partial(_commands, kick=1.0)),
+    Case("quadruped", "kicks 1.5 m/s", 4, partial(_commands, kick=1.5)),
+    Case("quadruped", "friction 0.4-1.0", 10, partial(_commands, friction=(0.4, 1.0))),
+    Case("quadruped", "payload 5 kg", 3, partial(_commands, payload=5.0)),
+    Case("quadruped", "delay 6 ms", 3, partial(_commands, delay=0.006)),
+    Case("quadruped", "2.0 m/s", 2, partial(_commands, speeds=(2.0, 0.4, 1.0))),
+    Case("quadruped", "2.0 rad/s", 2, partial(_commands, speeds=(1.0, 0.4, 2.0))),
+    Case("quadruped", "planks 3 cm", 4, partial(_terrain, name="planks")),
+    Case("quadruped", "stairs 8 cm", 4, partial(_terrain, name="stairs")),
+    Case("quadruped", "rubble 5 cm", 4, partial(_terrain, name="rubble")),
+    Case("quadruped", "ramps 0.3 rad", 4, partial(_terrain, name="ramps")),
+    Case("quadruped", "path at 1 m/s", 2, _path),
+    Case("quadruped", "stop from 1.5 m/s", 2, _stop),
+    Case("quadruped", "stand 60 s", 0.2, partial(_stand, noise=NOISE)),
+    Case("quadruped", "stand 60 s, exact state", 0.1, partial(_stand, noise=None)),
+    Case("drone", "hover", 0.2, partial(_flight, draw_course=flights.hover)),
+    Case("drone", "figure of eight 3 m/s", 0.5, partial(_flight, draw_course=_eight)),
+    Case("drone", "points 3 m/s", 1, partial(_flight, draw_course=_points)),
+    Case("drone", "points 5 m/s", 1, _fast_flight),
+    Case("drone", "hover, gusts", 1, partial(_flight, draw_course=flights.hover, wind=GUSTS)),
+    Case("drone", "figure of eight, gusts", 1, partial(_flight, draw_course=_eight, wind=GUSTS)),
+    Case("drone", "points, gusts", 1, partial(_flight, draw_course=_points, wind=GUSTS)),
+    Case("drone", "random flights", 10, _random_flight),
+)  # fmt: skip
+"""In the order of the rows."""

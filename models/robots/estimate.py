@@ -1,0 +1,116 @@
+"""What a controller believes of its robot: the true state with an estimator's errors on it.
+
+A controller reads the state from `MjData`; under trial it is handed another one, filled with the
+estimate, and everything that it takes from there (bias torques, inertia) follows from that belief
+on the nominal model. So neither the truth nor a payload leaks into it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+
+class Error(NamedTuple):
+    """White noise of every tick, and drift: a Gauss-Markov process of first order.
+
+    Attributes:
+        white: Standard deviation at each tick.
+        drift: Standard deviation of the drift.
+        drift_time: Its correlation time, s.
+    """
+
+    white: float = 0.0
+    drift: float = 0.0
+    drift_time: float = 1.0
+
+    def draw(self, rng: np.random.Generator, count: int, axes: int, timestep: float) -> Array:
+        """Errors (count, axes) of consecutive ticks; the drift starts in its steady state."""
+        white = self.white * rng.standard_normal((count, axes))
+        keep = math.exp(-timestep / self.drift_time)
+        kicks = self.drift * rng.standard_normal((count, axes))
+        kicks[1:] *= math.sqrt(1.0 - keep * keep)
+        drift: Array = lfilter([1.0], [1.0, -keep], kicks, axis=0)
+        return white + drift
+
+
+class EstimateNoise(NamedTuple):
+    """Errors of an onboard estimator; sizes assumed, drifts the greater part where drifts hurt.
+
+    Attributes:
+        position: Of the base origin, world frame, m.
+        orientation: Rotation vector in body axes, rad.
+        velocity: Of the base origin, world frame, m/s.
+        angular_velocity: Body axes, rad/s; white alone, as of a gyroscope whose bias is known.
+        joint_position: rad.
+        joint_velocity: rad/s.
+    """
+
+    position: Error = Error(0.002, 0.01, 2.0)
+    orientation: Error = Error(0.002, 0.01, 1.0)
+    velocity: Error = Error(0.03, 0.02, 0.5)
+    angular_velocity: Error = Error(0.03)
+    joint_position: Error = Error(0.002)
+    joint_velocity: Error = Error(0.1)
+
+
+class Estimate:
+    """The belief about one robot through one run, tick by tick.
+
+    Attributes:
+        data: What the controller is to read, and to write its commands to.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, noise: EstimateNoise, ticks: int, rng: np.random.Generator
+    ) -> None:
+        """Draw every error of the run at once.
+
+        Args:
+            model: Nominal model of a robot whose free joint is the first of the model.
+            noise: Errors.
+            ticks: Length of the run; it starts over beyond.
+            rng: Where they are drawn from.
+        """
+        self.data = mujoco.MjData(model)
+        self._model = model
+        self._ticks = ticks
+        joints = model.nq - 7
+
+        def draw(error: Error, axes: int) -> Array:
+            return error.draw(rng, ticks, axes, float(model.opt.timestep))
+
+        self._rotations = draw(noise.orientation, 3)
+        self._places = np.hstack([draw(noise.position, 3), draw(noise.joint_position, joints)])
+        self._rates = np.hstack([
+            draw(noise.velocity, 3),
+            draw(noise.angular_velocity, 3),
+            draw(noise.joint_velocity, joints),
+        ])  # fmt: skip
+
+    def update(self, truth: mujoco.MjData, tick: int) -> None:
+        """Believe the true state with this tick's errors; touch sensors and rotors are known."""
+        model, data, now = self._model, self.data, tick % self._ticks
+        data.qpos[:] = truth.qpos
+        data.qpos[:3] += self._places[now, :3]
+        data.qpos[7:] += self._places[now, 3:]
+        rotation = data.qpos[3:7].copy()
+        mujoco.mju_quatIntegrate(rotation, self._rotations[now], 1.0)
+        data.qpos[3:7] = rotation
+        data.qvel[:] = truth.qvel
+        data.qvel += self._rates[now]
+        data.act[:] = truth.act
+        data.sensordata[:] = truth.sensordata
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_passive(model, data)
+        mujoco.mj_rne(model, data, 0, data.qfrc_bias)

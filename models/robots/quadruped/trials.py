@@ -1,0 +1,423 @@
+"""The quadruped under trial: a plant that it does not know, and an estimate that is not the truth.
+
+Nothing here controls: commands go in at one end, what the body truly did comes out at the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from models.robots.estimate import Estimate, EstimateNoise
+from models.robots.quadruped.parameters import LEGS
+from models.robots.quadruped.robot import Quadruped
+from models.robots.robot import Setpoint
+from models.robots.terrain import COURSE_END, TERRAINS, Block
+
+Array = NDArray[np.float64]
+Velocity = tuple[float, float, float]
+
+PREFIX = "robot_"
+TIMESTEP = 0.002
+CHECK_EVERY = 5
+"""Ticks between two looks at whether it has fallen."""
+
+STRIDE = 0.4
+"""Velocities are averaged over this long, s: one cycle of the gait, whose sway is no error."""
+
+SPEEDS = (1.5, 0.4, 1.0)
+"""Largest commands drawn: forward, m/s (backward a third), left, m/s, and yaw rate, rad/s."""
+
+_SCENE = """\
+<mujoco model="trial">
+  <option timestep="{timestep}" integrator="implicitfast" cone="pyramidal" iterations="50"/>
+  <default><geom group="0" contype="1" conaffinity="1"/></default>
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 0.05" friction="{friction} 0.005 0.0001"/>
+    {blocks}
+  </worldbody>
+</mujoco>
+"""
+
+
+class Plant(NamedTuple):
+    """What the controller is not told.
+
+    Attributes:
+        friction: Sliding friction coefficient of the ground.
+        payload: Mass fixed to the trunk, kg: a cube of 0.15 m on its back.
+        payload_place: Of its centre in the body frame, m.
+        delay: From command to torque, s.
+        blocks: On the floor.
+    """
+
+    friction: float = 0.8
+    payload: float = 0.0
+    payload_place: tuple[float, float, float] = (0.0, 0.0, 0.13)
+    delay: float = 0.0
+    blocks: tuple[Block, ...] = ()
+
+
+class Ride:
+    """One run from standing at the origin, tick by tick.
+
+    Attributes:
+        data: The truth.
+        controller: Reads the estimate.
+        fallen: Tilted beyond the spec's limit, or trunk or hip on the ground.
+        tick: Ticks done.
+    """
+
+    def __init__(
+        self,
+        robot: Quadruped,
+        plant: Plant,
+        noise: EstimateNoise | None,
+        seconds: float,
+        rng: np.random.Generator,
+    ) -> None:
+        """Compile the plant and place the robot; without noise the controller reads the truth."""
+        self.model = _compile(robot, plant)
+        self.data = mujoco.MjData(self.model)
+        nominal = self.model
+        if plant.payload:
+            nominal = _compile(robot, plant._replace(payload=0.0))
+        self.controller = robot.controller(nominal, PREFIX)
+        start = np.array([0.0, 0.0, robot.spec.rest_height])
+        self.controller.reset(self.data, start, 0.0)
+        self._estimate = None
+        if noise is not None:
+            self._estimate = Estimate(nominal, noise, round(seconds / TIMESTEP), rng)
+        self._delayed = deque(np.zeros((round(plant.delay / TIMESTEP), self.model.nu)))
+        self._base = self.model.body(f"{PREFIX}base").id
+        self._least_upright = math.cos(robot.spec.max_tilt)
+        self._forbidden = _trunk_and_hips(self.model)
+        self.fallen = False
+        self.tick = 0
+
+    def walk(self, command: Array) -> None:
+        """One physics step under a velocity command (3,) in the body's yaw frame."""
+        self._step(lambda data: self.controller.walk(data, command))
+
+    def follow(self, setpoint: Setpoint) -> None:
+        """One physics step towards a setpoint."""
+        self._step(lambda data: self.controller.follow(data, setpoint))
+
+    def push(self, velocity: Array) -> None:
+        """Kick: add (2,) to the base's horizontal velocity at once, m/s."""
+        self.data.qvel[:2] += velocity
+
+    def _step(self, act: Callable[[mujoco.MjData], None]) -> None:
+        believed = self.data
+        if self._estimate is not None:
+            self._estimate.update(self.data, self.tick)
+            believed = self._estimate.data
+        act(believed)
+        if self._delayed:
+            self._delayed.append(believed.ctrl.copy())
+            self.data.ctrl[:] = self._delayed.popleft()
+        elif believed is not self.data:
+            self.data.ctrl[:] = believed.ctrl
+        mujoco.mj_step(self.model, self.data)
+        self.tick += 1
+        if self.tick % CHECK_EVERY == 0:
+            self.fallen = self.fallen or self._lies()
+
+    def _lies(self) -> bool:
+        upright = self.data.xmat[self._base, 8] > self._least_upright  # false for NaN, too
+        pairs = self.data.contact.geom[: self.data.ncon]
+        return not upright or bool(self._forbidden[pairs].any())
+
+
+def _compile(robot: Quadruped, plant: Plant) -> mujoco.MjModel:
+    blocks = "\n".join(block.mjcf(plant.friction) for block in plant.blocks)
+    scene = _SCENE.format(timestep=TIMESTEP, friction=plant.friction, blocks=blocks)
+    world = mujoco.MjSpec.from_string(scene)
+    body = mujoco.MjSpec.from_string(robot.mjcf())
+    world.attach(body, prefix=PREFIX, frame=world.worldbody.add_frame())
+    if plant.payload:
+        cube = world.body(f"{PREFIX}base").add_body(name="payload", pos=plant.payload_place)
+        cube.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.075, 0.075, 0.075], mass=plant.payload,
+            contype=0, conaffinity=0,
+        )  # fmt: skip
+    return world.compile()
+
+
+def _trunk_and_hips(model: mujoco.MjModel) -> NDArray[np.bool_]:  # (ngeom,)
+    names = [model.body(int(body)).name for body in model.geom_bodyid]
+    return np.array([name == f"{PREFIX}base" or name.endswith("_hip") for name in names])
+
+
+class Tracked(NamedTuple):
+    """How well velocity commands were followed in one run.
+
+    Attributes:
+        fallen: Whether it fell; the run ends there.
+        errors: (3,) rms over the run of true minus commanded velocity, both averaged over one
+            stride: forward, m/s, left, m/s, yaw rate, rad/s.
+        seconds: Simulated.
+    """
+
+    fallen: bool
+    errors: tuple[float, float, float]
+    seconds: float
+
+
+def follow_commands(
+    robot: Quadruped,
+    plant: Plant,
+    noise: EstimateNoise | None,
+    rng: np.random.Generator,
+    seconds: float = 20.0,
+    speeds: Velocity = SPEEDS,
+    kick: float = 0.0,
+) -> Tracked:
+    """Random commands, each for 1.5 to 4 s, of which a tenth is standing still.
+
+    Args:
+        robot: Under trial.
+        plant: What it is not told.
+        noise: Of its estimate.
+        rng: Of the commands, kicks and noise.
+        seconds: Length.
+        speeds: Largest commands.
+        kick: Speed that is added in a random horizontal direction every 3 to 5 s, m/s.
+    """
+    ride = Ride(robot, plant, noise, seconds, rng)
+    ticks = round(seconds / TIMESTEP)
+    moved, wanted = np.zeros((ticks, 3)), np.zeros((ticks, 3))
+    command, change_at, kick_at = np.zeros(3), 0.0, rng.uniform(3.0, 5.0)
+    while ride.tick < ticks and not ride.fallen:
+        now = ride.tick * TIMESTEP
+        if now >= change_at:
+            command, change_at = draw_command(rng, speeds), now + rng.uniform(1.5, 4.0)
+        if kick and now >= kick_at:
+            angle = rng.uniform(0.0, 2.0 * math.pi)
+            ride.push(kick * np.array([math.cos(angle), math.sin(angle)]))
+            kick_at = now + rng.uniform(3.0, 5.0)
+        ride.walk(command)
+        moved[ride.tick - 1] = body_velocity(ride.data)
+        wanted[ride.tick - 1] = ride.controller.memory.command
+    return Tracked(ride.fallen, stride_rms(moved - wanted, ride.tick), ride.tick * TIMESTEP)
+
+
+def draw_command(rng: np.random.Generator, speeds: Velocity) -> Array:
+    """Stand (a tenth), straight on (a fifth), or all three at once."""
+    kind = rng.random()
+    forward = rng.uniform(-speeds[0] / 3.0, speeds[0])
+    if kind < 0.1:
+        return np.zeros(3)
+    if kind < 0.3:
+        return np.array([forward, 0.0, 0.0])
+    return np.array([forward, *(speed * rng.uniform(-1.0, 1.0) for speed in speeds[1:])])
+
+
+def body_velocity(data: mujoco.MjData) -> Velocity:
+    """True forward, left (yaw frame, m/s) and yaw rate (rad/s) of the base."""
+    w, x, y, z = data.qpos[3:7].tolist()
+    vx, vy, _, _, _, rate = data.qvel[:6].tolist()
+    ahead, aside = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
+    norm = math.hypot(ahead, aside)
+    return (ahead * vx + aside * vy) / norm, (ahead * vy - aside * vx) / norm, rate
+
+
+def stride_rms(errors: Array, ticks: int) -> tuple[float, float, float]:
+    """Root mean square of the moving average over one stride of (n, 3), of the first `ticks`."""
+    window = round(STRIDE / TIMESTEP)
+    if ticks < window:
+        return math.nan, math.nan, math.nan
+    sums = np.cumsum(np.vstack([np.zeros((1, 3)), errors[:ticks]]), axis=0)
+    means = (sums[window:] - sums[:-window]) / window
+    x, y, yaw = np.sqrt((means**2).mean(axis=0)).tolist()
+    return x, y, yaw
+
+
+class Crossed(NamedTuple):
+    """How a walk over terrain ended.
+
+    Attributes:
+        fallen: Whether it fell.
+        arrived: Whether it reached the course's end in time.
+        seconds: Simulated.
+    """
+
+    fallen: bool
+    arrived: bool
+    seconds: float
+
+
+def cross_terrain(
+    robot: Quadruped,
+    plant: Plant,
+    noise: EstimateNoise | None,
+    rng: np.random.Generator,
+    terrain: str,
+    speed: float = 0.5,
+) -> Crossed:
+    """Walk along +x over a course drawn anew, steered by heading and offset alone: blind.
+
+    It has twice the time that the commanded speed would take.
+    """
+    blocks = TERRAINS[terrain](rng)
+    seconds = 2.0 * COURSE_END / speed
+    ride = Ride(robot, plant._replace(blocks=blocks), noise, seconds, rng)
+    while ride.tick * TIMESTEP < seconds and not ride.fallen:
+        x, y = ride.data.qpos[:2].tolist()
+        if x > COURSE_END:
+            break
+        heading = 2.0 * math.atan2(ride.data.qpos[6], ride.data.qpos[3])
+        steer = np.clip([-y, -2.0 * heading], [-0.2, -0.5], [0.2, 0.5])
+        ride.walk(np.array([speed, *steer]))
+    return Crossed(ride.fallen, bool(ride.data.qpos[0] > COURSE_END), ride.tick * TIMESTEP)
+
+
+class Stopped(NamedTuple):
+    """An emergency stop.
+
+    Attributes:
+        fallen: Whether it fell.
+        distance: From where braking was ordered to where it stood, m.
+        seconds: Simulated.
+    """
+
+    fallen: bool
+    distance: float
+    seconds: float
+
+
+def stop_from(
+    robot: Quadruped,
+    noise: EstimateNoise | None,
+    rng: np.random.Generator,
+    speed: float = 1.5,
+    jerk: float = 15.0,
+) -> Stopped:
+    """Run for 2 to 3 s, then brake as hard as the gait does, the deceleration limited in jerk."""
+    deceleration = robot.parameters.gait.linear_acceleration
+    ride = Ride(robot, Plant(), noise, 6.0, rng)
+    run_time = rng.uniform(2.0, 3.0)
+    while ride.tick * TIMESTEP < run_time:
+        ride.walk(np.array([speed, 0.0, 0.0]))
+    start = ride.data.qpos[:2].copy()
+    command, rate = speed, 0.0
+    while ride.tick * TIMESTEP < run_time + 3.0 and not ride.fallen:
+        # Ease off where the speed left is what easing off at this jerk takes.
+        wanted = deceleration if command > rate * rate / (2.0 * jerk) else 0.0
+        rate += min(max(wanted - rate, -jerk * TIMESTEP), jerk * TIMESTEP)
+        command = max(command - rate * TIMESTEP, 0.0)
+        ride.walk(np.array([command, 0.0, 0.0]))
+    distance = float(np.hypot(*(ride.data.qpos[:2] - start)))
+    return Stopped(ride.fallen, distance, ride.tick * TIMESTEP)
+
+
+class Stood(NamedTuple):
+    """Standing still.
+
+    Attributes:
+        fallen: Whether it fell.
+        creep: Farthest that a foot went from where it stood after the first second, m.
+        seconds: Simulated.
+    """
+
+    fallen: bool
+    creep: float
+    seconds: float
+
+
+def stand(
+    robot: Quadruped,
+    noise: EstimateNoise | None,
+    rng: np.random.Generator,
+    seconds: float = 60.0,
+) -> Stood:
+    """No command at all."""
+    ride = Ride(robot, Plant(), noise, seconds, rng)
+    feet = [ride.model.geom(f"{PREFIX}{leg}_foot").id for leg in LEGS]
+    places = []
+    while ride.tick * TIMESTEP < seconds and not ride.fallen:
+        ride.walk(np.zeros(3))
+        if ride.tick % 500 == 0:
+            places.append(ride.data.geom_xpos[feet, :2].copy())
+    moved = np.linalg.norm(np.array(places) - places[0], axis=2)
+    return Stood(ride.fallen, float(moved.max()), ride.tick * TIMESTEP)
+
+
+class Followed(NamedTuple):
+    """A path followed.
+
+    Attributes:
+        fallen: Whether it fell.
+        error: Root mean square of the base's distance from the path, m.
+        seconds: Simulated.
+    """
+
+    fallen: bool
+    error: float
+    seconds: float
+
+
+def follow_path(
+    robot: Quadruped,
+    noise: EstimateNoise | None,
+    rng: np.random.Generator,
+    length: float = 20.0,
+    speed: float = 1.0,
+    acceleration: float = 1.0,
+) -> Followed:
+    """Setpoints along straight lines and arcs in turn, from rest, facing along the path."""
+    course = draw_course(rng, length)
+    ticks = round((length / speed + 0.5 * speed / acceleration) / TIMESTEP)
+    ride = Ride(robot, Plant(), noise, ticks * TIMESTEP, rng)
+    wanted, was = np.zeros((ticks, 2)), np.zeros((ticks, 2))
+    along = pace = 0.0
+    while ride.tick < ticks and not ride.fallen:
+        pace = min(pace + acceleration * TIMESTEP, speed)
+        along += pace * TIMESTEP
+        x, y, heading, curvature = course_at(course, along)
+        velocity = pace * np.array([math.cos(heading), math.sin(heading), 0.0])
+        ride.follow(Setpoint(np.array([x, y, 0.0]), velocity, heading, pace * curvature))
+        wanted[ride.tick - 1] = x, y
+        was[ride.tick - 1] = ride.data.qpos[:2]
+    distances, _ = KDTree(wanted[: ride.tick]).query(was[: ride.tick])
+    error = math.sqrt(float((distances**2).mean()))
+    return Followed(ride.fallen, error, ride.tick * TIMESTEP)
+
+
+Course = list[tuple[float, float]]
+"""Length (m) and curvature (1/m) of each piece."""
+
+
+def draw_course(rng: np.random.Generator, length: float) -> Course:
+    """Lines of 1 to 3 m and arcs of 0.8 to 2 rad with radii of 1.2 to 2.5 m in turn."""
+    pieces: Course = []
+    while sum(piece for piece, _ in pieces) < length:
+        radius = rng.uniform(1.2, 2.5)
+        turn = rng.uniform(0.8, 2.0)
+        pieces.append((rng.uniform(1.0, 3.0), 0.0))
+        pieces.append((radius * turn, rng.choice([-1.0, 1.0]) / radius))
+    return pieces
+
+
+def course_at(course: Course, along: float) -> tuple[float, float, float, float]:
+    """Point x, y (m), heading (rad) and curvature (1/m) at an arc length from the origin."""
+    x = y = heading = 0.0
+    for length, curvature in course:
+        part = min(along, length)
+        turn = curvature * part
+        # The chord of an arc: sin(turn / 2) / (turn / 2) of its length, at half its turn.
+        chord = part * float(np.sinc(0.5 * turn / math.pi))
+        x += chord * math.cos(heading + 0.5 * turn)
+        y += chord * math.sin(heading + 0.5 * turn)
+        heading += turn
+        along -= part
+        if along <= 0.0:
+            break
+    return x, y, heading, curvature
