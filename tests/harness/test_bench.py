@@ -83,9 +83,12 @@ def test_without_json_a_table(rows):
     [
         (
             ["bench", "ray"],
-            "unknown stage 'ray'; did you mean 'rays'? (available: loop, map, plan, rays)",
+            "unknown stage 'ray'; did you mean 'rays'? (available: loop, map, plan, rays, worlds)",
         ),
-        (["bench", "nothing"], "unknown stage 'nothing' (available: loop, map, plan, rays)"),
+        (
+            ["bench", "nothing"],
+            "unknown stage 'nothing' (available: loop, map, plan, rays, worlds)",
+        ),
         (["bench"], "the following arguments are required: STAGE"),
         (["bench", "rays", "--repeats", "0"], "repeats: got 0, expected 1 to 1000"),
         (["bench", "rays", "--seed", "-1"], "seed: got -1"),
