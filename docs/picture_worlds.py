@@ -52,7 +52,8 @@ def render(world):
     camera = mujoco.MjvCamera()
     low, high = np.array(world.low), np.array(world.high)
     camera.lookat[:] = [*(0.5 * (low + high))[:2], 0.3]
-    camera.azimuth, camera.elevation = 90.0, -64.0
+    camera.azimuth = 90.0
+    camera.elevation = -85.0 if world.name == "maze" else -64.0  # its walls hide what is behind
     camera.distance = 1.12 * max(high[0] - low[0], 1.3 * (high[1] - low[1]))
     with mujoco.Renderer(model, SIZE[1], SIZE[0]) as renderer:
         renderer.update_scene(data, camera)
