@@ -8,7 +8,22 @@ from maps import MAPS, MapConfig
 
 
 def trial(outcome, time_s, length, looks):
-    result = Result(outcome, "", 0.0, time_s, 1.0, 10, 0, 0.3, length, 0, "", "")
+    result = Result(
+        outcome=outcome,
+        reason="",
+        goal_distance_m=0.0,
+        sim_time_s=time_s,
+        wall_time_s=1.0,
+        decisions=10,
+        collisions=0,
+        struck=0,
+        min_clearance_m=0.3,
+        path_length_m=length,
+        route_length_m=None,
+        deadline_misses=0,
+        chain="",
+        log="",
+    )
     return Trial(result, looks, 0.5, 0.25, 3, [1.0, 3.0])
 
 
