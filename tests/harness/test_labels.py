@@ -16,32 +16,22 @@ from harness.replay import replay
 from harness.schema import wayproof_pb2 as pb
 from maps.grid import centres
 from models.classes import CLASSES, class_of_geoms
-from models.worlds import WORLDS, Box, World
+from models.worlds import WORLDS, Box
 
 PLACE = np.array([5.0, 2.5])  # of a person, beside the straight way
 SECONDS = "episode.time_limit=20"
 
 
-class Labelled(World):
-    """A world whose geoms carry the class that their names begin with."""
-
-    def mjcf(self) -> str:
-        text = super().mjcf()
-        for name in CLASSES:
-            text = text.replace(
-                f'<geom name="{name}', f'<geom user="{CLASSES.index(name)}" name="{name}'
-            )
-        return text
-
-
-def room(seed):
+def room(seed, difficulty):
     """A room with a person in it; the way leads past."""
-    bare = WORLDS["empty"](seed)
+    bare = WORLDS["empty"](seed, difficulty)
     person = Box.between((*(PLACE - 0.25), 0.0), (*(PLACE + 0.25), 1.6), "person")
-    fields = {field: getattr(bare, field) for field in ("low", "high", "boxes")}
-    fields["boxes"] += (person,)
-    return Labelled(
-        "room", seed, **fields, start=(2.0, 1.9, 0.0), start_heading=0.0, goal=(8.0, 1.9, 0.0)
+    return replace(
+        bare,
+        solids=(*bare.solids, person),
+        start=(2.0, 1.9, 0.0),
+        start_heading=0.0,
+        goal=(8.0, 1.9, 0.0),
     )
 
 
@@ -61,8 +51,10 @@ def sweeps(result):
 
 
 def test_the_class_of_a_geom_is_in_its_user_data():
+    person = CLASSES.index("person")
     model = mujoco.MjModel.from_xml_string(
-        '<mujoco><worldbody><geom size="1" user="5 7"/><geom size="1"/></worldbody></mujoco>'
+        f'<mujoco><worldbody><geom size="1" user="{person} 7"/><geom size="1"/>'
+        "</worldbody></mujoco>"
     )
     assert class_of_geoms(model).tolist() == [CLASSES.index("person"), 0]
     model.geom_user[1, 0] = 99
@@ -136,7 +128,7 @@ def test_strange_classes_and_margins_are_refused_in_one_line():
     assert decode_classes(sweep) is None
     for classes, message in (
         (b"\x01", "sweep of 1 classes, expected 2"),
-        (b"\x01\x63", "sweep with class 99, expected 0 to 9"),
+        (b"\x01\x63", f"sweep with class 99, expected 0 to {len(CLASSES) - 1}"),
     ):
         sweep.classes = classes
         with pytest.raises(InputError, match=f"^{message}$"):
