@@ -26,8 +26,8 @@ from mcap.writer import CompressionType, Writer
 
 from harness.errors import InputError
 
-FORMAT_VERSION = "2"
-"""Raised when logs of the version before replay no longer: 2 has a map of 8-bit log-odds."""
+FORMAT_VERSION = "3"
+"""Raised when logs of the version before replay no longer: 3 has an odometry and other plans."""
 
 LEAST_FREE_BYTES = 64 * 2**20
 """Free disk space below which no episode is started; a minute of a 20,000-ray lidar takes less."""

@@ -129,8 +129,6 @@ class Log:
         for sweep in inputs.sweeps:
             if sweep.sensor not in self.beams:
                 raise InputError(f"log '{self.path}': sweep of '{sweep.sensor[:40]}', not declared")
-        if not inputs.sweeps:
-            raise InputError(f"log '{self.path}': decision {count} without a sweep")
 
     def truth(self) -> Iterator[pb.Truth]:
         """The simulator's truth at each decision, for scoring."""
