@@ -32,9 +32,9 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
             itself.
     """
     config = config or log.config
-    robot = find_logged_robot(config, log.mission.start[2])
     tell_warnings()
     text = safe_scene(log.scene)
+    robot = find_logged_robot(config, text)
     try:
         config = replace(config, sensors=resolve(robot.spec.mounts, config.sensors))
         scene = bind(text, robot, config.sensors, config.threads)

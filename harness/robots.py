@@ -16,6 +16,7 @@ from models.robots.brought import (
     parse_spec,
     read_robot,
 )
+from models.scene import PREFIX
 
 ENDING = ".toml"
 """Of a spec file, given in place of a robot's name."""
@@ -44,12 +45,12 @@ def find_robot(config: Config) -> Robot:
     return ROBOTS[config.robot]
 
 
-def find_logged_robot(config: Config, start_height: float) -> Robot:
+def find_logged_robot(config: Config, scene: str) -> Robot:
     """The robot of a log, which opens no file: its spec is in the config, its body in the scene.
 
     Args:
         config: Of the log.
-        start_height: Of its base, m.
+        scene: Its flattened MJCF, checked.
 
     Raises:
         InputError: No such robot, or no spec of it.
@@ -59,9 +60,10 @@ def find_logged_robot(config: Config, start_height: float) -> Robot:
     if HASHED not in config.robot or not config.robot_file:
         raise unknown_name("robot", config.robot, ROBOTS)
     try:
-        return logged_robot(config.robot_file, start_height)
-    except Unusable as error:
-        raise InputError(f"robot '{config.robot}': {error}") from None
+        return logged_robot(config.robot_file, scene, PREFIX)
+    except (ValueError, KeyError) as error:
+        line = " ".join(str(error).split())[:200]
+        raise InputError(f"robot '{config.robot}': {line}") from None
 
 
 def told_robot(robot: Robot, config: Config) -> Config:

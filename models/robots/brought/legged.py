@@ -28,7 +28,7 @@ from models.robots.brought.writing import (
     sensor_sites,
     surface,
 )
-from models.robots.quadruped.kinematics import standing_joints
+from models.robots.quadruped.kinematics import foot_jacobian, standing_joints
 from models.robots.quadruped.model import FOOT_CONTACT, TOUCH_MARGIN
 from models.robots.quadruped.parameters import (
     JOINTS,
@@ -54,8 +54,8 @@ UNEQUAL = 0.01
 STANCE = 0.65
 """Share of the stretched leg that it stands on; the gait was tuned at this."""
 
-TUNED_LEG, TUNED_MASS = 0.426, 15.02
-"""Of the robot that gait and gains were tuned on, m and kg."""
+TUNED_LEG, TUNED_MASS, TUNED_FOOT = 0.426, 15.02, 0.502
+"""Of the robot that gait and gains were tuned on: stretched leg, m, body and `foot_mass`, kg."""
 
 GRAVITY = 9.81
 
@@ -144,8 +144,10 @@ def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Par
     height = spec.stance or round(STANCE * leg + geometry.foot_radius, 3)
     torque = [float(model.actuator(f"{prefix}FL_{joint}").ctrlrange[1]) for joint in JOINTS]
     speed = spec.joints.speed or (NO_SPEED, NO_SPEED, NO_SPEED)
-    _check_stance(model, prefix, standing_joints(geometry, height))
-    parameters = scaled(mass / TUNED_MASS, leg / TUNED_LEG)
+    standing = standing_joints(geometry, height)
+    _check_stance(model, prefix, standing)
+    foot = foot_mass(model, prefix, geometry, standing)
+    parameters = scaled(mass / TUNED_MASS, leg / TUNED_LEG, foot / TUNED_FOOT)
     return parameters._replace(
         geometry=geometry,
         actuators=Actuators((torque[0], torque[1], torque[2]), speed),
@@ -153,12 +155,42 @@ def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Par
     )
 
 
-def scaled(mass: float, length: float) -> Parameters:
-    """Gait and gains for a robot of other mass and leg length, both by those they were tuned at.
+def foot_mass(
+    model: mujoco.MjModel, prefix: str, geometry: Geometry, standing: tuple[float, float, float]
+) -> float:
+    """Largest mass of a foot as a force on it feels it, the motors' rotors included, kg.
+
+    The mean diagonal of (J M^-1 J^T)^-1 (Khatib 1987, eq. 51) of a leg as it stands.
+    """
+    data = mujoco.MjData(model)
+    legs = [[model.joint(f"{prefix}{leg}_{joint}") for joint in JOINTS] for leg in LEGS]
+    for joints in legs:
+        data.qpos[[int(joint.qposadr[0]) for joint in joints]] = standing
+    mujoco.mj_forward(model, data)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    masses = []
+    for leg, joints in enumerate(legs):
+        dofs = [int(joint.dofadr[0]) for joint in joints]
+        J = np.zeros((3, 3))
+        foot_jacobian(geometry, leg, np.array(standing), J)
+        felt = np.linalg.inv(J @ np.linalg.inv(full[np.ix_(dofs, dofs)]) @ J.T)
+        masses.append(float(np.trace(felt)) / 3.0)
+    return max(masses)
+
+
+def scaled(mass: float, length: float, foot: float) -> Parameters:
+    """Gait and gains for a robot of other size, each figure by the one they were tuned at.
 
     Dynamic similarity (Alexander and Jayes 1983): lengths grow by s, forces by m, times by sqrt(s).
+    A foot that is heavier than that is held more stiffly, so that it swings as fast.
+
+    Args:
+        mass: Of the robot.
+        length: Of a stretched leg.
+        foot: Of `foot_mass`.
     """
-    m, s, t = mass, length, sqrt(length)
+    m, s, t, f = mass, length, sqrt(length), max(mass, foot)
     gait, prediction, legs, tracking = Gait(), Prediction(), Legs(), Tracking()
     return Parameters(
         gait=gait._replace(
@@ -185,8 +217,8 @@ def scaled(mass: float, length: float) -> Parameters:
             penalty=prediction.penalty / m**2,
         ),
         legs=legs._replace(
-            swing_stiffness=legs.swing_stiffness * m / s,
-            swing_damping=legs.swing_damping * m / t,
+            swing_stiffness=legs.swing_stiffness * f / s,
+            swing_damping=legs.swing_damping * f / t,
             stance_damping=legs.stance_damping * m * s * t,
             reach_speed=legs.reach_speed * t,
             press=legs.press * s,
@@ -204,8 +236,8 @@ def _times(values: tuple[float, float, float], factor: float) -> tuple[float, fl
     return values[0] * factor, values[1] * factor, values[2] * factor
 
 
-def check_legged(spec: SpecFile, model: mujoco.MjModel) -> float:
-    """Refuse a radius or height that the standing robot reaches beyond; return its stance, m.
+def check_legged(spec: SpecFile, model: mujoco.MjModel) -> None:
+    """Refuse a radius or height that the standing robot reaches beyond.
 
     Args:
         spec: The robot's.
@@ -217,7 +249,6 @@ def check_legged(spec: SpecFile, model: mujoco.MjModel) -> float:
     data.qpos[7:] = 4 * standing_joints(parameters.geometry, parameters.gait.height)
     mujoco.mj_kinematics(model, data)
     check_size(spec, surface(model, data), flying=False)
-    return parameters.gait.height
 
 
 def _trace(source: Source, leg: str, foot: str) -> Leg:

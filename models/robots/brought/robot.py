@@ -27,6 +27,9 @@ from models.robots.robot import Controller, RobotSpec
 MOST_BYTES = 2**20
 """Of a spec file."""
 
+START_ALTITUDE = 1.0
+"""Of what flies, m."""
+
 DIGITS = 12
 """Of the hash in a robot's name."""
 
@@ -37,14 +40,16 @@ class Kind(NamedTuple):
     Attributes:
         motion: Ground or air.
         mjcf: Writes the robot anew.
-        check: Refuses a spec that the written robot does not fit; returns its rest height, m.
+        check: Refuses a spec that the written robot does not fit.
+        rest_height: Of the base when it starts, m.
         controller: Binds to a compiled model.
         warm_up: Compiles its kernels.
     """
 
     motion: Literal["ground", "air"]
     mjcf: Callable[[Source, SpecFile], str]
-    check: Callable[[SpecFile, mujoco.MjModel], float]
+    check: Callable[[SpecFile, mujoco.MjModel], None]
+    rest_height: Callable[[SpecFile, mujoco.MjModel, str], float]
     controller: Callable[[SpecFile, mujoco.MjModel, str], Controller]
     warm_up: Callable[[], None]
 
@@ -57,9 +62,19 @@ def _geometric(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> Controller
     return QuadrotorController(model, prefix, rotorcraft_parameters(model, prefix, spec))
 
 
+def _stance(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> float:
+    return legged_parameters(model, prefix, spec).gait.height
+
+
+def _given(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> float:
+    return START_ALTITUDE if spec.stance is None else spec.stance
+
+
 CONTROLLERS: dict[str, Kind] = {
-    "geometric": Kind("air", rotorcraft_mjcf, check_rotorcraft, _geometric, quadrotor.warm_up),
-    "trot": Kind("ground", legged_mjcf, check_legged, _trot, quadruped.warm_up),
+    "geometric": Kind(
+        "air", rotorcraft_mjcf, check_rotorcraft, _given, _geometric, quadrotor.warm_up
+    ),
+    "trot": Kind("ground", legged_mjcf, check_legged, _stance, _trot, quadruped.warm_up),
 }
 """Built-in controllers by the name that a spec gives."""
 
@@ -156,17 +171,20 @@ def read_robot(path: Path) -> BroughtRobot:
     return BroughtRobot(text, spec, _rest_height(spec, mjcf), mjcf)
 
 
-def logged_robot(text: str, rest_height: float) -> BroughtRobot:
-    """A robot from the spec in a log; its body is in the log's scene.
+def logged_robot(text: str, scene: str, prefix: str) -> BroughtRobot:
+    """A robot from the spec and the scene in a log.
 
     Args:
         text: Of the spec file.
-        rest_height: Where its base started, m.
+        scene: Flattened MJCF with the robot in it.
+        prefix: Before the robot's names there.
 
     Raises:
-        Unusable: The spec cannot be used.
+        ValueError: The spec cannot be used, or the scene does not compile or is of another robot.
+        KeyError: The scene lacks one of the robot's names.
     """
-    return BroughtRobot(text, _parse(text), rest_height)
+    spec = _parse(text)
+    return BroughtRobot(text, spec, _rest_height(spec, scene, prefix))
 
 
 def _parse(text: str) -> SpecFile:
@@ -177,12 +195,14 @@ def _parse(text: str) -> SpecFile:
     return spec
 
 
-def _rest_height(spec: SpecFile, mjcf: str) -> float:
+def _rest_height(spec: SpecFile, mjcf: str, prefix: str = "") -> float:
     try:
         model = mujoco.MjModel.from_xml_string(mjcf)
     except ValueError as error:
         raise Unusable(f"mjcf: {' '.join(str(error).split())[:300]}") from None
     kind = CONTROLLERS.get(spec.controller)
-    if kind is not None:
-        return kind.check(spec, model)
-    return spec.stance if spec.stance is not None else 1.0
+    if kind is None:
+        return _given(spec, model, prefix)
+    if not prefix:
+        kind.check(spec, model)
+    return kind.rest_height(spec, model, prefix)

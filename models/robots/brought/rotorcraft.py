@@ -95,12 +95,11 @@ def rotorcraft_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) ->
     return Parameters(airframe=airframe, gains=gains._replace(lag_lead=lead))
 
 
-def check_rotorcraft(spec: SpecFile, model: mujoco.MjModel) -> float:
-    """Refuse a radius or height that the craft reaches beyond; return its height at the start, m."""
+def check_rotorcraft(spec: SpecFile, model: mujoco.MjModel) -> None:
+    """Refuse a radius or height that the craft reaches beyond."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     check_size(spec, surface(model, data), flying=True)
-    return 1.0
 
 
 def _airframe(
