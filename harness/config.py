@@ -169,7 +169,7 @@ NAMED: dict[str, Iterable[str]] = {
 """Settings whose values are names in a registry."""
 
 PLUGIN = ":"
-"""In the name of a planner or a controller: `module:Class` of the user's own, in place of one in the registry."""
+"""In the name of a planner or a robot's controller: `module:Class` of the user's own."""
 
 
 def override(config: Config, settings: Iterable[str]) -> Config:

@@ -52,7 +52,7 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
 
 
 def scene_is_ours(log: Log) -> bool | None:
-    """Whether this version makes the log's scene from its seed; none if its world or robot is a file."""
+    """Whether this version makes the log's scene from its seed; none if part of it is a file."""
     from harness.scenario import build
 
     if log.config.world not in WORLDS or log.config.robot not in ROBOTS:

@@ -144,7 +144,10 @@ def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Par
     height = spec.stance or round(STANCE * leg + geometry.foot_radius, 3)
     torque = [float(model.actuator(f"{prefix}FL_{joint}").ctrlrange[1]) for joint in JOINTS]
     speed = spec.joints.speed or (NO_SPEED, NO_SPEED, NO_SPEED)
-    standing = standing_joints(geometry, height)
+    try:
+        standing = standing_joints(geometry, height)
+    except ValueError as error:
+        raise Unusable(f"stance: {error}") from None
     _check_stance(model, prefix, standing)
     foot = foot_mass(model, prefix, geometry, standing)
     parameters = scaled(mass / TUNED_MASS, leg / TUNED_LEG, foot / TUNED_FOOT)
@@ -437,15 +440,13 @@ def _geometry(model: mujoco.MjModel, prefix: str) -> Geometry:
     return Geometry(*np.mean(rows, axis=0).tolist())
 
 
-def _check_stance(
-    model: mujoco.MjModel, prefix: str, standing: tuple[float, float, float]
-) -> None:
+def _check_stance(model: mujoco.MjModel, prefix: str, standing: tuple[float, float, float]) -> None:
     for leg in LEGS:
         for joint, angle in zip(JOINTS, standing, strict=True):
             named = model.joint(f"{prefix}{leg}_{joint}")
             low, high = model.jnt_range[named.id]
             if model.jnt_limited[named.id] and not low <= angle <= high:
                 raise Unusable(
-                    f"stance: {leg} {joint} at {angle:.2f} rad from straight down, beyond its range "
-                    f"{low:.2f} to {high:.2f}: expected knees that bend backwards"
+                    f"stance: {leg} {joint} at {angle:.2f} rad from straight down, beyond its "
+                    f"range {low:.2f} to {high:.2f}: expected knees that bend backwards"
                 )

@@ -8,10 +8,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from models.devices import Rangefinder
 from models.robots.brought.source import Source, Unusable, free
 from models.robots.brought.spec_file import PLUGIN, SpecFile
 from models.robots.brought.writing import farthest, mesh_points
-from models.devices import Rangefinder
 from models.robots.robot import Controller
 from models.sensors import ROBOT_GROUP
 
@@ -103,7 +103,8 @@ def _keep_what_collides(tree: Any, source: Source) -> None:
         if model.geom_type[index] == mujoco.mjtGeom.mjGEOM_MESH:
             mesh = tree.add_mesh(name=f"hull_{index}")
             mesh.uservert = farthest(mesh_points(model, index)).ravel()
-            geom.meshname, geom.pos, geom.quat = mesh.name, model.geom_pos[index], model.geom_quat[index]
+            geom.meshname = mesh.name
+            geom.pos, geom.quat = model.geom_pos[index], model.geom_quat[index]
             used.add(mesh.name)
     for mesh in list(tree.meshes):
         if mesh.name not in used:

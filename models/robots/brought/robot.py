@@ -190,8 +190,8 @@ def logged_robot(text: str, scene: str, prefix: str) -> BroughtRobot:
 def _parse(text: str) -> SpecFile:
     spec = parse_spec(text)
     if spec.controller not in CONTROLLERS and PLUGIN not in spec.controller:
-        known = ", ".join(CONTROLLERS)
-        raise Unusable(f"controller: unknown '{spec.controller}' (available: {known}, module:Class)")
+        known = ", ".join([*CONTROLLERS, "module:Class"])
+        raise Unusable(f"controller: unknown '{spec.controller}' (available: {known})")
     return spec
 
 

@@ -61,7 +61,9 @@ def rotorcraft_mjcf(source: Source, spec: SpecFile) -> str:
             f"{LEAST_LIFT} times the weight"
         )
     assets = Assets()
-    hull = "".join(geoms(source, body, origin, assets) for body in {*source.model.body_weldid[bodies]})
+    moving = sorted({int(source.model.body_weldid[body]) for body in bodies})
+    trunk += "".join(geoms(source, body, origin, assets) for body in moving)
+    trunk += sensor_sites(spec, origin)
     airframe = _airframe(spec, mass, (0.0, 0.0, 0.0), arm_x, arm_y)
     discs = "".join(_rotor(airframe, *row, float(places[i][2])) for i, row in enumerate(ROTORS))
     motors = "".join(rotor_motor(airframe, name, spin) for name, _, _, spin in ROTORS)
@@ -69,7 +71,7 @@ def rotorcraft_mjcf(source: Source, spec: SpecFile) -> str:
   {HEAD}
   <asset>{assets.text}</asset>
   <worldbody>
-    <body name="base"><freejoint name="root"/>{trunk}{hull}{sensor_sites(spec, origin)}{discs}</body>
+    <body name="base"><freejoint name="root"/>{trunk}{discs}</body>
   </worldbody>
   <actuator>{motors}</actuator>
   <sensor>{rangefinders(spec)}</sensor>

@@ -1,4 +1,4 @@
-"""The user's MJCF, compiled: found, checked to stay in its folder, and looked at in its rest pose."""
+"""The user's MJCF: found, checked to stay in its folder, compiled, and looked at at rest."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class Assets:
 
 def farthest(points: Array) -> Array:  # (m, 3)
     """The points (n, 3) that are farthest along directions spread evenly (Fibonacci's spiral)."""
-    return points[np.unique(np.argmax(points @ ball().T, axis=0))]
+    return np.asarray(points[np.unique(np.argmax(points @ ball().T, axis=0))])
 
 
 def ball() -> Array:  # (DIRECTIONS, 3)
@@ -136,7 +136,7 @@ def mesh_points(model: mujoco.MjModel, geom: int) -> Array:  # (n, 3)
     """Vertices of a mesh geom in its own frame, m."""
     mesh = model.geom_dataid[geom]
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-    return model.mesh_vert[first : first + count].astype(np.float64)
+    return np.asarray(model.mesh_vert[first : first + count], np.float64)
 
 
 def sensor_sites(spec: SpecFile, origin: Array) -> str:
@@ -182,12 +182,13 @@ def _outline(model: mujoco.MjModel, geom: int) -> Array:  # (n, 3)
     if kind == Geoms.mjGEOM_MESH:
         return mesh_points(model, geom)
     if kind == Geoms.mjGEOM_BOX:
-        return np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * size
+        corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+        return np.asarray(corners * size)
     if kind == Geoms.mjGEOM_ELLIPSOID:
-        return way * size
+        return np.asarray(way * size)
     if kind == Geoms.mjGEOM_SPHERE:
-        return way * size[0]
+        return np.asarray(way * size[0])
     ends = np.sign(way) * [0.0, 0.0, size[1]]
     if kind == Geoms.mjGEOM_CYLINDER:
         way = way / np.linalg.norm(way[:, :2], axis=1)[:, None] * [1.0, 1.0, 0.0]
-    return way * size[0] + ends
+    return np.asarray(way * size[0] + ends)
