@@ -17,6 +17,7 @@ from harness.view import BehaviourConfig
 from maps import MAPS, MapConfig
 from models.devices import DEVICES, OWN, SensorConfig
 from models.odometry import OdometryConfig
+from models.robots.brought import Unusable, parse_spec
 from planners import PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
@@ -107,7 +108,8 @@ class Config:
     Attributes:
         world: Name in `models.worlds.WORLDS`, or the path of a world file; a log tells the name and
             hash of that file.
-        robot: Name in `models.robots.ROBOTS`.
+        robot: Name in `models.robots.ROBOTS`, or the path of a spec file; a log tells the name and
+            hash of that robot.
         seed: Seed of the world and of every random stream; never random itself.
         difficulty: Of the world, 0 to 1, as its generator understands it.
         goal: (x, y) or (x, y, z) in place of the world's own goal, m.
@@ -117,6 +119,7 @@ class Config:
             again; `failures` is full where the episode failed, and decisions where it succeeded.
         odometry: How good the pose is that the stack and the controller get.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
+        robot_file: Text of the robot's spec file, in a log; set by the run.
     """
 
     world: str
@@ -136,6 +139,7 @@ class Config:
     latency: LatencyConfig = field(default_factory=LatencyConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
     perturbation: AnyPerturbation | None = None
+    robot_file: str = ""
 
     def __post_init__(self) -> None:
         """Refuse points that are not 2 or 3 numbers and seeds that a generator would refuse."""
@@ -165,7 +169,7 @@ NAMED: dict[str, Iterable[str]] = {
 """Settings whose values are names in a registry."""
 
 PLUGIN = ":"
-"""In a planner's name: `module:Class` of the user's own, in place of one in the registry."""
+"""In the name of a planner or a robot's controller: `module:Class` of the user's own."""
 
 
 def override(config: Config, settings: Iterable[str]) -> Config:
@@ -213,8 +217,8 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
 
     Args:
         data: The text.
-        allow_plugins: Whether a planner named `module:Class` may be imported: whoever wrote the
-            text then chooses code that is run here.
+        allow_plugins: Whether a planner or a robot's controller named `module:Class` may be
+            imported: whoever wrote the text then chooses code that is run here.
 
     Raises:
         InputError: The text is no JSON or no config, or names a plugin that is not allowed.
@@ -231,12 +235,27 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
             "expected --allow-plugins to load it"
         )
     config = from_document(document)
+    _check_controller(config, allow_plugins)
     for key, available in NAMED.items():
         section, _, field_name = key.partition(".")
         value = str(getattr(getattr(config, section), field_name))
         if value not in available and not (key == "planner.name" and PLUGIN in value):
             raise unknown_name(key, value, available)
     return config
+
+
+def _check_controller(config: Config, allow_plugins: bool) -> None:
+    if not config.robot_file:
+        return
+    try:
+        name = parse_spec(config.robot_file).controller
+    except Unusable as error:
+        raise InputError(f"config: robot_file: {error}") from None
+    if PLUGIN in name and not allow_plugins:
+        raise InputError(
+            f"config names the controller '{name}', which is code outside Wayproof; "
+            "expected --allow-plugins to load it"
+        )
 
 
 def setting_names() -> list[str]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from harness.config import Config
-from harness.errors import InputError, unknown_name
+from harness.errors import InputError
 from harness.mujoco_warnings import tell_warnings
 from harness.reader import Log
+from harness.robots import find_logged_robot
 from harness.scenario import Scenario
 from harness.scene_text import safe_scene
 from harness.twin import changed_mission
@@ -31,11 +32,9 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
             itself.
     """
     config = config or log.config
-    if config.robot not in ROBOTS:
-        raise unknown_name("robot", config.robot, ROBOTS)
     tell_warnings()
-    robot = ROBOTS[config.robot]
     text = safe_scene(log.scene)
+    robot = find_logged_robot(config, text)
     try:
         config = replace(config, sensors=resolve(robot.spec.mounts, config.sensors))
         scene = bind(text, robot, config.sensors, config.threads)
@@ -53,10 +52,10 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
 
 
 def scene_is_ours(log: Log) -> bool | None:
-    """Whether this version makes the log's scene from its seed; none if its world is a file."""
+    """Whether this version makes the log's scene from its seed; none if part of it is a file."""
     from harness.scenario import build
 
-    if log.config.world not in WORLDS:
+    if log.config.world not in WORLDS or log.config.robot not in ROBOTS:
         return None
     return build(log.config).scene.mjcf == log.scene
 

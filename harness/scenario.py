@@ -8,13 +8,14 @@ import mujoco
 import numpy as np
 
 from harness.config import Config
-from harness.errors import InputError, unknown_name
+from harness.errors import InputError
 from harness.mission import Mission
+from harness.robots import find_robot, told_robot
 from harness.schema import wayproof_pb2 as pb
 from harness.worlds import find_world, told_name
 from models.checks import check
 from models.devices import DepthCamera, Device, Rangefinder
-from models.robots import ROBOTS, RobotSpec
+from models.robots import Robot, RobotSpec
 from models.scene import PREFIX, Scene, compose, device_name, resolve
 from models.sensors import Caster
 from models.worlds import World, shortest_path_length
@@ -74,9 +75,8 @@ def build(config: Config, world: World | None = None) -> Scenario:
         InputError: Unknown world or robot; a start or goal outside the geofence or inside an
             obstacle; a scene that cannot be compiled or cast, or whose sensors would see wrongly.
     """
-    if config.robot not in ROBOTS:
-        raise unknown_name("robot", config.robot, ROBOTS)
-    spec = ROBOTS[config.robot].spec
+    robot = find_robot(config)
+    spec = robot.spec
     world = find_world(config) if world is None else world
     start = _place(config.start, world.start, spec)
     goal = _place(config.goal, world.goal, spec)
@@ -88,7 +88,8 @@ def build(config: Config, world: World | None = None) -> Scenario:
         raise InputError(f"robot '{config.robot}': {error}") from None
     named = told_name(world, config.world)
     config = replace(config, world=named, start=start, goal=goal, sensors=sensors)
-    scene = _compose(world, config)
+    config = told_robot(robot, config)
+    scene = _compose(world, robot, config)
     return Scenario(
         config=config,
         world=world,
@@ -99,9 +100,9 @@ def build(config: Config, world: World | None = None) -> Scenario:
     )
 
 
-def _compose(world: World, config: Config) -> Scene:
+def _compose(world: World, robot: Robot, config: Config) -> Scene:
     try:
-        return compose(world, ROBOTS[config.robot], config.sensors, config.threads)
+        return compose(world, robot, config.sensors, config.threads)
     except ValueError as error:  # a scene that the chosen ray engine cannot cast, for one
         raise InputError(f"world '{config.world}' with robot '{config.robot}': {error}") from None
 

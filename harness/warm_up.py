@@ -5,8 +5,8 @@ from __future__ import annotations
 import maps
 import planners
 from harness.config import Config
+from harness.robots import warm_up_robot
 from models import rays, truth
-from models.robots import ROBOTS
 
 
 def warm_up(config: Config) -> None:
@@ -15,4 +15,4 @@ def warm_up(config: Config) -> None:
     planners.warm_up(config.planner)
     rays.warm_up()
     truth.warm_up()
-    ROBOTS[config.robot].warm_up()
+    warm_up_robot(config)

@@ -39,9 +39,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def episode_name(config: Config) -> str:
     """`world-robot-seed`, and eight digits of the config's hash where anything was set."""
-    stem = Path(config.world).stem  # of a world file's path
-    name = f"{stem}-{config.robot}-{config.seed}"
-    if config.world == stem and config == Config(config.world, config.robot, config.seed):
+    stem, robot = Path(config.world).stem, Path(config.robot).stem  # of files' paths
+    name = f"{stem}-{robot}-{config.seed}"
+    if config == Config(stem, robot, config.seed):
         return name
     return f"{name}-{hashlib.sha256(to_json(config)).hexdigest()[:8]}"
 
@@ -91,7 +91,7 @@ def print_verdict(console: Console, result: Result) -> None:
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("world", metavar="WORLD", help="see 'wayproof list'; or a world file")
-    parser.add_argument("--robot", required=True, help="see 'wayproof list'")
+    parser.add_argument("--robot", required=True, help="see 'wayproof list'; or a spec file")
     parser.add_argument("--seed", required=True, type=int, help="of the world and all randomness")
     parser.add_argument("--goal", metavar="X,Y[,Z]", help="in place of the world's own, m")
     parser.add_argument("--start", metavar="X,Y[,Z]", help="in place of the world's own, m")

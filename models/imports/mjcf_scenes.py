@@ -44,7 +44,7 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
     Raises:
         Unreadable: No MJCF; a file outside the folder; a plugin; a plane that is not the floor.
     """
-    _check_files(path, path, [])
+    check_files(path, path, [])
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
@@ -86,7 +86,7 @@ def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
     return found
 
 
-def _check_files(top: Path, path: Path, opened: list[Path]) -> None:
+def check_files(top: Path, path: Path, opened: list[Path]) -> None:
     """Every file that a scene names has to lie in its folder, and none may load code."""
     if len(opened) >= MOST_NESTED or path in opened:
         raise Unreadable(top, f"<include> of '{path.name}': in a circle, or too deep")
@@ -109,7 +109,7 @@ def _check_files(top: Path, path: Path, opened: list[Path]) -> None:
             if not file.is_file():
                 what = f"<include>: no file '{element.attributes.get('file', '')}' in its folder"
                 raise Unreadable(path, what, element.line)
-            _check_files(top, file, [*opened, path])
+            check_files(top, file, [*opened, path])
 
 
 def _check_inside(path: Path, top: Path, name: str, element: Element) -> None:

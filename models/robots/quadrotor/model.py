@@ -36,7 +36,7 @@ def quadrotor_mjcf(airframe: Airframe) -> str:
     """
     inertia = " ".join(map(str, airframe.inertia))
     arms = "".join(_arm(airframe, name, x, y) for name, x, y, _ in ROTORS)
-    motors = "".join(_motor(airframe, name, spin) for name, _, _, spin in ROTORS)
+    motors = "".join(rotor_motor(airframe, name, spin) for name, _, _, spin in ROTORS)
     return f"""<mujoco model="quadrotor">
   <compiler angle="radian" autolimits="true"/>
   <default>
@@ -72,7 +72,8 @@ def _arm(airframe: Airframe, name: str, x: int, y: int) -> str:
       <site name="{name}" pos="{at}"/>"""
 
 
-def _motor(airframe: Airframe, name: str, spin: int) -> str:
+def rotor_motor(airframe: Airframe, name: str, spin: int) -> str:
+    """The actuator at a rotor's site: thrust behind its lag, and its reaction torque."""
     return f"""
     <general name="{name}" site="{name}" gear="0 0 1 0 0 {spin * airframe.yaw_ratio}"
              ctrlrange="0 {airframe.thrust_max}" dyntype="filterexact"

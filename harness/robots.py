@@ -1,0 +1,87 @@
+"""The robot of an episode: one of ours by name, read from a spec file, or the one of a log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from harness.config import Config
+from harness.errors import InputError, unknown_name
+from models.robots import ROBOTS, Robot
+from models.robots.brought import (
+    CONTROLLERS,
+    BroughtRobot,
+    Unusable,
+    logged_robot,
+    parse_spec,
+    read_robot,
+)
+from models.scene import PREFIX
+
+ENDING = ".toml"
+"""Of a spec file, given in place of a robot's name."""
+
+HASHED = "@"
+"""In `config.robot` of an episode with the robot of a file: between its name and its hash."""
+
+
+def find_robot(config: Config) -> Robot:
+    """The robot that a config names, or that a spec file describes.
+
+    Raises:
+        InputError: No such robot or file; or the robot of a file that only its log still has.
+    """
+    if config.robot.endswith(ENDING):
+        try:
+            return read_robot(Path(config.robot))
+        except Unusable as error:
+            raise InputError(f"robot '{config.robot}': {error}") from None
+    if HASHED in config.robot:
+        raise InputError(
+            f"robot '{config.robot}' was read from a file: expected the file, or a log with it"
+        )
+    if config.robot not in ROBOTS:
+        raise unknown_name("robot", config.robot, ROBOTS)
+    return ROBOTS[config.robot]
+
+
+def find_logged_robot(config: Config, scene: str) -> Robot:
+    """The robot of a log, which opens no file: its spec is in the config, its body in the scene.
+
+    Args:
+        config: Of the log.
+        scene: Its flattened MJCF, checked.
+
+    Raises:
+        InputError: No such robot, or no spec of it.
+    """
+    if config.robot in ROBOTS:
+        return ROBOTS[config.robot]
+    if HASHED not in config.robot or not config.robot_file:
+        raise unknown_name("robot", config.robot, ROBOTS)
+    try:
+        return logged_robot(config.robot_file, scene, PREFIX)
+    except (ValueError, KeyError) as error:
+        line = " ".join(str(error).split())[:200]
+        raise InputError(f"robot '{config.robot}': {line}") from None
+
+
+def told_robot(robot: Robot, config: Config) -> Config:
+    """What a log's config says of the robot: a file's with its hash and its text."""
+    if isinstance(robot, BroughtRobot):
+        return replace(config, robot=robot.identity, robot_file=robot.text)
+    return replace(config, robot_file="")
+
+
+def warm_up_robot(config: Config) -> None:
+    """Compile the kernels of the robot's controller, or load them from the cache."""
+    if config.robot in ROBOTS:
+        ROBOTS[config.robot].warm_up()
+        return
+    try:
+        text = config.robot_file or Path(config.robot).read_text(encoding="utf-8")
+        kind = CONTROLLERS.get(parse_spec(text).controller)
+    except (OSError, UnicodeDecodeError, Unusable):
+        return  # told when the episode is built
+    if kind is not None:
+        kind.warm_up()

@@ -1,0 +1,307 @@
+import mujoco
+import numpy as np
+import pytest
+
+from models.robots.brought import Unusable, read_robot
+from models.robots.brought.legged import foot_mass, scaled
+from models.robots.brought.writing import farthest
+from models.robots.quadruped import Parameters, Quadruped
+from models.robots.quadruped.kinematics import foot_position, standing_joints
+from models.robots.robot import Setpoint
+
+FLOOR = """<mujoco><option timestep="0.002" integrator="implicitfast" iterations="50"/>
+  <worldbody><geom name="floor" type="plane" size="0 0 1" friction="0.8 0.005 0.0001"/></worldbody>
+</mujoco>"""
+
+SPEC = """
+name = "hound"
+mjcf = "hound.xml"
+base = "torso"
+controller = "trot"
+feet = ["toe_vl", "toe_vr", "toe_hl", "toe_hr"]
+radius = 0.4
+height = 0.4
+
+[limits]
+speed = 0.8
+acceleration = 1.2
+jerk = 15.0
+yaw_rate = 1.0
+
+[[sensors]]
+name = "lidar"
+device = "ideal-lidar-floor"
+position = [0.1, 0.0, 0.1]
+"""
+
+LEAN, THIGH, CALF = 0.3, 0.18, 0.17
+
+
+def hound_leg(name, x, y):
+    """Hip and thigh turn the other way round, the calf not; at rest the thigh leans back."""
+    knee = f"{-THIGH * np.sin(LEAN)} 0 {-THIGH * np.cos(LEAN)}"
+    return f"""
+    <body name="a_{name}" pos="{0.16 * x + 0.03} {0.05 * y} 0.02">
+      <joint name="roll_{name}" axis="-1 0 0" range="-0.8 0.8" damping="0.1" armature="0.008"/>
+      <geom type="capsule" size="0.03" fromto="0 0 0 0 {0.03 * y} 0" mass="0.4"/>
+      <body name="b_{name}" pos="0 {0.07 * y} 0">
+        <joint name="swing_{name}" axis="0 -1 0" range="-2.5 1.0" damping="0.1" armature="0.008"/>
+        <geom type="capsule" size="0.015" fromto="0 0 0 {knee}" mass="0.6"/>
+        <body name="c_{name}" pos="{knee}">
+          <joint name="knee_{name}" axis="0 1 0" range="-2.3 -0.3" damping="0.1" armature="0.008"/>
+          <geom type="capsule" size="0.01" fromto="0 0 0 0 0 {0.02 - CALF}" mass="0.1"/>
+          <geom name="toe_{name}" size="0.02" pos="0 0 {-CALF}" mass="0.03"/>
+          <geom type="box" size="0.2 0.2 0.2" contype="0" conaffinity="0" mass="0"/>
+        </body>
+      </body>
+    </body>"""
+
+
+def hound():
+    legs = {"hr": (-1, -1), "vl": (1, 1), "hl": (-1, 1), "vr": (1, -1)}
+    servos = "".join(
+        f'<position name="{joint}_{leg}" joint="{joint}_{leg}" kp="50" forcerange="-20 20"/>'
+        for joint in ("knee", "roll", "swing")
+        for leg in legs
+    )
+    return f"""<mujoco model="hound">
+  <compiler angle="radian" autolimits="true"/>
+  <worldbody>
+    <geom type="plane" size="1 1 1"/>
+    <body name="torso" pos="0 0 1">
+      <freejoint/>
+      <geom type="box" size="0.18 0.06 0.05" pos="0.03 0 0.02" mass="5"/>
+      {"".join(hound_leg(name, *sides) for name, sides in legs.items())}
+    </body>
+  </worldbody>
+  <actuator>{servos}</actuator>
+</mujoco>"""
+
+
+CRAFT = """<mujoco model="craft"><worldbody>
+    <body name="hull" pos="0 0 1">
+      <geom type="box" size="0.06 0.04 0.02" pos="0.01 0 0.005" mass="0.5"/>
+      <site name="p1" pos="-0.09 -0.1 0.02"/><site name="p2" pos="-0.09 0.1 0.02"/>
+      <site name="p3" pos="0.11 0.1 0.02"/><site name="p4" pos="0.11 -0.1 0.02"/>
+    </body></worldbody></mujoco>"""
+
+CRAFT_SPEC = """
+name = "craft"
+mjcf = "craft.xml"
+base = "hull"
+controller = "geometric"
+rotors = ["p1", "p2", "p3", "p4"]
+radius = 0.25
+height = 0.2
+[rotor]
+radius = 0.07
+thrust = 3.0
+yaw_ratio = -0.015
+lag = 0.03
+[limits]
+speed = 1.5
+acceleration = 2.0
+jerk = 10.0
+yaw_rate = 1.5
+[[sensors]]
+name = "altimeter"
+device = "ideal-altimeter"
+position = [0.01, 0.0, -0.02]
+"""
+
+
+def brought(folder, spec, name, mjcf):
+    (folder / f"{name}.xml").write_text(mjcf)
+    (folder / f"{name}.toml").write_text(spec)
+    return read_robot(folder / f"{name}.toml")
+
+
+def on_floor(text):
+    world = mujoco.MjSpec.from_string(FLOOR)
+    body = mujoco.MjSpec.from_string(text)
+    world.attach(body, prefix="robot_", frame=world.worldbody.add_frame())
+    return world.compile()
+
+
+def test_the_robot_as_written_is_the_one_that_was_brought(tmp_path):
+    robot = brought(tmp_path, SPEC, "hound", hound())
+    given = mujoco.MjModel.from_xml_string(hound())
+    ours = mujoco.MjModel.from_xml_string(robot.mjcf())
+    assert ours.body_mass.sum() == pytest.approx(given.body_mass.sum())
+    assert given.nu == ours.nu == 12
+    turns = {"roll": (-1.0, 0.0), "swing": (-1.0, LEAN), "knee": (1.0, -LEAN)}
+    names = {"roll": "hip", "swing": "thigh", "knee": "calf"}
+    sides = {"vl": "FL", "vr": "FR", "hl": "RL", "hr": "RR"}
+    rng = np.random.default_rng(0)
+    theirs, mine = mujoco.MjData(given), mujoco.MjData(ours)
+    theirs.qpos[:7] = mine.qpos[:7] = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
+    for leg, side in sides.items():
+        for joint, (sign, zero) in turns.items():
+            angle = rng.uniform(-1.0, 1.0)
+            theirs.qpos[given.joint(f"{joint}_{leg}").qposadr[0]] = angle
+            mine.qpos[ours.joint(f"{side}_{names[joint]}").qposadr[0]] = sign * angle + zero
+    mujoco.mj_forward(given, theirs)
+    mujoco.mj_forward(ours, mine)
+    middle = np.array([0.03, 0.0, 0.02])
+    geometry = robot.controller(ours, "").parameters.geometry
+    for i, (leg, side) in enumerate(sides.items()):
+        foot = theirs.geom(f"toe_{leg}").xpos - middle
+        np.testing.assert_allclose(mine.geom(f"{side}_foot").xpos, foot, atol=1e-9)
+        told = np.empty(3)
+        foot_position(geometry, i, mine.qpos[7 + 3 * i : 10 + 3 * i], told)
+        np.testing.assert_allclose(told, foot, atol=1e-9)
+    np.testing.assert_allclose(mine.subtree_com[1], theirs.subtree_com[1] - middle, atol=1e-9)
+
+
+def test_ranges_and_torques_are_read(tmp_path):
+    model = mujoco.MjModel.from_xml_string(brought(tmp_path, SPEC, "hound", hound()).mjcf())
+    np.testing.assert_allclose(model.joint("FL_thigh").range, [LEAN - 1.0, LEAN + 2.5])
+    np.testing.assert_allclose(model.joint("RR_calf").range, [-2.3 - LEAN, -0.3 - LEAN])
+    np.testing.assert_allclose(model.actuator_ctrlrange, [[-20.0, 20.0]] * 12)
+    assert (model.geom_group == 3).all()
+    assert model.ngeom == 1 + 4 * 4  # neither the floor nor what nothing collides with
+
+
+@pytest.mark.parametrize(("forward", "turn"), [(0.0, 0.0), (0.6, 0.0), (0.4, 0.6)])
+def test_a_robot_that_is_not_ours_walks(tmp_path, forward, turn):
+    robot = brought(tmp_path, SPEC, "hound", hound())
+    model = on_floor(robot.mjcf())
+    data = mujoco.MjData(model)
+    controller = robot.controller(model, "robot_")
+    controller.reset(data, np.array([0.0, 0.0, robot.spec.rest_height]), 0.0)
+    yaw, way = 0.0, 0.0
+    for _ in range(1500):
+        controller.walk(data, np.array([forward, 0.0, turn]))
+        mujoco.mj_step(model, data)
+        yaw += 0.002 * data.qvel[5]
+        way += 0.002 * float(np.hypot(*data.qvel[:2]))
+        assert data.xmat[1, 8] > 0.95
+        assert abs(data.qpos[2] - robot.spec.rest_height) < 0.03
+    assert abs(yaw - turn * 3.0) < 0.2
+    assert 0.75 * forward * 3.0 <= way <= 1.2 * forward * 3.0 + 0.05
+
+
+def test_our_own_figures_are_those_that_nothing_is_scaled_at():
+    quadruped = Quadruped()
+    model = mujoco.MjModel.from_xml_string(quadruped.mjcf())
+    geometry, gait = quadruped.parameters.geometry, quadruped.parameters.gait
+    standing = standing_joints(geometry, gait.height)
+    assert foot_mass(model, "", geometry, standing) == pytest.approx(0.502, abs=1e-3)
+    assert scaled(1.0, 1.0, 1.0) == Parameters()
+
+
+def test_four_times_the_length_takes_twice_the_time():
+    large = scaled(64.0, 4.0, 64.0)
+    own = Parameters()
+    assert large.gait.period == 2.0 * own.gait.period
+    assert large.gait.swing_height == 4.0 * own.gait.swing_height
+    assert large.prediction.weight_force == own.prediction.weight_force / 64.0**2
+    assert large.legs.swing_stiffness == 16.0 * own.legs.swing_stiffness
+
+
+def test_a_craft_that_is_not_ours_flies(tmp_path):
+    robot = brought(tmp_path, CRAFT_SPEC, "craft", CRAFT)
+    model = on_floor(robot.mjcf())
+    data = mujoco.MjData(model)
+    controller = robot.controller(model, "robot_")
+    airframe = controller.parameters.airframe
+    assert airframe.mass == pytest.approx(0.5)
+    assert (airframe.arm_x, airframe.arm_y) == pytest.approx((0.1, 0.1))
+    box = 0.5 / 3.0 * np.array([0.04**2 + 0.02**2, 0.06**2 + 0.02**2, 0.06**2 + 0.04**2])
+    np.testing.assert_allclose(airframe.inertia, box, rtol=1e-6)
+    controller.reset(data, np.array([0.0, 0.0, 1.0]), 0.0)
+    goal = np.array([0.5, -0.3, 1.4])
+    for _ in range(2000):
+        controller.follow(data, Setpoint(goal, np.zeros(3), 1.0, 0.0))
+        mujoco.mj_step(model, data)
+    assert np.linalg.norm(data.qpos[:3] - goal) < 0.02
+    assert 2.0 * np.arctan2(data.qpos[6], data.qpos[3]) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_hull_keeps_its_corners():
+    rng = np.random.default_rng(1)
+    corners = np.array(np.meshgrid([-1, 1], [-2, 2], [-3, 3])).reshape(3, 8).T.astype(float)
+    points = np.vstack([corners, rng.uniform(-0.9, 0.9, (100, 3))])
+    assert {tuple(p) for p in farthest(points)} == {tuple(p) for p in corners}
+
+
+def test_the_name_tells_the_spec_and_the_body(tmp_path):
+    one = brought(tmp_path, SPEC, "hound", hound()).identity
+    assert one.startswith("hound@")
+    assert brought(tmp_path, SPEC, "hound", hound()).identity == one
+    assert brought(tmp_path, SPEC, "hound", hound().replace('mass="5"', 'mass="6"')).identity != one
+    assert brought(tmp_path, SPEC.replace("0.8", "0.7"), "hound", hound()).identity != one
+
+
+BAD_SPECS = [
+    ("radius = 0.4", "radius = 0.2", "radius: got 0.2 m, but the body reaches 0."),
+    ("height = 0.4", "height = 0.2", "height: got 0.2 m, but the body reaches 0."),
+    ("ideal-lidar-floor", "lidar-9000", "unknown device 'lidar-9000' (available: "),
+    ('base = "torso"', 'base = "trunk"', "no body 'trunk' in 'hound.xml' (available: torso)"),
+    ('"toe_vl", "toe_vr"', '"toe_vr", "toe_vl"', "feet: FL is at ("),
+    ('"toe_vl"', '"nose"', "feet: 'nose' is neither a geom nor a site"),
+    ('"toe_vl"', '"toe_hl"', "expected four different legs"),
+    ('"trot"', '"gallop"', "unknown 'gallop' (available: geometric, trot, module:Class)"),
+    ('"hound.xml"', '"cat.xml"', "mjcf: no file"),
+    ('"hound.xml"', '"no_such_package:a.xml"', "no package 'no_such_package' is installed"),
+    ("speed = 0.8", "speed = 0", "limits.speed: got 0, expected above 0"),
+    ("speed = 0.8", "sped = 0.8", "unknown field `sped`"),
+    ("radius = 0.4", "radius = ", "no TOML: "),
+    ("radius = 0.4", "radius = nan", "radius: got nan"),
+    ('name = "hound"', 'name = "../../x"', "name: got '../../x'"),
+    ("[limits]", 'actuators = ["roll_vl"]\n[limits]', "actuators: got 1, expected twelve"),
+    ("radius = 0.4", "radius = 0.4\nstance = 0.9", "stance: height: got 0.9 m, legs reach"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "said"), BAD_SPECS)
+def test_bad_specs(tmp_path, old, new, said):
+    assert old in SPEC
+    with pytest.raises(Unusable) as error:
+        brought(tmp_path, SPEC.replace(old, new, 1), "hound", hound())
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+BAD_BODIES = [
+    ('<position name="roll_vl"', '<position name="roll_vl" gear="0"', "no torque limit"),
+    ('<joint name="knee_hr" axis="0 1 0" range="-2.3 -0.3" damping="0.1" armature="0.008"/>', "",
+     "mjcf"),
+    ('joint name="swing_hl" axis="0 -1 0"', 'joint name="swing_hl" axis="0 0 1"',
+     "joint 'swing_hl': axis (0.000, 0.000, 1.000) in the base, expected along y"),
+    ('mass="5"', 'mass="0"', "mass"),
+    ("</mujoco>", '<asset><mesh name="m" file="../m.stl"/></asset></mujoco>', "outside"),
+    ("</mujoco>", "", "mjcf"),
+    ("<freejoint/>", '<joint axis="1 0 0"/>', "base: body 'torso' is not free"),
+    ("<freejoint/>", '<freejoint/><body><joint name="arm"/><geom size="0.01"/></body>',
+     "joint 'arm' is no part of a leg"),
+    ('<position name="knee_vl" joint="knee_vl" kp="50" forcerange="-20 20"/>', "",
+     "joint 'knee_vl': 0 actuators, expected one"),
+    ('range="-2.3 -0.3"', 'range="0.3 2.3"', "expected knees that bend backwards"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "said"), BAD_BODIES)
+def test_bad_bodies(tmp_path, old, new, said):
+    assert old in hound()
+    with pytest.raises(Unusable) as error:
+        brought(tmp_path, SPEC, "hound", hound().replace(old, new))
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+BAD_CRAFTS = [
+    ('"p1", "p2"', '"p2", "p1"', "rotors: the rear right one is at ("),
+    ('"p1"', '"p9"', "rotors: no site, geom or body 'p9' in the MJCF"),
+    ("thrust = 3.0", "thrust = 1.0", "rotor.thrust: four of 1 N lift 4.91 N, expected 1.3 times"),
+    ("lag = 0.03", "lag = -1.0", "rotor.lag: got -1, expected above 0"),
+    ("radius = 0.25", "radius = 0.2", "radius: got 0.2 m, but the body reaches 0.21"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "said"), BAD_CRAFTS)
+def test_bad_crafts(tmp_path, old, new, said):
+    assert old in CRAFT_SPEC
+    with pytest.raises(Unusable) as error:
+        brought(tmp_path, CRAFT_SPEC.replace(old, new), "craft", CRAFT)
+    assert said in str(error.value)
