@@ -13,6 +13,7 @@ from harness.verbs import (
     run,
     score,
     study,
+    view,
 )
 from harness.verbs.verb import Document, Verb
 
@@ -24,6 +25,7 @@ VERBS: dict[str, Verb] = {
     "study": study.VERB,
     "report": report.VERB,
     "compare": compare.VERB,
+    "view": view.VERB,
     "recover": recover.VERB,
     "list": listing.VERB,
     "demo": demo.VERB,
