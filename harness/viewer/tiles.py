@@ -41,6 +41,7 @@ class Tiles:
     def _centres(self, x: int, y: int) -> NDArray[np.float64]:
         window = self._window
         part = self._told[x * TILE : (x + 1) * TILE, y * TILE : (y + 1) * TILE]
-        cells = np.argwhere(unpack(part, window.shape[2])) + (x * TILE, y * TILE, 0)
+        corner = np.array([x * TILE, y * TILE, 0])
+        cells = corner + np.argwhere(unpack(part, window.shape[2]))
         centres: NDArray[np.float64] = window.origin + (cells + 0.5) * window.resolution
         return centres

@@ -10,11 +10,11 @@ def describe(decision: pb.Decision) -> str:
     stages = decision.stages
     label = "" if decision.label == "none" else f" · label `{decision.label}`"
     missed = " · **deadline missed**" if decision.deadline_missed else ""
-    search = (
-        f"{decision.planner}, seed {decision.planner_seed}, {decision.planner_iterations} iterations"
-        if decision.planner
-        else "the path was kept"
-    )
+    search = "the path was kept"
+    if decision.planner:
+        search = f"{decision.planner}, seed {decision.planner_seed}"
+        search += f", {decision.planner_iterations} iterations"
+    delay, deadline = decision.delay_s * 1e3, decision.deadline_s * 1e3
     return "\n".join(
         [
             f"### {decision.sequence}: {decision.action}{label}",
@@ -28,7 +28,7 @@ def describe(decision: pb.Decision) -> str:
             f"- committed {decision.committed_length_m:.2f} m of {decision.path_length_m:.2f} m, "
             f"least clearance {decision.least_clearance_m:.2f} m",
             f"- search: {search}",
-            f"- delay {decision.delay_s * 1e3:.0f} ms of {decision.deadline_s * 1e3:.0f} ms{missed}",
+            f"- delay {delay:.0f} ms of {deadline:.0f} ms{missed}",
             f"- stages, ms: sense {stages.sense_ms:.1f}, map {stages.map_ms:.1f}, costmap "
             f"{stages.costmap_ms:.1f}, plan {stages.plan_ms:.1f}",
         ]
