@@ -23,7 +23,7 @@ MOST_HITS = 3000
 """Ends of beams that are shown of a sweep."""
 
 SWEEP_PERIOD_NS = 200_000_000
-CELLS_PERIOD_NS = 500_000_000
+CELLS_PERIOD_NS = 1_000_000_000
 """Of simulated time, between sweeps and between looks for changed cells. Layers and decisions are
 shown each time."""
 
