@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import InputError
+from harness.mission import Mission
 from harness.navigator import Navigator
 from harness.reader import Log, Record
 from harness.schema import wayproof_pb2 as pb
@@ -90,3 +91,9 @@ def points_of(points: object) -> Array:
     """Logged points as (n, 3) m."""
     listed = [(point.x, point.y, point.z) for point in points]  # type: ignore[attr-defined]
     return np.array(listed, np.float64).reshape(-1, 3)
+
+
+def standing_low(mission: Mission) -> tuple[float, float, float]:
+    """Least corner of the space in which things stand in a body's way, m: not on what it steps."""
+    x, y, z = mission.low
+    return x, y, max(z, mission.step_height)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from harness.reader import Log
 from harness.schema import wayproof_pb2 as pb
 from harness.viewer.layer import FRONTIER, INFLATED, kinds, layer_at
-from harness.viewer.moments import Moment, moments, points_of
+from harness.viewer.moments import Moment, moments, points_of, standing_low
 from harness.viewer.tiles import Tiles
 from harness.viewer.words import describe
 from maps import FREE, OCCUPIED, UNKNOWN
@@ -87,7 +87,7 @@ def show_log(stream: rr.RecordingStream, log: Log, root: str) -> int:
         InputError: The log is damaged, or its sweeps were left out.
     """
     _show_mission(stream, log, root)
-    tiles = Tiles(log.mission.low, log.mission.high, log.config.map.resolution)
+    tiles = Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
     plots = Plots()
     layer_before: NDArray[np.uint8] | None = None
     swept_ns = cells_ns = -(10**12)
@@ -215,6 +215,9 @@ def _show_end(stream: rr.RecordingStream, log: Log, last: Moment, root: str) -> 
     good = outcome == "success"
     text = rr.TextLog(f"{outcome}: {reason}", level="INFO" if good else "ERROR")
     stream.log(f"{root}/reasons", text)
+    if end_ns > last.time_ns:  # a lane that goes on would look like a decision that stands
+        for lane in ("action", "label"):
+            stream.log(f"{root}/{lane}", rr.StateChange(state=""))
     if good:
         return
     mark = rr.Points3D(
