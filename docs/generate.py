@@ -42,8 +42,7 @@ def cli() -> str:
     lines += [f"| [`{name}`](#{name}) | {cell(verb.help)} |" for name, verb in VERBS.items()]
     for name, parser in verb_parsers().items():
         lines += ["", f"## {name}", "", sentence(VERBS[name].help), ""]
-        if VERBS[name].example:
-            lines += ["```console", f"$ {VERBS[name].example}", "```", ""]
+        lines += ["```console", f"$ {VERBS[name].example}", "```", ""]
         lines += ["| argument | default | is |", "|---|---|---|"]
         lines += [_argument(action) for action in _arguments(parser)]
         if lines[-1].startswith("|---"):

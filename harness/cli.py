@@ -63,8 +63,13 @@ def _build() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser
     verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB", dest="verb")
     each: dict[str, argparse.ArgumentParser] = {}
     for name, verb in VERBS.items():
-        epilog = f"example: {verb.example}" if verb.example else None
-        one = verbs.add_parser(name, help=verb.help, description=verb.help, epilog=epilog)
+        one = verbs.add_parser(
+            name,
+            help=verb.help,
+            description=verb.help,
+            epilog=f"example:\n  {verb.example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,  # keeps the example in one line
+        )
         verb.add_arguments(one)
         one.add_argument("--json", action="store_true", help="one JSON document on stdout")
         each[name] = one

@@ -167,7 +167,7 @@ class Stage:
 
 def _dim(model: mujoco.MjModel) -> None:
     """Light that leaves pale colours apart."""
-    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.35, 0.35
+    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.5, 0.4
     model.vis.headlight.specular[:] = 0.0
     model.light_diffuse[:], model.light_ambient[:], model.light_specular[:] = 0.15, 0.0, 0.0
 
