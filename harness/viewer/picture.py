@@ -40,6 +40,10 @@ GUIDE, COMMITTED, TRAIL = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0), (0.85, 
 
 DISTANCE, ELEVATION = 7.0, -42.0  # of the camera from the robot, m and degrees
 
+SIGHT = 10.0
+"""Farther from the robot no occupied cells are drawn, m: most of them would be out of the picture,
+and each costs time."""
+
 Box = NDArray[np.float64]
 
 
@@ -91,6 +95,8 @@ class Stage:
         self._pose(moment)
         self._renderer.update_scene(self._data, self._camera(moment), self._options)
         self._lay_over(moment)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            self._renderer.scene.flags[flag] = 0  # of boxes that are not there
         return Image.fromarray(self._renderer.render())
 
     def _pose(self, moment: Moment) -> None:
@@ -131,7 +137,9 @@ class Stage:
             for middle, half in zip(middles, halves, strict=True):
                 self._add_box([*middle, 0.02], [*half, 0.002], colour)
         middles, halves = upright_boxes(moment.map, standing_low(mission), mission.high)
-        for middle, half in zip(middles, halves, strict=True):
+        off = middles[:, :2] - np.array(moment.truth.position)[:2]
+        near = np.hypot(off[:, 0], off[:, 1]) < SIGHT
+        for middle, half in zip(middles[near], halves[near], strict=True):
             self._add_box(middle, half, OCCUPIED_COLOUR)
         lift = np.array([0.0, 0.0, 0.05 if mission.motion == "ground" else 0.0])
         decision = moment.decision
