@@ -46,15 +46,31 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{message} (see '{self.prog} --help')")
 
 
+def verb_parsers() -> dict[str, argparse.ArgumentParser]:
+    """The parser of each verb, by name."""
+    return _build()[1]
+
+
 def _parser() -> argparse.ArgumentParser:
+    return _build()[0]
+
+
+def _build() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
     parser = _Parser(
         prog="wayproof",
         description="Was the space that the robot entered proven safe, and if not, why did it go?",
     )
     verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB", dest="verb")
+    each: dict[str, argparse.ArgumentParser] = {}
     for name, verb in VERBS.items():
-        epilog = f"example: {verb.example}" if verb.example else None
-        one = verbs.add_parser(name, help=verb.help, description=verb.help, epilog=epilog)
+        one = verbs.add_parser(
+            name,
+            help=verb.help,
+            description=verb.help,
+            epilog=f"example:\n  {verb.example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,  # keeps the example in one line
+        )
         verb.add_arguments(one)
         one.add_argument("--json", action="store_true", help="one JSON document on stdout")
-    return parser
+        each[name] = one
+    return parser, each

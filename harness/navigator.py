@@ -106,7 +106,7 @@ class Navigator:
         clock = [time.perf_counter()]
         self._integrate(inputs)
         clock.append(time.perf_counter())
-        margin = self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
+        margin = self._margin(inputs)
         self.costmap.update(margin)
         version = bound_version(self.map.version(), self.labels)
         clock.append(time.perf_counter())
@@ -142,6 +142,14 @@ class Navigator:
         seal(decision, self._chain)
         self._chain = decision.chain
         return decision
+
+    def perceive(self, inputs: Inputs) -> None:
+        """Bring map and costmap to where `step` has them when it decides, and decide nothing."""
+        self._integrate(inputs)
+        self.costmap.update(self._margin(inputs))
+
+    def _margin(self, inputs: Inputs) -> float:
+        return self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
 
     def _integrate(self, inputs: Inputs) -> None:
         self.map.advance(inputs.time_ns)

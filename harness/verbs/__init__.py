@@ -7,12 +7,14 @@ from harness.verbs import (
     demo,
     import_world,
     listing,
+    picture,
     recover,
     replay,
     report,
     run,
     score,
     study,
+    view,
 )
 from harness.verbs.verb import Document, Verb
 
@@ -24,6 +26,8 @@ VERBS: dict[str, Verb] = {
     "study": study.VERB,
     "report": report.VERB,
     "compare": compare.VERB,
+    "view": view.VERB,
+    "picture": picture.VERB,
     "recover": recover.VERB,
     "list": listing.VERB,
     "demo": demo.VERB,

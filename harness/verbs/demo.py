@@ -56,7 +56,7 @@ def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> 
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="of the warehouse (default: 0)")
     add_log_folder(parser)
 
 
@@ -64,4 +64,5 @@ VERB = Verb(
     help="both robots across a warehouse, and both logs replayed",
     add_arguments=_add_arguments,
     run=run,
+    example="wayproof demo --seed 4",
 )

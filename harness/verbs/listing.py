@@ -37,4 +37,5 @@ VERB = Verb(
     help="worlds, robots, maps, planners and settings",
     add_arguments=lambda parser: None,
     run=run,
+    example="wayproof list --json",
 )

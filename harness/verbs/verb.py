@@ -30,7 +30,7 @@ class Verb:
     help: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace, Console], tuple[int, Document]]
-    example: str = ""
+    example: str
 
 
 def add_log_paths(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,36 @@
+"""Take a picture of what Rerun shows of a saved view, without a screen.
+
+Usage: python docs/picture_view.py FILE.rrd SECONDS OUT.png
+
+It needs a Vulkan driver; Mesa's lavapipe (Debian: mesa-vulkan-drivers, libvulkan1) is enough.
+"""
+
+import io
+import sys
+import time
+from pathlib import Path
+
+from PIL import Image
+from rerun.experimental import ViewerClient
+
+PORT = 9977
+SETTLE = 3.0  # s, for data and shaders to arrive
+
+
+def main(recording: Path, seconds: float, out: Path) -> None:
+    """Open the recording, go to a simulated time, and keep what is drawn, in 128 colours."""
+    viewer = ViewerClient.spawn(headless=True, port=PORT, hide_welcome_screen=True)
+    try:
+        viewer.open(str(recording))
+        time.sleep(SETTLE)
+        viewer.set_time("time", duration=seconds, play_state="paused")
+        time.sleep(SETTLE)
+        shot = Image.open(io.BytesIO(viewer.take_screenshot()))
+    finally:
+        viewer.quit()
+    shot = shot.convert("RGB").resize((1440, 810), Image.Resampling.LANCZOS)
+    shot.quantize(128).save(out, optimize=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), float(sys.argv[2]), Path(sys.argv[3]))

@@ -1,0 +1,51 @@
+"""`wayproof view`: a log in Rerun, on one timeline with the map that each decision rests on."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+
+from harness.errors import InputError
+from harness.verbs.verb import Document, Verb
+
+ENDING = ".rrd"
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Show one log, or two side by side."""
+    if options.save is not None and options.save.suffix != ENDING:
+        raise InputError(f"--save: got '{options.save}', expected a name that ends in {ENDING}")
+    from harness.viewer.rerun_view import view
+
+    paths = [options.log] + ([options.compare] if options.compare else [])
+    with console.status("making the maps again"):
+        shown = view(paths, options.save, options.allow_plugins)
+    where = f"{shown.saved}, {shown.megabytes:.1f} MB" if shown.saved else "in the viewer"
+    console.print(
+        f"{sum(shown.decisions)} decisions in {shown.wall_time_s:.1f} s: {where}",
+        soft_wrap=True,
+        highlight=False,
+    )
+    return 0, asdict(shown)
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("log", metavar="LOG", type=Path)
+    parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write it, open no viewer")
+    parser.add_argument("--compare", type=Path, metavar="LOG2", help="a second log beside it")
+    parser.add_argument(
+        "--allow-plugins",
+        action="store_true",
+        help="import the planner that a log names as module:Class",
+    )
+
+
+VERB = Verb(
+    help="a log in the Rerun viewer: map, robot, truth and decisions on one timeline",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof view logs/warehouse-drone-3.mcap --save drone.rrd",
+)

@@ -1,0 +1,46 @@
+"""A map as few boxes: equal cells in a row become one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maps import Representation
+from maps.columns import WORD_BITS, Window, unpack
+
+Array = NDArray[np.float64]
+
+
+def flat_boxes(cells: NDArray[np.bool_], origin: Array, resolution: float) -> tuple[Array, Array]:
+    """Centres and half sizes (n, 2), m, of the least rows along x that cover cells (nx, ny)."""
+    rows, first, end = runs(cells.T)
+    middle = np.stack([0.5 * (first + end), rows + 0.5], axis=1)
+    half = np.stack([0.5 * (end - first), np.full(len(rows), 0.5)], axis=1)
+    return origin[:2] + resolution * middle, resolution * half
+
+
+def upright_boxes(a_map: Representation, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
+    """Centres and half sizes (n, 3), m, of the occupied cells in a box of space, columns merged.
+
+    The floor's own layer is left out.
+    """
+    window = Window.covering(low, high, a_map.resolution)
+    window = window.layers(max(window.floor_layer + 1, 0), window.shape[2])
+    nx, ny, nz = window.shape
+    occupied, _ = a_map.columns(window.first, (nx, ny, -(-nz // WORD_BITS)))
+    columns, first, end = runs(unpack(occupied, nz).reshape(nx * ny, nz) > 0)
+    x, y = np.divmod(columns, ny)
+    middle = np.stack([x + 0.5, y + 0.5, 0.5 * (first + end)], axis=1)
+    half = np.stack([np.full(len(x), 0.5), np.full(len(x), 0.5), 0.5 * (end - first)], axis=1)
+    return window.origin + a_map.resolution * middle, a_map.resolution * half
+
+
+def runs(
+    rows: NDArray[np.bool_],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """The runs of true in each row of (n, k): their rows, first places, and one past the last."""
+    padded = np.pad(rows.astype(np.int8), ((0, 0), (1, 1)))
+    steps = np.diff(padded, axis=1)
+    row, first = np.nonzero(steps == 1)
+    _, end = np.nonzero(steps == -1)
+    return row, first, end

@@ -1,0 +1,81 @@
+"""What the viewer opens with: space from aside and from above, the decision, the curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import rerun.blueprint as rrb
+
+from harness.reader import Log
+
+
+def layout(logs: Mapping[str, Log]) -> rrb.Blueprint:
+    """The windows for one log, or for several side by side, each by its root."""
+    columns = [_column(root, log) for root, log in logs.items()]
+    body = columns[0] if len(columns) == 1 else rrb.Horizontal(*columns)
+    return rrb.Blueprint(
+        body,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline="time", playback_speed=1.0),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _column(root: str, log: Log) -> rrb.Vertical:
+    low, high = log.mission.low, log.mission.high
+    x, y = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
+    span = max(high[0] - low[0], high[1] - low[1])
+    aside = rrb.EyeControls3D(
+        position=(x - 0.35 * span, y - 0.6 * span, 0.55 * span), look_target=(x, y, 0.0)
+    )
+    above = rrb.EyeControls3D(
+        position=(x, y - 0.01, 0.85 * span), look_target=(x, y, 0.0), eye_up=(0.0, 1.0, 0.0)
+    )
+    world = f"/{root}/world"
+    return rrb.Vertical(
+        rrb.Horizontal(
+            _space(f"{root}: space", world, aside, "$origin/**"),
+            _space(f"{root}: the map about the robot", world, above, _flat()),
+        ),
+        rrb.Horizontal(
+            rrb.TextDocumentView(origin=f"/{root}/decision", name="decision"),
+            rrb.TextLogView(origin=f"/{root}/reasons", name="reasons"),
+        ),
+        rrb.Horizontal(
+            rrb.TimeSeriesView(origin=f"/{root}/plots/motion", name="speed and clearance"),
+            rrb.TimeSeriesView(origin=f"/{root}/plots/latency", name="latency by stage"),
+        ),
+        rrb.StateTimelineView(
+            origin=f"/{root}",
+            contents=[f"/{root}/action", f"/{root}/label"],
+            name="action and label",
+        ),
+        row_shares=[10, 4, 4, 3],
+        name=f"{root}: {log.path.name}, {log.result['outcome']}",
+    )
+
+
+def _flat() -> list[str]:
+    """From above the cells would hide the layer that the robot moves in."""
+    return ["+ $origin/**", "- $origin/occupied/**", "- $origin/sweep"]
+
+
+def _space(
+    name: str, world: str, eye: rrb.EyeControls3D, contents: str | list[str]
+) -> rrb.Spatial3DView:
+    so_far = rrb.VisibleTimeRanges(
+        timeline="time",
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    return rrb.Spatial3DView(
+        origin=world,
+        contents=contents,
+        name=name,
+        eye_controls=eye,
+        line_grid=False,
+        background=[245, 246, 248],
+        overrides={f"{world}/trail": [so_far]},
+    )

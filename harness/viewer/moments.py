@@ -1,0 +1,99 @@
+"""A log once more, decision by decision, with the map that each decision rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import InputError
+from harness.mission import Mission
+from harness.navigator import Navigator
+from harness.reader import Log, Record
+from harness.schema import wayproof_pb2 as pb
+from harness.twin import navigator_of
+from maps import Costmap, Representation
+
+Array = NDArray[np.float64]
+
+NO_RETURN_MM = 65535
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One decision and what was known when it was made.
+
+    Attributes:
+        log: The log that it stands in.
+        record: Inputs, delay and decision as they are logged.
+        truth: The simulator's, at the same time.
+        map: The map that the decision rests on; it changes with the next moment.
+        costmap: Likewise.
+    """
+
+    log: Log
+    record: Record
+    truth: pb.Truth
+    map: Representation
+    costmap: Costmap
+
+    @property
+    def decision(self) -> pb.Decision:
+        """As it is logged."""
+        return self.record.decision
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time, ns."""
+        return self.record.inputs.time_ns
+
+    def hits(self, most: int) -> Array:
+        """Where the beams that met something ended, at most so many of them: (n, 3) m, world."""
+        inputs = self.record.inputs
+        ends = []
+        for sweep in inputs.sweeps:
+            placed = self.log.beams[sweep.sensor].place(sweep, inputs.pose, inputs.sequence)
+            met = np.flatnonzero((placed.ranges_mm > 0) & (placed.ranges_mm < NO_RETURN_MM))
+            share = max(most // len(inputs.sweeps), 1)
+            met = met[:: -(-len(met) // share) or 1]
+            lengths = placed.ranges_mm[met, None] * 1e-3
+            ends.append(placed.origins[placed.moments[met]] + lengths * placed.directions[met])
+        return np.concatenate(ends)
+
+
+def moments(log: Log) -> Iterator[Moment]:
+    """Every decision of a log, in order, with its map made again from the logged sweeps.
+
+    Nothing is planned: the decisions are the logged ones, so this is faster than a replay.
+
+    Raises:
+        InputError: The log is damaged, or its sweeps were left out.
+    """
+    truths = {truth.sequence: truth for truth in log.truth()}
+    if log.fork is not None:
+        raise InputError(f"log '{log.path}': forked, its first maps had other settings")
+    navigator = navigator_of(log)
+    for record in log.records():
+        yield _moment(log, navigator, record, truths)
+
+
+def _moment(log: Log, navigator: Navigator, record: Record, truths: dict[int, pb.Truth]) -> Moment:
+    sequence = record.decision.sequence
+    if sequence not in truths:
+        raise InputError(f"log '{log.path}': decision {sequence} without its truth")
+    navigator.perceive(record.inputs)
+    return Moment(log, record, truths[sequence], navigator.map, navigator.costmap)
+
+
+def points_of(points: object) -> Array:
+    """Logged points as (n, 3) m."""
+    listed = [(point.x, point.y, point.z) for point in points]  # type: ignore[attr-defined]
+    return np.array(listed, np.float64).reshape(-1, 3)
+
+
+def standing_low(mission: Mission) -> tuple[float, float, float]:
+    """Least corner of the space in which things stand in a body's way, m: not on what it steps."""
+    x, y, z = mission.low
+    return x, y, max(z, mission.step_height)

@@ -1,0 +1,232 @@
+"""The simulated scene from behind the robot, with the map that its decision rests on laid over it.
+
+Joints stand as they stood: the log holds the simulator's state before each decision. Where it was
+not kept, the base is where the truth says and the legs are at rest.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from harness.errors import InputError
+from harness.reader import Log, open_log
+from harness.rebuild import rebuild
+from harness.scenario import Scenario
+from harness.state import Simulation, restore_parts
+from harness.viewer.boxes import flat_boxes, upright_boxes
+from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
+from harness.viewer.moments import Moment, moments, points_of, standing_low
+from maps import UNKNOWN
+
+SIZE = (960, 640)
+"""Width and height of a picture, pixels; an animation has half of it."""
+
+MOST_GEOMS = 60_000
+
+OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
+"""Kinds of cells that are laid on the floor, and how opaque they are."""
+
+OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
+GUIDE, COMMITTED, TRAIL = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0), (0.85, 0.1, 0.1, 1.0)
+
+DISTANCE, ELEVATION = 7.0, -42.0  # of the camera from the robot, m and degrees
+
+SIGHT = 10.0
+"""Farther from the robot no occupied cells are drawn, m: most of them would be out of the picture,
+and each costs time."""
+
+Box = NDArray[np.float64]
+
+
+class Stage:
+    """The scene of one log, to be drawn again and again."""
+
+    def __init__(self, log: Log, size: tuple[int, int]) -> None:
+        """Compile the log's scene and open an offscreen renderer of a width and height in pixels.
+
+        Raises:
+            InputError: The scene is none of this robot, or nothing can be drawn here.
+        """
+        self._scenario: Scenario = rebuild(log)
+        self._model = model = self._scenario.scene.model
+        self._data = mujoco.MjData(model)
+        self._log = log
+        self._trail: list[NDArray[np.float64]] = []
+        model.vis.global_.offwidth, model.vis.global_.offheight = size
+        _dim(model)
+        self._options = mujoco.MjvOption()
+        self._options.geomgroup[:] = 1  # the robot's own among them
+        self._options.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
+        try:
+            self._renderer: Any = mujoco.Renderer(model, size[1], size[0], max_geom=MOST_GEOMS)
+        except Exception as error:  # each driver raises its own
+            raise InputError(
+                f"no picture here: {error}; MUJOCO_GL=egl or osmesa draws without a screen"
+            ) from None
+
+    def __enter__(self) -> Self:
+        """Take the renderer."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Give the renderer back."""
+        self._renderer.close()
+
+    def follow(self, moment: Moment) -> None:
+        """Note where the robot truly was; called for every moment, drawn or not."""
+        self._trail.append(np.array(moment.truth.position))
+
+    def draw(self, moment: Moment) -> Image.Image:
+        """One moment."""
+        self._pose(moment)
+        self._renderer.update_scene(self._data, self._camera(moment), self._options)
+        self._lay_over(moment)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            self._renderer.scene.flags[flag] = 0  # of boxes that are not there
+        return Image.fromarray(self._renderer.render())
+
+    def _pose(self, moment: Moment) -> None:
+        truth, state = moment.truth, moment.record.state
+        if state is not None:
+            simulation = Simulation(self._model, self._data)
+            restore_parts({"simulation": simulation}, state)
+        else:
+            controller = self._scenario.scene.controller
+            controller.reset(self._data, np.array(truth.position), 0.0)
+            base = int(self._model.body_jntadr[self._scenario.scene.base])
+            first = int(self._model.jnt_qposadr[base])
+            self._data.qpos[first : first + 7] = [*truth.position, *truth.quaternion]
+            for mover in truth.movers:
+                mocap = self._model.body(mover.name).mocapid[0]
+                place = mover.position if mover.present else (0.0, 0.0, -1000.0)
+                self._data.mocap_pos[mocap] = place
+                self._data.mocap_quat[mocap] = mover.quaternion
+        mujoco.mj_forward(self._model, self._data)
+
+    def _camera(self, moment: Moment) -> mujoco.MjvCamera:
+        """Behind the robot on the line from start to goal, so that it does not sway."""
+        mission = self._log.mission
+        along = math.atan2(mission.goal[1] - mission.start[1], mission.goal[0] - mission.start[0])
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = moment.truth.position
+        camera.azimuth, camera.elevation = math.degrees(along), ELEVATION
+        camera.distance = DISTANCE
+        return camera
+
+    def _lay_over(self, moment: Moment) -> None:
+        costmap, mission = moment.costmap, self._log.mission
+        layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
+        told = kinds(costmap, layer)
+        for kind, opacity in OVERLAY.items():
+            middles, halves = flat_boxes(told == kind, costmap.origin, costmap.resolution)
+            colour = (*(value / 255.0 for value in COLOURS[kind]), opacity)
+            for middle, half in zip(middles, halves, strict=True):
+                self._add_box([*middle, 0.02], [*half, 0.002], colour)
+        middles, halves = upright_boxes(moment.map, standing_low(mission), mission.high)
+        off = middles[:, :2] - np.array(moment.truth.position)[:2]
+        near = np.hypot(off[:, 0], off[:, 1]) < SIGHT
+        for middle, half in zip(middles[near], halves[near], strict=True):
+            self._add_box(middle, half, OCCUPIED_COLOUR)
+        lift = np.array([0.0, 0.0, 0.05 if mission.motion == "ground" else 0.0])
+        decision = moment.decision
+        self._add_line(points_of(decision.guide) + lift, 0.015, GUIDE)
+        self._add_line(points_of(decision.trajectory.path) + lift, 0.035, COMMITTED)
+        self._add_line(np.array(self._trail), 0.015, TRAIL)
+
+    def _add_box(self, middle: Any, half: Any, colour: tuple[float, ...]) -> None:
+        geom = self._next()
+        if geom is not None:
+            mujoco.mjv_initGeom(
+                geom, mujoco.mjtGeom.mjGEOM_BOX, half, middle, np.eye(3).ravel(), colour
+            )
+
+    def _add_line(self, points: Box, radius: float, colour: tuple[float, ...]) -> None:
+        nothing = np.zeros(3)
+        for start, end in itertools.pairwise(points):
+            geom = self._next()
+            if geom is None:
+                return
+            capsule = mujoco.mjtGeom.mjGEOM_CAPSULE
+            mujoco.mjv_initGeom(geom, capsule, nothing, nothing, np.eye(3).ravel(), colour)
+            mujoco.mjv_connector(geom, capsule, radius, start, end)
+
+    def _next(self) -> Any:
+        """A geom to fill; none once there are too many to draw."""
+        scene = self._renderer.scene
+        if scene.ngeom >= scene.maxgeom:
+            return None
+        scene.ngeom += 1
+        return scene.geoms[scene.ngeom - 1]
+
+
+def _dim(model: mujoco.MjModel) -> None:
+    """Light that leaves pale colours apart."""
+    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.5, 0.4
+    model.vis.headlight.specular[:] = 0.0
+    model.light_diffuse[:], model.light_ambient[:], model.light_specular[:] = 0.15, 0.0, 0.0
+
+
+def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = False) -> None:
+    """One decision as a picture.
+
+    Raises:
+        InputError: The log cannot be read or has no such decision, or nothing can be drawn here.
+    """
+    log = open_log(path, allow_plugins)
+    count = 0
+    with Stage(log, SIZE) as stage:
+        for moment in moments(log):
+            stage.follow(moment)
+            count += 1
+            if moment.decision.sequence == sequence:
+                _write(out, [stage.draw(moment)], 0)
+                return
+    raise InputError(f"log '{path}': no decision {sequence}, expected 0 to {count - 1}")
+
+
+def draw_animation(path: Path, out: Path, period_s: float, allow_plugins: bool = False) -> int:
+    """A whole log as a GIF in simulated time, a frame each period; returns the number of frames.
+
+    Raises:
+        InputError: The log cannot be read, or nothing can be drawn here.
+    """
+    log = open_log(path, allow_plugins)
+    frames: list[Image.Image] = []
+    next_ns = 0
+    with Stage(log, (SIZE[0] // 2, SIZE[1] // 2)) as stage:
+        for moment in moments(log):
+            stage.follow(moment)
+            if moment.time_ns >= next_ns:
+                next_ns = moment.time_ns + round(period_s * 1e9) - 1
+                frames.append(stage.draw(moment).quantize(64, dither=Image.Dither.NONE))
+    _write(out, frames, round(period_s * 1e3))
+    return len(frames)
+
+
+def _write(out: Path, frames: list[Image.Image], period_ms: int) -> None:
+    """Whole or not at all."""
+    partial = out.with_name(f"{out.name}.partial")
+    more: dict[str, Any] = {}
+    if period_ms:
+        more = {"save_all": True, "append_images": frames[1:], "duration": period_ms, "loop": 0}
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        frames[0].save(partial, format=out.suffix[1:], optimize=True, **more)
+        partial.replace(out)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(f"picture '{out}': {error.strerror or error}") from None

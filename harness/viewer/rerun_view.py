@@ -1,0 +1,92 @@
+"""Logs into a Rerun viewer, or into a file that one opens."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import rerun as rr
+
+from harness.errors import InputError
+from harness.log import check_folder
+from harness.reader import open_log
+from harness.viewer.layout import layout
+from harness.viewer.rerun_log import show_log
+
+ROOTS = ("log", "other")
+
+
+@dataclass(frozen=True)
+class View:
+    """What was shown.
+
+    Attributes:
+        logs: Paths of the logs.
+        decisions: Of each.
+        saved: The recording's path; none where a viewer was opened.
+        megabytes: Its size, MB.
+        wall_time_s: Time that it took.
+    """
+
+    logs: tuple[str, ...]
+    decisions: tuple[int, ...]
+    saved: str | None
+    megabytes: float | None
+    wall_time_s: float
+
+
+def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool = False) -> View:
+    """Show one log, or two side by side on one timeline.
+
+    Args:
+        paths: The logs.
+        saved: Where the recording goes; none to open a viewer.
+        allow_plugins: Whether code that a log's config names may be imported.
+
+    Raises:
+        InputError: A log cannot be read, there is no display, or the file cannot be written.
+    """
+    began = time.perf_counter()
+    logs = dict(zip(ROOTS, (open_log(path, allow_plugins) for path in paths), strict=False))
+    stream = rr.RecordingStream("wayproof", recording_id=" ".join(path.stem for path in paths))
+    partial = None if saved is None else saved.with_name(f"{saved.name}.partial")
+    if partial is None:
+        _check_display()
+        rr.spawn(connect=False, executable_path=_viewer())
+        stream.connect_grpc(default_blueprint=layout(logs))
+    else:
+        check_folder(partial.parent)
+        partial.parent.mkdir(parents=True, exist_ok=True)
+        stream.save(partial, default_blueprint=layout(logs))
+    try:
+        decisions = tuple(show_log(stream, log, root) for root, log in logs.items())
+        stream.flush()
+        stream.disconnect()
+    except BaseException:
+        if partial is not None:
+            stream.disconnect()
+            partial.unlink(missing_ok=True)
+        raise
+    size = None
+    if partial is not None and saved is not None:
+        partial.replace(saved)
+        size = saved.stat().st_size * 1e-6
+    wall = time.perf_counter() - began
+    told = None if saved is None else str(saved)
+    return View(tuple(str(path) for path in paths), decisions, told, size, wall)
+
+
+def _viewer() -> str | None:
+    """The viewer beside this Python, where the search path does not lead to one."""
+    return None if shutil.which("rerun") else str(Path(sys.executable).with_name("rerun"))
+
+
+def _check_display() -> None:
+    displays = ("DISPLAY", "WAYLAND_DISPLAY")
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in displays):
+        raise InputError("no display here: --save FILE.rrd writes what 'rerun FILE.rrd' opens")

@@ -1,0 +1,35 @@
+"""A decision in words, for whoever steps through a log."""
+
+from __future__ import annotations
+
+from harness.schema import wayproof_pb2 as pb
+
+
+def describe(decision: pb.Decision) -> str:
+    """All that one decision says of itself, as Markdown."""
+    stages = decision.stages
+    label = "" if decision.label == "none" else f" · label `{decision.label}`"
+    missed = " · **deadline missed**" if decision.deadline_missed else ""
+    search = "the path was kept"
+    if decision.planner:
+        search = f"{decision.planner}, seed {decision.planner_seed}"
+        search += f", {decision.planner_iterations} iterations"
+    delay, deadline = decision.delay_s * 1e3, decision.deadline_s * 1e3
+    return "\n".join(
+        [
+            f"### {decision.sequence}: {decision.action}{label}",
+            f"{decision.reason}",
+            "",
+            f"- map `{decision.map_version[:12]}` ({decision.representation}, "
+            f"{decision.resolution_m:g} m), unknown policy `{decision.unknown_policy}`",
+            f"- inflation {decision.inflation_radius_m:.3f} m, of it margin "
+            f"{decision.localization_margin_m:.3f} m",
+            f"- oldest evidence along the path {decision.evidence_age_s:.2f} s",
+            f"- committed {decision.committed_length_m:.2f} m of {decision.path_length_m:.2f} m, "
+            f"least clearance {decision.least_clearance_m:.2f} m",
+            f"- search: {search}",
+            f"- delay {delay:.0f} ms of {deadline:.0f} ms{missed}",
+            f"- stages, ms: sense {stages.sense_ms:.1f}, map {stages.map_ms:.1f}, costmap "
+            f"{stages.costmap_ms:.1f}, plan {stages.plan_ms:.1f}",
+        ]
+    )

@@ -1,0 +1,205 @@
+"""What is shown is what the log holds, and what the map was at each decision."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from harness.cli import main
+from harness.reader import open_log
+from harness.viewer.boxes import runs, upright_boxes
+from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
+from harness.viewer.moments import moments
+from harness.viewer.tiles import TILE, Tiles
+from harness.viewer.words import describe
+from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
+
+LOW, HIGH = (0.0, 0.0, 0.0), (4.0, 4.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def log(recorded):
+    return Path(recorded("empty", "drone", 1).log)
+
+
+@pytest.fixture(scope="module")
+def failed(recorded):
+    return Path(recorded("empty", "drone", 1, "episode.time_limit=1").log)
+
+
+def seen_map():
+    """Free from x = 0 to 2 m, one obstacle in it, unknown beyond."""
+    config = MapConfig(resolution=0.1, half_life=0.0)
+    a_map = VoxelMap(config)
+    a_map.mark_free((0.0, 0.0, 0.0), (2.0, 4.0, 1.0), 0)
+    beam, ranges_mm = np.array([[1.0, 0.0, 0.0]]), np.array([500], np.uint16)
+    for sweep in range(8):
+        a_map.integrate((0.55, 2.05, 0.55), beam, ranges_mm, 2.0, sweep)
+    return a_map, Costmap(config, a_map, LOW, HIGH, "air", 0.15, 0.2, 0.0)
+
+
+def test_kinds_are_those_of_each_cell_alone():
+    _, costmap = seen_map()
+    layer = layer_at(costmap, 0.55)
+    told, states = kinds(costmap, layer), costmap.state[:, :, layer]
+    field = costmap.obstacle_clearance[:, :, layer]
+    nx, ny = told.shape
+    for x, y in np.ndindex(nx, ny):
+        around = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)]
+        unknown = any(states[i, j] == UNKNOWN for i, j in around if 0 <= i < nx and 0 <= j < ny)
+        expected = states[x, y]
+        if expected == FREE and field[x, y] <= costmap.blocked_at_or_below:
+            expected = INFLATED
+        elif expected == FREE and unknown:
+            expected = FRONTIER
+        assert told[x, y] == expected
+    assert set(np.unique(told)) == {UNKNOWN, FREE, OCCUPIED, INFLATED, FRONTIER}
+
+
+def test_an_image_has_x_to_the_right_and_y_up():
+    told = np.zeros((3, 2), np.uint8)
+    told[2, 1] = OCCUPIED
+    image = pixels(told)
+    assert image.shape == (2, 3, 3)
+    assert tuple(image[0, 2]) == COLOURS[OCCUPIED]
+    assert tuple(image[1, 2]) == COLOURS[int(told[2, 0])]
+
+
+def test_runs_by_hand():
+    rows = np.array([[1, 1, 0, 1], [0, 0, 0, 0], [0, 1, 1, 1]], bool)
+    row, first, end = runs(rows)
+    assert list(zip(row, first, end, strict=True)) == [(0, 0, 2), (0, 3, 4), (2, 1, 4)]
+
+
+def test_tiles_tell_a_change_once_and_boxes_hold_the_same_cells():
+    a_map, _ = seen_map()
+    tiles = Tiles(LOW, HIGH, 0.1)
+    ((name, centres),) = list(tiles.changed(a_map))
+    assert name == "0_0"
+    assert TILE * 0.1 > 2.1
+    np.testing.assert_allclose(centres, [[1.05, 2.05, centres[0, 2]]])
+    assert abs(centres[0, 2] - 0.55) < 0.1
+    assert list(tiles.changed(a_map)) == []
+    middles, halves = upright_boxes(a_map, LOW, HIGH)
+    np.testing.assert_allclose(middles, centres)
+    np.testing.assert_allclose(halves, [[0.05, 0.05, 0.05]])
+
+
+def test_each_moment_has_the_map_that_its_decision_names(log):
+    seen = 0
+    for moment in moments(open_log(log)):
+        assert moment.map.version() == moment.decision.map_version
+        assert moment.truth.sequence == moment.decision.sequence
+        assert moment.costmap.inflation_radius == moment.decision.inflation_radius_m
+        seen += 1
+    assert seen == int(open_log(log).result["decisions"])
+
+
+def test_hits_lie_on_what_is_there_and_are_thinned(log):
+    moment = next(moments(open_log(log)))
+    hits = moment.hits(100)
+    assert 20 < len(hits) <= 100 + len(moment.record.inputs.sweeps)
+    mission = moment.log.mission
+    low, high = np.array(mission.low) - 0.3, np.array(mission.high) + 0.3
+    assert ((hits[:, :2] >= low[:2]) & (hits[:, :2] <= high[:2])).all()
+
+
+def test_words_tell_action_reason_and_map(log):
+    decision = next(open_log(log).decisions())
+    text = describe(decision)
+    assert decision.action in text
+    assert decision.reason in text
+    assert decision.map_version[:12] in text
+
+
+def entities(recording):
+    """What Rerun's own command finds in a file."""
+    rerun = Path(sys.executable).with_name("rerun")
+    command = [str(rerun), "rrd", "print", str(recording)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_a_failure_is_marked_and_two_logs_stand_side_by_side(tmp_path, capsys, log, failed):
+    pytest.importorskip("rerun")
+    out = tmp_path / "new" / "both.rrd"
+    assert main(["view", str(failed), "--compare", str(log), "--save", str(out)]) == 0
+    capsys.readouterr()
+    assert not list(out.parent.glob("*.partial"))
+    told = entities(out)
+    for name in ("world/robot", "world/truth", "world/layer", "world/sweep", "world/trajectory"):
+        assert f"/log/{name}" in told
+        assert f"/other/{name}" in told
+    assert "/log/world/failure" in told
+    assert "/other/world/failure" not in told
+    assert "/log/plots/latency/deadline_ms" in told
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
+def test_no_display_is_told_in_a_line(capsys, monkeypatch, log):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["view", str(log)]) == 2
+    assert "--save FILE.rrd" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["view", "LOG", "--save", "x.png"], "a name that ends in .rrd"),
+        (["view", "none.mcap", "--save", "x.rrd"], "no such file"),
+        (["picture", "LOG"], "expected a decision's number N, or --gif"),
+        (["picture", "LOG", "3", "--gif", "x.gif"], "and not both"),
+        (["picture", "LOG", "3", "--out", "x.gif"], "a name that ends in .png"),
+        (["picture", "LOG", "-3"], "N: got -3, expected 0 or more"),
+        (["picture", "LOG", "--gif", "x.gif", "--period", "0"], "--period: got 0"),
+    ],
+)
+def test_bad_input_is_a_line_and_leaves_nothing(
+    capsys, monkeypatch, tmp_path, log, arguments, said
+):
+    monkeypatch.chdir(tmp_path)
+    assert main([str(log) if word == "LOG" else word for word in arguments]) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert captured.err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def drawn(arguments):
+    """Draw in a process of its own, which chooses the driver; skip where nothing can be drawn."""
+    command = [sys.executable, "-m", "harness", *arguments]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    if "no picture here" in ended.stderr:
+        pytest.skip(ended.stderr)
+    return ended.returncode, ended.stderr
+
+
+def test_a_picture_shows_the_map(tmp_path, log):
+    out = tmp_path / "x.png"
+    assert drawn(["picture", str(log), "5", "--out", str(out)]) == (0, "")
+    image = np.asarray(Image.open(out).convert("RGB"), int)
+    assert image.shape == (640, 960, 3)
+    red, green, blue = image[..., 0], image[..., 1], image[..., 2]
+    assert (blue - red > 30).mean() > 0.01  # occupied cells
+    assert (red - blue > 30).mean() > 0.005  # inflation and trail
+    assert ((green - red > 30) & (green - blue > 30)).any()  # what it has committed to
+
+
+def test_a_decision_that_is_not_there(tmp_path, failed):
+    out = tmp_path / "x.png"
+    code, told = drawn(["picture", str(failed), "999", "--out", str(out)])
+    assert code == 2
+    assert "no decision 999, expected 0 to" in told
+    assert not out.exists()
+
+
+def test_an_animation_plays_in_simulated_time(tmp_path, failed):
+    out = tmp_path / "x.gif"
+    words = ["picture", str(failed), "--gif", str(out), "--period", "0.5"]
+    assert drawn(words) == (0, "")
+    with Image.open(out) as animation:
+        assert animation.n_frames == 3
+        assert animation.info["duration"] == 500
