@@ -143,7 +143,8 @@ def packets(path):
 
 
 @pytest.mark.parametrize(
-    "settings", [["map.resolution=0.08"], ["planner.name=rrtconnect"], ["sensors.lidar=velodyne-vlp16"]]
+    "settings",
+    [["map.resolution=0.08"], ["planner.name=rrtconnect"], ["sensors.lidar=velodyne-vlp16"]],
 )
 def test_a_fork_with_a_change_keeps_the_past_and_replays(recorded, tmp_path, settings):
     result = recorded(*SHORT["quadruped"])
