@@ -17,7 +17,6 @@ from harness.view import BehaviourConfig
 from maps import MAPS, MapConfig
 from models.devices import DEVICES, OWN, SensorConfig
 from models.odometry import OdometryConfig
-from models.robots.brought import Unusable, parse_spec
 from planners import PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
@@ -247,6 +246,8 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
 def _check_controller(config: Config, allow_plugins: bool) -> None:
     if not config.robot_file:
         return
+    from models.robots.brought import Unusable, parse_spec  # it loads the simulator
+
     try:
         name = parse_spec(config.robot_file).controller
     except Unusable as error:
