@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from google.protobuf.descriptor import Descriptor
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
@@ -86,9 +87,10 @@ class _Output:
         self._writer.finish()
 
     def _schema(self, kind: type[Message]) -> int:
-        name = str(kind.DESCRIPTOR.full_name)
+        descriptor: Descriptor = kind.DESCRIPTOR  # type: ignore[assignment]
+        name = descriptor.full_name
         if name not in self._schemas:
-            described = file_descriptor_set(kind.DESCRIPTOR)
+            described = file_descriptor_set(descriptor)
             self._schemas[name] = self._writer.register_schema(name, "protobuf", described)
         return self._schemas[name]
 

@@ -1,6 +1,8 @@
 """A converted log is read here as a stranger would: by mcap's reader and the file's own schemas."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +42,16 @@ def decode(schema, message):
     decoded = kind.FromString(message.data)
     assert decoded.SerializeToString(deterministic=True) == message.data
     return decoded
+
+
+def test_the_generated_code_is_that_of_the_schema(tmp_path):
+    root, proto = LAYOUT.parents[1], "harness/schema/foxglove.proto"
+    outputs = [f"--python_out={tmp_path}", f"--pyi_out={tmp_path}"]
+    command = [sys.executable, "-m", "grpc_tools.protoc", "--proto_path=.", *outputs, proto]
+    subprocess.run(command, cwd=root, check=True)
+    for name in ("foxglove_pb2.py", "foxglove_pb2.pyi"):
+        generated = (tmp_path / "harness/schema" / name).read_text()
+        assert (root / "harness/schema" / name).read_text() == generated, "run: make schema"
 
 
 def of(converted, topic):
