@@ -25,7 +25,7 @@ check: $(READY)  ## Lint, format, types.
 	$(BIN)/mypy
 
 schema: $(READY)  ## Regenerate the protobuf code from harness/schema/*.proto.
-	$(BIN)/python -m grpc_tools.protoc --proto_path=. --python_out=. --pyi_out=. harness/schema/wayproof.proto
+	$(BIN)/python -m grpc_tools.protoc --proto_path=. --python_out=. --pyi_out=. harness/schema/wayproof.proto harness/schema/foxglove.proto
 
 lock:  ## Resolve the pinned requirements again (needs uv).
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet --output-file requirements.txt

@@ -145,7 +145,7 @@ class LogWriter:
     def _register(self, topic: str, kind: type[Message]) -> int:
         descriptor: Descriptor = kind.DESCRIPTOR  # type: ignore[assignment]
         schema = self._writer.register_schema(
-            descriptor.full_name, "protobuf", _file_descriptor_set(descriptor)
+            descriptor.full_name, "protobuf", file_descriptor_set(descriptor)
         )
         return self._writer.register_channel(topic, "protobuf", schema)
 
@@ -208,7 +208,7 @@ def _run_metadata(attachments: Mapping[str, bytes]) -> dict[str, str]:
     }
 
 
-def _file_descriptor_set(descriptor: Descriptor) -> bytes:
+def file_descriptor_set(descriptor: Descriptor) -> bytes:
     """The message's file and all that it imports, dependencies first."""
     files = FileDescriptorSet()
 

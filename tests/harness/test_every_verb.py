@@ -20,6 +20,7 @@ WRONG = {
     "demo": ["--seed", "x"],
     "import": ["no-such-file.stl"],
     "picture": ["no-such.mcap", "1"],
+    "convert": ["no-such.mcap", "--foxglove", "x.mcap"],
 }
 """Words after each verb that it must refuse; the others take a log."""
 
@@ -64,7 +65,14 @@ def test_bad_input_is_one_document_on_stdout_and_one_line_on_stderr(
 
 @pytest.mark.parametrize(
     "words",
-    [["replay"], ["audit"], ["score"], ["view", "--save", "x.rrd"], ["list"]],
+    [
+        ["replay"],
+        ["audit"],
+        ["score"],
+        ["view", "--save", "x.rrd"],
+        ["convert", "--foxglove", "x.mcap"],
+        ["list"],
+    ],
     ids=lambda words: words[0],
 )
 def test_good_input_is_one_document_and_nothing_else(capfd, monkeypatch, tmp_path, recorded, words):

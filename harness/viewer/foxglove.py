@@ -1,0 +1,259 @@
+"""A log as a file that Foxglove draws by itself: its decisions as they are, and views beside them.
+
+The schemas are Foxglove's, by name and number; see `harness/schema/foxglove.proto`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from google.protobuf.descriptor import Descriptor
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+
+from harness.errors import InputError
+from harness.log import check_folder, file_descriptor_set
+from harness.reader import Log, open_log
+from harness.schema import foxglove_pb2 as fox
+from harness.viewer.layer import COLOURS, kinds, layer_at
+from harness.viewer.moments import Moment, moments, points_of, standing_low
+from harness.viewer.tiles import Tiles
+
+WORLD, ROBOT, TRUTH = "world", "robot", "truth"
+"""Frames."""
+
+MOST_HITS = 3000
+SWEEP_PERIOD_NS = 200_000_000
+CELLS_PERIOD_NS = 1_000_000_000
+"""As in the view by Rerun."""
+
+BLUE, GREEN, RED = (0.24, 0.43, 0.92), (0.08, 0.67, 0.27), (0.82, 0.16, 0.16)
+
+View = tuple[str, Message]
+"""A topic and what is written to it."""
+
+
+def convert(path: Path, out: Path, allow_plugins: bool = False) -> int:
+    """Write a log for Foxglove; returns the number of decisions.
+
+    Raises:
+        InputError: The log cannot be read, or the file cannot be written.
+    """
+    log = open_log(path, allow_plugins)
+    check_folder(out.parent)
+    partial = out.with_name(f"{out.name}.partial")
+    count = 0
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as file:
+            output = _Output(Writer(file, compression=CompressionType.ZSTD))
+            artist = _Artist(log)
+            for moment in moments(log):
+                for topic, message in (*_logged(moment), *artist.views(moment)):
+                    output.write(topic, message, moment.time_ns)
+                count += 1
+            output.finish()
+        partial.replace(out)
+    except OSError as error:
+        raise InputError(f"--foxglove '{out}': {error.strerror}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+    return count
+
+
+class _Output:
+    """An MCAP file with a channel for each topic."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._count = 0
+        writer.start(profile="", library="wayproof convert")
+
+    def write(self, topic: str, message: Message, time_ns: int) -> None:
+        if topic not in self._channels:
+            schema = self._schema(type(message))
+            self._channels[topic] = self._writer.register_channel(topic, "protobuf", schema)
+        data = message.SerializeToString(deterministic=True)
+        self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._count)
+        self._count += 1
+
+    def finish(self) -> None:
+        self._writer.finish()
+
+    def _schema(self, kind: type[Message]) -> int:
+        descriptor: Descriptor = kind.DESCRIPTOR  # type: ignore[assignment]
+        name = descriptor.full_name
+        if name not in self._schemas:
+            described = file_descriptor_set(descriptor)
+            self._schemas[name] = self._writer.register_schema(name, "protobuf", described)
+        return self._schemas[name]
+
+
+def _logged(moment: Moment) -> Iterator[View]:
+    yield "/decision", moment.decision
+    yield "/truth", moment.truth
+    yield "/latency", moment.record.latency
+
+
+class _Artist:
+    """What is drawn of each moment, and what was drawn before it."""
+
+    def __init__(self, log: Log) -> None:
+        self._log = log
+        self._tiles = Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
+        self._cells: dict[str, NDArray[np.float64]] = {}
+        self._layer: NDArray[np.uint8] | None = None
+        self._swept_ns = self._cells_ns = -(10**12)
+        self._last = int(log.result.get("decisions", "0")) - 1
+
+    def views(self, moment: Moment) -> Iterator[View]:
+        """Everything that is to be shown anew at a moment."""
+        now, stamp = moment.time_ns, moment.decision.timestamp
+        yield "/tf", _transforms(moment)
+        yield "/viz/plan", self._plan(moment)
+        yield "/viz/reasons", _reason(moment)
+        told = self._changed_layer(moment)
+        if told is not None:
+            yield "/viz/layer", told
+        if now - self._swept_ns >= SWEEP_PERIOD_NS:
+            self._swept_ns = now
+            yield "/viz/sweep", _cloud(moment.hits(MOST_HITS), stamp)
+        if now - self._cells_ns >= CELLS_PERIOD_NS:
+            self._cells_ns = now
+            changed = dict(self._tiles.changed(moment.map))
+            if changed:
+                self._cells.update(changed)
+                yield "/viz/cells", _cloud(np.concatenate(list(self._cells.values())), stamp)
+
+    def _changed_layer(self, moment: Moment) -> fox.Grid | None:
+        costmap = moment.costmap
+        layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
+        told = kinds(costmap, layer)
+        if self._layer is not None and np.array_equal(told, self._layer):
+            return None
+        self._layer = told
+        palette = np.zeros((max(COLOURS) + 1, 4), np.uint8)
+        for kind, colour in COLOURS.items():
+            palette[kind] = (*colour, 230)
+        nx, _ = told.shape
+        x, y = (float(value) for value in costmap.origin[:2])
+        side = costmap.resolution
+        return fox.Grid(
+            timestamp=moment.decision.timestamp,
+            frame_id=WORLD,
+            pose=_pose(x, y, 0.0),
+            column_count=nx,
+            cell_size=fox.Vector2(x=side, y=side),
+            row_stride=4 * nx,
+            cell_stride=4,
+            fields=_fields(("red", "green", "blue", "alpha"), fox.PackedElementField.UINT8, 1),
+            data=palette[told.T].tobytes(),
+        )
+
+    def _plan(self, moment: Moment) -> fox.SceneUpdate:
+        decision, mission = moment.decision, self._log.mission
+        stamp = decision.timestamp
+        plan = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="plan")
+        plan.lines.append(_line(points_of(decision.guide), 0.04, BLUE))
+        plan.lines.append(_line(points_of(decision.trajectory.path), 0.08, GREEN))
+        plan.spheres.append(_sphere(mission.goal, 0.25, GREEN, 1.0))
+        for place, colour in ((decision.position, BLUE), (moment.truth.position, RED)):
+            plan.spheres.append(_sphere(tuple(place), 2.0 * mission.radius, colour, 0.4))
+        update = fox.SceneUpdate(entities=[plan])
+        outcome = self._log.result["outcome"]
+        if decision.sequence == self._last and outcome != "success":
+            words = f"{outcome}: {self._log.result.get('reason', '')}"
+            update.entities.append(_failure(moment, words))
+        return update
+
+
+def _failure(moment: Moment, words: str) -> fox.SceneEntity:
+    """The mark of where an episode failed, with its reason."""
+    stamp, place = moment.decision.timestamp, tuple(moment.truth.position)
+    mark = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="failure")
+    mark.spheres.append(_sphere(place, 0.5, RED, 1.0))
+    x, y, z = place
+    text = fox.TextPrimitive(pose=_pose(x, y, z + 0.6), billboard=True, font_size=0.3, text=words)
+    text.color.CopyFrom(_colour(RED, 1.0))
+    mark.texts.append(text)
+    return mark
+
+
+def _transforms(moment: Moment) -> fox.FrameTransforms:
+    believed, truth = moment.decision, moment.truth
+    frames = fox.FrameTransforms()
+    for name, pose in ((ROBOT, believed), (TRUTH, truth)):
+        x, y, z = pose.position
+        w, i, j, k = pose.quaternion
+        frames.transforms.add(
+            timestamp=believed.timestamp,
+            parent_frame_id=WORLD,
+            child_frame_id=name,
+            translation=fox.Vector3(x=x, y=y, z=z),
+            rotation=fox.Quaternion(x=i, y=j, z=k, w=w),
+        )
+    return frames
+
+
+def _reason(moment: Moment) -> fox.Log:
+    decision = moment.decision
+    plain = decision.label == "none"
+    return fox.Log(
+        timestamp=decision.timestamp,
+        level=fox.Log.INFO if plain else fox.Log.WARNING,
+        message=f"{decision.action}: {decision.reason}",
+        name="none" if plain else decision.label,
+    )
+
+
+def _cloud(points: NDArray[np.float64], stamp: Timestamp) -> fox.PointCloud:
+    return fox.PointCloud(
+        timestamp=stamp,
+        frame_id=WORLD,
+        pose=_pose(0.0, 0.0, 0.0),
+        point_stride=12,
+        fields=_fields(("x", "y", "z"), fox.PackedElementField.FLOAT32, 4),
+        data=points.astype("<f4").tobytes(),
+    )
+
+
+def _fields(
+    names: tuple[str, ...], kind: fox.PackedElementField.NumericType, size: int
+) -> list[fox.PackedElementField]:
+    return [
+        fox.PackedElementField(name=name, offset=size * place, type=kind)
+        for place, name in enumerate(names)
+    ]
+
+
+def _line(
+    points: NDArray[np.float64], thickness: float, colour: tuple[float, float, float]
+) -> fox.LinePrimitive:
+    line = fox.LinePrimitive(pose=_pose(0.0, 0.0, 0.0), thickness=thickness)
+    line.color.CopyFrom(_colour(colour, 1.0))
+    for x, y, z in points.tolist():
+        line.points.add(x=x, y=y, z=z)
+    return line
+
+
+def _sphere(
+    place: tuple[float, ...], size: float, colour: tuple[float, float, float], opacity: float
+) -> fox.SpherePrimitive:
+    return fox.SpherePrimitive(
+        pose=_pose(*place), size=fox.Vector3(x=size, y=size, z=size), color=_colour(colour, opacity)
+    )
+
+
+def _colour(colour: tuple[float, float, float], opacity: float) -> fox.Color:
+    r, g, b = colour
+    return fox.Color(r=r, g=g, b=b, a=opacity)
+
+
+def _pose(x: float, y: float, z: float) -> fox.Pose:
+    return fox.Pose(position=fox.Vector3(x=x, y=y, z=z), orientation=fox.Quaternion(w=1.0))

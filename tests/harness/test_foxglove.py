@@ -1,0 +1,149 @@
+"""A converted log is read here as a stranger would: by mcap's reader and the file's own schemas."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from mcap.reader import make_reader
+
+from harness.cli import main
+from harness.reader import open_log
+from maps import FREE
+
+LAYOUT = Path(__file__).parents[2] / "docs/foxglove-layout.json"
+
+
+@pytest.fixture(scope="module")
+def log(recorded):
+    return Path(recorded("empty", "drone", 1, "episode.time_limit=1").log)
+
+
+@pytest.fixture(scope="module")
+def converted(log, tmp_path_factory):
+    out = tmp_path_factory.mktemp("foxglove") / "x.mcap"
+    assert main(["convert", str(log), "--foxglove", str(out)]) == 0
+    with out.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        return [(c.topic, s.name, m.log_time, decode(s, m)) for s, c, m in reader.iter_messages()]
+
+
+def decode(schema, message):
+    """A message by nothing but the descriptors that stand in the file."""
+    assert schema.encoding == "protobuf"
+    files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
+    pool = descriptor_pool.DescriptorPool()
+    for one in files.file:
+        pool.Add(one)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+    decoded = kind.FromString(message.data)
+    assert decoded.SerializeToString(deterministic=True) == message.data
+    return decoded
+
+
+def test_the_generated_code_is_that_of_the_schema(tmp_path):
+    root, proto = LAYOUT.parents[1], "harness/schema/foxglove.proto"
+    outputs = [f"--python_out={tmp_path}", f"--pyi_out={tmp_path}"]
+    command = [sys.executable, "-m", "grpc_tools.protoc", "--proto_path=.", *outputs, proto]
+    subprocess.run(command, cwd=root, check=True)
+    for name in ("foxglove_pb2.py", "foxglove_pb2.pyi"):
+        generated = (tmp_path / "harness/schema" / name).read_text()
+        assert (root / "harness/schema" / name).read_text() == generated, "run: make schema"
+
+
+def of(converted, topic):
+    return [message for name, _, _, message in converted if name == topic]
+
+
+def test_each_topic_has_the_schema_that_a_viewer_knows(converted):
+    assert {topic: schema for topic, schema, _, _ in converted} == {
+        "/tf": "foxglove.FrameTransforms",
+        "/viz/plan": "foxglove.SceneUpdate",
+        "/viz/layer": "foxglove.Grid",
+        "/viz/cells": "foxglove.PointCloud",
+        "/viz/sweep": "foxglove.PointCloud",
+        "/viz/reasons": "foxglove.Log",
+        "/decision": "wayproof.Decision",
+        "/truth": "wayproof.Truth",
+        "/latency": "wayproof.Latency",
+    }
+
+
+def test_decisions_are_those_of_the_log(converted, log):
+    recorded = [one.SerializeToString(deterministic=True) for one in open_log(log).decisions()]
+    told = [one.SerializeToString(deterministic=True) for one in of(converted, "/decision")]
+    assert told == recorded
+    times = [time_ns for _, _, time_ns, _ in converted]
+    assert times == sorted(times)
+
+
+def test_frames_are_the_believed_and_the_true_pose(converted):
+    for frames, decision, truth in zip(
+        of(converted, "/tf"), of(converted, "/decision"), of(converted, "/truth"), strict=True
+    ):
+        robot, true = frames.transforms
+        assert (robot.parent_frame_id, robot.child_frame_id) == ("world", "robot")
+        assert [robot.translation.x, robot.translation.y] == list(decision.position[:2])
+        assert true.child_frame_id == "truth"
+        assert true.rotation.w == truth.quaternion[0]
+
+
+def test_the_layer_fits_the_world_and_is_free_about_the_start(converted, log):
+    mission, grid = open_log(log).mission, of(converted, "/viz/layer")[0]
+    cells = np.frombuffer(grid.data, np.uint8).reshape(-1, grid.column_count, 4)
+    assert grid.row_stride == 4 * grid.column_count
+    assert grid.cell_size.x * grid.column_count >= mission.high[0] - mission.low[0]
+    x = int((mission.start[0] - grid.pose.position.x) / grid.cell_size.x)
+    y = int((mission.start[1] - grid.pose.position.y) / grid.cell_size.y)
+    from harness.viewer.layer import COLOURS
+
+    assert tuple(cells[y, x, :3]) == COLOURS[FREE]
+
+
+def test_points_lie_within_the_world(converted, log):
+    mission = open_log(log).mission
+    for topic in ("/viz/cells", "/viz/sweep"):
+        cloud = of(converted, topic)[-1]
+        assert [(one.name, one.offset) for one in cloud.fields] == [("x", 0), ("y", 4), ("z", 8)]
+        points = np.frombuffer(cloud.data, "<f4").reshape(-1, cloud.point_stride // 4)
+        assert len(points) > 10
+        assert (points > np.array(mission.low) - 0.5).all()
+        assert (points < np.array(mission.high) + 0.5).all()
+
+
+def test_the_failure_is_marked_at_the_end_alone(converted):
+    marked = [
+        entity.texts[0].text
+        for update in of(converted, "/viz/plan")
+        for entity in update.entities
+        if entity.id == "failure"
+    ]
+    assert len(marked) == 1
+    assert marked[0].startswith("timeout: ")
+
+
+def test_the_layout_names_topics_that_there_are(converted):
+    layout = json.loads(LAYOUT.read_text())
+    topics = {topic for topic, _, _, _ in converted}
+    panels = layout["configById"]
+    assert set(panels["3D!space"]["topics"]) <= topics
+    for name, panel in panels.items():
+        for series in panel.get("paths", []):
+            topic, *fields = series["value"].split(".")
+            message = of(converted, topic)[0]
+            for field in fields:
+                assert field in message.DESCRIPTOR.fields_by_name, f"{name}: {series['value']}"
+                message = getattr(message, field)
+
+
+@pytest.mark.parametrize(
+    ("out", "said"), [("x.txt", "a name that ends in .mcap"), (None, "got the log itself")]
+)
+def test_bad_names_are_a_line(capsys, log, out, said):
+    before = log.read_bytes()
+    assert main(["convert", str(log), "--foxglove", out or str(log)]) == 2
+    assert said in capsys.readouterr().err
+    assert log.read_bytes() == before
