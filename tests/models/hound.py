@@ -16,6 +16,7 @@ speed = 0.8
 acceleration = 1.2
 jerk = 15.0
 yaw_rate = 1.0
+step_height = 0.03
 
 [[sensors]]
 name = "lidar"

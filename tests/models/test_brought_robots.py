@@ -180,6 +180,7 @@ BAD_SPECS = [
     ('"trot"', '"gallop"', "unknown 'gallop' (available: geometric, trot, module:Class)"),
     ('"hound.xml"', '"cat.xml"', "mjcf: no file"),
     ('"hound.xml"', '"no_such_package:a.xml"', "no package 'no_such_package' is installed"),
+    ("step_height = 0.03", "", "limits.step_height: got 0, expected above 0 on the ground"),
     ("speed = 0.8", "speed = 0", "limits.speed: got 0, expected above 0"),
     ("speed = 0.8", "sped = 0.8", "unknown field `sped`"),
     ("radius = 0.4", "radius = ", "no TOML: "),
