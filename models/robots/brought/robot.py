@@ -192,6 +192,10 @@ def _parse(text: str) -> SpecFile:
     if spec.controller not in CONTROLLERS and PLUGIN not in spec.controller:
         known = ", ".join([*CONTROLLERS, "module:Class"])
         raise Unusable(f"controller: unknown '{spec.controller}' (available: {known})")
+    kind = CONTROLLERS.get(spec.controller)
+    motion = spec.motion if kind is None else kind.motion
+    if motion == "ground" and not spec.limits.step_height > 0.0:
+        raise Unusable("limits.step_height: got 0, expected above 0 on the ground")
     return spec
 
 
