@@ -104,7 +104,7 @@ class Navigator:
             sense_ms: Wall time that the sweeps took to cast, for the record.
         """
         clock = [time.perf_counter()]
-        self._integrate(inputs)
+        self.integrate(inputs)
         clock.append(time.perf_counter())
         margin = self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
         self.costmap.update(margin)
@@ -143,7 +143,8 @@ class Navigator:
         self._chain = decision.chain
         return decision
 
-    def _integrate(self, inputs: Inputs) -> None:
+    def integrate(self, inputs: Inputs) -> None:
+        """Take one set of inputs into the map and decide nothing."""
         self.map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
             beams = self._beams[sweep.sensor]
