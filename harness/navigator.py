@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -45,7 +45,14 @@ def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]
 
 
 class Navigator:
-    """Maps, plans and decides for one mission."""
+    """Maps, plans and decides for one mission.
+
+    Attributes:
+        map: All that was sensed.
+        labels: What it is of, if sweeps tell.
+        costmap: Of the mission's body.
+        informant: Tells the map more after each set of inputs; only a counterfactual has one.
+    """
 
     def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
         """Start with an unknown map, but for the start area that the operator declares free."""
@@ -71,6 +78,7 @@ class Navigator:
         self._goal = self._planning_point(np.array(mission.goal))
         self._memory = Memory(hold(start, 0, mission.start_heading))
         self._chain = ""
+        self.informant: Callable[[Inputs], None] | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -163,6 +171,8 @@ class Navigator:
         if (reach := self._config.map.hold_under_body) > 0.0 and isinstance(self.map, VoxelMap):
             position = inputs.pose.position
             self.map.hold(position - reach, position + reach, inputs.time_ns)
+        if self.informant is not None:
+            self.informant(inputs)
 
     def _view(self, inputs: Inputs) -> View:
         config, mission = self._config, self._mission

@@ -40,7 +40,8 @@ def confusion(causes: list[str], seeds: range, console: Console | None = None) -
 
 def run_planted(cause: str, seed: int, path: Path) -> Result:
     """Run one scenario."""
-    return run_episode(plant(cause, seed), path)
+    scenario, delays = plant(cause, seed)
+    return run_episode(scenario, path, delays=delays)
 
 
 def table(counts: Matrix) -> Table:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.audit import densely, points_of
 from harness.cause.case import Case, Contact, Moment, off_path
 from harness.cause.finding import Finding
 from harness.navigator import Navigator
@@ -28,6 +27,9 @@ OWN_REACH = 0.3
 """An occupied cell this far from a contact, pose error apart, may still stand for what was
 touched, m: ranges, attitude and calibration each have a share in it."""
 
+LEAST_NOTICE = 0.5
+"""What stands in the way only this long before a contact was not there to be seen, s."""
+
 LATE = 0.01
 """A delay beyond the expected one that counts, s."""
 
@@ -41,7 +43,6 @@ class ContactFacts:
         time_s: When.
         decision: The last decision after which the robot could still have come to rest before.
         decision_s: When that was.
-        braking_s: Time that coming to rest takes, s.
         there_when_decided: Whether what was touched stood there at that decision.
         there_when_observed: Whether it stood there when the map last looked.
         observed_s: When the map last looked at the place; negative if never.
@@ -61,7 +62,6 @@ class ContactFacts:
     time_s: float
     decision: int
     decision_s: float
-    braking_s: float
     there_when_decided: bool
     there_when_observed: bool
     observed_s: float
@@ -165,10 +165,9 @@ def cause_of_contact(case: Case, contact: Contact, time_s: float) -> Finding:
 def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
     """Measure all that the tests ask for."""
     last = _last_before(case, time_s)
-    braking = braking_time(case, last)
-    number = _before(case, time_s - braking - case.config.latency.expected)
-    moment = case.moments[number]
     place = np.array(contact.position)
+    number = _last_chance(case, place, time_s)
+    moment = case.moments[number]
     navigator = case.navigator_at(number)
     size = navigator.map.resolution
     believed = place + moment.error
@@ -180,7 +179,6 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         time_s=time_s,
         decision=number,
         decision_s=moment.time_ns * 1e-9,
-        braking_s=braking,
         there_when_decided=_stood(case, contact, moment, 1.5 * size),
         there_when_observed=_stood(case, contact, _nearest(case, observed_s), 1.5 * size),
         observed_s=observed_s,
@@ -192,15 +190,35 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         planned_clearance=planned,
         pose_error=float(np.linalg.norm(last.error[: case.axes])),
         margin=last.decision.localization_margin_m,
-        late=_late(case, place, time_s, braking),
+        late=_late(case, contact, number),
     )
 
 
-def braking_time(case: Case, moment: Moment) -> float:
-    """Time to come to rest from the true speed at a moment, s."""
+def stopping_room(case: Case, moment: Moment, delay: float) -> float:
+    """Way that the body takes to come to rest if a decision to do so takes effect after a delay, m.
+
+    v t + v^2 / 2 a, and v a / 2 j for building up the deceleration a with the jerk j.
+    """
     speed = float(np.linalg.norm(np.array(moment.truth.velocity)[: case.axes]))
-    mission = case.mission
-    return speed / mission.max_acceleration + mission.max_acceleration / mission.max_jerk
+    a, j = case.mission.max_acceleration, case.mission.max_jerk
+    return speed * delay + speed * speed / (2.0 * a) + speed * a / (2.0 * j)
+
+
+def _room(case: Case, moment: Moment, place: Array) -> float:
+    """Way from the body to a place, m."""
+    gap = float(np.linalg.norm((place - moment.true_position)[: case.axes]))
+    return max(gap - case.mission.radius, 0.0)
+
+
+def _last_chance(case: Case, place: Array, time_s: float) -> int:
+    """Number of the last decision after which the body could have come to rest before a place."""
+    expected = case.config.latency.expected
+    latest = _before(case, time_s - expected - LEAST_NOTICE)
+    for number in range(latest, -1, -1):
+        moment = case.moments[number]
+        if _room(case, moment, place) >= stopping_room(case, moment, expected):
+            return number
+    return 0
 
 
 def _last_before(case: Case, time_s: float) -> Moment:
@@ -261,23 +279,25 @@ def _planned(case: Case, contact: Contact, last: Moment, time_s: float) -> tuple
     return off, case.space.body_clearance(contact.name)
 
 
-def _late(
-    case: Case, place: Array, time_s: float, braking: float
-) -> tuple[int, float, float] | None:
-    expected = case.config.latency.expected
-    for moment in case.moments:
-        made_s, delay = moment.time_ns * 1e-9, moment.latency.delay_s
-        if delay <= expected + LATE or not _passes_by(case, moment, place):
-            continue
-        in_time = made_s + expected + braking <= time_s
-        dropped = moment.decision.deadline_missed
-        if in_time and (dropped or made_s + delay + braking > time_s):
+def _late(case: Case, contact: Contact, number: int) -> tuple[int, float, float] | None:
+    """The first decision that would have been in time; only the last second or so can matter."""
+    expected, place = case.config.latency.expected, np.array(contact.position)
+    for moment in case.moments[number:]:
+        delay = moment.latency.delay_s
+        room = _room(case, moment, place)
+        in_time = room >= stopping_room(case, moment, expected)
+        too_late = moment.decision.deadline_missed or room < stopping_room(case, moment, delay)
+        if delay > expected + LATE and in_time and too_late and _passes_by(case, contact, moment):
             return moment.decision.sequence, delay, expected
     return None
 
 
-def _passes_by(case: Case, moment: Moment, place: Array) -> bool:
-    """Whether a decision's trajectory keeps the body from a place, as it was then believed."""
-    path = points_of(moment.decision.trajectory)
-    gaps = (densely(path, 0.05) - place - moment.error)[:, : case.axes]
-    return float(np.linalg.norm(gaps, axis=1).min()) > case.mission.radius
+def _passes_by(case: Case, contact: Contact, moment: Moment) -> bool:
+    """Whether a body on a decision's trajectory would truly have kept clear of what was touched."""
+    believed = np.array(contact.position) + moment.error
+    _, nearest = off_path(moment.decision.trajectory, believed, case.axes)
+    if case.axes == 2:
+        nearest[2] = moment.true_position[2]
+    case.space.place_movers(moment.truth)
+    case.space.place_robot(nearest - moment.error, np.array(moment.truth.quaternion))
+    return case.space.body_clearance(contact.name) > 0.0

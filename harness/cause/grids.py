@@ -67,7 +67,9 @@ def cell_of(navigator: Navigator, point: Array) -> tuple[int, ...]:
     return tuple(np.clip(cell, 0, np.array(costmap.shape) - 1).tolist())
 
 
-def _outside_altitudes(case: Case, origin: Array, shape: tuple[int, int, int], size: float) -> Cells:
+def _outside_altitudes(
+    case: Case, origin: Array, shape: tuple[int, int, int], size: float
+) -> Cells:
     edges = origin[2] + np.arange(shape[2]) * size
     motion = case.config.motion
     outside = (edges < motion.altitude_low - 1e-6) | (edges + size > motion.altitude_high + 1e-6)

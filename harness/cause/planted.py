@@ -1,7 +1,8 @@
 """Failures whose cause is known because it was built in: small rooms, each with one thing wrong.
 
-Every scenario is a drone in a room with a straight way to the goal, and exactly one thing made so
-that it cannot get there: what is built in is all that differs from a room in which it does.
+Every scenario is a robot in a room with a straight way to the goal, and exactly one thing made so
+that it cannot get there: what is built in is all that differs from a room in which it does. Every
+fourth one walks, unless its failure is one of flight.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ BRIEF = ("episode.time_limit=15", "episode.stuck_after=5", "behaviour.patience=0
 RESIGNED = ("behaviour.tries=1",)
 """For those who stand before a closed way: one look from elsewhere is enough."""
 
+MOST = 1000
+"""No planted episode has more decisions."""
+
 Settings = tuple[str, ...]
 
 
@@ -44,6 +48,8 @@ class Plant:
         settings: As `section.field=value`.
         told: What the stack is told wrongly of the body, by the mission's fields.
         goal_x: Where the goal is, m.
+        flies: Whether the failure is one that only a drone has.
+        delay: Of every decision, s, of which the stack knows nothing; none for what it reckons with.
     """
 
     solids: tuple[Solid, ...] = ()
@@ -51,10 +57,12 @@ class Plant:
     settings: Settings = ()
     told: tuple[tuple[str, float], ...] = ()
     goal_x: float = LENGTH - ENDS
+    flies: bool = False
+    delay: float | None = None
 
 
-def plant(cause: str, seed: int) -> Scenario:
-    """A scenario that fails of a cause, another one for each seed.
+def plant(cause: str, seed: int) -> tuple[Scenario, dict[int, float]]:
+    """A scenario that fails of a cause, another one for each seed, and delays by decision, s.
 
     Raises:
         InputError: There is no such cause.
@@ -76,10 +84,12 @@ def plant(cause: str, seed: int) -> Scenario:
         goal=(planted.goal_x, y, 0.0),
         movers=planted.movers,
     )
-    config = override(Config(world.name, "drone", seed), [*BRIEF, *planted.settings])
+    robot = "drone" if planted.flies or seed % 4 != 3 else "quadruped"
+    config = override(Config(world.name, robot, seed), [*BRIEF, *planted.settings])
     scenario = build(config, world)
     mission = replace(scenario.mission, **dict(planted.told))
-    return _glazed(replace(scenario, mission=mission))
+    delays = {} if planted.delay is None else dict.fromkeys(range(MOST), planted.delay)
+    return _glazed(replace(scenario, mission=mission)), delays
 
 
 def _glazed(scenario: Scenario) -> Scenario:
@@ -113,7 +123,7 @@ def _margin_too_small(rng: np.random.Generator) -> Plant:
     middle = WIDTH / 2 + rng.uniform(-0.1, 0.1)
     sides = _across(x, 0.2, middle - half), _across(x, middle + half, WIDTH - 0.2)
     settings = ("map.resolution=0.05", "map.inflation_margin=0.02")
-    return Plant(solids=sides, settings=settings, told=(("radius", 0.1),))
+    return Plant(solids=sides, settings=settings, told=(("radius", 0.1),), flies=True)
 
 
 def _moved_obstacle(rng: np.random.Generator) -> Plant:
@@ -137,14 +147,32 @@ def _ghost_obstacle(rng: np.random.Generator) -> Plant:
 
 
 def _tracking(rng: np.random.Generator) -> Plant:
-    """The stack takes the body to brake much harder than it can, before a wall."""
-    told = ("max_speed", 6.0), ("max_acceleration", 25.0), ("max_jerk", 250.0)
-    return Plant(told=told, goal_x=LENGTH - rng.uniform(1.0, 1.1))
+    """The stack takes the body to brake harder than it can, before a wall; or much harder."""
+    speed, acceleration = ((6.0, 25.0), (5.0, 18.0))[int(rng.integers(2))]
+    told = (
+        ("max_speed", speed),
+        ("max_acceleration", acceleration),
+        ("max_jerk", 10.0 * acceleration),
+    )
+    return Plant(told=told, goal_x=LENGTH - rng.uniform(0.85, 0.95), flies=True)
 
 
 def _latency(rng: np.random.Generator) -> Plant:
-    """Every decision takes longer than its deadline."""
+    """Every decision takes longer than its deadline; or longer than the stack reckons with.
+
+    In the second room a wall comes to be that the robot would stop before if it decided in time.
+    """
     deadline = 0.25
+    if rng.uniform() < 0.5:
+        x, half = round(rng.uniform(4.62, 4.68), 2), (WIDTH - 0.4) / 6
+        panel = Box((0.0, 0.0, 1.5), (THICK, half, 1.5), 0.0, "ghost")
+        places = [(x, 0.2 + (2 * k + 1) * half, 0.0) for k in range(3)]
+        new = tuple(
+            Mover(f"new_{k}", (panel,), (place,), stands_off=0.0, appears=1.4)
+            for k, place in enumerate(places)
+        )
+        late = ("latency.deadline=1",)
+        return Plant(movers=new, settings=late, flies=True, delay=round(rng.uniform(0.6, 0.7), 2))
     return Plant(settings=(f"latency.plan={deadline + rng.uniform(0.0, 0.3):.3f}",))
 
 
@@ -154,7 +182,7 @@ def _planner(rng: np.random.Generator) -> Plant:
     door = 1.4
     walls = _across(first, 0.2, WIDTH - 0.2 - door), _across(second, 0.2 + door, WIDTH - 0.2)
     once = ("planner.iterations=1", "planner.restarts=1", "planner.shortcuts=0", *RESIGNED)
-    return Plant(solids=walls, settings=once)
+    return Plant(solids=walls, settings=once, flies=True)
 
 
 def _impossible(rng: np.random.Generator) -> Plant:

@@ -41,18 +41,24 @@ def find_cause(case: Case) -> Finding | None:
     return cause_of_standstill(case)
 
 
-def near_misses(case: Case) -> list[NearMiss]:
-    """The nearest moment of each run of moments nearer than half the margin, but for the end."""
-    found: list[NearMiss] = []
-    run: list[Moment] = []
+def near_misses(case: Case, most: int = 5) -> list[NearMiss]:
+    """Nearest moments of runs of moments nearer than half the margin, the one of a contact apart.
+
+    Args:
+        case: The episode.
+        most: Only so many are looked into, the nearest ones.
+    """
+    runs: list[list[Moment]] = [[]]
     for moment in case.moments:
-        near = moment.truth.clearance_m < 0.5 * moment.decision.localization_margin_m
-        if near:
-            run.append(moment)
-        if run and (not near or moment is case.moments[-1]):
-            found.append(_near_miss(case, min(run, key=lambda one: one.truth.clearance_m)))
-            run = []
-    return found
+        if moment.truth.clearance_m < 0.5 * moment.decision.localization_margin_m:
+            runs[-1].append(moment)
+        elif runs[-1]:
+            runs.append([])
+    if runs[-1] and case.outcome == "collision":
+        runs.pop()
+    nearest = [min(run, key=lambda one: one.truth.clearance_m) for run in runs if run]
+    nearest = sorted(nearest, key=lambda one: one.truth.clearance_m)[:most]
+    return [_near_miss(case, one) for one in sorted(nearest, key=lambda one: one.time_ns)]
 
 
 def nearest_contact(case: Case, moment: Moment) -> Contact:

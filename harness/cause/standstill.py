@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.cause.case import Case, off_path
+from harness.cause.case import Case, Moment, off_path
+from harness.cause.contact import LATE
 from harness.cause.finding import Finding
 from harness.cause.grids import Cells, cell_of, clearances, joined, true_occupancy, widest
 from harness.navigator import Navigator
@@ -20,6 +21,9 @@ from maps.states import OCCUPIED, UNKNOWN
 
 HALF = 0.5
 """The share of the last decisions that had to be discarded, or to find the body off its path."""
+
+STAYED = 0.3
+"""Less movement than this is none, m."""
 
 GHOST_CELLS = 1.5
 """An occupied cell farther than this from anything true, pose error apart, is a ghost."""
@@ -34,6 +38,7 @@ class StandstillFacts:
         reason: In words.
         window: Decisions at the end that are looked at.
         discarded: Share of them past their deadline.
+        late: Share of the last ten decisions that took effect later than reckoned with.
         deadline: s.
         delay: Median of their delays, s.
         off_path: Share of them with the body farther off its path than the tracking tolerance.
@@ -60,6 +65,7 @@ class StandstillFacts:
     reason: str
     window: int
     discarded: float
+    late: float
     deadline: float
     delay: float
     off_path: float
@@ -89,6 +95,16 @@ def latency(facts: StandstillFacts) -> str | None:
     return (
         f"{facts.discarded:.0%} of the last {facts.window} decisions took longer than the deadline "
         f"of {facts.deadline * 1e3:.0f} ms (median {facts.delay * 1e3:.0f} ms) and were discarded"
+    )
+
+
+def late_setpoints(facts: StandstillFacts) -> str | None:
+    """The body lost its balance while every trajectory began for it where it no longer was."""
+    if facts.outcome != "fall" or facts.late < HALF:
+        return None
+    return (
+        f"{facts.late:.0%} of the last ten decisions took effect later than the stack "
+        f"reckoned with (median {facts.delay * 1e3:.0f} ms), so that setpoints jumped; {facts.reason}"
     )
 
 
@@ -134,7 +150,8 @@ def ghost_obstacle(facts: StandstillFacts) -> str | None:
         return None
     x, y, z = facts.ghost
     return (
-        f"{facts.ghosts} cells mapped occupied are truly free, such as ({x:.2f}, {y:.2f}, {z:.2f}), "
+        f"{facts.ghosts} cells mapped occupied are truly free, such as ({x:.2f}, {y:.2f}, "
+        f"{z:.2f}), "
         "and without them the map has a way to the goal"
     )
 
@@ -162,6 +179,7 @@ def planner(facts: StandstillFacts) -> str | None:
 
 TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("latency", latency),
+    ("latency", late_setpoints),
     ("tracking", left_its_path),
     ("margin_too_small", margin_too_small),
     ("impossible", impossible),
@@ -180,8 +198,7 @@ def cause_of_standstill(case: Case) -> Finding:
     for cause, test in TESTS:
         evidence = test(facts)
         if evidence is not None:
-            number = len(case.moments) - facts.window
-            return Finding(cause, evidence, max(number, 0), (place[0], place[1], place[2]))
+            return Finding(cause, evidence, _since(case), (place[0], place[1], place[2]))
     raise AssertionError("the last test always answers")
 
 
@@ -200,6 +217,7 @@ def standstill_facts(case: Case) -> StandstillFacts:
         reason=case.reason,
         window=window,
         discarded=float(np.mean([one.decision.deadline_missed for one in recent])),
+        late=float(np.mean([_is_late(case, one) for one in case.moments[-10:]])),
         deadline=case.config.latency.deadline,
         delay=float(np.median([one.latency.delay_s for one in recent])),
         off_path=float(np.mean([off > tolerance for off in offs])),
@@ -214,12 +232,23 @@ def standstill_facts(case: Case) -> StandstillFacts:
     )
 
 
+def _since(case: Case) -> int:
+    """Number of the decision from which on the robot stayed where it was at the end."""
+    places = np.array([moment.true_position for moment in case.moments])
+    away = np.flatnonzero(np.linalg.norm(places - places[-1], axis=1) > STAYED)
+    return int(away[-1]) + 1 if len(away) else 0
+
+
 def _off(case: Case, number: int) -> float:
     moment = case.moments[number]
     trajectory = case.followed(moment.time_ns)
     if trajectory is None:
         return 0.0
     return off_path(trajectory, moment.true_position + moment.error, case.axes)[0]
+
+
+def _is_late(case: Case, moment: Moment) -> bool:
+    return moment.latency.delay_s > case.config.latency.expected + LATE
 
 
 def _shortest(case: Case) -> float | None:
@@ -245,9 +274,7 @@ def _ways(case: Case, navigator: Navigator) -> dict[str, object]:
     truth = true_occupancy(case, navigator)
     gaps = clearances(truth, size)
     occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
-    ghosts = occupied & (
-        _to_nearest(truth, size) > GHOST_CELLS * size + np.linalg.norm(last.error)
-    )
+    ghosts = occupied & (_to_nearest(truth, size) > GHOST_CELLS * size + np.linalg.norm(last.error))
     mapped = clearances(occupied, size)
     without = clearances(occupied & ~ghosts, size)
     return {

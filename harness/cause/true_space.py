@@ -65,9 +65,9 @@ class TrueSpace:
         mujoco.mj_kinematics(self._model, self._data)
 
     def distance(self, point: Array) -> tuple[float, str]:
-        """From a point (3,) to the nearest obstacle, m, and that one's name; negative inside."""
+        """From a point (3,) to the nearest thing, the floor too: m, negative inside; its name."""
         self._data.geom_xpos[self._probe] = point
-        return self._nearest([self._probe], self._obstacles)
+        return self._nearest([self._probe], np.concatenate([self._obstacles, self._floor]))
 
     def distance_to(self, point: Array, name: str) -> float:
         """From a point (3,) to one obstacle, m, at most `FARTHEST`."""

@@ -5,6 +5,7 @@ from harness.verbs import (
     bench,
     compare,
     demo,
+    explain,
     import_world,
     listing,
     recover,
@@ -19,6 +20,7 @@ from harness.verbs.verb import Document, Verb
 VERBS: dict[str, Verb] = {
     "run": run.VERB,
     "replay": replay.VERB,
+    "explain": explain.VERB,
     "audit": audit.VERB,
     "score": score.VERB,
     "study": study.VERB,

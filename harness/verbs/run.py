@@ -87,7 +87,8 @@ def print_verdict(console: Console, result: Result) -> None:
         soft_wrap=True,
     )
     if result.cause:
-        console.print(f"cause: {result.cause}: {result.cause_evidence}", soft_wrap=True, markup=False)
+        line = f"cause: {result.cause}: {result.cause_evidence}"
+        console.print(line, soft_wrap=True, markup=False)
         console.print(f"explain: wayproof explain {result.log}", soft_wrap=True, highlight=False)
     console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
 
