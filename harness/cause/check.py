@@ -1,13 +1,14 @@
-"""The counterfactual check: one thing put right at the last chance; is the robot saved?
+"""The counterfactual check: one thing put right before the last chance; is the robot saved?
 
-The episode goes on from the simulator's state at that decision, four times: with the true pose, with
-the true map, with a larger margin, and without delay. What saves the robot is what it lacked.
+The episode goes on from the simulator's state a second before that decision, four times: with the
+true pose, with the true map, with a larger margin, and without delay. What saves the robot is what
+it lacked; where nothing does, it was something else.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,23 +32,26 @@ from models.odometry import OdometryConfig
 
 Array = NDArray[np.float64]
 
-MORE_TIME = 30.0
-"""How long an episode may go on after its last chance, s."""
+MORE_TIME = 5.0
+"""How long an episode may go on after the end that it had, s."""
 
 MOST = 100_000
 """No episode has more decisions after its last chance."""
 
-MARGIN_FACTOR, MARGIN_MORE = 2.0, 0.1
+MARGIN_FACTOR, MARGIN_MORE = 2.0, 0.2
 """A larger margin is so many times the old one, and so much more, m."""
 
-REACH = 6.0
+REACH = 4.0
 """True space is marked this far about the robot, m."""
 
 BACK = 1.0
 """A beam that marks a cell begins this far before it, m: beyond the range that a map drops."""
 
-MARKS = 8
-"""Sweeps that carry a cell from one clamp across the middle with the default steps."""
+BEFORE = 1.0
+"""Things are put right so long before the last chance, s: a remedy takes a moment to act."""
+
+STEP = 6.0
+"""Log-odds that one mark carries a cell by, from either clamp across the middle."""
 
 POSE_PERTURBATIONS = ("pose_drift", "pose_jump")
 EXACT = OdometryConfig(
@@ -73,19 +77,25 @@ class Check:
     saves: bool
 
 
-def check(log: Log, finding: Finding) -> list[Check]:
-    """Try every remedy from a failure's last chance on.
+def check(log: Log, finding: Finding, remedies: Sequence[str] = ()) -> list[Check]:
+    """Try remedies from a second before a failure's last chance on.
+
+    Args:
+        log: Of the failure.
+        finding: Its cause.
+        remedies: Of `REMEDIES`; all if none are named.
 
     Raises:
         InputError: The log keeps no state there, or does not replay.
     """
     case = read_case(log)
-    at = finding.decision
+    before_ns = case.moments[finding.decision].time_ns - round(BEFORE * 1e9)
+    at = sum(moment.time_ns < before_ns for moment in case.moments)
     touched = log.result["outcome"] in ("collision", "fall")
     harm = ("collision", "fall", "out_of_bounds", "error")
     checks = []
-    for name, remedy in REMEDIES.items():
-        result = remedy(log, case, at)
+    for name in remedies or REMEDIES:
+        result = REMEDIES[name](log, case, at)
         survived = touched and result.outcome not in harm
         saves = result.outcome == "success" or survived
         checks.append(Check(name, result.outcome, result.sim_time_s, saves))
@@ -120,7 +130,8 @@ def true_map(log: Log, case: Case, at: int) -> Result:
         navigator.informant = tell
         return navigator
 
-    return _go_on(log, case, at, log.config, inform)
+    config = replace(log.config, map=replace(log.config.map, hit=STEP, miss=STEP))
+    return _go_on(log, case, at, config, inform)
 
 
 def larger_margin(log: Log, case: Case, at: int) -> Result:
@@ -159,7 +170,7 @@ def _go_on(
     at_once: bool = False,
 ) -> Result:
     """Simulate on from a decision with another config, and a navigator told more."""
-    limit = case.moments[at].time_ns * 1e-9 + MORE_TIME
+    limit = case.end_s + MORE_TIME
     config = replace(config, episode=replace(config.episode, time_limit=limit))
     scenario = rebuild(log, config)
     scenario = replace(scenario, mission=case.mission)
@@ -227,9 +238,8 @@ def mark_truth(navigator: Navigator, truth: TrueCells, inputs: Inputs) -> None:
     free = truth.centres[near & ~truth.occupied]
     solid = truth.centres[near & truth.occupied]
     back = max(BACK, 1.1 * voxel_map.config.minimum_range)
-    for _ in range(MARKS):
-        _cast(voxel_map, free, 0.2 * size, int(NO_RETURN), 0.4 * size, inputs.time_ns)
-        _cast(voxel_map, solid, back, round(back * 1e3), 2.0 * back, inputs.time_ns)
+    _cast(voxel_map, free, 0.2 * size, int(NO_RETURN), 0.4 * size, inputs.time_ns)
+    _cast(voxel_map, solid, back, round(back * 1e3), 2.0 * back, inputs.time_ns)
 
 
 def _cast(

@@ -48,7 +48,7 @@ def table(counts: Matrix) -> Table:
     """Rows planted, columns found."""
     found = [c for c in CAUSES if any(key[1] == c for key in counts)]
     found += sorted({key[1] for key in counts} - set(CAUSES))
-    lines = Table("planted", *found)
+    lines = Table("planted", *(name.replace("_", "\n") for name in found))
     for planted in dict.fromkeys(key[0] for key in counts):
         lines.add_row(planted, *(str(counts[planted, name] or ".") for name in found))
     return lines

@@ -92,7 +92,7 @@ def moved_obstacle(facts: ContactFacts) -> str | None:
     if not facts.there_when_decided:
         return (
             f"{facts.name} was not at the place of contact at {facts.decision_s:.1f} s, "
-            f"{facts.time_s - facts.decision_s:.1f} s before, when the robot could still have stopped"
+            f"{facts.time_s - facts.decision_s:.1f} s before, when there was room to stop"
         )
     if facts.observed_s >= 0.0 and not facts.there_when_observed:
         return (
@@ -117,8 +117,8 @@ def unseen_obstacle(facts: ContactFacts) -> str | None:
     if facts.own or facts.unknown <= facts.free:
         return None
     return (
-        f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were unknown at "
-        f"decision {facts.decision}, and the robot was let in"
+        f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
+        f"unknown at decision {facts.decision}, and the robot was let in"
     )
 
 

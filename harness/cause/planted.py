@@ -8,7 +8,8 @@ fourth one walks, unless its failure is one of flight.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -49,13 +50,13 @@ class Plant:
         told: What the stack is told wrongly of the body, by the mission's fields.
         goal_x: Where the goal is, m.
         flies: Whether the failure is one that only a drone has.
-        delay: Of every decision, s, of which the stack knows nothing; none for what it reckons with.
+        delay: Of every decision, s, unknown to the stack; none for what it reckons with.
     """
 
     solids: tuple[Solid, ...] = ()
     movers: tuple[Mover, ...] = ()
     settings: Settings = ()
-    told: tuple[tuple[str, float], ...] = ()
+    told: dict[str, float] = field(default_factory=dict)
     goal_x: float = LENGTH - ENDS
     flies: bool = False
     delay: float | None = None
@@ -87,7 +88,7 @@ def plant(cause: str, seed: int) -> tuple[Scenario, dict[int, float]]:
     robot = "drone" if planted.flies or seed % 4 != 3 else "quadruped"
     config = override(Config(world.name, robot, seed), [*BRIEF, *planted.settings])
     scenario = build(config, world)
-    mission = replace(scenario.mission, **dict(planted.told))
+    mission = replace(scenario.mission, **cast(dict[str, Any], planted.told))
     delays = {} if planted.delay is None else dict.fromkeys(range(MOST), planted.delay)
     return _glazed(replace(scenario, mission=mission)), delays
 
@@ -123,7 +124,7 @@ def _margin_too_small(rng: np.random.Generator) -> Plant:
     middle = WIDTH / 2 + rng.uniform(-0.1, 0.1)
     sides = _across(x, 0.2, middle - half), _across(x, middle + half, WIDTH - 0.2)
     settings = ("map.resolution=0.05", "map.inflation_margin=0.02")
-    return Plant(solids=sides, settings=settings, told=(("radius", 0.1),), flies=True)
+    return Plant(solids=sides, settings=settings, told={"radius": 0.1}, flies=True)
 
 
 def _moved_obstacle(rng: np.random.Generator) -> Plant:
@@ -149,11 +150,11 @@ def _ghost_obstacle(rng: np.random.Generator) -> Plant:
 def _tracking(rng: np.random.Generator) -> Plant:
     """The stack takes the body to brake harder than it can, before a wall; or much harder."""
     speed, acceleration = ((6.0, 25.0), (5.0, 18.0))[int(rng.integers(2))]
-    told = (
-        ("max_speed", speed),
-        ("max_acceleration", acceleration),
-        ("max_jerk", 10.0 * acceleration),
-    )
+    told = {
+        "max_speed": speed,
+        "max_acceleration": acceleration,
+        "max_jerk": 10.0 * acceleration,
+    }
     return Plant(told=told, goal_x=LENGTH - rng.uniform(0.85, 0.95), flies=True)
 
 

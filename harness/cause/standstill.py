@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -104,7 +105,7 @@ def late_setpoints(facts: StandstillFacts) -> str | None:
         return None
     return (
         f"{facts.late:.0%} of the last ten decisions took effect later than the stack "
-        f"reckoned with (median {facts.delay * 1e3:.0f} ms), so that setpoints jumped; {facts.reason}"
+        f"reckoned with (median {facts.delay * 1e3:.0f} ms), so setpoints jumped; {facts.reason}"
     )
 
 
@@ -259,7 +260,7 @@ def _shortest(case: Case) -> float | None:
     return max(float(np.linalg.norm(way)) - reached, 0.0) / case.mission.max_speed
 
 
-def _ways(case: Case, navigator: Navigator) -> dict[str, object]:
+def _ways(case: Case, navigator: Navigator) -> dict[str, Any]:
     """Which ways to the goal exist, in truth and in the map."""
     costmap, last = navigator.costmap, case.moments[-1]
     size, radius = costmap.resolution, costmap.inflation_radius

@@ -1,4 +1,4 @@
-"""One decision as a card: what it rested on, what it cost, what it chose, and what stood in the way.
+"""One decision as a card: what it rested on, what it cost, what it chose, what was in its way.
 
 The map at the decision comes from taking the log's inputs up to it into an empty one.
 """

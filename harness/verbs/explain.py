@@ -1,4 +1,4 @@
-"""`wayproof explain`: one decision as a card, or an episode's story and the cause of its failure."""
+"""`wayproof explain`: one decision as a card, or an episode's story and why it failed."""
 
 from __future__ import annotations
 
@@ -180,12 +180,14 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         ),
         (
             "evidence on the path",
-            f"oldest {card.oldest_evidence_s:.1f} s, median {card.median_evidence_s:.1f} s; occupied "
-            f"with p at most {card.greatest_probability:.2f}; {card.mean_entropy_bits:.2f} bits open",
+            f"oldest {card.oldest_evidence_s:.1f} s, median {card.median_evidence_s:.1f} s; "
+            f"occupied with p at most {card.greatest_probability:.2f}; "
+            f"{card.mean_entropy_bits:.2f} bits open",
         ),
         (
             "pose",
-            f"({place}) m, sigma {card.position_sigma_m:.3f} m; truly {card.pose_error_m:.3f} m off",
+            f"({place}) m, sigma {card.position_sigma_m:.3f} m; "
+            f"truly {card.pose_error_m:.3f} m off",
         ),
         (
             "inflation",
