@@ -20,6 +20,7 @@ from harness.cause.finding import Finding
 from harness.cause.grids import true_occupancy
 from harness.config import Config, LatencyConfig, to_json
 from harness.episode import Episode, Result
+from harness.errors import InputError
 from harness.fork import Past, live_through
 from harness.inputs import Inputs
 from harness.log import LogWriter
@@ -33,7 +34,7 @@ from models.odometry import OdometryConfig
 Array = NDArray[np.float64]
 
 MORE_TIME = 5.0
-"""How long an episode may go on after the end that it had, s."""
+"""How long an episode may go on after the contact that it ended with, s."""
 
 MOST = 100_000
 """No episode has more decisions after its last chance."""
@@ -41,14 +42,11 @@ MOST = 100_000
 MARGIN_FACTOR, MARGIN_MORE = 2.0, 0.2
 """A larger margin is so many times the old one, and so much more, m."""
 
-REACH = 4.0
-"""True space is marked this far about the robot, m."""
-
 BACK = 1.0
 """A beam that marks a cell begins this far before it, m: beyond the range that a map drops."""
 
 BEFORE = 1.0
-"""Things are put right so long before the last chance, s: a remedy takes a moment to act."""
+"""Before a contact things are put right so long before the last chance, s: it takes a moment."""
 
 STEP = 6.0
 """Log-odds that one mark carries a cell by, from either clamp across the middle."""
@@ -86,12 +84,18 @@ def check(log: Log, finding: Finding, remedies: Sequence[str] = ()) -> list[Chec
         remedies: Of `REMEDIES`; all if none are named.
 
     Raises:
-        InputError: The log keeps no state there, or does not replay.
+        InputError: The log keeps no state there, does not replay, or its movers are not known.
     """
     case = read_case(log)
-    before_ns = case.moments[finding.decision].time_ns - round(BEFORE * 1e9)
-    at = sum(moment.time_ns < before_ns for moment in case.moments)
+    if case.moments[0].truth.movers and not rebuild(log).world.movers:
+        raise InputError(
+            f"log '{log.path}': --check: nobody knows how the movers of world "
+            f"'{log.config.world}' go on, expected a world of 'wayproof list'"
+        )
     touched = log.result["outcome"] in ("collision", "fall")
+    earlier = BEFORE if touched else 0.0
+    before_ns = case.moments[finding.decision].time_ns - round(earlier * 1e9)
+    at = sum(moment.time_ns < before_ns for moment in case.moments)
     harm = ("collision", "fall", "out_of_bounds", "error")
     checks = []
     for name in remedies or REMEDIES:
@@ -119,13 +123,17 @@ def true_pose(log: Log, case: Case, at: int) -> Result:
 
 
 def true_map(log: Log, case: Case, at: int) -> Result:
-    """Everything within a few metres as it truly was at each decision."""
+    """Everything as it truly was at each decision."""
 
     def inform(navigator: Navigator) -> Navigator:
+        told: list[TrueCells] = []
+
         def tell(inputs: Inputs) -> None:
             then = case.moments[min(inputs.sequence, len(case.moments) - 1)]
             case.space.place_movers(then.truth)
-            mark_truth(navigator, true_cells(case, navigator), inputs)
+            if not told or then.truth.movers:
+                told[:] = [true_cells(case, navigator)]
+            mark_truth(navigator, told[0], inputs)
 
         navigator.informant = tell
         return navigator
@@ -171,6 +179,8 @@ def _go_on(
 ) -> Result:
     """Simulate on from a decision with another config, and a navigator told more."""
     limit = case.end_s + MORE_TIME
+    if case.contact is None:  # all its time again, for there may be all the way to go
+        limit = case.moments[at].time_ns * 1e-9 + log.config.episode.time_limit
     config = replace(config, episode=replace(config.episode, time_limit=limit))
     scenario = rebuild(log, config)
     scenario = replace(scenario, mission=case.mission)
@@ -217,26 +227,36 @@ class TrueCells:
 def true_cells(case: Case, navigator: Navigator) -> TrueCells:
     """The cells of a map's region as they truly are, with the movers where they were placed."""
     size, costmap = navigator.map.resolution, navigator.costmap
+    corner = costmap.origin.copy()
     if case.mission.motion == "air":
-        grid, corner = true_occupancy(case, navigator), costmap.origin
+        grid = true_occupancy(case, navigator)
     else:
-        layers = int(np.ceil((case.mission.height + size) / size))
-        corner = np.array([*costmap.origin[:2], costmap.origin[2]])
+        corner[2] += size * np.floor(-corner[2] / size)  # of the layer that the floor is in
+        layers = int(np.ceil((case.mission.height - corner[2]) / size))
         grid = case.space.occupied(corner, (*costmap.shape[:2], layers), size)
+        grid[:, :, 0] |= _floor(case, corner, grid.shape[:2], size)
     cells = np.moveaxis(np.indices(grid.shape), 0, -1).reshape(-1, 3)
     return TrueCells(corner + (cells + 0.5) * size, grid.ravel())
 
 
+def _floor(
+    case: Case, corner: Array, shape: tuple[int, ...], size: float
+) -> NDArray[np.bool_]:  # (nx, ny)
+    """Which columns have a floor to stand on."""
+    x, y = np.meshgrid(*((np.arange(n) + 0.5) * size for n in shape), indexing="ij")
+    spots = np.stack([corner[0] + x, corner[1] + y, np.zeros_like(x)], axis=-1)
+    return case.space.borne(spots.reshape(-1, 3)).reshape(shape)
+
+
 def mark_truth(navigator: Navigator, truth: TrueCells, inputs: Inputs) -> None:
-    """Tell a map by beams of its own what truly stands about the robot, and what does not.
+    """Tell a map by beams of its own what truly stands where, and where nothing does.
 
     A beam that ends in each occupied cell, and for each free one a beam without return that is no
     longer than the cell; in one sweep occupied wins, so no beam harms another's cell.
     """
-    near = np.linalg.norm(truth.centres - inputs.pose.position, axis=1) <= REACH
     voxel_map, size = navigator.map, navigator.map.resolution
-    free = truth.centres[near & ~truth.occupied]
-    solid = truth.centres[near & truth.occupied]
+    free = truth.centres[~truth.occupied]
+    solid = truth.centres[truth.occupied]
     back = max(BACK, 1.1 * voxel_map.config.minimum_range)
     _cast(voxel_map, free, 0.2 * size, int(NO_RETURN), 0.4 * size, inputs.time_ns)
     _cast(voxel_map, solid, back, round(back * 1e3), 2.0 * back, inputs.time_ns)
