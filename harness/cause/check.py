@@ -231,10 +231,12 @@ def true_cells(case: Case, navigator: Navigator) -> TrueCells:
     if case.mission.motion == "air":
         grid = true_occupancy(case, navigator)
     else:
-        corner[2] += size * np.floor(-corner[2] / size)  # of the layer that the floor is in
+        below = int(np.ceil(max(-case.mission.low[2], 0.0) / size))
+        corner[2] += size * (np.floor(-corner[2] / size) - below)
         layers = int(np.ceil((case.mission.height - corner[2]) / size))
         grid = case.space.occupied(corner, (*costmap.shape[:2], layers), size)
-        grid[:, :, 0] |= _floor(case, corner, grid.shape[:2], size)
+        # The floor's layer, and those below: what was taken for free there is a hole to the stack.
+        grid[:, :, : below + 1] |= _floor(case, corner, grid.shape[:2], size)[:, :, None]
     cells = np.moveaxis(np.indices(grid.shape), 0, -1).reshape(-1, 3)
     return TrueCells(corner + (cells + 0.5) * size, grid.ravel())
 

@@ -30,8 +30,8 @@ class NearMiss:
 
 
 def find_cause(case: Case) -> Finding | None:
-    """The one cause of a failure; none of a success."""
-    if case.outcome == "success":
+    """The one cause of a failure; none of a success, nor of an error of simulator or log."""
+    if case.outcome in ("success", "error"):
         return None
     contact = case.contact
     if contact is None and case.outcome == "collision":

@@ -111,7 +111,7 @@ def late_setpoints(facts: StandstillFacts) -> str | None:
 
 def left_its_path(facts: StandstillFacts) -> str | None:
     """The body fell, or left the area that every path keeps to."""
-    if facts.outcome not in ("fall", "out_of_bounds", "error"):
+    if facts.outcome not in ("fall", "out_of_bounds"):
         return None
     return f"{facts.reason}: no path leads there; last {facts.worst_off_path:.2f} m off its path"
 
