@@ -15,6 +15,9 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from harness.cause import Case, Contact, Moment, find_cause
+from harness.cause.touch import touched
+from harness.cause.true_space import TrueSpace
 from harness.config import LatencyConfig, to_json
 from harness.inputs import CODEC, beams_from_info, encode_ranges, inputs_from_messages
 from harness.interference import Interference
@@ -64,6 +67,10 @@ class Result:
         chain: Hash over all decisions.
         log: The log's path.
         log_mb_per_min: Size of the log for each simulated minute, MB.
+        cause: Of a failure, see `harness.cause`; empty for a success.
+        cause_evidence: For it, in words.
+        cause_decision: Number of the last decision that could have done otherwise; -1 if none.
+        contact: What was touched and where, m; empty for nothing.
     """
 
     outcome: Outcome
@@ -81,6 +88,10 @@ class Result:
     chain: str
     log: str
     log_mb_per_min: float = 0.0
+    cause: str = ""
+    cause_evidence: str = ""
+    cause_decision: int = -1
+    contact: str = ""
 
     def to_metadata(self) -> dict[str, str]:
         """The result as the log states it: all but the log's place, its size and wall time."""
@@ -191,6 +202,7 @@ class Episode:
         self._misses = 0
         self._positions: list[np.ndarray] = []
         self._clearances: list[float] = []
+        self._moments: list[Moment] = []
 
     def go_on(
         self,
@@ -254,6 +266,7 @@ class Episode:
         self._log.write("/decision", decision, time_ns)
         self._write_streams(time_ns)
         truth = self._write_truth(time_ns)
+        self._moments.append(Moment(pose, tuple(sweeps), latency, decision, truth))
         if self._observe is not None:
             self._observe(decision, truth)
         self._sequence += 1
@@ -430,8 +443,41 @@ class Episode:
             chain=self._navigator.chain,
             log=str(self._log.path),
         )
+        result = self._with_cause(result)
         self._log.finish(result.to_metadata())
         return result
+
+    def _with_cause(self, result: Result) -> Result:
+        """A failure's cause; of a forked episode `explain` works it out from the whole log."""
+        if result.outcome == "success":
+            return result
+        contact = touched(self._scene, self._data) if result.outcome == "collision" else None
+        result = replace(result, contact="" if contact is None else str(contact))
+        if len(self._moments) < self._sequence or result.outcome == "error":
+            return result
+        finding = find_cause(self._case(result, contact))
+        assert finding is not None
+        return replace(
+            result,
+            cause=finding.cause,
+            cause_evidence=finding.evidence,
+            cause_decision=finding.decision,
+        )
+
+    def _case(self, result: Result, contact: Contact | None) -> Case:
+        scenario = self._scenario
+        infos = [sensor_info(caster) for caster in self._scene.casters]
+        return Case(
+            config=scenario.config,
+            mission=scenario.mission,
+            beams={info.name: beams_from_info(info) for info in infos},
+            outcome=result.outcome,
+            reason=result.reason,
+            end_s=result.sim_time_s,
+            contact=contact,
+            moments=tuple(self._moments),
+            space=TrueSpace(self._scene.mjcf),
+        )
 
     def _goal_distance(self) -> float:
         """True distance from the goal, m; in the plane for a ground robot."""

@@ -73,7 +73,7 @@ def fork(
     config = changed_config(log, settings)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
     scenario = rebuild(log, config)
-    past = _live_through(log, at, scenario)
+    past = live_through(log, at, scenario)
     head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
     with LogWriter(target, *head) as writer:
         _write_past(writer, log, at, scenario)
@@ -83,7 +83,7 @@ def fork(
     return settle_log(result, config.record)
 
 
-def _live_through(log: Log, at: int, scenario: Scenario) -> Past:
+def live_through(log: Log, at: int, scenario: Scenario) -> Past:
     """Both stacks through every decision before the fork."""
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
     twin = Twin(log, log.config, scenario.config)

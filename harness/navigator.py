@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -45,7 +45,14 @@ def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]
 
 
 class Navigator:
-    """Maps, plans and decides for one mission."""
+    """Maps, plans and decides for one mission.
+
+    Attributes:
+        map: All that was sensed.
+        labels: What it is of, if sweeps tell.
+        costmap: Of the mission's body.
+        informant: Tells the map more after each set of inputs; only a counterfactual has one.
+    """
 
     def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
         """Start with an unknown map, but for the start area that the operator declares free."""
@@ -71,6 +78,7 @@ class Navigator:
         self._goal = self._planning_point(np.array(mission.goal))
         self._memory = Memory(hold(start, 0, mission.start_heading))
         self._chain = ""
+        self.informant: Callable[[Inputs], None] | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -104,7 +112,7 @@ class Navigator:
             sense_ms: Wall time that the sweeps took to cast, for the record.
         """
         clock = [time.perf_counter()]
-        self._integrate(inputs)
+        self.integrate(inputs)
         clock.append(time.perf_counter())
         margin = self._margin(inputs)
         self.costmap.update(margin)
@@ -145,13 +153,14 @@ class Navigator:
 
     def perceive(self, inputs: Inputs) -> None:
         """Bring map and costmap to where `step` has them when it decides, and decide nothing."""
-        self._integrate(inputs)
+        self.integrate(inputs)
         self.costmap.update(self._margin(inputs))
 
     def _margin(self, inputs: Inputs) -> float:
         return self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
 
-    def _integrate(self, inputs: Inputs) -> None:
+    def integrate(self, inputs: Inputs) -> None:
+        """Take one set of inputs into the map and decide nothing."""
         self.map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
             beams = self._beams[sweep.sensor]
@@ -170,6 +179,8 @@ class Navigator:
         if (reach := self._config.map.hold_under_body) > 0.0 and isinstance(self.map, VoxelMap):
             position = inputs.pose.position
             self.map.hold(position - reach, position + reach, inputs.time_ns)
+        if self.informant is not None:
+            self.informant(inputs)
 
     def _view(self, inputs: Inputs) -> View:
         config, mission = self._config, self._mission

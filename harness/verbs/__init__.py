@@ -6,6 +6,7 @@ from harness.verbs import (
     compare,
     convert,
     demo,
+    explain,
     import_world,
     listing,
     picture,
@@ -22,6 +23,7 @@ from harness.verbs.verb import Document, Verb
 VERBS: dict[str, Verb] = {
     "run": run.VERB,
     "replay": replay.VERB,
+    "explain": explain.VERB,
     "audit": audit.VERB,
     "score": score.VERB,
     "study": study.VERB,

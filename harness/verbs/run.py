@@ -74,7 +74,7 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
 
 
 def print_verdict(console: Console, result: Result) -> None:
-    """One episode's verdict in two lines."""
+    """One episode's verdict, and the cause of a failure."""
     style = "bold green" if result.outcome == "success" else "bold red"
     console.print(
         Text.assemble(
@@ -86,6 +86,10 @@ def print_verdict(console: Console, result: Result) -> None:
         ),
         soft_wrap=True,
     )
+    if result.cause:
+        line = f"cause: {result.cause}: {result.cause_evidence}"
+        console.print(line, soft_wrap=True, markup=False)
+        console.print(f"explain: wayproof explain {result.log}", soft_wrap=True, highlight=False)
     console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
 
 

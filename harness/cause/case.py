@@ -1,0 +1,194 @@
+"""An episode as its causes are worked out from: what was sensed and decided, and what was true."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.audit import densely, points_of
+from harness.cause.true_space import TrueSpace
+from harness.config import Config
+from harness.errors import InputError
+from harness.inputs import Beams, Inputs, inputs_from_messages
+from harness.mission import Mission
+from harness.navigator import Navigator, build_navigator
+from harness.reader import Log, read_messages
+from harness.scene_text import safe_scene
+from harness.schema import wayproof_pb2 as pb
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One decision with its inputs, and the truth at that time."""
+
+    pose: pb.Pose
+    sweeps: tuple[pb.Sweep, ...]
+    latency: pb.Latency
+    decision: pb.Decision
+    truth: pb.Truth
+
+    @property
+    def inputs(self) -> Inputs:
+        """What the decision was made on."""
+        return inputs_from_messages(self.pose, list(self.sweeps))
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time, ns."""
+        return self.pose.timestamp.ToNanoseconds()
+
+    @property
+    def true_position(self) -> Array:  # (3,)
+        """Of the base, m."""
+        return np.array(self.truth.position)
+
+    @property
+    def error(self) -> Array:  # (3,)
+        """Believed less true position, m."""
+        return np.array(self.pose.position) - self.true_position
+
+    @property
+    def effect_ns(self) -> int:
+        """When the robot began to follow its trajectory, unless it was discarded."""
+        start = self.decision.trajectory.start.ToNanoseconds()
+        return max(start, self.time_ns + round(self.latency.delay_s * 1e9))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Where the robot touched what it should not.
+
+    Attributes:
+        name: Of the mover or geom.
+        position: (3,) m, world.
+    """
+
+    name: str
+    position: tuple[float, float, float]
+
+    @classmethod
+    def from_text(cls, text: str) -> Contact | None:
+        """Read what `str` wrote, or nothing."""
+        name, _, place = text.rpartition(" at ")
+        if not name:
+            return None
+        x, y, z = (float(value) for value in place.split(","))
+        return cls(name, (x, y, z))
+
+    def __str__(self) -> str:
+        """As a log's result holds it."""
+        return f"{self.name} at " + ",".join(f"{value:.4f}" for value in self.position)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One episode.
+
+    Attributes:
+        config: Settings.
+        mission: What the stack was told.
+        beams: Sensors by name.
+        outcome: How it ended.
+        reason: In words.
+        end_s: When, in simulated time.
+        contact: What ended it, if something was touched.
+        moments: Every decision.
+        space: The truth.
+    """
+
+    config: Config
+    mission: Mission
+    beams: Mapping[str, Beams]
+    outcome: str
+    reason: str
+    end_s: float
+    contact: Contact | None
+    moments: tuple[Moment, ...]
+    space: TrueSpace
+
+    @property
+    def axes(self) -> int:
+        """In how many axes the robot moves: 2 on the ground."""
+        return 2 if self.mission.motion == "ground" else 3
+
+    def followed(self, time_ns: int) -> pb.Trajectory | None:
+        """The trajectory that the robot followed at a time; none before the first took effect."""
+        begun = [
+            one.decision.trajectory
+            for one in self.moments
+            if one.effect_ns <= time_ns and not one.decision.deadline_missed
+        ]
+        return begun[-1] if begun else None
+
+    def navigator_at(self, number: int) -> Navigator:
+        """The stack's map and costmap as they were for one decision."""
+        navigator = build_navigator(self.config, self.mission, self.beams)
+        for moment in self.moments[: number + 1]:
+            navigator.integrate(moment.inputs)
+        navigator.costmap.update(self.moments[number].decision.localization_margin_m)
+        return navigator
+
+
+def read_case(log: Log) -> Case:
+    """A log as a case.
+
+    Raises:
+        InputError: It holds no sweeps or no truth, or its scene cannot be compiled.
+    """
+    moments = tuple(_moments(log))
+    if not moments:
+        raise InputError(f"log '{log.path}': no decisions in it")
+    try:
+        space = TrueSpace(safe_scene(log.scene))
+    except (ValueError, KeyError) as error:
+        text = " ".join(str(error).split())[:200]
+        raise InputError(f"log '{log.path}': its scene: {text}") from None
+    return Case(
+        config=log.config,
+        mission=log.mission,
+        beams=log.beams,
+        outcome=log.result["outcome"],
+        reason=log.result.get("reason", ""),
+        end_s=float(log.result.get("sim_time_s", moments[-1].time_ns * 1e-9)),
+        contact=Contact.from_text(log.result.get("contact", "")),
+        moments=moments,
+        space=space,
+    )
+
+
+def _moments(log: Log) -> Iterator[Moment]:
+    sweeps: list[pb.Sweep] = []
+    pose, latency, decision = pb.Pose(), pb.Latency(), pb.Decision()
+    if log.record == "decisions":
+        raise InputError(
+            f"log '{log.path}': its sweeps were left out (record = '{log.config.record}'); "
+            "wayproof replay --closed-loop --log FILE writes them again"
+        )
+    for message in read_messages(log.path):
+        if isinstance(message, pb.Sweep):
+            sweeps.append(message)
+        elif isinstance(message, pb.Pose):
+            pose = message
+        elif isinstance(message, pb.Latency):
+            latency = message
+        elif isinstance(message, pb.Decision):
+            decision = message
+        elif isinstance(message, pb.Truth):
+            yield Moment(pose, tuple(sweeps), latency, decision, message)
+            sweeps = []
+
+
+def off_path(trajectory: pb.Trajectory, believed: Array, axes: int) -> tuple[float, Array]:
+    """How far a believed position (3,) is from a trajectory's path, m, and its nearest point."""
+    path = points_of(trajectory)
+    if axes == 2:
+        path[:, 2] = believed[2]
+    places = densely(path, 0.02)
+    gaps = np.linalg.norm((places - believed)[:, :axes], axis=1)
+    nearest = int(gaps.argmin())
+    return float(gaps[nearest]), places[nearest]

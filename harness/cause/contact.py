@@ -1,0 +1,303 @@
+"""The cause of a contact: what the map held of the place, and who had left the plan.
+
+Each test is a question to measured facts and answers with its evidence, or not at all. The first
+that answers names the cause, so their order matters: what moved in, or came through too late,
+explains the state of the map, and not the other way round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.cause.case import Case, Contact, Moment, off_path
+from harness.cause.finding import Finding
+from harness.navigator import Navigator
+from maps.states import FREE, OCCUPIED, UNKNOWN
+
+Array = NDArray[np.float64]
+
+ABOUT_CELLS = 2
+"""The map is asked this many cells about a contact."""
+
+OWN_REACH = 0.3
+"""An occupied cell this far from a contact, pose error apart, may still stand for what was
+touched, m: ranges, attitude and calibration each have a share in it."""
+
+LEAST_NOTICE = 0.5
+"""What stands in the way only this long before a contact was not there to be seen, s."""
+
+LATE = 0.01
+"""A delay beyond the expected one that counts, s."""
+
+
+@dataclass(frozen=True)
+class ContactFacts:
+    """What is known of one contact; places in the world frame, m.
+
+    Attributes:
+        name: Of what was touched.
+        time_s: When.
+        decision: The last decision after which the robot could still have come to rest before.
+        decision_s: When that was.
+        there_when_decided: Whether what was touched stood there at that decision.
+        there_when_observed: Whether it stood there when the map last looked.
+        observed_s: When the map last looked at the place; negative if never.
+        free: Cells about the contact, outside of what was touched, that were mapped free.
+        unknown: Likewise unknown.
+        own: Occupied cells that stand for what was touched.
+        nearest_own: Distance of the nearest of them from the contact, m.
+        off_path: Distance of the believed body from the path that it followed, m.
+        planned_clearance: True clearance of a body on that path, m.
+        pose_error: Believed less true position when it was touched, m.
+        margin: Localization margin, m.
+        late: The earliest decision that kept clear of the place and would have been in time
+            with the expected delay, but was not: its number, its delay and the expected one.
+    """
+
+    name: str
+    time_s: float
+    decision: int
+    decision_s: float
+    there_when_decided: bool
+    there_when_observed: bool
+    observed_s: float
+    free: int
+    unknown: int
+    own: int
+    nearest_own: float
+    off_path: float
+    planned_clearance: float
+    pose_error: float
+    margin: float
+    late: tuple[int, float, float] | None
+
+
+def latency(facts: ContactFacts) -> str | None:
+    """A decision that kept clear was made in time, but took effect too late."""
+    if facts.late is None:
+        return None
+    number, delay, expected = facts.late
+    return (
+        f"decision {number} kept clear of {facts.name} and would have been in time after "
+        f"{expected * 1e3:.0f} ms; it took {delay * 1e3:.0f} ms"
+    )
+
+
+def moved_obstacle(facts: ContactFacts) -> str | None:
+    """It was not there yet when the robot decided to go, or when the map last looked."""
+    if not facts.there_when_decided:
+        return (
+            f"{facts.name} was not at the place of contact at {facts.decision_s:.1f} s, "
+            f"{facts.time_s - facts.decision_s:.1f} s before, when there was room to stop"
+        )
+    if facts.observed_s >= 0.0 and not facts.there_when_observed:
+        return (
+            f"{facts.name} came to the place of contact after {facts.observed_s:.1f} s, "
+            "when the map had last looked there"
+        )
+    return None
+
+
+def tracking(facts: ContactFacts) -> str | None:
+    """The body had left a path on which it would have kept clear."""
+    if facts.off_path <= facts.margin or facts.planned_clearance < max(0.5 * facts.margin, 0.02):
+        return None
+    return (
+        f"the body was {facts.off_path:.2f} m off its path (margin {facts.margin:.2f} m), on which "
+        f"it would have kept {facts.planned_clearance:.2f} m from {facts.name}"
+    )
+
+
+def unseen_obstacle(facts: ContactFacts) -> str | None:
+    """It stood in unknown space, which the robot was let into."""
+    if facts.own or facts.unknown <= facts.free:
+        return None
+    return (
+        f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
+        f"unknown at decision {facts.decision}, and the robot was let in"
+    )
+
+
+def missed_obstacle(facts: ContactFacts) -> str | None:
+    """It stood there, and the map said free."""
+    if facts.own:
+        return None
+    return (
+        f"{facts.free} cells before {facts.name} were mapped free and none of it occupied at "
+        f"decision {facts.decision}, though it stood there"
+    )
+
+
+def margin_too_small(facts: ContactFacts) -> str | None:
+    """It was mapped, and the robot came nearer than the map's errors allow."""
+    return (
+        f"{facts.name} was mapped ({facts.own} cells, the nearest {facts.nearest_own:.2f} m from "
+        f"the contact), the pose was {facts.pose_error:.2f} m off, and the margin was "
+        f"{facts.margin:.2f} m"
+    )
+
+
+TESTS: dict[str, Callable[[ContactFacts], str | None]] = {
+    "latency": latency,
+    "moved_obstacle": moved_obstacle,
+    "tracking": tracking,
+    "unseen_obstacle": unseen_obstacle,
+    "missed_obstacle": missed_obstacle,
+    "margin_too_small": margin_too_small,
+}
+"""In the order in which they are asked."""
+
+
+def cause_of_contact(case: Case, contact: Contact, time_s: float) -> Finding:
+    """Why something was touched at a time."""
+    facts = contact_facts(case, contact, time_s)
+    for cause, test in TESTS.items():
+        evidence = test(facts)
+        if evidence is not None:
+            return Finding(cause, evidence, facts.decision, contact.position)
+    raise AssertionError("the last test always answers")
+
+
+def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
+    """Measure all that the tests ask for."""
+    last = _last_before(case, time_s)
+    place = np.array(contact.position)
+    number = _last_chance(case, place, time_s)
+    moment = case.moments[number]
+    navigator = case.navigator_at(number)
+    size = navigator.map.resolution
+    believed = place + moment.error
+    observed_s = float(navigator.map.observed_ns_at(believed[None])[0]) * 1e-9
+    free, unknown, own = _mapped(case, navigator, contact, moment)
+    off, planned = _planned(case, contact, last, time_s)
+    return ContactFacts(
+        name=contact.name,
+        time_s=time_s,
+        decision=number,
+        decision_s=moment.time_ns * 1e-9,
+        there_when_decided=_stood(case, contact, moment, 1.5 * size),
+        there_when_observed=_stood(case, contact, _nearest(case, observed_s), 1.5 * size),
+        observed_s=observed_s,
+        free=free,
+        unknown=unknown,
+        own=len(own),
+        nearest_own=float(own.min()) if len(own) else 0.0,
+        off_path=off,
+        planned_clearance=planned,
+        pose_error=float(np.linalg.norm(last.error[: case.axes])),
+        margin=last.decision.localization_margin_m,
+        late=_late(case, contact, number),
+    )
+
+
+def stopping_room(case: Case, moment: Moment, delay: float) -> float:
+    """Way that the body takes to come to rest if a decision to do so takes effect after a delay, m.
+
+    v t + v^2 / 2 a, and v a / 2 j for building up the deceleration a with the jerk j.
+    """
+    speed = float(np.linalg.norm(np.array(moment.truth.velocity)[: case.axes]))
+    a, j = case.mission.max_acceleration, case.mission.max_jerk
+    return speed * delay + speed * speed / (2.0 * a) + speed * a / (2.0 * j)
+
+
+def _room(case: Case, moment: Moment, place: Array) -> float:
+    """Way from the body to a place, m."""
+    gap = float(np.linalg.norm((place - moment.true_position)[: case.axes]))
+    return max(gap - case.mission.radius, 0.0)
+
+
+def _last_chance(case: Case, place: Array, time_s: float) -> int:
+    """Number of the last decision after which the body could have come to rest before a place."""
+    expected = case.config.latency.expected
+    latest = _before(case, time_s - expected - LEAST_NOTICE)
+    for number in range(latest, -1, -1):
+        moment = case.moments[number]
+        if _room(case, moment, place) >= stopping_room(case, moment, expected):
+            return number
+    return 0
+
+
+def _last_before(case: Case, time_s: float) -> Moment:
+    return case.moments[_before(case, time_s)]
+
+
+def _before(case: Case, time_s: float) -> int:
+    """Number of the last decision at or before a time; the first if there is none."""
+    return max((k for k, one in enumerate(case.moments) if one.time_ns * 1e-9 <= time_s), default=0)
+
+
+def _nearest(case: Case, time_s: float) -> Moment:
+    return min(case.moments, key=lambda one: abs(one.time_ns * 1e-9 - time_s))
+
+
+def _stood(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
+    """Whether what was touched was at the place of contact at a moment."""
+    case.space.place_movers(moment.truth)
+    return case.space.distance_to(np.array(contact.position), contact.name) <= within
+
+
+def _mapped(
+    case: Case, navigator: Navigator, contact: Contact, moment: Moment
+) -> tuple[int, int, Array]:
+    """Free and unknown cells before a contact, and distances (n,) of its own occupied ones."""
+    size = navigator.map.resolution
+    place = np.array(contact.position) + moment.error
+    reach = OWN_REACH + float(np.linalg.norm(moment.error))
+    steps = np.arange(-np.ceil(reach / size), np.ceil(reach / size) + 1) * size
+    offsets = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+    distances = np.linalg.norm(offsets, axis=1)
+    states = navigator.map.state_at(place + offsets)
+    case.space.place_movers(moment.truth)
+    truly = np.array(contact.position)
+    occupied = np.flatnonzero((states == OCCUPIED) & (distances <= reach))
+    mine = [k for k in occupied if case.space.distance(truly + offsets[k])[1] == contact.name]
+    about = np.flatnonzero(distances <= ABOUT_CELLS * size)
+    outside = [
+        k for k in about if case.space.distance_to(truly + offsets[k], contact.name) > 0.5 * size
+    ]
+    return (
+        int((states[outside] == FREE).sum()),
+        int((states[outside] == UNKNOWN).sum()),
+        distances[mine],
+    )
+
+
+def _planned(case: Case, contact: Contact, last: Moment, time_s: float) -> tuple[float, float]:
+    """How far off its path the body was, and the clearance that a body on it would have had."""
+    trajectory = case.followed(round(time_s * 1e9))
+    if trajectory is None:
+        return 0.0, 0.0
+    ahead = np.array(last.truth.velocity) * (time_s - last.time_ns * 1e-9)
+    believed = last.true_position + last.error + ahead
+    off, nearest = off_path(trajectory, believed, case.axes)
+    case.space.place_movers(case.moments[-1].truth if time_s >= case.end_s else last.truth)
+    case.space.place_robot(nearest - last.error, np.array(last.truth.quaternion))
+    return off, case.space.body_clearance(contact.name)
+
+
+def _late(case: Case, contact: Contact, number: int) -> tuple[int, float, float] | None:
+    """The first decision that would have been in time; only the last second or so can matter."""
+    expected, place = case.config.latency.expected, np.array(contact.position)
+    for moment in case.moments[number:]:
+        delay = moment.latency.delay_s
+        room = _room(case, moment, place)
+        in_time = room >= stopping_room(case, moment, expected)
+        too_late = moment.decision.deadline_missed or room < stopping_room(case, moment, delay)
+        if delay > expected + LATE and in_time and too_late and _passes_by(case, contact, moment):
+            return moment.decision.sequence, delay, expected
+    return None
+
+
+def _passes_by(case: Case, contact: Contact, moment: Moment) -> bool:
+    """Whether a body on a decision's trajectory would truly have kept clear of what was touched."""
+    believed = np.array(contact.position) + moment.error
+    _, nearest = off_path(moment.decision.trajectory, believed, case.axes)
+    if case.axes == 2:
+        nearest[2] = moment.true_position[2]
+    case.space.place_movers(moment.truth)
+    case.space.place_robot(nearest - moment.error, np.array(moment.truth.quaternion))
+    return case.space.body_clearance(contact.name) > 0.0

@@ -1,0 +1,80 @@
+"""Whether a body finds a way through cells: distances and connected regions of a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from harness.cause.case import Case
+from harness.navigator import Navigator
+
+Array = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+
+STEPS = 8
+"""Halvings in the search for the widest passage: a 256th of its first span."""
+
+
+def clearances(occupied: Cells, size: float) -> Array:
+    """Distance from each cell's centre to the nearest occupied or outer cell's, m."""
+    walls = tuple((1, 1) if cells > 1 else (0, 0) for cells in occupied.shape)
+    padded = np.pad(occupied, walls, constant_values=True)
+    inner = tuple(slice(a, -b if b else None) for a, b in walls)
+    distances: Array = ndimage.distance_transform_edt(~padded)[inner] * size
+    return distances
+
+
+def joined(free: Cells, start: tuple[int, ...], goal: tuple[int, ...], reach: int) -> bool:
+    """Whether free cells join the surroundings of two cells, `reach` cells about each."""
+    labels, _ = ndimage.label(free, np.ones((3,) * free.ndim))
+    near = [set(np.unique(labels[_about(cell, reach)])) - {0} for cell in (start, goal)]
+    return bool(near[0] & near[1])
+
+
+def widest(distances: Array, start: tuple[int, ...], goal: tuple[int, ...], reach: int) -> float:
+    """Radius of the fattest body that gets from cell to cell, m; 0 if none does."""
+    low, high = 0.0, float(distances.max())
+    for _ in range(STEPS):
+        middle = 0.5 * (low + high)
+        if joined(distances > middle, start, goal, reach):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def true_occupancy(case: Case, navigator: Navigator) -> Cells:
+    """What truly stands in each cell of a costmap, with the movers where they were placed."""
+    costmap, mission, size = navigator.costmap, case.mission, navigator.map.resolution
+    if mission.motion == "air":
+        occupied = case.space.occupied(costmap.origin, costmap.shape, size)
+        return occupied | _outside_altitudes(case, costmap.origin, costmap.shape, size)
+    nx, ny, _ = costmap.shape
+    layers = max(1, int(np.ceil((mission.height - mission.step_height) / size - 1e-6)))
+    corner = np.array([*costmap.origin[:2], mission.step_height])
+    standing = case.space.occupied(corner, (nx, ny, layers), size).any(axis=2)
+    x, y = np.meshgrid(*(np.arange(n) + 0.5 for n in (nx, ny)), indexing="ij")
+    spots = np.stack([corner[0] + x * size, corner[1] + y * size, np.zeros_like(x)], axis=-1)
+    holes = ~case.space.borne(spots.reshape(-1, 3)).reshape(nx, ny)
+    return (standing | holes)[:, :, None]
+
+
+def cell_of(navigator: Navigator, point: Array) -> tuple[int, ...]:
+    """The costmap's cell of a point (3,), clipped to it; on the ground in its one layer."""
+    costmap = navigator.costmap
+    cell = np.floor((point - costmap.origin) / costmap.resolution).astype(int)
+    return tuple(np.clip(cell, 0, np.array(costmap.shape) - 1).tolist())
+
+
+def _outside_altitudes(
+    case: Case, origin: Array, shape: tuple[int, int, int], size: float
+) -> Cells:
+    edges = origin[2] + np.arange(shape[2]) * size
+    motion = case.config.motion
+    outside = (edges < motion.altitude_low - 1e-6) | (edges + size > motion.altitude_high + 1e-6)
+    return np.broadcast_to(outside, shape)
+
+
+def _about(cell: tuple[int, ...], reach: int) -> tuple[slice, ...]:
+    return tuple(slice(max(c - reach, 0), c + reach + 1) for c in cell)

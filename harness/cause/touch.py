@@ -1,0 +1,27 @@
+"""What a simulated robot touches now."""
+
+from __future__ import annotations
+
+import mujoco
+
+from harness.cause.case import Contact
+from models.scene import Scene
+from models.sensors import ROBOT_GROUP
+
+
+def touched(scene: Scene, data: mujoco.MjData) -> Contact | None:
+    """The first contact with anything but the floor; a mover goes by its body's name."""
+    model = scene.model
+    for pair, position in zip(data.contact.geom, data.contact.pos, strict=True):
+        mine = [int(model.geom_group[geom]) == ROBOT_GROUP for geom in pair]
+        if mine[0] == mine[1]:
+            continue
+        other = int(pair[1] if mine[0] else pair[0])
+        if other in scene.floor:
+            continue
+        x, y, z = position.tolist()
+        body = int(model.geom_bodyid[other])
+        moves = model.body_mocapid[body] >= 0
+        name = model.body(body).name if moves else model.geom(other).name
+        return Contact(name or f"geom {other}", (x, y, z))
+    return None

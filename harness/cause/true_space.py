@@ -1,0 +1,202 @@
+"""What truly is where: the scene of a log, its movers placed as the truth says, to be measured."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.schema import wayproof_pb2 as pb
+from models.classes import CLASSES
+from models.scene import PREFIX
+from models.sensors import ROBOT_GROUP
+from models.worlds.traffic import AWAY
+
+Array = NDArray[np.float64]
+
+FLOOR = CLASSES.index("floor")
+PROBE = "wayproof_probe"
+FARTHEST = 2.0
+"""Distances are told up to this, m."""
+
+
+class TrueSpace:
+    """The geometry of one scene, for scoring alone; the stack never sees it."""
+
+    def __init__(self, mjcf: str) -> None:
+        """Compile a flattened scene, with a point to measure from.
+
+        Raises:
+            ValueError: It is no scene.
+        """
+        spec = mujoco.MjSpec.from_string(mjcf)
+        probe = spec.worldbody.add_body(name=PROBE, mocap=True)
+        probe.add_geom(size=[1e-6, 0, 0], contype=0, conaffinity=0, group=ROBOT_GROUP)
+        self._model = model = spec.compile()
+        self._data = mujoco.MjData(model)
+        self._probe = int(model.body(PROBE).geomadr[0])
+        solid = (model.geom_contype | model.geom_conaffinity) != 0
+        robot = (model.geom_group == ROBOT_GROUP) & (np.arange(model.ngeom) != self._probe)
+        if model.nuser_geom:
+            floor = model.geom_user[:, 0] == FLOOR
+        else:
+            floor = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+        self._robot = np.flatnonzero(robot & solid)
+        self._floor = np.flatnonzero(floor & ~robot)
+        self._obstacles = np.flatnonzero(solid & ~robot & ~floor)
+        self._moves = model.body_mocapid[model.geom_bodyid] >= 0
+        base = int(model.body(PREFIX + "base").jntadr[0])
+        self._base = int(model.jnt_qposadr[base])
+        self._fromto = np.zeros(6)
+        mujoco.mj_kinematics(model, self._data)
+
+    def place_movers(self, truth: pb.Truth, present: bool = True) -> None:
+        """Put what moves where a truth says, or, for none of it, out of the way."""
+        for mover in truth.movers:
+            mocap = int(self._model.body(mover.name).mocapid[0])
+            here = present and mover.present
+            self._data.mocap_pos[mocap] = mover.position if here else AWAY
+            self._data.mocap_quat[mocap] = mover.quaternion
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def place_robot(self, position: Array, quaternion: Array) -> None:
+        """Put the robot's base at a pose, its joints as at rest: (3,) m, (4,) w x y z."""
+        self._data.qpos[self._base : self._base + 7] = [*position, *quaternion]
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def distance(self, point: Array) -> tuple[float, str]:
+        """From a point (3,) to the nearest thing, the floor too: m, negative inside; its name."""
+        self._data.geom_xpos[self._probe] = point
+        return self._nearest([self._probe], np.concatenate([self._obstacles, self._floor]))
+
+    def distance_to(self, point: Array, name: str) -> float:
+        """From a point (3,) to one obstacle, m, at most `FARTHEST`."""
+        self._data.geom_xpos[self._probe] = point
+        return self._nearest([self._probe], self._named(name))[0]
+
+    def body_clearance(self, name: str = "") -> float:
+        """From the robot where it was placed to one obstacle, or the nearest one, m."""
+        return self._nearest(self._robot, self._named(name) if name else self._obstacles)[0]
+
+    def body_contact(self) -> tuple[Array, str]:
+        """The point of an obstacle (3,) that is nearest to the robot, and its name."""
+        distance, name = self._nearest(self._robot, self._obstacles)
+        del distance
+        return self._touch.copy(), name
+
+    def moves(self, name: str) -> bool:
+        """Whether a named obstacle moves by itself."""
+        return bool(name) and any(self._moves[geom] for geom in self._named(name))
+
+    def occupied(
+        self, origin: Array, shape: tuple[int, int, int], size: float
+    ) -> NDArray[np.bool_]:
+        """Which cells of a grid overlap an obstacle: (nx, ny, nz); corner (3,) and edge, m."""
+        grid = np.zeros(shape, np.bool_)
+        for geom in self._obstacles:
+            window, centres = self._window(int(geom), origin, shape, size)
+            if len(centres):
+                inside = self._distances(int(geom), centres) < 0.49 * size
+                grid[window] |= inside.reshape(grid[window].shape)
+        return grid
+
+    def borne(self, points: Array) -> NDArray[np.bool_]:
+        """Whether a floor is within 5 cm below points (n, 3): (n,)."""
+        held = np.zeros(len(points), np.bool_)
+        for geom in self._floor:
+            if self._model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+                return np.ones(len(points), np.bool_)
+            held |= self._distances(int(geom), points) < 0.05
+        return held
+
+    def _named(self, name: str) -> NDArray[np.int64]:
+        """Geoms of a body or geom name."""
+        own = [g for g in self._obstacles if self._name(int(g)) == name]
+        return np.array(own if own else self._obstacles)
+
+    def _name(self, geom: int) -> str:
+        """A mover is known by its body, all else by its geom."""
+        if self._moves[geom]:
+            return str(self._model.body(self._model.geom_bodyid[geom]).name)
+        return str(self._model.geom(geom).name) or f"geom {geom}"
+
+    def _nearest(self, mine: object, others: NDArray[np.int64]) -> tuple[float, str]:
+        least, name = FARTHEST, ""
+        self._touch = np.zeros(3)
+        for one in np.asarray(mine):
+            for other in others:
+                if self._gap(int(one), int(other)) >= least:
+                    continue
+                distance = mujoco.mj_geomDistance(
+                    self._model, self._data, int(one), int(other), least, self._fromto
+                )
+                if distance < least:
+                    least, name = float(distance), self._name(int(other))
+                    self._touch = self._fromto[3:].copy()
+        return least, name
+
+    def _gap(self, one: int, other: int) -> float:
+        """Least distance that bounding spheres allow."""
+        model, data = self._model, self._data
+        if model.geom_type[other] == mujoco.mjtGeom.mjGEOM_PLANE:
+            return -np.inf
+        between = float(np.linalg.norm(data.geom_xpos[one] - data.geom_xpos[other]))
+        return between - float(model.geom_rbound[one] + model.geom_rbound[other])
+
+    def _window(
+        self, geom: int, origin: Array, shape: tuple[int, int, int], size: float
+    ) -> tuple[tuple[slice, ...], Array]:
+        """The part of a grid about a geom's bounding box, and the centres of its cells (n, 3)."""
+        model, data = self._model, self._data
+        R = data.geom_xmat[geom].reshape(3, 3)
+        middle = data.geom_xpos[geom] + R @ model.geom_aabb[geom, :3]
+        half = np.abs(R) @ model.geom_aabb[geom, 3:]
+        first = np.clip(np.floor((middle - half - origin) / size) - 1, 0, shape).astype(int)
+        end = np.clip(np.ceil((middle + half - origin) / size) + 1, 0, shape).astype(int)
+        window = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
+        cells = np.stack(np.meshgrid(*map(np.arange, first, end), indexing="ij"), axis=-1)
+        return window, origin + (cells.reshape(-1, 3) + 0.5) * size
+
+    def _distances(self, geom: int, points: Array) -> Array:
+        """From points (n, 3) to a geom, m: (n,); not above 0 inside."""
+        model, data = self._model, self._data
+        kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+        local = (points - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+        if kind in PRIMITIVES:
+            return PRIMITIVES[kind](local, size)
+        return np.array([self._measured(geom, point) for point in points])
+
+    def _measured(self, geom: int, point: Array) -> float:
+        self._data.geom_xpos[self._probe] = point
+        return float(
+            mujoco.mj_geomDistance(
+                self._model, self._data, self._probe, geom, FARTHEST, self._fromto
+            )
+        )
+
+
+def _box(local: Array, size: Array) -> Array:
+    return np.asarray(np.linalg.norm(np.maximum(np.abs(local) - size, 0.0), axis=1))
+
+
+def _sphere(local: Array, size: Array) -> Array:
+    return np.asarray(np.linalg.norm(local, axis=1) - size[0])
+
+
+def _capsule(local: Array, size: Array) -> Array:
+    along = np.maximum(np.abs(local[:, 2]) - size[1], 0.0)
+    return np.asarray(np.hypot(np.hypot(local[:, 0], local[:, 1]), along) - size[0])
+
+
+def _cylinder(local: Array, size: Array) -> Array:
+    out = np.maximum(np.hypot(local[:, 0], local[:, 1]) - size[0], 0.0)
+    return np.asarray(np.hypot(out, np.maximum(np.abs(local[:, 2]) - size[1], 0.0)))
+
+
+PRIMITIVES = {
+    int(mujoco.mjtGeom.mjGEOM_BOX): _box,
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): _sphere,
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): _capsule,
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): _cylinder,
+}
+"""Distances (n,) from points (n, 3) in a geom's frame; other sorts are measured by MuJoCo."""

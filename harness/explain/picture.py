@@ -1,0 +1,151 @@
+"""The moment of a decision as a picture: the map's slice that the robot moves in, and the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch
+from numpy.typing import NDArray
+
+from harness.audit import points_of
+from harness.cause import Case, Moment
+from harness.explain.card import Card, moment_of
+from harness.navigator import Navigator
+from maps.states import FREE, OCCUPIED
+
+Array = NDArray[np.float64]
+
+REACH = 4.0
+"""The picture shows so much about the robot to each side, m."""
+
+FINE = 0.05
+"""Cells that true geometry is drawn with, m."""
+
+KINDS = {
+    "free": "#ffffff",
+    "unknown": "#c9ced6",
+    "inflated": "#f6d9a8",
+    "occupied": "#3b4252",
+}
+"""What a cell is to the robot, and its colour."""
+
+
+def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
+    """Write the picture of a card's decision.
+
+    Args:
+        case: The episode.
+        card: Of the decision.
+        navigator: With the map as it was then.
+        target: PNG file.
+    """
+    moment = moment_of(case, card.sequence)
+    with mpl.rc_context({"font.size": 8.0}):
+        figure = Figure(figsize=(7.0, 6.4), layout="constrained", dpi=120)
+        axes = figure.add_subplot()
+        _draw_map(axes, navigator, moment)
+        _draw_truth(axes, case, navigator, moment)
+        _draw_motion(axes, case, moment)
+        for cell in card.blocking:
+            axes.plot(*cell.place[:2], "x", color="#d1232a", ms=6, zorder=6)
+        if case.contact is not None:
+            axes.plot(*case.contact.position[:2], "*", color="#d1232a", ms=11, zorder=7)
+        _finish(axes, case, moment, card)
+        figure.savefig(target, metadata={"Software": None})
+
+
+def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
+    costmap, size = navigator.costmap, navigator.costmap.resolution
+    layer = _layer(navigator, moment)
+    states = costmap.state[:, :, layer]
+    kinds = np.full(states.shape, 1)
+    kinds[states == FREE] = 0
+    inflated = costmap.field()[:, :, layer] <= costmap.blocked_at_or_below
+    kinds[inflated & (states == FREE)] = 2
+    kinds[states == OCCUPIED] = 3
+    low, (nx, ny) = costmap.origin, states.shape
+    axes.imshow(
+        kinds.T,
+        origin="lower",
+        extent=(low[0], low[0] + nx * size, low[1], low[1] + ny * size),
+        cmap=ListedColormap(list(KINDS.values())),
+        vmin=-0.5,
+        vmax=3.5,
+        interpolation="nearest",
+    )
+
+
+def _draw_truth(axes: Axes, case: Case, navigator: Navigator, moment: Moment) -> None:
+    """Outlines of what truly stands in the slice, movers where they were."""
+    case.space.place_movers(moment.truth)
+    here = moment.true_position
+    low, high = (
+        (0.0, 0.0)
+        if case.mission.motion == "air"
+        else (
+            case.mission.step_height,
+            case.mission.height,
+        )
+    )
+    bottom = here[2] - 0.5 * FINE if case.mission.motion == "air" else low
+    layers = 1 if case.mission.motion == "air" else max(1, round((high - low) / FINE))
+    count = round(2.0 * REACH / FINE)
+    corner = np.array([here[0] - REACH, here[1] - REACH, bottom])
+    solid = case.space.occupied(corner, (count, count, layers), FINE).any(axis=2)
+    if solid.any():
+        centres = [corner[axis] + (np.arange(count) + 0.5) * FINE for axis in range(2)]
+        axes.contour(*centres, solid.T.astype(float), [0.5], colors="#1f77d0", linewidths=1.2)
+
+
+def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
+    before = [one.true_position for one in case.moments if one.time_ns <= moment.time_ns]
+    after = [one.true_position for one in case.moments if one.time_ns >= moment.time_ns]
+    _line(axes, np.array(before), color="#1f77d0", ls=":", label="true way so far")
+    _line(axes, np.array(after), color="#9bbfe3", ls=":", label="true way after")
+    guide = np.array([(p.x, p.y, p.z) for p in moment.decision.guide]).reshape(-1, 3)
+    _line(axes, guide, color="#2a9d4a", ls="--", label="path to the goal")
+    committed = points_of(moment.decision.trajectory)
+    _line(axes, committed, color="#2a9d4a", lw=2.5, label="committed trajectory")
+    body = dict(radius=case.mission.radius, fill=False)
+    axes.add_patch(Circle(tuple(moment.true_position[:2]), color="#1f77d0", lw=1.5, **body))
+    believed = moment.true_position + moment.error
+    axes.add_patch(Circle(tuple(believed[:2]), color="#2a9d4a", lw=1.0, ls="--", **body))
+    axes.plot(*case.mission.goal[:2], "o", color="#2a9d4a", ms=7, mfc="none")
+
+
+def _line(axes: Axes, points: Array, **style: Any) -> None:
+    if len(points) >= 2:
+        axes.plot(points[:, 0], points[:, 1], **style)
+
+
+def _finish(axes: Axes, case: Case, moment: Moment, card: Card) -> None:
+    x, y, _ = moment.true_position
+    axes.set(
+        xlim=(x - REACH, x + REACH),
+        ylim=(y - REACH, y + REACH),
+        xlabel="x, m",
+        ylabel="y, m",
+        aspect="equal",
+    )
+    label = "" if card.label == "none" else f" [{card.label}]"
+    axes.set_title(
+        f"decision {card.sequence}, {card.time_s:.1f} s: {card.action}{label}\n{card.reason}",
+        loc="left",
+    )
+    kinds = [Patch(facecolor=c, edgecolor="#888888", label=name) for name, c in KINDS.items()]
+    true = Patch(facecolor="none", edgecolor="#1f77d0", label="truth")
+    handles, _ = axes.get_legend_handles_labels()
+    axes.legend(handles=[*kinds, true, *handles], loc="upper left", fontsize=7, framealpha=0.9)
+
+
+def _layer(navigator: Navigator, moment: Moment) -> int:
+    """Of the costmap at the robot's height; on the ground the only one."""
+    costmap = navigator.costmap
+    height = (moment.pose.position[2] - costmap.origin[2]) / costmap.resolution
+    return int(np.clip(np.floor(height), 0, costmap.shape[2] - 1))

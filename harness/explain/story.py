@@ -1,0 +1,115 @@
+"""An episode's story: its decisions as phases of one action each, with times and places."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.schema import wayproof_pb2 as pb
+
+BRIEF = 3
+"""A run of fewer decisions between two of one action is no phase of its own."""
+
+VERBS = {
+    "follow": "followed its path",
+    "slow": "went slowly",
+    "stop_and_wait": "stopped and waited",
+    "explore": "explored",
+    "recover": "recovered",
+    "goal": "claimed the goal",
+    "abort": "gave up",
+}
+"""Actions as a story tells them."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Consecutive decisions of one action.
+
+    Attributes:
+        action: Of most of them.
+        first: Number of the first.
+        last: Number of the last.
+        start_s: Simulated time of the first.
+        end_s: Of the decision after the last, or of the last.
+        start: Where the robot truly was at the beginning, m.
+        end: At the end, m.
+        distance_m: Travelled in between.
+        label: The most frequent one but `none`; `none` if there is no other.
+        reason: Of the last decision.
+        least_clearance_m: True, at decisions.
+    """
+
+    action: str
+    first: int
+    last: int
+    start_s: float
+    end_s: float
+    start: tuple[float, ...]
+    end: tuple[float, ...]
+    distance_m: float
+    label: str
+    reason: str
+    least_clearance_m: float
+
+    def __str__(self) -> str:
+        """In a line."""
+        span = f"{self.start_s:6.1f} to {self.end_s:5.1f} s"
+        label = "" if self.label == "none" else f" [{self.label}]"
+        return (
+            f"{span}  {VERBS.get(self.action, self.action)}{label}: {self.distance_m:.2f} m, "
+            f"{_place(self.start)} to {_place(self.end)}, least clearance "
+            f"{self.least_clearance_m:.2f} m; {self.reason}"
+        )
+
+
+def phases(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> list[Phase]:
+    """Tell an episode.
+
+    Args:
+        decisions: All of them.
+        truths: One for each.
+    """
+    actions = _smoothed([decision.action for decision in decisions])
+    told = []
+    for action, run in itertools.groupby(range(len(actions)), key=actions.__getitem__):
+        numbers = list(run)
+        told.append(_phase(action, numbers, decisions, truths))
+    return told
+
+
+def _smoothed(actions: list[str]) -> list[str]:
+    """Actions without runs that are brief and lie between two of one other action."""
+    runs = [(action, len(list(run))) for action, run in itertools.groupby(actions)]
+    for k in range(1, len(runs) - 1):
+        if runs[k][1] < BRIEF and runs[k - 1][0] == runs[k + 1][0]:
+            runs[k] = runs[k - 1][0], runs[k][1]
+    return [action for action, count in runs for _ in range(count)]
+
+
+def _phase(
+    action: str, numbers: list[int], decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]
+) -> Phase:
+    after = min(numbers[-1] + 1, len(decisions) - 1)
+    places = np.array([truths[k].position for k in range(numbers[0], after + 1)])
+    labels = [decisions[k].label for k in numbers if decisions[k].label != "none"]
+    return Phase(
+        action=action,
+        first=decisions[numbers[0]].sequence,
+        last=decisions[numbers[-1]].sequence,
+        start_s=decisions[numbers[0]].timestamp.ToNanoseconds() * 1e-9,
+        end_s=decisions[after].timestamp.ToNanoseconds() * 1e-9,
+        start=tuple(places[0].tolist()),
+        end=tuple(places[-1].tolist()),
+        distance_m=float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum()),
+        label=max(sorted(set(labels)), key=labels.count) if labels else "none",
+        reason=decisions[numbers[-1]].reason,
+        least_clearance_m=min(truths[k].clearance_m for k in numbers),
+    )
+
+
+def _place(point: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{value:.1f}" for value in point) + ")"

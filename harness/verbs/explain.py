@@ -1,0 +1,240 @@
+"""`wayproof explain`: one decision as a card, or an episode's story and why it failed."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from harness.errors import InputError
+from harness.verbs.verb import Document, Verb
+
+if TYPE_CHECKING:
+    from harness.cause import Case, Finding, NearMiss
+    from harness.cause.check import Check
+    from harness.explain import Card
+    from harness.reader import Log
+
+SHOWN_MISSES = 5
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Explain a decision, or the episode."""
+    from harness.reader import open_log
+
+    if options.png is not None and not options.png.parent.is_dir():
+        raise InputError(f"--png: got '{options.png}', expected a file in a folder that exists")
+    if options.check and options.decision is not None:
+        raise InputError("--check: goes with the whole episode, expected no decision's number")
+    log = open_log(options.log, options.allow_plugins)
+    if options.decision is not None:
+        return 0, _explain_decision(log, options, console)
+    return 0, _explain_episode(log, options, console)
+
+
+def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -> Document:
+    from harness.cause import read_case
+    from harness.explain.card import make_card, moment_of
+
+    case = read_case(log)
+    moment_of(case, options.decision)
+    navigator = case.navigator_at(options.decision)
+    card = make_card(case, options.decision, navigator)
+    print_card(console, card)
+    if options.png is not None:
+        _draw(case, card, options.png, console)
+    return asdict(card)
+
+
+def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:
+    from harness.explain import make_card, phases
+
+    outcome, reason = log.result["outcome"], log.result.get("reason", "")
+    told = phases(list(log.decisions()), list(log.truth()))
+    console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True, markup=False)
+    for phase in told:
+        console.print(f"  {phase}", soft_wrap=True, markup=False, highlight=False)
+    case, finding, misses = _why(log)
+    if finding is not None:
+        print_finding(console, finding)
+    _print_misses(console, misses)
+    document: Document = {
+        "log": str(log.path),
+        "outcome": outcome,
+        "reason": reason,
+        "phases": [asdict(phase) for phase in told],
+        "cause": None if finding is None else asdict(finding),
+        "near_misses": [asdict(miss) for miss in misses],
+    }
+    if options.png is not None:
+        if case is None:
+            raise InputError(f"log '{log.path}': its sweeps were left out, so there is no map")
+        last = len(case.moments) - 1
+        number = last if finding is None else finding.decision
+        _draw(case, make_card(case, number), options.png, console)
+    if options.check:
+        document["checks"] = _check(log, finding, console, options.allow_plugins)
+    return document
+
+
+def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
+    """The cause and the near misses; of a log without sweeps what its result says."""
+    from harness.cause import Finding, find_cause, near_misses, read_case
+
+    if log.record == "decisions":
+        cause = log.result.get("cause", "")
+        if not cause:
+            return None, None, []
+        number = int(log.result.get("cause_decision", "-1"))
+        place = (0.0, 0.0, 0.0)
+        for truth in log.truth():
+            x, y, z = truth.position
+            place = (x, y, z)
+        return None, Finding(cause, log.result.get("cause_evidence", ""), number, place), []
+    case = read_case(log)
+    return case, find_cause(case), near_misses(case, SHOWN_MISSES)
+
+
+def _check(
+    log: Log, finding: Finding | None, console: Console, allow_plugins: bool
+) -> list[Document]:
+    from harness.cause.check import check
+
+    if finding is None:
+        raise InputError(f"log '{log.path}': {log.result['outcome']}, expected a failure to check")
+    checks = check(log, finding)
+    print_checks(console, checks)
+    return [asdict(one) for one in checks]
+
+
+def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
+    from harness.explain.picture import draw
+
+    draw(case, card, case.navigator_at(card.sequence), target)
+    console.print(f"picture: {target}", soft_wrap=True, highlight=False)
+
+
+def print_finding(console: Console, finding: Finding) -> None:
+    """The cause and its evidence."""
+    console.print(f"cause: [bold red]{finding.cause}[/]: ", end="")
+    console.print(finding.evidence, soft_wrap=True, markup=False)
+    x, y, z = finding.place
+    console.print(
+        f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})",
+        soft_wrap=True,
+        markup=False,
+    )
+
+
+def _print_misses(console: Console, misses: list[NearMiss]) -> None:
+    for miss in misses:
+        finding = miss.finding
+        console.print(
+            f"near miss at {miss.time_s:.1f} s (decision {miss.decision}): {miss.clearance_m:.3f} m"
+            f"; {finding.cause}: {finding.evidence}",
+            soft_wrap=True,
+            markup=False,
+        )
+
+
+def print_checks(console: Console, checks: list[Check]) -> None:
+    """What one change would have done, a line each."""
+    table = Table("with", "outcome", "at, s", "saves the robot", title_justify="left")
+    for one in checks:
+        saves = "[bold green]yes[/]" if one.saves else "no"
+        table.add_row(one.remedy.replace("_", " "), one.outcome, f"{one.end_s:.1f}", saves)
+    console.print(table)
+
+
+def print_card(console: Console, card: Card) -> None:
+    """One decision in a table of two columns."""
+    label = "" if card.label == "none" else f" \\[{card.label}]"
+    table = Table(
+        title=f"decision {card.sequence} at {card.time_s:.1f} s: {card.action}{label}",
+        title_justify="left",
+        show_header=False,
+    )
+    table.add_column(style="dim")
+    table.add_column()
+    for name, text in _rows(card):
+        table.add_row(name, text)
+    console.print(table)
+
+
+def _rows(card: Card) -> list[tuple[str, str]]:
+    stages = ", ".join(f"{name} {ms:.1f}" for name, ms in card.stages_ms.items())
+    missed = ": MISSED" if card.deadline_missed else ""
+    held = "" if card.version_holds else " (the replayed map differs)"
+    place = ", ".join(f"{value:.2f}" for value in card.position)
+    search = f"{card.planner}, {card.iterations} iterations" if card.planner else "path kept"
+    rows = [
+        ("why", card.reason),
+        (
+            "map",
+            f"{card.representation}, {card.resolution_m:g} m cells, unknown: "
+            f"{card.unknown_policy}, version {card.version[:12]}{held}",
+        ),
+        (
+            "evidence on the path",
+            f"oldest {card.oldest_evidence_s:.1f} s, median {card.median_evidence_s:.1f} s; "
+            f"occupied with p at most {card.greatest_probability:.2f}; "
+            f"{card.mean_entropy_bits:.2f} bits open",
+        ),
+        (
+            "pose",
+            f"({place}) m, sigma {card.position_sigma_m:.3f} m; "
+            f"truly {card.pose_error_m:.3f} m off",
+        ),
+        (
+            "inflation",
+            f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin; "
+            f"true clearance {card.true_clearance_m:.2f} m",
+        ),
+        ("stages", f"{stages} ms"),
+        (
+            "delay",
+            f"{card.delay_s * 1e3:.0f} ms, {card.expected_delay_s * 1e3:.0f} expected, deadline "
+            f"{card.deadline_s * 1e3:.0f}{missed}",
+        ),
+        (
+            "path",
+            f"{card.path_length_m:.2f} m to the goal, {card.committed_m:.2f} m committed, least "
+            f"clearance there {card.least_clearance_m:.2f} m; {search}",
+        ),
+    ]
+    if card.perturbation:
+        rows.append(("perturbed", card.perturbation))
+    for cell in card.blocking:
+        at = ", ".join(f"{value:.2f}" for value in cell.place)
+        age = "never looked at" if cell.age_s is None else f"looked at {cell.age_s:.1f} s ago"
+        text = f"{cell.state} ({at}), {cell.distance_m:.2f} m away, p {cell.probability:.2f}, {age}"
+        rows.append(("blocked by", text))
+    return rows
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("log", metavar="LOG", type=Path)
+    parser.add_argument("decision", metavar="N", type=int, nargs="?", help="number of a decision")
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the moment")
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="simulate on from the last chance with one thing put right at a time",
+    )
+    parser.add_argument(
+        "--allow-plugins",
+        action="store_true",
+        help="import the planner that a log names as module:Class",
+    )
+
+
+VERB = Verb(
+    help="why a decision was made, or what became of an episode and why it failed",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof explain logs/warehouse-drone-3.mcap 42 --png moment.png",
+)

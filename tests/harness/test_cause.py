@@ -1,0 +1,160 @@
+"""Causes: each test on facts by hand, and planted failures through the whole procedure."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.cause import CAUSES, Contact, find_cause, near_misses, read_case
+from harness.cause import contact as contacts
+from harness.cause import standstill as standstills
+from harness.cause.check import check
+from harness.cause.confusion import confusion, right, run_planted, table
+from harness.cause.contact import ContactFacts
+from harness.cause.grids import clearances, joined, widest
+from harness.cause.planted import PLANTS
+from harness.cause.standstill import StandstillFacts
+from harness.cause.true_space import TrueSpace
+from harness.errors import InputError
+from harness.reader import open_log
+
+TOUCH = ContactFacts(
+    name="crate_0", time_s=5.0, decision=38, decision_s=3.8, there_when_decided=True,
+    there_when_observed=True, observed_s=3.8, free=3, unknown=0, own=4, nearest_own=0.1,
+    off_path=0.02, planned_clearance=0.0, pose_error=0.2, margin=0.1, late=None,
+)  # fmt: skip
+STILL = StandstillFacts(
+    outcome="stuck", reason="", window=50, discarded=0.0, late=0.0, deadline=0.25, delay=0.05,
+    off_path=0.0, worst_off_path=0.1, radius=0.5, true_widest=0.8, true_way=True,
+    way_with_movers=True, map_way=True, known_way=True, ghosts=0, ghost=(0.0, 0.0, 0.0),
+    way_without_ghosts=True, shortest_s=5.0, limit_s=60.0, claimed=False, pose_error=0.0,
+    margin=0.1, iterations=1, unknown=0.2,
+)  # fmt: skip
+
+SCENE = """<mujoco><size nuser_geom="1"/><worldbody>
+<geom name="floor" type="plane" size="5 5 0.1" user="1"/>
+<geom name="crate" type="box" pos="2 0 0.5" size="0.5 0.5 0.5" user="4"/>
+<body name="robot_base" pos="0 0 0.5"><freejoint/><geom size="0.25" group="3"/></body>
+</worldbody></mujoco>"""
+
+
+def cause_of(tests, facts):
+    return next(name for name, test in tests if test(facts) is not None)
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({}, "margin_too_small"),
+        ({"own": 0}, "missed_obstacle"),
+        ({"own": 0, "free": 1, "unknown": 2}, "unseen_obstacle"),
+        ({"off_path": 0.3, "planned_clearance": 0.2}, "tracking"),
+        ({"off_path": 0.3, "planned_clearance": 0.04}, "margin_too_small"),
+        ({"there_when_decided": False}, "moved_obstacle"),
+        ({"there_when_observed": False}, "moved_obstacle"),
+        ({"there_when_observed": False, "observed_s": -1e-9, "own": 0}, "missed_obstacle"),
+        ({"late": (40, 0.3, 0.05), "there_when_decided": False}, "latency"),
+    ],
+)
+def test_a_contact_has_the_cause_that_its_facts_leave(change, cause):
+    assert cause_of(contacts.TESTS.items(), replace(TOUCH, **change)) == cause
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({}, "planner"),
+        ({"discarded": 0.6, "true_way": False}, "latency"),
+        ({"true_way": False}, "impossible"),
+        ({"shortest_s": 61.0}, "impossible"),
+        ({"way_with_movers": False}, "moved_obstacle"),
+        ({"map_way": False, "ghosts": 7}, "ghost_obstacle"),
+        ({"map_way": False, "ghosts": 7, "way_without_ghosts": False}, "planner"),
+        ({"off_path": 0.7}, "tracking"),
+        ({"outcome": "fall"}, "tracking"),
+        ({"outcome": "fall", "late": 1.0}, "latency"),
+        ({"claimed": True}, "margin_too_small"),
+    ],
+)
+def test_a_standstill_has_the_cause_that_its_facts_leave(change, cause):
+    assert cause_of(standstills.TESTS, replace(STILL, **change)) == cause
+
+
+def test_every_cause_is_planted_and_asked_for():
+    asked = set(contacts.TESTS) | {name for name, _ in standstills.TESTS}
+    assert asked == set(CAUSES) == set(PLANTS)
+
+
+def test_grids_know_the_widest_way():
+    walls = np.zeros((20, 11), bool)
+    walls[10] = True
+    walls[10, 3:8] = False  # five cells: 0.3 m from the middle one's centre to the walls' cells
+    gaps = clearances(walls, 0.1)
+    assert gaps[10, 5] == pytest.approx(0.3)
+    assert joined(gaps > 0.29, (4, 5), (16, 5), 0)
+    assert not joined(gaps > 0.31, (4, 5), (16, 5), 0)
+    assert widest(gaps, (4, 5), (16, 5), 0) == pytest.approx(0.3, abs=0.01)
+
+
+def test_true_space_measures_the_scene():
+    space = TrueSpace(SCENE)
+    distance, name = space.distance(np.array([1.0, 0.0, 0.9]))
+    assert (distance, name) == (pytest.approx(0.5, abs=1e-5), "crate")
+    assert space.body_clearance() == pytest.approx(1.25)  # from 0.25 to 1.5
+    space.place_robot(np.array([1.0, 0.0, 0.5]), np.array([1.0, 0.0, 0.0, 0.0]))
+    assert space.body_clearance("crate") == pytest.approx(0.25)
+    place, name = space.body_contact()
+    np.testing.assert_allclose(place, [1.5, 0.0, 0.5], atol=1e-6)
+    occupied = space.occupied(np.array([1.0, -1.0, 0.0]), (20, 20, 10), 0.1)
+    assert occupied.sum() == 1000  # one cubic metre
+    assert occupied[5:15, 5:15].all()
+    assert not space.moves("crate")
+
+
+def test_a_contact_reads_what_it_wrote():
+    contact = Contact("shelf at the door", (1.25, -2.0, 0.5))
+    assert Contact.from_text(str(contact)) == contact
+    assert Contact.from_text("") is None
+
+
+def test_planted_causes_are_found():
+    counts = confusion(list(CAUSES), range(1))
+    assert right(counts) == 1.0, counts
+    assert table(counts).row_count == len(CAUSES)
+
+
+def test_a_log_tells_the_cause_that_its_run_found(tmp_path):
+    path = tmp_path / "glass.mcap"
+    result = run_planted("missed_obstacle", 1, path)
+    log = open_log(path)
+    finding = find_cause(read_case(log))
+    assert log.result["cause"] == result.cause == finding.cause == "missed_obstacle"
+    assert log.result["cause_evidence"] == finding.evidence
+    assert int(log.result["cause_decision"]) == finding.decision
+    assert result.contact.startswith("glass_0 at ")
+    saved = {one.remedy: one.saves for one in check(log, finding, ("true_map", "no_delay"))}
+    assert saved == {"true_map": True, "no_delay": False}
+
+
+def test_a_success_has_no_cause(recorded):
+    result = recorded("empty", "drone", 1)
+    assert result.outcome == "success"
+    assert (result.cause, result.contact, result.cause_decision) == ("", "", -1)
+    case = read_case(open_log(Path(result.log)))
+    assert find_cause(case) is None
+    assert near_misses(case) == []
+
+
+def test_near_misses_are_found_in_a_success(recorded):
+    case = read_case(open_log(Path(recorded("empty", "drone", 1).log)))
+    first = case.moments[10]
+    first.truth.clearance_m = 0.01
+    found = near_misses(case)
+    assert [(one.decision, one.clearance_m) for one in found] == [(10, 0.01)]
+    assert found[0].finding.cause in CAUSES
+
+
+def test_an_unknown_cause_is_refused():
+    with pytest.raises(InputError, match="unknown cause 'gost_obstacle'; did you mean"):
+        run_planted("gost_obstacle", 0, Path("none.mcap"))

@@ -1,0 +1,115 @@
+"""Explain: what a card, a story and a picture say of one recorded episode."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.cause import read_case
+from harness.cause.confusion import run_planted
+from harness.cli import main
+from harness.explain import make_card, phases
+from harness.reader import open_log
+from harness.schema import wayproof_pb2 as pb
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """A drone before a wall across the room."""
+    path = tmp_path_factory.mktemp("logs") / "wall.mcap"
+    run_planted("impossible", 1, path)
+    return path
+
+
+def decisions(*actions):
+    told = []
+    for number, action in enumerate(actions):
+        decision = pb.Decision(sequence=number, action=action, reason=f"r{number}")
+        decision.timestamp.FromNanoseconds(number * 10**8)
+        told.append(decision)
+    return told
+
+
+def truths(count):
+    places = ([0.1 * number, 0.0, 1.0] for number in range(count))
+    return [pb.Truth(position=place, clearance_m=1.0) for place in places]
+
+
+def test_a_story_joins_what_belongs_together():
+    told = phases(decisions(*"aaaabaaaacccc"), truths(13))
+    assert [(one.action, one.first, one.last) for one in told] == [("a", 0, 8), ("c", 9, 12)]
+    assert told[0].distance_m == pytest.approx(0.9)
+    assert (told[0].start_s, told[0].end_s) == (0.0, pytest.approx(0.9))
+    assert told[0].reason == "r8"
+
+
+def test_a_card_names_the_cells_in_the_way(stopped):
+    case = read_case(open_log(stopped))
+    card = make_card(case, len(case.moments) - 1)
+    assert card.version_holds
+    assert card.action == "abort"
+    assert card.label == "no_path"
+    assert 0.0 < card.mean_entropy_bits < 1.0
+    assert card.oldest_evidence_s <= card.time_s
+    assert {cell.state for cell in card.blocking} == {"occupied"}
+    for cell in card.blocking:
+        distance, name = case.space.distance(np.array(cell.place))
+        assert name.startswith("partition")
+        assert distance < 0.1
+        assert cell.probability > 0.5
+
+
+def test_explain_prints_and_draws(stopped, tmp_path, capsys):
+    assert main(["explain", str(stopped)]) == 0
+    text = capsys.readouterr().out
+    assert "cause: impossible" in text
+    assert "gave up [no_path]" in text
+    picture = tmp_path / "moment.png"
+    assert main(["explain", str(stopped), "3", "--json", "--png", str(picture)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["sequence"] == 3
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_explain_as_json_tells_the_story(stopped, capsys):
+    assert main(["explain", str(stopped), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["cause"]["cause"] == "impossible"
+    assert document["phases"][0]["first"] == 0
+    assert document["near_misses"] == []
+
+
+def test_a_log_of_decisions_still_tells_its_cause(recorded, capsys):
+    result = recorded(
+        "empty", "drone", 1, "record=decisions", "latency.plan=0.4", "episode.stuck_after=2"
+    )
+    assert result.cause == "latency"
+    assert main(["explain", result.log]) == 0
+    assert "cause: latency" in capsys.readouterr().out
+    assert main(["explain", result.log, "3"]) == 2
+    assert "sweeps were left out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["999999"], "decision 999999: expected a decision's number, 0 to"),
+        (["3", "--check"], "--check: goes with the whole episode"),
+        (["--png", "/nowhere/at/all.png"], "expected a file in a folder that exists"),
+    ],
+)
+def test_bad_input_is_one_line(stopped, arguments, message, capsys):
+    assert main(["explain", str(stopped), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_run_prints_the_cause_and_how_to_explain_it(tmp_path, capsys):
+    path = Path(tmp_path / "late.mcap")
+    settings = ["--set", "latency.plan=0.4", "--set", "episode.stuck_after=2", "--log", str(path)]
+    assert main(["run", "empty", "--robot", "drone", "--seed", "1", *settings]) == 1
+    text = capsys.readouterr().out
+    assert "cause: latency: " in text
+    assert f"wayproof explain {path}" in text
