@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import operator
 import struct
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import mujoco
 import numpy as np
@@ -21,12 +19,14 @@ from harness.cause.true_space import TrueSpace
 from harness.config import LatencyConfig, to_json
 from harness.inputs import CODEC, beams_from_info, encode_ranges, inputs_from_messages
 from harness.interference import Interference
+from harness.judge import Judge, Verdict
 from harness.log import LogWriter
 from harness.log_copy import thin
 from harness.mujoco_warnings import tell_warnings
 from harness.navigator import Navigator, build_navigator
 from harness.odometry import Estimate
-from harness.scenario import Scenario, sensor_info
+from harness.result import Outcome, Result
+from harness.scenario import Scenario, decision_period, sensor_info
 from harness.schema import wayproof_pb2 as pb
 from harness.state import Simulation, Stateful, StepPoses, restore_parts, state_message
 from harness.streams import CONTROL, StreamHashes
@@ -35,70 +35,6 @@ from models.sensors import ROBOT_GROUP, Caster
 from models.truth import Truth
 from models.worlds import Traffic
 from planners import Trajectory
-
-Outcome = Literal[
-    "success", "collision", "fall", "timeout", "stuck", "out_of_bounds", "aborted", "error"
-]
-
-STUCK_RADIUS = 0.3
-"""Less movement than this within `episode.stuck_after` is no movement, m."""
-
-LYING = 0.5
-"""A walking robot whose base is below this share of its standing height has fallen."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """An episode's verdict and figures.
-
-    Attributes:
-        outcome: How it ended, by the simulator's truth.
-        reason: In words.
-        goal_distance_m: True distance from the goal at the end.
-        sim_time_s: Simulated time.
-        wall_time_s: Time that it took, compilation apart.
-        decisions: Number of decisions.
-        collisions: How often the robot started to touch something but the floor.
-        struck: How often something that moves ran into the robot at rest.
-        min_clearance_m: Least true distance to anything but the floor, at decision times.
-        path_length_m: Distance travelled.
-        route_length_m: Length of the shortest way by the truth; None if there is none.
-        deadline_misses: Decisions past their deadline.
-        chain: Hash over all decisions.
-        log: The log's path.
-        log_mb_per_min: Size of the log for each simulated minute, MB.
-        cause: Of a failure, see `harness.cause`; empty for a success.
-        cause_evidence: For it, in words.
-        cause_decision: Number of the last decision that could have done otherwise; -1 if none.
-        contact: What was touched and where, m; empty for nothing.
-    """
-
-    outcome: Outcome
-    reason: str
-    goal_distance_m: float
-    sim_time_s: float
-    wall_time_s: float
-    decisions: int
-    collisions: int
-    struck: int
-    min_clearance_m: float
-    path_length_m: float
-    route_length_m: float | None
-    deadline_misses: int
-    chain: str
-    log: str
-    log_mb_per_min: float = 0.0
-    cause: str = ""
-    cause_evidence: str = ""
-    cause_decision: int = -1
-    contact: str = ""
-
-    def to_metadata(self) -> dict[str, str]:
-        """The result as the log states it: all but the log's place, its size and wall time."""
-        apart = ("log", "log_mb_per_min", "wall_time_s")
-        fields = {k: v for k, v in asdict(self).items() if k not in apart}
-        return {name: str(value) for name, value in fields.items()}
-
 
 Observer = Callable[[pb.Decision, pb.Truth], None]
 
@@ -170,7 +106,7 @@ class Episode:
         movers, radius = scenario.world.movers, scenario.spec.radius
         self._traffic = Traffic(scene.model, movers, scene.base, radius) if movers else None
         self._move_others(0)
-        self._least_uprightness = math.cos(scenario.spec.max_tilt)
+        self._judge = Judge(scenario, self._data, self._truth)
         self._navigator = navigator
         self._following = self._navigator.trajectory
         self._on_the_way: deque[tuple[int, Trajectory]] = deque()  # ns of their arrival
@@ -234,15 +170,15 @@ class Episode:
         """Decide at the sensors' rate, step the physics in between, and end with a verdict."""
         began = time.perf_counter()
         steps_a_decision = _steps_a_decision(self._scenario)
-        verdict: tuple[Outcome, str] | None = None
+        verdict: Verdict | None = None
         while verdict is None:
             decision = self._decide()
-            verdict = self._verdict_of(decision)
+            verdict = self._judge.of_decision(decision, self._positions)
             for left in reversed(range(steps_a_decision)):
                 if verdict is not None:
                     break
                 self._step_physics(remember=left == 0)
-                verdict = self._verdict_of_physics()
+                verdict = self._judge.of_physics()
         return self._finish(*verdict, time.perf_counter() - began)
 
     def _decide(self) -> pb.Decision:
@@ -386,51 +322,12 @@ class Episode:
         if self._traffic is not None:
             self._traffic.advance(self._data, self._now_ns(), step_ns)
 
-    def _verdict_of(self, decision: pb.Decision) -> tuple[Outcome, str] | None:
-        """What the decision ends: the goal it claims is checked against the truth."""
-        config = self._scenario.config.episode
-        if decision.action == "abort":
-            return "aborted", decision.reason
-        distance = self._goal_distance()
-        if decision.action == "goal":
-            if distance <= config.goal_tolerance:
-                return "success", decision.reason
-            return "aborted", f"claimed the goal from {distance:.2f} m away"
-        if self._now_ns() * 1e-9 >= config.time_limit:
-            return "timeout", f"{distance:.2f} m from the goal after {config.time_limit:g} s"
-        window = round(config.stuck_after / _decision_period(self._scenario))
-        recent = self._positions[-window:]
-        if len(recent) == window and _spread(recent) < STUCK_RADIUS:
-            return "stuck", f"less than {STUCK_RADIUS} m of movement in {config.stuck_after:g} s"
-        return None
-
-    def _verdict_of_physics(self) -> tuple[Outcome, str] | None:
-        """What a physics step ends; called at each, so it compares plain floats."""
-        mission, truth = self._scenario.mission, self._truth
-        if truth.collisions:
-            return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
-        if truth.struck:
-            return "collision", f"was hit by {truth.touched} while at rest at {self._place()}"
-        if not truth.uprightness(self._data) > self._least_uprightness:
-            return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"
-        position = self._data.xpos[self._scene.base].tolist()
-        spec = self._scenario.spec
-        if spec.motion == "ground" and position[2] < LYING * spec.rest_height:
-            return "fall", f"lies on the floor at {self._place()}"
-        if not all(map(operator.le, mission.low, position)) or not all(
-            map(operator.le, position, mission.high)
-        ):
-            finite = all(map(math.isfinite, position))
-            outcome: Outcome = "out_of_bounds" if finite else "error"
-            return outcome, f"left the geofence at {self._place()}"
-        return None
-
     def _finish(self, outcome: Outcome, reason: str, wall_time_s: float) -> Result:
         steps = np.diff(np.array(self._positions), axis=0)
         result = Result(
             outcome=outcome,
             reason=reason,
-            goal_distance_m=self._goal_distance(),
+            goal_distance_m=self._judge.goal_distance(),
             sim_time_s=self._now_ns() * 1e-9,
             wall_time_s=wall_time_s,
             decisions=self._sequence,
@@ -479,16 +376,6 @@ class Episode:
             space=TrueSpace(self._scene.mjcf),
         )
 
-    def _goal_distance(self) -> float:
-        """True distance from the goal, m; in the plane for a ground robot."""
-        axes = 2 if self._scenario.mission.motion == "ground" else 3
-        offset = self._data.xpos[self._scene.base] - np.array(self._scenario.mission.goal)
-        return float(np.linalg.norm(offset[:axes]))
-
-    def _place(self) -> str:
-        position = self._data.xpos[self._scene.base]
-        return "(" + ", ".join(f"{value:.2f}" for value in position) + ")"
-
     def _now_ns(self) -> int:
         return round(float(self._data.time) * 1e9)
 
@@ -507,15 +394,5 @@ def _delay(config: LatencyConfig, stages: pb.StageLatency) -> float:
     return math.ceil(measured) * 1e-3
 
 
-def _decision_period(scenario: Scenario) -> float:
-    """Decisions follow the first sensor's rate, s."""
-    return 1.0 / scenario.scene.casters[0].mount.device.rate
-
-
 def _steps_a_decision(scenario: Scenario) -> int:
-    return round(_decision_period(scenario) / float(scenario.scene.model.opt.timestep))
-
-
-def _spread(positions: list[np.ndarray]) -> float:
-    points = np.array(positions)
-    return float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+    return round(decision_period(scenario) / float(scenario.scene.model.opt.timestep))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.config import Config, to_json
-from harness.episode import Episode, Observer, Result, arrival_ns, settle_log
+from harness.episode import Episode, Observer, arrival_ns, settle_log
 from harness.errors import InputError
 from harness.inputs import beams_from_info
 from harness.log import LogWriter
@@ -15,6 +15,7 @@ from harness.log_copy import time_of, topic_of
 from harness.navigator import Navigator
 from harness.reader import BEFORE, Log, open_log, read_messages
 from harness.rebuild import rebuild
+from harness.result import Result
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
 from harness.twin import Twin

@@ -196,3 +196,8 @@ def _mission(world: World, spec: RobotSpec, start: Point, goal: Point) -> Missio
         start_heading=world.start_heading,
         goal=goal,
     )
+
+
+def decision_period(scenario: Scenario) -> float:
+    """Decisions follow the first sensor's rate, s."""
+    return 1.0 / scenario.scene.casters[0].mount.device.rate

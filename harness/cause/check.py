@@ -19,7 +19,7 @@ from harness.cause.case import Case, Moment, read_case
 from harness.cause.finding import Finding
 from harness.cause.grids import true_occupancy
 from harness.config import Config, LatencyConfig, to_json
-from harness.episode import Episode, Result
+from harness.episode import Episode
 from harness.errors import InputError
 from harness.fork import Past, live_through
 from harness.inputs import Inputs
@@ -27,6 +27,7 @@ from harness.log import LogWriter
 from harness.navigator import Navigator, build_navigator
 from harness.reader import Log
 from harness.rebuild import rebuild
+from harness.result import Result
 from maps import Representation
 from models.beams import NO_RETURN
 from models.odometry import OdometryConfig

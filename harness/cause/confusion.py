@@ -13,7 +13,8 @@ from rich.table import Table
 
 from harness.cause.finding import CAUSES
 from harness.cause.planted import plant
-from harness.episode import Result, run_episode
+from harness.episode import run_episode
+from harness.result import Result
 
 Matrix = Counter[tuple[str, str]]
 """How often each planted cause (first) was found as which (second)."""

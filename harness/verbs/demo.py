@@ -16,8 +16,8 @@ from harness.verbs.run import episode_name, run_one
 from harness.verbs.verb import Document, Verb, add_log_folder
 
 if TYPE_CHECKING:
-    from harness.episode import Result
     from harness.replay import Replay
+    from harness.result import Result
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:

@@ -19,7 +19,7 @@ from harness.perturbations import perturbation_from
 from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
-    from harness.episode import Result
+    from harness.result import Result
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:

@@ -3,7 +3,7 @@ import pytest
 
 from harness.bench_episodes import DELAYS, POLICIES, Arm, Trial, _row, _unknown_in
 from harness.config import Config, override
-from harness.episode import Result
+from harness.result import Result
 from maps import MAPS, MapConfig
 
 

@@ -15,11 +15,12 @@ from harness.benchmarks.trials import Finished, Trial, run_trial
 from harness.benchmarks.voxel_search import SQRT2, SQRT3, VoxelSearch, _length, _search
 from harness.cli import main
 from harness.config import Config, override
-from harness.episode import Result, run_episode
+from harness.episode import run_episode
 from harness.errors import InputError
 from harness.reader import open_log
 from harness.rebuild import rebuild
 from harness.replay import replay
+from harness.result import Result
 from harness.scenario import build
 from models.imports import ImportOptions
 

@@ -1,0 +1,98 @@
+"""What ends an episode, by the simulator's truth."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.result import Outcome
+from harness.scenario import Scenario, decision_period
+from harness.schema import wayproof_pb2 as pb
+from models.truth import Truth
+
+Verdict = tuple[Outcome, str]
+"""An outcome and why."""
+
+STUCK_RADIUS = 0.3
+"""Less movement than this within `episode.stuck_after` is no movement, m."""
+
+LYING = 0.5
+"""A walking robot whose base is below this share of its standing height has fallen."""
+
+
+class Judge:
+    """Holds one episode's decisions and physics against its goal, its limits and the truth."""
+
+    def __init__(self, scenario: Scenario, data: mujoco.MjData, truth: Truth) -> None:
+        """Watch what is simulated in `data`."""
+        self._scenario = scenario
+        self._data = data
+        self._truth = truth
+        self._base = scenario.scene.base
+        self._least_uprightness = math.cos(scenario.spec.max_tilt)
+
+    def of_decision(
+        self, decision: pb.Decision, positions: Sequence[NDArray[np.float64]]
+    ) -> Verdict | None:
+        """What the decision ends: the goal it claims is checked against the truth.
+
+        Args:
+            decision: The newest.
+            positions: (3,) true, of the base, at every decision so far, m.
+        """
+        config = self._scenario.config.episode
+        if decision.action == "abort":
+            return "aborted", decision.reason
+        distance = self.goal_distance()
+        if decision.action == "goal":
+            if distance <= config.goal_tolerance:
+                return "success", decision.reason
+            return "aborted", f"claimed the goal from {distance:.2f} m away"
+        if self._data.time >= config.time_limit:
+            return "timeout", f"{distance:.2f} m from the goal after {config.time_limit:g} s"
+        window = round(config.stuck_after / decision_period(self._scenario))
+        recent = positions[-window:]
+        if len(recent) == window and _spread(recent) < STUCK_RADIUS:
+            return "stuck", f"less than {STUCK_RADIUS} m of movement in {config.stuck_after:g} s"
+        return None
+
+    def of_physics(self) -> Verdict | None:
+        """What a physics step ends; called at each, so it compares plain floats."""
+        mission, truth = self._scenario.mission, self._truth
+        if truth.collisions:
+            return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
+        if truth.struck:
+            return "collision", f"was hit by {truth.touched} while at rest at {self._place()}"
+        if not truth.uprightness(self._data) > self._least_uprightness:
+            return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"
+        position = self._data.xpos[self._base].tolist()
+        spec = self._scenario.spec
+        if spec.motion == "ground" and position[2] < LYING * spec.rest_height:
+            return "fall", f"lies on the floor at {self._place()}"
+        if not all(map(operator.le, mission.low, position)) or not all(
+            map(operator.le, position, mission.high)
+        ):
+            finite = all(map(math.isfinite, position))
+            outcome: Outcome = "out_of_bounds" if finite else "error"
+            return outcome, f"left the geofence at {self._place()}"
+        return None
+
+    def goal_distance(self) -> float:
+        """True distance from the goal, m; in the plane for a ground robot."""
+        axes = 2 if self._scenario.mission.motion == "ground" else 3
+        offset = self._data.xpos[self._base] - np.array(self._scenario.mission.goal)
+        return float(np.linalg.norm(offset[:axes]))
+
+    def _place(self) -> str:
+        position = self._data.xpos[self._base]
+        return "(" + ", ".join(f"{value:.2f}" for value in position) + ")"
+
+
+def _spread(positions: Sequence[NDArray[np.float64]]) -> float:
+    points = np.array(positions)
+    return float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))

@@ -1,0 +1,63 @@
+"""An episode's verdict and figures."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+Outcome = Literal[
+    "success", "collision", "fall", "timeout", "stuck", "out_of_bounds", "aborted", "error"
+]
+
+
+@dataclass(frozen=True)
+class Result:
+    """An episode's verdict and figures.
+
+    Attributes:
+        outcome: How it ended, by the simulator's truth.
+        reason: In words.
+        goal_distance_m: True distance from the goal at the end.
+        sim_time_s: Simulated time.
+        wall_time_s: Time that it took, compilation apart.
+        decisions: Number of decisions.
+        collisions: How often the robot started to touch something but the floor.
+        struck: How often something that moves ran into the robot at rest.
+        min_clearance_m: Least true distance to anything but the floor, at decision times.
+        path_length_m: Distance travelled.
+        route_length_m: Length of the shortest way by the truth; None if there is none.
+        deadline_misses: Decisions past their deadline.
+        chain: Hash over all decisions.
+        log: The log's path.
+        log_mb_per_min: Size of the log for each simulated minute, MB.
+        cause: Of a failure, see `harness.cause`; empty for a success.
+        cause_evidence: For it, in words.
+        cause_decision: Number of the last decision that could have done otherwise; -1 if none.
+        contact: What was touched and where, m; empty for nothing.
+    """
+
+    outcome: Outcome
+    reason: str
+    goal_distance_m: float
+    sim_time_s: float
+    wall_time_s: float
+    decisions: int
+    collisions: int
+    struck: int
+    min_clearance_m: float
+    path_length_m: float
+    route_length_m: float | None
+    deadline_misses: int
+    chain: str
+    log: str
+    log_mb_per_min: float = 0.0
+    cause: str = ""
+    cause_evidence: str = ""
+    cause_decision: int = -1
+    contact: str = ""
+
+    def to_metadata(self) -> dict[str, str]:
+        """The result as the log states it: all but the log's place, its size and wall time."""
+        apart = ("log", "log_mb_per_min", "wall_time_s")
+        fields = {k: v for k, v in asdict(self).items() if k not in apart}
+        return {name: str(value) for name, value in fields.items()}
