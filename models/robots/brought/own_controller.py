@@ -27,10 +27,14 @@ def kept_mjcf(source: Source, spec: SpecFile) -> str:
     if spec.motion == "ground" and spec.stance is None:
         raise Unusable("stance: got none, expected the base's height in standing, m")
     tree = free(mujoco.MjSpec.from_file(str(source.path)), spec.base)
-    tree.compile()  # gives every element its id
+    tree.compile()
+    root = source.model.body_rootid
+    bodies = [(body, body.id) for body in tree.bodies if root[body.id] == source.base]
+    owner = source.model.geom_bodyid  # ids move once anything is deleted: they are read before
+    geoms = [(geom, geom.id) for geom in tree.geoms if root[owner[geom.id]] == source.base]
+    _state_masses(bodies, source)
+    _keep_what_collides(tree, geoms, source)
     _keep_only(tree, source)
-    _state_masses(tree, source)
-    _keep_what_collides(tree, source)
     base = tree.body(spec.base)
     for sensor, mount in zip(spec.sensors, spec.mounts(), strict=True):
         if isinstance(mount.device, Rangefinder):
@@ -80,22 +84,21 @@ def _keep_only(tree: Any, source: Source) -> None:
         tree.delete(element)
 
 
-def _state_masses(tree: Any, source: Source) -> None:
+def _state_masses(bodies: list[tuple[Any, int]], source: Source) -> None:
     """Write masses down, so that leaving geoms out does not change them."""
     model = source.model
-    for body in tree.bodies:
-        if body.id > 0 and model.body_mass[body.id] > 0.0:
+    for body, index in bodies:
+        if model.body_mass[index] > 0.0:
             body.explicitinertial = True
-            body.mass = model.body_mass[body.id]
-            body.ipos, body.iquat = model.body_ipos[body.id], model.body_iquat[body.id]
-            body.inertia = model.body_inertia[body.id]
+            body.mass = model.body_mass[index]
+            body.ipos, body.iquat = model.body_ipos[index], model.body_iquat[index]
+            body.inertia = model.body_inertia[index]
             body.fullinertia = np.full(6, np.nan)
 
 
-def _keep_what_collides(tree: Any, source: Source) -> None:
+def _keep_what_collides(tree: Any, geoms: list[tuple[Any, int]], source: Source) -> None:
     model, used = source.model, set()
-    for geom in list(tree.geoms):
-        index = geom.id
+    for geom, index in geoms:
         if not model.geom_contype[index] | model.geom_conaffinity[index]:
             tree.delete(geom)
             continue
