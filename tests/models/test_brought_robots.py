@@ -169,6 +169,48 @@ def test_the_name_tells_the_spec_and_the_body(tmp_path):
     assert brought(tmp_path, SPEC.replace("0.8", "0.7"), "hound", hound()).identity != one
 
 
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 0.2) for y in (0, 0.1) for z in (0, 0.1))
+CUBE += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
+
+
+@pytest.mark.parametrize("controller", ["trot", "any:Thing"])
+def test_meshes_that_collide_are_in_the_text_and_others_are_not(tmp_path, controller):
+    (tmp_path / "cube.obj").write_text(CUBE)
+    body = hound().replace(
+        "<worldbody>",
+        '<asset><mesh name="cube" file="cube.obj"/></asset><worldbody>', 1
+    ).replace(
+        "<freejoint/>",
+        """<freejoint/>
+        <geom name="pack" type="mesh" mesh="cube" pos="-0.1 -0.05 0.07" euler="0 0 0.2" mass="1"/>
+        <geom type="mesh" mesh="cube" contype="0" conaffinity="0" mass="0"/>""",
+    )  # fmt: skip
+    spec = SPEC
+    if controller != "trot":
+        spec = SPEC.replace('"trot"', f'"{controller}"\nmotion = "ground"\nstance = 0.31')
+    text = brought(tmp_path, spec, "hound", body).mjcf()
+    assert "file" not in text
+    given = mujoco.MjModel.from_xml_path(str(tmp_path / "hound.xml"))
+    model = mujoco.MjModel.from_xml_string(text)
+    assert model.nmesh == 1
+    assert model.body_mass.sum() == pytest.approx(given.body_mass.sum())
+    theirs, ours = mujoco.MjData(given), mujoco.MjData(model)
+    mujoco.mj_kinematics(given, theirs)
+    mujoco.mj_kinematics(model, ours)
+    mesh = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0])
+    pack = given.geom("pack").id
+    shift = ours.xpos[1] - theirs.xpos[given.body("torso").id]
+    if controller == "trot":
+        shift = shift - [0.03, 0.0, 0.02]  # the base is in the middle of the hips
+    corners = {}
+    for key, m, d, geom in (("given", given, theirs, pack), ("ours", model, ours, mesh)):
+        first, count = m.mesh_vertadr[m.geom_dataid[geom]], m.mesh_vertnum[m.geom_dataid[geom]]
+        points = m.mesh_vert[first : first + count] @ d.geom_xmat[geom].reshape(3, 3).T
+        points = points + d.geom_xpos[geom] - (shift if key == "ours" else 0.0)
+        corners[key] = points[np.lexsort(points.round(4).T)]
+    np.testing.assert_allclose(corners["ours"], corners["given"], atol=1e-5)
+
+
 BAD_SPECS = [
     ("radius = 0.4", "radius = 0.2", "radius: got 0.2 m, but the body reaches 0."),
     ("height = 0.4", "height = 0.2", "height: got 0.2 m, but the body reaches 0."),

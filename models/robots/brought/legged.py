@@ -154,7 +154,11 @@ def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Par
     return parameters._replace(
         geometry=geometry,
         actuators=Actuators((torque[0], torque[1], torque[2]), speed),
-        gait=parameters.gait._replace(height=height, capture_time=sqrt(height / GRAVITY)),
+        gait=parameters.gait._replace(
+            height=height,
+            swing_height=spec.swing_height or parameters.gait.swing_height,
+            capture_time=sqrt(height / GRAVITY),
+        ),
     )
 
 

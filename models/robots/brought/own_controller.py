@@ -86,18 +86,19 @@ def _keep_only(tree: Any, source: Source) -> None:
 
 def _state_masses(bodies: list[tuple[Any, int]], source: Source) -> None:
     """Write masses down, so that leaving geoms out does not change them."""
-    model = source.model
+    model, blank = source.model, mujoco.MjSpec().worldbody
     for body, index in bodies:
         if model.body_mass[index] > 0.0:
             body.explicitinertial = True
             body.mass = model.body_mass[index]
             body.ipos, body.iquat = model.body_ipos[index], model.body_iquat[index]
             body.inertia = model.body_inertia[index]
+            body.ialt = blank.add_body().ialt
             body.fullinertia = np.full(6, np.nan)
 
 
 def _keep_what_collides(tree: Any, geoms: list[tuple[Any, int]], source: Source) -> None:
-    model, used = source.model, set()
+    model, used, blank = source.model, set(), mujoco.MjSpec().worldbody
     for geom, index in geoms:
         if not model.geom_contype[index] | model.geom_conaffinity[index]:
             tree.delete(geom)
@@ -105,9 +106,13 @@ def _keep_what_collides(tree: Any, geoms: list[tuple[Any, int]], source: Source)
         geom.group, geom.contype, geom.conaffinity, geom.material = ROBOT_GROUP, 0, 1, ""
         if model.geom_type[index] == mujoco.mjtGeom.mjGEOM_MESH:
             mesh = tree.add_mesh(name=f"hull_{index}")
-            mesh.uservert = farthest(mesh_points(model, index)).ravel()
+            R = np.empty(9)
+            mujoco.mju_quat2Mat(R, model.geom_quat[index])
+            points = farthest(mesh_points(model, index)) @ R.reshape(3, 3).T
+            mesh.uservert = (points + model.geom_pos[index]).ravel()
             geom.meshname = mesh.name
-            geom.pos, geom.quat = model.geom_pos[index], model.geom_quat[index]
+            geom.pos, geom.quat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+            geom.alt = blank.add_geom().alt  # an angle there would be taken for the quaternion
             used.add(mesh.name)
     for mesh in list(tree.meshes):
         if mesh.name not in used:

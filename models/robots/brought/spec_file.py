@@ -98,6 +98,7 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         sensors: In the order in which their sweeps are integrated.
         motion: Of a controller of the user's own.
         stance: Base origin above the ground in standing, m; a trotting one's is read off its legs.
+        swing_height: Of `trot`: foot clearance at mid-swing, m; else scaled by the legs' length.
         feet: Of `trot`: sphere geoms or sites, front left, front right, rear left, rear right.
         actuators: Of `trot`, if they are to be checked: hip, thigh, calf of each of the feet.
         joints: Of `trot`, in place of what the MJCF says.
@@ -116,6 +117,7 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sensors: tuple[Sensor, ...]
     motion: Literal["ground", "air"] | None = None
     stance: float | None = None
+    swing_height: float | None = None
     feet: Four | None = None
     actuators: tuple[str, ...] | None = None
     joints: Joints = Joints()
@@ -156,8 +158,9 @@ def _check_name(name: str) -> None:
 
 def _positive(spec: SpecFile) -> dict[str, float]:
     own = {"radius": spec.radius, "height": spec.height}
-    if spec.stance is not None:
-        own["stance"] = spec.stance
+    for name in ("stance", "swing_height"):
+        if getattr(spec, name) is not None:
+            own[name] = getattr(spec, name)
     names = ("speed", "acceleration", "jerk", "yaw_rate", "tilt")
     own |= {f"limits.{name}": getattr(spec.limits, name) for name in names}
     if spec.rotor is not None:
