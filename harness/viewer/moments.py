@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from harness.errors import InputError
 from harness.inputs import Beams
 from harness.mission import Mission
-from harness.navigator import build_navigator
+from harness.navigator import Navigator, build_navigator
 from harness.reader import Log, Record
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import navigator_of
+from harness.twin import guarded, navigator_of
 from maps import Costmap, Representation
 
 Array = NDArray[np.float64]
@@ -76,7 +76,11 @@ def moments(log: Log) -> Iterator[Moment]:
     navigator, beams, at = navigator_of(log), log.beams, 0
     if log.fork is not None:  # the new settings' map sees the first sweeps too, and then takes over
         navigator.carry(log.fork.beams)
-        before = build_navigator(log.fork.config, log.mission, log.fork.beams)
+        fork = log.fork
+        before = guarded(
+            "the stack before the fork",
+            lambda: build_navigator(fork.config, log.mission, fork.beams),
+        )
         at = log.fork.at
     for record in log.records():
         sequence = record.decision.sequence
@@ -84,12 +88,17 @@ def moments(log: Log) -> Iterator[Moment]:
             raise InputError(f"log '{log.path}': decision {sequence} without its truth")
         shown, its_beams = navigator, beams
         if log.fork is not None and sequence < at:
-            before.perceive(record.inputs)
+            _perceive(before, record)
             shown, its_beams = before, log.fork.beams
         elif log.fork is not None and sequence == at:
             navigator.carry(beams)
-        navigator.perceive(record.inputs)
+        _perceive(navigator, record)
         yield Moment(record, truths[sequence], its_beams, shown.map, shown.costmap)
+
+
+def _perceive(navigator: Navigator, record: Record) -> None:
+    what = f"decision {record.decision.sequence}"
+    guarded(what, lambda: navigator.perceive(record.inputs))
 
 
 def points_of(points: object) -> Array:
