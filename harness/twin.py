@@ -33,7 +33,7 @@ def navigator_of(log: Log) -> Navigator:
     Raises:
         InputError: It cannot be made with these settings.
     """
-    return _guarded("the log's stack", lambda: build_navigator(log.config, log.mission, log.beams))
+    return guarded("the log's stack", lambda: build_navigator(log.config, log.mission, log.beams))
 
 
 def recompute(navigator: Navigator, record: Record) -> pb.Decision:
@@ -42,7 +42,7 @@ def recompute(navigator: Navigator, record: Record) -> pb.Decision:
     Raises:
         InputError: The inputs are none that a decision can be made on.
     """
-    return _guarded(
+    return guarded(
         f"decision {record.decision.sequence}",
         lambda: navigator.commit(navigator.step(record.inputs), record.latency.delay_s),
     )
@@ -67,11 +67,11 @@ class Twin:
         """
         self._beams = log.beams if beams is None else beams
         mission = log.mission
-        self.recorded = _guarded(
+        self.recorded = guarded(
             "the recorded stack", lambda: build_navigator(recorded, mission, self._beams)
         )
         mission = changed_mission(log.mission, recorded, changed)
-        self.changed = _guarded(
+        self.changed = guarded(
             "the changed stack", lambda: build_navigator(changed, mission, self._beams)
         )
         self._delay = _changed_delay(recorded, changed)
@@ -135,7 +135,7 @@ def _layer(navigator: Navigator) -> float:
     return float(costmap.origin[2] + 0.5 * costmap.resolution)
 
 
-def _guarded(what: str, make: Callable[[], T]) -> T:
+def guarded(what: str, make: Callable[[], T]) -> T:
     """Turn what a stranger's settings or inputs break, deep in the stack, into one line."""
     try:
         return make()

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import InputError
+from harness.inputs import Beams
 from harness.mission import Mission
-from harness.navigator import Navigator
+from harness.navigator import Navigator, build_navigator
 from harness.reader import Log, Record
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import navigator_of
+from harness.twin import guarded, navigator_of
 from maps import Costmap, Representation
 
 Array = NDArray[np.float64]
@@ -26,16 +27,16 @@ class Moment:
     """One decision and what was known when it was made.
 
     Attributes:
-        log: The log that it stands in.
         record: Inputs, delay and decision as they are logged.
         truth: The simulator's, at the same time.
+        beams: Geometry of its sensors, by name.
         map: The map that the decision rests on; it changes with the next moment.
         costmap: Likewise.
     """
 
-    log: Log
     record: Record
     truth: pb.Truth
+    beams: Mapping[str, Beams]
     map: Representation
     costmap: Costmap
 
@@ -54,7 +55,7 @@ class Moment:
         inputs = self.record.inputs
         ends = []
         for sweep in inputs.sweeps:
-            placed = self.log.beams[sweep.sensor].place(sweep, inputs.pose, inputs.sequence)
+            placed = self.beams[sweep.sensor].place(sweep, inputs.pose, inputs.sequence)
             met = np.flatnonzero((placed.ranges_mm > 0) & (placed.ranges_mm < NO_RETURN_MM))
             share = max(most // len(inputs.sweeps), 1)
             met = met[:: -(-len(met) // share) or 1]
@@ -72,19 +73,32 @@ def moments(log: Log) -> Iterator[Moment]:
         InputError: The log is damaged, or its sweeps were left out.
     """
     truths = {truth.sequence: truth for truth in log.truth()}
-    if log.fork is not None:
-        raise InputError(f"log '{log.path}': forked, its first maps had other settings")
-    navigator = navigator_of(log)
+    navigator, beams, at = navigator_of(log), log.beams, 0
+    if log.fork is not None:  # the new settings' map sees the first sweeps too, and then takes over
+        navigator.carry(log.fork.beams)
+        fork = log.fork
+        before = guarded(
+            "the stack before the fork",
+            lambda: build_navigator(fork.config, log.mission, fork.beams),
+        )
+        at = log.fork.at
     for record in log.records():
-        yield _moment(log, navigator, record, truths)
+        sequence = record.decision.sequence
+        if sequence not in truths:
+            raise InputError(f"log '{log.path}': decision {sequence} without its truth")
+        shown, its_beams = navigator, beams
+        if log.fork is not None and sequence < at:
+            _perceive(before, record)
+            shown, its_beams = before, log.fork.beams
+        elif log.fork is not None and sequence == at:
+            navigator.carry(beams)
+        _perceive(navigator, record)
+        yield Moment(record, truths[sequence], its_beams, shown.map, shown.costmap)
 
 
-def _moment(log: Log, navigator: Navigator, record: Record, truths: dict[int, pb.Truth]) -> Moment:
-    sequence = record.decision.sequence
-    if sequence not in truths:
-        raise InputError(f"log '{log.path}': decision {sequence} without its truth")
-    navigator.perceive(record.inputs)
-    return Moment(log, record, truths[sequence], navigator.map, navigator.costmap)
+def _perceive(navigator: Navigator, record: Record) -> None:
+    what = f"decision {record.decision.sequence}"
+    guarded(what, lambda: navigator.perceive(record.inputs))
 
 
 def points_of(points: object) -> Array:

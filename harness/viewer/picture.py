@@ -22,6 +22,7 @@ from harness.reader import Log, open_log
 from harness.rebuild import rebuild
 from harness.scenario import Scenario
 from harness.state import Simulation, restore_parts
+from harness.twin import guarded
 from harness.viewer.boxes import flat_boxes, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
 from harness.viewer.moments import Moment, moments, points_of, standing_low
@@ -193,7 +194,7 @@ def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = Fal
             stage.follow(moment)
             count += 1
             if moment.decision.sequence == sequence:
-                _write(out, [stage.draw(moment)], 0)
+                _write(out, [drawn(stage, moment)], 0)
                 return
     raise InputError(f"log '{path}': no decision {sequence}, expected 0 to {count - 1}")
 
@@ -212,9 +213,16 @@ def draw_animation(path: Path, out: Path, period_s: float, allow_plugins: bool =
             stage.follow(moment)
             if moment.time_ns >= next_ns:
                 next_ns = moment.time_ns + round(period_s * 1e9) - 1
-                frames.append(stage.draw(moment).quantize(64, dither=Image.Dither.NONE))
+                frames.append(drawn(stage, moment).quantize(64, dither=Image.Dither.NONE))
+    if not frames:
+        raise InputError(f"log '{path}': no decisions in it")
     _write(out, frames, round(period_s * 1e3))
     return len(frames)
+
+
+def drawn(stage: Stage, moment: Moment) -> Image.Image:
+    """One moment; what a stranger's log breaks is told in a line."""
+    return guarded(f"decision {moment.decision.sequence}", lambda: stage.draw(moment))
 
 
 def _write(out: Path, frames: list[Image.Image], period_ms: int) -> None:

@@ -110,11 +110,11 @@ def show_log(stream: rr.RecordingStream, log: Log, root: str) -> int:
             )
         if now - cells_ns >= CELLS_PERIOD_NS:
             cells_ns = now
-            _show_cells(stream, moment, tiles, root)
+            _show_cells(stream, log, moment, tiles, root)
         plots.add(moment)
     if moment is None:
         return 0
-    _show_cells(stream, moment, tiles, root)
+    _show_cells(stream, log, moment, tiles, root)
     _show_end(stream, log, moment, root)
     plots.send(stream, root)
     return len(plots.times)
@@ -197,9 +197,11 @@ def _show_layer(
     return told
 
 
-def _show_cells(stream: rr.RecordingStream, moment: Moment, tiles: Tiles, root: str) -> None:
-    top = max(moment.log.mission.high[2], 1.0)
-    half = 0.5 * moment.log.config.map.resolution
+def _show_cells(
+    stream: rr.RecordingStream, log: Log, moment: Moment, tiles: Tiles, root: str
+) -> None:
+    top = max(log.mission.high[2], 1.0)
+    half = 0.5 * moment.map.resolution
     for name, centres in tiles.changed(moment.map):
         shade = (50 + 170 * np.clip(centres[:, 2] / top, 0.0, 1.0)).astype(np.uint8)
         colours = np.stack([shade // 2, shade, 255 - shade // 2], axis=1)

@@ -21,6 +21,10 @@ from harness.viewer.rerun_log import show_log
 ROOTS = ("log", "other")
 
 
+LONGEST_FLUSH = 30.0
+"""In which a viewer or a disk must have taken what is on its way, s."""
+
+
 @dataclass(frozen=True)
 class View:
     """What was shown.
@@ -57,15 +61,14 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
     partial = None if saved is None else saved.with_name(f"{saved.name}.partial")
     if partial is None:
         _check_display()
-        rr.spawn(connect=False, executable_path=_viewer())
-        stream.connect_grpc(default_blueprint=layout(logs))
+        rr.spawn(executable_path=_viewer(), default_blueprint=layout(logs), recording=stream)
     else:
         check_folder(partial.parent)
         partial.parent.mkdir(parents=True, exist_ok=True)
         stream.save(partial, default_blueprint=layout(logs))
     try:
         decisions = tuple(show_log(stream, log, root) for root, log in logs.items())
-        stream.flush()
+        _flush(stream)
         stream.disconnect()
     except BaseException:
         if partial is not None:
@@ -79,6 +82,14 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
     wall = time.perf_counter() - began
     told = None if saved is None else str(saved)
     return View(tuple(str(path) for path in paths), decisions, told, size, wall)
+
+
+def _flush(stream: rr.RecordingStream) -> None:
+    try:
+        stream.flush(timeout_sec=LONGEST_FLUSH)
+    except Exception as error:  # Rerun's own type has no public name
+        line = " ".join(str(error).split())[:200]
+        raise InputError(f"the viewer does not take the recording: {line}") from None
 
 
 def _viewer() -> str | None:

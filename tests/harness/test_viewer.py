@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from harness.cli import main
+from harness.fork import fork
 from harness.reader import open_log
 from harness.viewer.boxes import runs, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
@@ -98,11 +99,23 @@ def test_each_moment_has_the_map_that_its_decision_names(log):
     assert seen == int(open_log(log).result["decisions"])
 
 
+def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
+    forked = tmp_path / "fork.mcap"
+    fork(log, 6, ["map.inflation_margin=0.2", "episode.time_limit=2"], forked)
+    radii = []
+    for moment in moments(open_log(forked)):
+        assert moment.map.version() == moment.decision.map_version
+        assert moment.costmap.inflation_radius == moment.decision.inflation_radius_m
+        radii.append(moment.costmap.inflation_radius)
+    assert len(set(radii[:6])) == len(set(radii[6:])) == 1
+    assert radii[6] > radii[5]
+
+
 def test_hits_lie_on_what_is_there_and_are_thinned(log):
     moment = next(moments(open_log(log)))
     hits = moment.hits(100)
     assert 20 < len(hits) <= 100 + len(moment.record.inputs.sweeps)
-    mission = moment.log.mission
+    mission = open_log(log).mission
     low, high = np.array(mission.low) - 0.3, np.array(mission.high) + 0.3
     assert ((hits[:, :2] >= low[:2]) & (hits[:, :2] <= high[:2])).all()
 
