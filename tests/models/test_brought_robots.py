@@ -226,6 +226,7 @@ BAD_SPECS = [
     ("speed = 0.8", "speed = 0", "limits.speed: got 0, expected above 0"),
     ("speed = 0.8", "sped = 0.8", "unknown field `sped`"),
     ("radius = 0.4", "radius = ", "no TOML: "),
+    ("radius = 0.4", "radius = 0.4\nfeet = " + 5000 * "[", "no TOML: "),
     ("radius = 0.4", "radius = nan", "radius: got nan"),
     ('name = "hound"', 'name = "../../x"', "name: got '../../x'"),
     ("[limits]", 'actuators = ["roll_vl"]\n[limits]', "actuators: got 1, expected twelve"),

@@ -82,6 +82,7 @@ def rotorcraft_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) ->
     """What the geometric controller is tuned by; mass, inertia and arms off a compiled model.
 
     Raises:
+        Unusable: The spec says nothing of the rotors.
         KeyError: A name is missing.
     """
     base = model.body(prefix + "base").id
@@ -91,7 +92,8 @@ def rotorcraft_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) ->
     xx, yy, zz = np.diag(turn @ inertia @ turn.T).tolist()
     arm_x, arm_y = np.abs(model.site(prefix + ROTORS[0][0]).pos[:2]).tolist()
     gains = Gains()
-    assert spec.rotor is not None  # the spec was checked when the MJCF was written
+    if spec.rotor is None:
+        raise Unusable("rotor: got none, expected it for the controller 'geometric'")
     lead = max(gains.lag_lead, 1.0 - LAG_LEFT / spec.rotor.lag)
     airframe = _airframe(spec, float(model.body_mass[base]), (xx, yy, zz), arm_x, arm_y)
     return Parameters(airframe=airframe, gains=gains._replace(lag_lead=lead))

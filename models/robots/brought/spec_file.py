@@ -137,7 +137,7 @@ def parse_spec(text: str) -> SpecFile:
     """
     try:
         spec = msgspec.convert(tomllib.loads(text), SpecFile)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise Unusable(f"no TOML: {error}") from None
     except msgspec.ValidationError as error:
         raise Unusable(" ".join(str(error).split())) from None
