@@ -132,7 +132,7 @@ def points(path: NDArray[np.float64] | None) -> list[pb.Point]:
     """A path (n, 3) as messages; none for no path."""
     if path is None:
         return []
-    return [pb.Point(x=float(x), y=float(y), z=float(z)) for x, y, z in path]
+    return [pb.Point(x=x, y=y, z=z) for x, y, z in path.tolist()]
 
 
 def thinned(path: NDArray[np.float64] | None) -> NDArray[np.float64] | None:

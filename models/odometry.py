@@ -121,6 +121,8 @@ class Odometry:
         distance, turn = stream(seed, "odometry/scale", 0).standard_normal(2).tolist()
         self._scales = 1.0 + config.scale * distance, config.turn_scale * turn
         self._reckoned = np.zeros(4)  # x, y, z, heading
+        # A stack that localizes against a map adds up none of the errors, so there is no sum to keep.
+        self._reckons = any((config.scale, config.turn_scale, config.walk, config.turn_walk))
         draws = self._draws()
         self._bounded = self._spread(config.sigma, config.turn_sigma) * draws[1]
         self._jitter = self._spread(config.jitter, config.turn_jitter) * draws[2]
@@ -139,11 +141,12 @@ class Odometry:
         self.travelled += distance
         self._sequence += 1
         draws = self._draws()
-        believed = self._reckon(step, turn)
-        self._propagate(believed, turn * (1.0 + self._scales[1]))
-        self._reckoned += (
-            self._spread(config.walk, config.turn_walk) * math.sqrt(distance) * draws[0]
-        )
+        if self._reckons:
+            believed = self._reckon(step, turn)
+            self._propagate(believed, turn * (1.0 + self._scales[1]))
+            self._reckoned += (
+                self._spread(config.walk, config.turn_walk) * math.sqrt(distance) * draws[0]
+            )
         # Exact discrete form of a first-order Gauss-Markov process (Brown and Hwang, Introduction
         # to Random Signals and Applied Kalman Filtering, section 5.3).
         fresh = math.sqrt(1.0 - self._decay**2)
