@@ -16,8 +16,8 @@ $(READY): requirements.txt pyproject.toml
 demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay both logs.
 	$(BIN)/python -m harness demo
 
-test: $(READY)  ## Run every test.
-	$(BIN)/python -m pytest
+test: $(READY)  ## Run every test, on two cores.
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 check: $(READY)  ## Lint, format, types.
 	$(BIN)/ruff check .

@@ -121,7 +121,7 @@ class Odometry:
         distance, turn = stream(seed, "odometry/scale", 0).standard_normal(2).tolist()
         self._scales = 1.0 + config.scale * distance, config.turn_scale * turn
         self._reckoned = np.zeros(4)  # x, y, z, heading
-        # A stack that localizes against a map adds up none of the errors, so there is no sum to keep.
+        # A stack that localizes against a map adds up no errors: then there is no sum to keep.
         self._reckons = any((config.scale, config.turn_scale, config.walk, config.turn_walk))
         draws = self._draws()
         self._bounded = self._spread(config.sigma, config.turn_sigma) * draws[1]
