@@ -53,7 +53,7 @@ class Judge:
             if distance <= config.goal_tolerance:
                 return "success", decision.reason
             return "aborted", f"claimed the goal from {distance:.2f} m away"
-        if self._data.time >= config.time_limit:
+        if decision.timestamp.ToNanoseconds() * 1e-9 >= config.time_limit:
             return "timeout", f"{distance:.2f} m from the goal after {config.time_limit:g} s"
         window = round(config.stuck_after / decision_period(self._scenario))
         recent = positions[-window:]
