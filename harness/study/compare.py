@@ -13,7 +13,9 @@ from harness.study.store import Store
 from harness.study.study import StudyResult, read_rows
 
 
-def compare(before: Path, after: Path, gates: Sequence[str]) -> StudyResult:
+def compare(
+    before: Path, after: Path, gates: Sequence[str], allow_plugins: bool = False
+) -> StudyResult:
     """Hold the second folder's episodes against the first's.
 
     Raises:
@@ -21,10 +23,10 @@ def compare(before: Path, after: Path, gates: Sequence[str]) -> StudyResult:
     """
     judged = [read_gate(text) for text in gates]
     store = Store(after)
-    study = store.read_study()
+    study = store.read_study(allow_plugins)
     planned = plan_episodes(study)
-    rows = read_rows(planned, store)
-    samples = samples_between(_rows(before), rows)
+    rows = read_rows(planned, store, allow_plugins)
+    samples = samples_between(_rows(before, allow_plugins), rows)
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
     limit = max(one.config.episode.time_limit for one in planned)
@@ -38,6 +40,6 @@ def compare(before: Path, after: Path, gates: Sequence[str]) -> StudyResult:
     )
 
 
-def _rows(folder: Path) -> list[Row]:
+def _rows(folder: Path, allow_plugins: bool) -> list[Row]:
     store = Store(folder)
-    return read_rows(plan_episodes(store.read_study()), store)
+    return read_rows(plan_episodes(store.read_study(allow_plugins)), store, allow_plugins)

@@ -50,16 +50,16 @@ class Dose:
     picture: str
 
 
-def write_report(folder: Path) -> tuple[Path, StudyResult]:
+def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, StudyResult]:
     """Write `report.html` into the folder of a study.
 
     Raises:
         InputError: It is no folder of a study, holds no episode, or a log is damaged.
     """
     store = Store(folder)
-    study = store.read_study()
+    study = store.read_study(allow_plugins)
     planned = plan_episodes(study)
-    rows = read_rows(planned, store)
+    rows = read_rows(planned, store, allow_plugins)
     result = conclude(study, planned, rows)
     samples = samples_of(rows, planned[0].arm.variant)
     page = _template().render(
@@ -70,7 +70,7 @@ def write_report(folder: Path) -> tuple[Path, StudyResult]:
         doses=_doses(result.arms),
         causes=sorted({cause for one in result.arms for cause in one.causes}),
         outcomes=sorted({outcome for one in result.arms for outcome in one.outcomes}),
-        failures=_failures(samples, store),
+        failures=_failures(samples, store, allow_plugins),
         failed=sum(not row.success for row in rows),
     )
     path = folder / "report.html"
@@ -134,14 +134,14 @@ def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:
     return doses
 
 
-def _failures(samples: Sequence[Sample], store: Store) -> list[Failure]:
+def _failures(samples: Sequence[Sample], store: Store, allow_plugins: bool) -> list[Failure]:
     rows = [row for sample in samples for row in sample.rows if not row.success]
     failures = []
     for row in rows[:SHOWN_FAILURES]:
         path = store.log(row.key)
         picture = ""
         if path.is_file():
-            log = open_log(path, allow_plugins=True)
+            log = open_log(path, allow_plugins)
             picture = track(read_trace(log), log.scene, log.mission.goal)
         failures.append(Failure(row, str(Path("logs") / path.name), picture))
     return failures

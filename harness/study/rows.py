@@ -52,7 +52,7 @@ class Row:
         return self.outcome == "success"
 
 
-def read_row(store: Store, planned: Planned, key: str) -> Row | None:
+def read_row(store: Store, planned: Planned, key: str, allow_plugins: bool) -> Row | None:
     """The row of an episode that has ended, or none.
 
     Raises:
@@ -65,7 +65,7 @@ def read_row(store: Store, planned: Planned, key: str) -> Row | None:
         return Row(key, planned.arm, planned.seed, "error", error, "", "", 0.0, metrics, ())
     if not path.is_file():
         return None
-    log = open_log(path, allow_plugins=True)
+    log = open_log(path, allow_plugins)
     return Row(
         key=key,
         arm=planned.arm,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 
+from harness.config import PLUGIN
 from harness.errors import InputError
 from harness.reader import open_log
 from harness.study.file import StudyFile
@@ -93,27 +94,34 @@ class Store:
         draft.write_bytes(msgspec.json.format(msgspec.json.encode(study), indent=1) + b"\n")
         draft.replace(self.study)
 
-    def read_study(self) -> StudyFile:
+    def read_study(self, allow_plugins: bool = False) -> StudyFile:
         """What the folder is a study of.
 
         Raises:
-            InputError: It is no folder of a study.
+            InputError: It is no folder of a study, or it names code that is not allowed.
         """
         try:
-            return msgspec.json.decode(self.study.read_bytes(), type=StudyFile)
+            study = msgspec.json.decode(self.study.read_bytes(), type=StudyFile)
         except (OSError, msgspec.DecodeError):
             raise InputError(f"'{self.folder}': no folder of a study (no study.json)") from None
+        named = [study.settings.get("planner.name"), *study.axes.get("planner.name", [])]
+        if not allow_plugins and any(PLUGIN in str(name) for name in named):
+            raise InputError(
+                f"'{self.folder}': its study names a planner outside Wayproof; "
+                "expected --allow-plugins to load it"
+            )
+        return study
 
 
-def merge(target: Store, sources: Sequence[Path]) -> int:
+def merge(target: Store, sources: Sequence[Path], allow_plugins: bool = False) -> int:
     """Copy the episodes of other folders of the same study into one.
 
     Returns:
         How many were new.
 
     Raises:
-        InputError: A folder is none of a study, or two hold different results for one key; then
-            nothing has been copied.
+        InputError: A folder is none of a study, a log is damaged or names code that is not allowed,
+            or two hold different results for one key; then nothing has been copied.
     """
     found: dict[str, Path] = {path.stem: path for path in target.logs.glob("*.mcap")}
     new: dict[str, Path] = {}
@@ -123,8 +131,9 @@ def merge(target: Store, sources: Sequence[Path]) -> int:
         for path in sorted((folder / "logs").glob("*.mcap")):
             known = found.setdefault(path.stem, path)
             if known is path:
+                _chain(path, allow_plugins)  # whole, and naming no code that is not allowed
                 new[path.stem] = path
-            elif _chain(known) != _chain(path):
+            elif _chain(known, True) != _chain(path, allow_plugins):
                 raise InputError(
                     f"episode {path.stem} has two different results: '{known}' and '{path}'"
                 )
@@ -135,5 +144,5 @@ def merge(target: Store, sources: Sequence[Path]) -> int:
     return len(new)
 
 
-def _chain(path: Path) -> str:
-    return open_log(path, allow_plugins=True).result["chain"]
+def _chain(path: Path, allow_plugins: bool) -> str:
+    return open_log(path, allow_plugins).result["chain"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.verbs.study import print_study
-from harness.verbs.verb import Document, Verb
+from harness.verbs.verb import Document, Verb, add_plugins
 
 DEFAULT_GATES = ("success.drop <= 0", "collisions.rise <= 0")
 
@@ -18,7 +18,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Compare two folders of one study; exit code 1 where a gate fails."""
     from harness.study.compare import compare
 
-    result = compare(options.before, options.after, options.gate or DEFAULT_GATES)
+    result = compare(
+        options.before, options.after, options.gate or DEFAULT_GATES, options.allow_plugins
+    )
     print_study(console, result)
     return result.exit_code, asdict(result)
 
@@ -32,6 +34,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="GATE",
         help=f"what B must keep against A, repeatable; by default {' and '.join(DEFAULT_GATES)}",
     )
+    add_plugins(parser)
 
 
 VERB = Verb(

@@ -8,20 +8,21 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.verbs.verb import Document, Verb
+from harness.verbs.verb import Document, Verb, add_plugins
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write the report of a study's folder."""
     from harness.study.report import verdict_sentence, write_report
 
-    path, result = write_report(options.folder)
+    path, result = write_report(options.folder, options.allow_plugins)
     console.print(f"{verdict_sentence(result)}\n{path}", highlight=False, soft_wrap=True)
     return result.exit_code, {**asdict(result), "report": str(path)}
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="FOLDER", type=Path, help="of a study")
+    add_plugins(parser)
 
 
 VERB = Verb(

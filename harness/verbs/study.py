@@ -20,7 +20,7 @@ from rich.progress import (
 )
 
 from harness.errors import InputError, unknown_name
-from harness.verbs.verb import LOGS, Document, Verb
+from harness.verbs.verb import LOGS, Document, Verb, add_plugins
 
 if TYPE_CHECKING:
     from harness.study.analysis import ArmSummary
@@ -46,7 +46,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     store = Store(options.out or LOGS / study.name)
     if options.merge:
         with store.open():
-            console.print(f"{merge(store, options.merge)} episodes copied to {store.folder}")
+            console.print(
+                f"{merge(store, options.merge, options.allow_plugins)} episodes copied to {store.folder}"
+            )
     if options.retry_errors:
         store.forget_errors()
     engine = _engine(options, study.bounds)
@@ -159,6 +161,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--retry-errors", action="store_true", help="run episodes in error again")
     parser.add_argument("--engine", default="processes", help=f"one of {', '.join(ENGINES)}")
+    add_plugins(parser)
     parser.add_argument("--address", metavar="HOST:PORT", help="of a running Ray cluster")
 
 

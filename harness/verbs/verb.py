@@ -36,10 +36,15 @@ class Verb:
 def add_log_paths(parser: argparse.ArgumentParser) -> None:
     """One or more logs, and leave to run code that they name."""
     parser.add_argument("log", metavar="LOG", type=Path, nargs="+")
+    add_plugins(parser)
+
+
+def add_plugins(parser: argparse.ArgumentParser) -> None:
+    """Leave to run code that logs name."""
     parser.add_argument(
         "--allow-plugins",
         action="store_true",
-        help="import the planner that a log names as module:Class",
+        help="import the planner or controller that a log names as module:Class",
     )
 
 

@@ -254,3 +254,15 @@ def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None
     assert sorted(path.name for path in logs.glob("*.mcap")) == left  # nobody writes any more
     assert 1 <= len(left)
     assert run(tmp_path).missing == 0
+
+
+def test_a_strangers_folder_loads_no_code(tmp_path: Path) -> None:
+    """A page or a comparison of it would import what its study names."""
+    study = read_study(
+        written(tmp_path, SHORT.replace("[axes]", '"planner.name" = "os:abort"\n[axes]'))
+    )
+    store = Store(tmp_path)
+    store.keep_study(study)
+    with pytest.raises(InputError, match="expected --allow-plugins"):
+        store.read_study()
+    assert store.read_study(allow_plugins=True) == study
