@@ -46,9 +46,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     store = Store(options.out or LOGS / study.name)
     if options.merge:
         with store.open():
-            console.print(
-                f"{merge(store, options.merge, options.allow_plugins)} episodes copied to {store.folder}"
-            )
+            copied = merge(store, options.merge, options.allow_plugins)
+        console.print(f"{copied} episodes copied to {store.folder}")
     if options.retry_errors:
         store.forget_errors()
     engine = _engine(options, study.bounds)
