@@ -116,12 +116,12 @@ def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
     """The trajectory as it is logged: its path, and its profile sampled to its end."""
     count = int(np.ceil(trajectory.duration_s / SAMPLE_PERIOD)) + 1
     period_ns = round(SAMPLE_PERIOD * 1e9)
-    samples = [trajectory.at(trajectory.start_ns + k * period_ns) for k in range(count)]
+    times = period_ns * np.arange(count) * 1e-9
     message = pb.Trajectory(
         duration_s=trajectory.duration_s,
         path=points(trajectory.path),
-        arc_length=[round(sample.arc_length / GRAIN) * GRAIN for sample in samples],
-        heading=[round(sample.heading / GRAIN) * GRAIN for sample in samples],
+        arc_length=_in_grains(trajectory.motion.positions(times)).tolist(),
+        heading=_in_grains(trajectory.turning.positions(times)).tolist(),
         sample_period_s=SAMPLE_PERIOD,
     )
     message.start.FromNanoseconds(trajectory.start_ns)
@@ -137,4 +137,8 @@ def points(path: NDArray[np.float64] | None) -> list[pb.Point]:
 
 def thinned(path: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
     """Every fifth point of a path and its last, in grains: enough to see where a guide leads."""
-    return None if path is None else np.rint(np.vstack([path[:-1:5], path[-1]]) / GRAIN) * GRAIN
+    return None if path is None else _in_grains(np.vstack([path[:-1:5], path[-1]]))
+
+
+def _in_grains(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.rint(values / GRAIN) * GRAIN + 0.0  # no negative zeros

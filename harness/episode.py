@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from harness.ahead import Ahead
 from harness.cause import Case, Contact, Moment, find_cause
 from harness.cause.touch import touched
 from harness.cause.true_space import TrueSpace
@@ -116,6 +117,7 @@ class Episode:
         # Poses of the base before each physics step of one decision period, for rolling shutters.
         self._steps: deque[np.ndarray] = deque(maxlen=_steps_a_decision(scenario))
         timestep, steps = float(scene.model.opt.timestep), _steps_a_decision(scenario)
+        self._ahead = Ahead(round(timestep * 1e9), steps)
         self._estimate = Estimate(scenario.config, timestep, steps, start, heading)
         self._interference = Interference(scenario.config, scene)
         sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
@@ -133,6 +135,7 @@ class Episode:
             self.parts["traffic"] = self._traffic
         if any(caster.table.moments > 1 for caster in scene.casters):
             self.parts["steps"] = StepPoses(self._steps)
+        self._asked: list[bytes] = []  # of the body since the last decision
         self.delays: dict[int, float] = {}  # by sequence, in place of what is measured
         self._sequence = 0
         self._misses = 0
@@ -184,6 +187,8 @@ class Episode:
     def _decide(self) -> pb.Decision:
         """Sense, decide and log; the trajectory takes effect when its start time comes."""
         time_ns = self._now_ns()
+        self._streams.update(CONTROL, b"".join(self._asked))
+        self._asked.clear()
         mujoco.mj_kinematics(self._scene.model, self._data)
         sweeps, pose, sense_ms = self._sense(time_ns)
         inputs = inputs_from_messages(pose, sweeps)
@@ -305,9 +310,9 @@ class Episode:
             self._following = self._on_the_way.popleft()[1]
         pose = self._data.qpos[self._base_coordinates].copy()
         self._estimate.advance(now_ns, pose[:3], pose[3:])
-        setpoint = self._estimate.setpoint(self._following.at(now_ns), pose[:3])
-        self._streams.update(CONTROL, setpoint.position.tobytes())
-        self._streams.update(CONTROL, struct.pack("<d", setpoint.heading))
+        planned = self._ahead.at(self._following, now_ns)
+        setpoint = self._estimate.setpoint(planned, pose[:3])
+        self._asked.append(setpoint.position.tobytes() + struct.pack("<d", setpoint.heading))
         self._scene.controller.follow(self._data, setpoint)
         self._steps.append(pose)
         self._estimate.remember()

@@ -27,7 +27,6 @@ from harness.schema import wayproof_pb2 as pb
 from models.odometry import Odometry, PoseError, believed_trail
 from models.poses import Trail
 from models.robots import Setpoint
-from planners import TrajectorySample
 
 Array = NDArray[np.float64]
 
@@ -44,7 +43,7 @@ class Estimate:
     Attributes:
         error: Believed less true pose, of the newest estimate, with what a perturbation adds.
         added: What the perturbation adds, of which the stated standard deviations know nothing.
-        tracked: (4,) the error as the controller feels it: x, y, z, m, and heading, rad.
+        tracked: The error as the controller feels it: x, y, z, m, and heading, rad.
     """
 
     def __init__(
@@ -69,8 +68,9 @@ class Estimate:
         self._errors: deque[PoseError] = deque(maxlen=steps)
         self._look(0)
         self._timestep = timestep
-        self.tracked = np.array([*self.error.shift, self.error.turn])
-        self._tracked_rate = np.zeros(4)
+        # Plain floats: at every physics step four numbers cost an array ten times as much.
+        self.tracked = (*self.error.shift, self.error.turn)
+        self._tracked_rate = (0.0, 0.0, 0.0, 0.0)
 
     def state(self) -> dict[str, Array]:
         """The estimator's memory, when it looks next, errors of the trail (n, 4), the filter."""
@@ -80,7 +80,7 @@ class Estimate:
             "due_ns": np.array(self._due_ns, np.int64),
             "errors": np.array(errors).reshape(-1, 4),
             "added": np.array([*self.added.shift, self.added.turn]),
-            "tracked": np.stack([self.tracked, self._tracked_rate]),
+            "tracked": np.array([self.tracked, self._tracked_rate]),
         }
 
     def restore(self, state: dict[str, Array]) -> None:
@@ -93,7 +93,7 @@ class Estimate:
         self._errors.extend(_pose_error(row) for row in state["errors"])
         self.added = _pose_error(state["added"])
         self.error = self._odometry.error + self.added
-        self.tracked, self._tracked_rate = state["tracked"].copy()
+        self.tracked, self._tracked_rate = map(tuple, state["tracked"].tolist())
 
     def advance(self, time_ns: int, position: Array, quaternion: Array) -> None:
         """Make the next estimate if its time has come; the true pose is (3,) and (4,)."""
@@ -108,10 +108,20 @@ class Estimate:
     def remember(self) -> None:
         """Keep the error of this physics step for the trail, and move the tracked one after it."""
         self._errors.append(self.error)
-        behind = np.array([*self.error.shift, self.error.turn]) - self.tracked
-        pull = BANDWIDTH * (BANDWIDTH * behind - 2.0 * self._tracked_rate)
-        self._tracked_rate += self._timestep * pull
-        self.tracked += self._timestep * self._tracked_rate
+        x, y, z, turn = self.tracked
+        x_rate, y_rate, z_rate, turn_rate = self._tracked_rate
+        (to_x, to_y, to_z), to_turn, timestep = self.error.shift, self.error.turn, self._timestep
+        x_rate += timestep * _pull(to_x - x, x_rate)
+        y_rate += timestep * _pull(to_y - y, y_rate)
+        z_rate += timestep * _pull(to_z - z, z_rate)
+        turn_rate += timestep * _pull(to_turn - turn, turn_rate)
+        self._tracked_rate = x_rate, y_rate, z_rate, turn_rate
+        self.tracked = (
+            x + timestep * x_rate,
+            y + timestep * y_rate,
+            z + timestep * z_rate,
+            turn + timestep * turn_rate,
+        )
 
     def pose(self, trail: Trail, rolling: bool) -> pb.Pose:
         """The believed pose as the log states it.
@@ -134,30 +144,40 @@ class Estimate:
             message.trail_period_s = sampled.period
         return message
 
-    def setpoint(self, sample: TrajectorySample, position: Array) -> Setpoint:
-        """What the controller is asked for: the sample by the error, see the head of this file.
+    def setpoint(self, planned: Setpoint, position: Array) -> Setpoint:
+        """What the controller is asked for: the plan by the error, see the head of this file.
 
         Args:
-            sample: Of the trajectory, in the believed frame.
+            planned: By the trajectory, in the believed frame.
             position: (3,) true, m.
         """
-        shift, turn = self.tracked[:3], float(self.tracked[3])
-        offset = sample.position - position - shift
+        off_x, off_y, off_z, turn = self.tracked
         c, s = math.cos(turn), math.sin(turn)
-        x, y, _ = offset.tolist()
-        vx, vy, vz = sample.velocity.tolist()
-        turned_away = np.array([(1.0 - c) * x - s * y, s * x + (1.0 - c) * y, 0.0])
+        (x, y, z), (true_x, true_y, _) = planned.position.tolist(), position.tolist()
+        vx, vy, vz = planned.velocity.tolist()
+        to_x, to_y = x - true_x - off_x, y - true_y - off_y
         return Setpoint(
-            sample.position - shift - turned_away,
+            np.array(
+                [
+                    x - off_x - ((1.0 - c) * to_x - s * to_y),
+                    y - off_y - (s * to_x + (1.0 - c) * to_y),
+                    z - off_z,
+                ]
+            ),
             np.array([c * vx + s * vy, c * vy - s * vx, vz]),
-            sample.heading - turn,
-            sample.yaw_rate,
+            planned.heading - turn,
+            planned.yaw_rate,
         )
 
     def _look(self, time_ns: int) -> None:
         travelled = self._odometry.travelled
         self.added = self._perturbation.pose_error(self._config.seed, time_ns, travelled)
         self.error = self._odometry.error + self.added
+
+
+def _pull(behind: float, rate: float) -> float:
+    """Acceleration of the critically damped filter."""
+    return BANDWIDTH * (BANDWIDTH * behind - 2.0 * rate)
 
 
 def _pose_error(row: Array) -> PoseError:

@@ -7,6 +7,7 @@ Every part that keeps something between physics steps is `Stateful` and stands i
 from __future__ import annotations
 
 import math
+import sys
 from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
@@ -136,10 +137,9 @@ def restore_parts(parts: Mapping[str, Stateful], message: pb.State) -> None:
 
 def _pack(name: str, array: NDArray[Any]) -> pb.Array:
     array = np.asarray(array)
-    dtype = array.dtype.newbyteorder("<")
-    return pb.Array(
-        name=name, dtype=dtype.str, shape=array.shape, data=array.astype(dtype).tobytes()
-    )
+    if not array.dtype.isnative or sys.byteorder != "little":
+        array = array.astype(array.dtype.newbyteorder("<"))
+    return pb.Array(name=name, dtype=array.dtype.str, shape=array.shape, data=array.tobytes())
 
 
 def _unpack(messages: Iterable[pb.Array]) -> Arrays:

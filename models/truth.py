@@ -114,8 +114,7 @@ class Truth:
         count = data.ncon
         if not count:
             return -1
-        pairs = np.ascontiguousarray(data.contact.geom[:count])
-        return int(touched(pairs, self._is_robot, self._is_obstacle))
+        return int(touched(data.contact.geom[:count], self._is_robot, self._is_obstacle))
 
     def _sphere_gaps(self, data: mujoco.MjData) -> NDArray[np.float64]:
         model, robot, obstacles = self._model, self._robot, self._obstacles

@@ -23,6 +23,7 @@ from planners.space import CLEARANCE_WEIGHT, FreeSpace
 from planners.state_spaces import STATE_SPACES
 from planners.trajectory import (
     MotionLimits,
+    Setpoints,
     Trajectory,
     TrajectorySample,
     follow_path,
@@ -44,6 +45,7 @@ __all__ = [
     "Plan",
     "PlanLabel",
     "PlannerConfig",
+    "Setpoints",
     "Trajectory",
     "TrajectorySample",
     "arc_lengths",

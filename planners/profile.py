@@ -64,15 +64,21 @@ class Profile:
         )
 
     def positions(self, times: Floats) -> Floats:
-        """Positions at ascending times [s], shape (n,)."""
+        """Positions at times [s], shape (n,), as `at` tells them."""
+        return self.motion(times)[0]
+
+    def motion(self, times: Floats) -> tuple[Floats, Floats]:
+        """Positions and velocities at times [s], each shape (n,), as `at` tells them."""
         if not self.times:
-            return np.full(len(times), self.end)
+            return np.full(len(times), self.end), np.zeros(len(times))
         piece = np.maximum(np.searchsorted(self.times, times, side="right") - 1, 0)
         position, velocity, acceleration = np.array(self.states)[piece].T
         jerk = np.array(self.jerks)[piece]
-        t = times - np.array(self.times)[piece]
-        moving = position + t * (velocity + t * (acceleration / 2.0 + t * jerk / 6.0))
-        return np.where(times >= self.duration, self.end, moving)
+        t = np.maximum(times - np.array(self.times)[piece], 0.0)
+        there = position + t * (velocity + t * (acceleration / 2.0 + t * jerk / 6.0))
+        speed = velocity + t * (acceleration + t * jerk / 2.0)
+        over = times >= self.duration
+        return np.where(over, self.end, there), np.where(over, 0.0, speed)
 
 
 def at_rest(position: float) -> Profile:

@@ -7,12 +7,15 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planners import profile
 from planners.kernels import Floats, edge_headings, turn_after, wrap
 from planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
 from planners.profile import AxisLimits, Profile, State
 from planners.zones import LEAST_ZONE, Zone, travel
+
+Integers = NDArray[np.int64]
 
 HEADING_STEP = 0.01  # [s], of headings that follow a path
 # Below it a limit is not a speed to travel at: a profile would take hours.
@@ -70,6 +73,15 @@ class TrajectorySample(NamedTuple):
     at_rest: bool
 
 
+class Setpoints(NamedTuple):
+    """What a controller is to follow at n times; world frame."""
+
+    positions: Floats  # (n, 3) [m]
+    velocities: Floats  # (n, 3) [m/s]
+    headings: Floats  # (n,) [rad], without jumps by full turns
+    yaw_rates: Floats  # (n,) [rad/s]
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """A path and how position and heading move along it; ends at rest.
@@ -115,6 +127,18 @@ class Trajectory:
             yaw_rate,
             time >= self.duration_s or self.duration_s == 0.0,
         )
+
+    def setpoints(self, times_ns: Integers) -> Setpoints:
+        """What `at` tells of many simulated times, shape (n,), of what a controller follows."""
+        times = (times_ns - self.start_ns) * 1e-9
+        arc_lengths, speeds = self.motion.motion(times)
+        headings, yaw_rates = self.turning.motion(times)
+        last = max(len(self._arcs) - 1, 1)
+        edges = np.searchsorted(self._arcs, arc_lengths, side="right").clip(1, last) - 1
+        tangents = self._tangents[edges]
+        reached = arc_lengths.clip(0.0, self._arcs[-1]) - np.array(self._arcs)[edges]
+        positions = self.path[edges] + reached[:, None] * tangents
+        return Setpoints(positions, speeds[:, None] * tangents, headings, yaw_rates)
 
     @cached_property
     def _arcs(self) -> list[float]:

@@ -131,7 +131,7 @@ def test_a_believed_trail_is_shifted_and_turned_by_each_its_own_error():
 def test_the_setpoint_asks_of_the_true_pose_what_the_plan_asks_of_the_believed_one():
     """The offset and the velocity in the body's own axes are those that a believer would see."""
     estimate = Estimate(Config("empty", "drone", 0), 0.002, 50, np.zeros(3), 0.0)
-    estimate.tracked = np.array([0.4, -0.3, 0.1, 0.5])
+    estimate.tracked = 0.4, -0.3, 0.1, 0.5
     position, heading = np.array([2.0, 1.0, 1.5]), 0.7
     believed, believed_heading = position + estimate.tracked[:3], heading + 0.5
     rest = hold(np.array([3.0, 2.0, 1.0]), 0, 1.0).at(0)
@@ -179,7 +179,7 @@ def test_the_controller_feels_a_step_of_the_error_without_a_kink():
     felt = []
     for _ in range(500):
         estimate.remember()
-        felt.append(estimate.tracked.copy())
+        felt.append(estimate.tracked)
     wt = 10.0 * 0.002 * np.arange(1, 501)
     expected = 1.0 - (1.0 + wt) * np.exp(-wt)
     np.testing.assert_allclose(np.array(felt)[:, 0], expected, atol=0.02)

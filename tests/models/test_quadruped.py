@@ -11,7 +11,7 @@ import pytest
 from models.robots.quadruped import Quadruped, warm_up
 from models.robots.quadruped.gait import advance
 from models.robots.quadruped.parameters import Actuators, Gait, Geometry, Legs, Parameters, Tracking
-from models.robots.quadruped.state import MEMORY, OBSERVATION, twin_records
+from models.robots.quadruped.state import MEMORY, OBSERVATION, packed, record
 from models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
 from models.robots.quadruped.tracking import Tracker
 from models.robots.robot import Setpoint
@@ -274,11 +274,13 @@ def test_swing_curves_start_and_end_where_they_should():
 
 
 def test_diagonal_pairs_alternate():
-    memory, observation = twin_records(MEMORY)[0], twin_records(OBSERVATION)[0]
+    memory, memories = record(MEMORY)
+    _, observations = record(OBSERVATION)
+    body = packed(Gait()), packed(Geometry())
     seen = set()
     for _ in range(400):
         arguments = np.array([1.0, 0.0, 0.0]), np.zeros(4)
-        advance(Gait(), Geometry(), TIMESTEP, *arguments, observation, memory)
+        advance(*body, TIMESTEP, *arguments, observations, memories)
         seen.add(tuple(int(s) for s in memory.swinging))
     assert seen == {(0, 0, 0, 0), (1, 0, 0, 1), (0, 1, 1, 0)}
 
@@ -286,19 +288,20 @@ def test_diagonal_pairs_alternate():
 def test_compiled_gait_and_torques_equal_python():
     rng = np.random.default_rng(3)
     observation, compiled, python = (
-        twin_records(OBSERVATION)[0],
-        twin_records(MEMORY)[0],
-        twin_records(MEMORY)[0],
+        np.zeros(1, dtype).view(np.recarray) for dtype in (OBSERVATION, MEMORY, MEMORY)
+    )
+    gait, geometry, legs, motors = (
+        packed(part).view(np.recarray) for part in (Gait(), Geometry(), Legs(), Actuators())
     )
     for name in OBSERVATION.names:
         observation[name][...] = rng.normal(scale=0.2, size=observation[name].shape)
     inputs = rng.normal(size=12), rng.normal(size=12), rng.normal(size=(4, 3, 3))
     for _ in range(300):
-        step = Gait(), Geometry(), TIMESTEP, rng.normal(size=3), rng.uniform(0.0, 9.0, 4)
+        step = gait, geometry, TIMESTEP, rng.normal(size=3), rng.uniform(0.0, 9.0, 4)
         advance(*step, observation, compiled)
         advance.py_func(*step, observation, python)
         torques = np.empty(12), np.empty(12)
-        limits = Gait(), Legs(), Actuators()
+        limits = gait, legs, motors
         joint_torques(*limits, *inputs, observation, compiled, torques[0])
         joint_torques.py_func(*limits, *inputs, observation, python, torques[1])
         np.testing.assert_allclose(*torques, rtol=1e-10, atol=1e-12)

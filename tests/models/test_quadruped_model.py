@@ -15,7 +15,7 @@ from models.robots.quadruped.kinematics import (
     standing_joints,
 )
 from models.robots.quadruped.parameters import JOINTS, LEGS, Actuators, Geometry
-from models.robots.quadruped.state import OBSERVATION, twin_records
+from models.robots.quadruped.state import OBSERVATION, packed, record
 from models.robots.quadruped.wiring import wire
 from models.sensors import ROBOT_GROUP
 
@@ -120,8 +120,9 @@ def test_observation_matches_mujoco(model, seed):
     base = model.body("robot_base").id
     R = data.xmat[base].reshape(3, 3)
     centre = R.T @ (data.subtree_com[base] - data.xpos[base])
-    seen = twin_records(OBSERVATION)[0]
-    observe(GEOMETRY, centre, data.qpos[wiring.qpos], data.qvel[wiring.dofs], seen)
+    seen, records = record(OBSERVATION)
+    joints = data.qpos[wiring.qpos], data.qvel[wiring.dofs]
+    observe(packed(GEOMETRY), centre, *joints, records)
     np.testing.assert_allclose(seen.rotation, R, atol=1e-12)
     np.testing.assert_allclose(seen.com, data.subtree_com[base], atol=1e-12)
     np.testing.assert_allclose(seen.angular_velocity, R @ data.qvel[wiring.dofs][3:6], atol=1e-12)
@@ -139,9 +140,10 @@ def test_observation_matches_mujoco(model, seed):
 def test_compiled_observation_equals_python(model):
     data, wiring = random_state(model, 7)
     arguments = np.zeros(3), data.qpos[wiring.qpos], data.qvel[wiring.dofs]
-    compiled, python = twin_records(OBSERVATION)[0], twin_records(OBSERVATION)[0]
-    observe(GEOMETRY, *arguments, compiled)
-    observe.py_func(GEOMETRY, *arguments, python)
+    compiled, python = (np.zeros(1, OBSERVATION).view(np.recarray) for _ in range(2))
+    geometry = packed(GEOMETRY).view(np.recarray)
+    observe(geometry, *arguments, compiled)
+    observe.py_func(geometry, *arguments, python)
     for name in OBSERVATION.names:
         np.testing.assert_allclose(compiled[name], python[name], rtol=1e-13, atol=1e-15)
 

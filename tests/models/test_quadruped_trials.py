@@ -13,7 +13,7 @@ from models.robots.quadruped import trials as walks
 from models.robots.quadruped.gait import advance
 from models.robots.quadruped.horizon import look_ahead
 from models.robots.quadruped.parameters import Gait, Geometry, Prediction
-from models.robots.quadruped.state import MEMORY, OBSERVATION, twin_records
+from models.robots.quadruped.state import MEMORY, OBSERVATION, packed, record
 from models.robots.quadruped.torque import limit_torque
 from models.robots.terrain import COURSE_END, FIRST, TERRAINS, Block
 
@@ -224,39 +224,40 @@ def test_ramps_meet_the_floor_and_the_level():
 
 def hanging_in_the_air():
     """Records of a robot whose late foot has just kept the other pair from lifting."""
-    gait, memory, observation = Gait(), twin_records(MEMORY)[0], twin_records(OBSERVATION)[0]
+    memory, memories = record(MEMORY)
+    observation, observations = record(OBSERVATION)
     observation.rotation[:] = np.eye(3)
-    step = gait, Geometry(), 0.002, np.array([0.5, 0.0, 0.0])
+    step = packed(Gait()), packed(Geometry()), 0.002, np.array([0.5, 0.0, 0.0])
     while not memory.waited:
         touch = np.where(memory.swinging.any(), 0.0, 50.0) * np.ones(4)
         touch[0] = 0.0  # one foot never meets the ground
-        advance(*step, touch, observation, memory)
-    return step, memory, observation
+        advance(*step, touch, observations, memories)
+    return step, memory, (observations, memories)
 
 
 def test_lift_off_waits_for_a_late_foot_but_not_for_ever():
-    step, memory, observation = hanging_in_the_air()
+    step, memory, records = hanging_in_the_air()
     phase, ticks = memory.phase, 1
     while memory.waited:
         assert memory.phase == phase
         assert not memory.swinging.any()
-        advance(*step, np.zeros(4), observation, memory)
+        advance(*step, np.zeros(4), *records)
         ticks += 1
     assert ticks * 0.002 == pytest.approx(Gait().longest_wait, abs=0.005)
-    step, memory, observation = hanging_in_the_air()
-    advance(*step, np.full(4, 50.0), observation, memory)  # touch-down
-    advance(*step, np.full(4, 50.0), observation, memory)
+    step, memory, records = hanging_in_the_air()
+    advance(*step, np.full(4, 50.0), *records)  # touch-down
+    advance(*step, np.full(4, 50.0), *records)
     assert memory.waited == 0.0
     assert memory.swinging.any()
 
 
 def test_a_late_foot_bears_nothing_now():
-    _, memory, observation = hanging_in_the_air()
+    _, memory, records = hanging_in_the_air()
     prediction = Prediction()
     n = prediction.steps
     contact = np.zeros((n, 4), np.bool_)
     outputs = np.zeros(12), np.zeros((n, 12)), contact, np.zeros((n, 4, 3))
-    look_ahead(Gait(), prediction, Geometry(), observation, memory, *outputs)
+    look_ahead(packed(Gait()), prediction, packed(Geometry()), *records, *outputs)
     late = memory.touching == 0
     assert late.any()
     np.testing.assert_array_equal(contact[0], ~late)

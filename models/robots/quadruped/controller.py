@@ -17,7 +17,7 @@ from models.robots.quadruped.kinematics import observe, standing_joints
 from models.robots.quadruped.mpc import condense
 from models.robots.quadruped.parameters import Parameters
 from models.robots.quadruped.rigid_body import composite_rigid_body
-from models.robots.quadruped.state import MEMORY, OBSERVATION, twin_records
+from models.robots.quadruped.state import MEMORY, OBSERVATION, packed, record
 from models.robots.quadruped.torque import joint_torques
 from models.robots.quadruped.tracking import Tracker
 from models.robots.quadruped.wiring import wire
@@ -38,6 +38,7 @@ class QuadrupedController:
     Attributes:
         parameters: What it is tuned by.
         body: The robot as one rigid body.
+        observation: The `OBSERVATION` record, to read.
         memory: The `MEMORY` record, to read.
     """
 
@@ -52,9 +53,14 @@ class QuadrupedController:
         """
         self.parameters = parameters or Parameters()
         gait, prediction = self.parameters.gait, self.parameters.prediction
+        self._geometry = packed(self.parameters.geometry)
+        self._gait = packed(gait)
+        self._legs = packed(self.parameters.legs)
+        self._motors = packed(self.parameters.actuators)
         self._model = model
         self._wiring = wire(model, prefix)
         self._standing = np.array(4 * standing_joints(self.parameters.geometry, gait.height))
+        self._joints = slice(self._wiring.dofs.start + 6, self._wiring.dofs.stop)
         root = self._wiring.qpos.start, self._wiring.dofs.start
         self.body = composite_rigid_body(model, *root, self._standing)
         self._inverse_inertia = np.linalg.inv(self.body.inertia).astype(np.float64)
@@ -72,8 +78,8 @@ class QuadrupedController:
     def _restart(self) -> None:
         self._tick = 0
         self._tracker = Tracker(self.parameters.tracking, self.parameters.gait.standing_speed)
-        _, self._observation = twin_records(OBSERVATION)
-        self.memory, self._memory = twin_records(MEMORY)
+        self.observation, self._observation = record(OBSERVATION)
+        self.memory, self._memory = record(MEMORY)
         self._warm = np.zeros((2, self.parameters.prediction.steps, 4, 3))
 
     def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
@@ -104,7 +110,7 @@ class QuadrupedController:
         self._tick = int(state["tick"])
         memory = np.frombuffer(state["memory"].tobytes(), MEMORY)[0]
         for name in MEMORY.names or ():
-            self._memory[name] = memory[name]
+            self.memory[name] = memory[name]
         self._warm[:] = state["warm"]
         self._leg_inertia[:] = state["leg_inertia"]
 
@@ -115,8 +121,8 @@ class QuadrupedController:
             ValueError: The setpoint is not finite.
         """
         self._observe(data)
-        position, yaw = self._observation["position"], float(self._observation["angles"][2])
-        self._act(data, self._tracker.velocity_command(position, yaw, setpoint))
+        seen = self.observation
+        self._act(data, self._tracker.velocity_command(seen.position, seen.angles[2], setpoint))
 
     def walk(self, data: mujoco.MjData, velocity_command: Array) -> None:
         """Write the torques of one physics step; call before `mj_step`.
@@ -130,15 +136,15 @@ class QuadrupedController:
 
     def _observe(self, data: mujoco.MjData) -> None:
         qpos, qvel = data.qpos[self._wiring.qpos], data.qvel[self._wiring.dofs]
-        observe(self.parameters.geometry, self.body.centre, qpos, qvel, self._observation)
+        observe(self._geometry, self.body.centre, qpos, qvel, self._observation)
         if self._tick == 0:
-            begin(self.parameters.geometry, self._observation, self._memory)
+            begin(self._geometry, self._observation, self._memory)
 
     def _act(self, data: mujoco.MjData, command: Array) -> None:
-        p, observation, memory = self.parameters, self._observation, self._memory
+        body, records = (self._gait, self._geometry), (self._observation, self._memory)
         touch = data.sensordata[self._wiring.touch]
-        advance(p.gait, p.geometry, self._timestep, command, touch, observation, memory)
-        place_feet(p.gait, p.geometry, observation, memory)
+        advance(*body, self._timestep, command, touch, *records)
+        place_feet(*body, *records)
         if self._tick % self._ticks_per_plan == 0:
             self._plan_forces()
         if self._tick % self._ticks_per_inertia == 0:
@@ -149,9 +155,9 @@ class QuadrupedController:
     def _plan_forces(self) -> None:
         p = self.parameters
         look_ahead(
-            p.gait,
+            self._gait,
             p.prediction,
-            p.geometry,
+            self._geometry,
             self._observation,
             self._memory,
             self._state,
@@ -178,12 +184,12 @@ class QuadrupedController:
             self._leg_inertia[leg] = self._mass_matrix[first : first + 3, first : first + 3]
 
     def _write_torques(self, data: mujoco.MjData) -> None:
-        p, joints = self.parameters, slice(self._wiring.dofs.start + 6, self._wiring.dofs.stop)
+        joints = self._joints
         bias = data.qfrc_bias[joints] - data.qfrc_passive[joints]
         joint_torques(
-            p.gait,
-            p.legs,
-            p.actuators,
+            self._gait,
+            self._legs,
+            self._motors,
             data.qvel[joints],
             bias,
             self._leg_inertia,

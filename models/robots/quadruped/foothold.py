@@ -10,12 +10,13 @@ from models.robots.quadruped.parameters import Gait, Geometry
 
 
 @kernel
-def place_feet(gait: Gait, geometry: Geometry, observation: Any, memory: Any) -> None:
-    """Set `memory.foothold` of every swinging leg, world frame, m.
+def place_feet(gaits: Any, geometries: Any, observations: Any, memories: Any) -> None:
+    """Set the `MEMORY` record's `foothold` of every swinging leg, world frame, m. Arrays (1,).
 
     The hip's place at touch-down plus half the way of the coming stance at the commanded velocity
     (the symmetric gait), plus a share of the velocity error, which brakes what is too fast.
     """
+    gait, geometry, observation, memory = gaits[0], geometries[0], observations[0], memories[0]
     for leg in range(4):
         if memory.swinging[leg]:
             _place_foot(gait, geometry, leg, observation, memory)

@@ -15,8 +15,9 @@ Array = NDArray[np.float64]
 
 
 @kernel
-def begin(geometry: Geometry, observation: Any, memory: Any) -> None:
-    """Start from standing on all feet where they are; `memory` comes zeroed."""
+def begin(geometries: Any, observations: Any, memories: Any) -> None:
+    """Start from standing on all feet where they are; the memory comes zeroed. Arrays (1,)."""
+    geometry, observation, memory = geometries[0], observations[0], memories[0]
     memory.reference[0] = observation.position[0]
     memory.reference[1] = observation.position[1]
     memory.reference[2] = observation.angles[2]
@@ -28,25 +29,26 @@ def begin(geometry: Geometry, observation: Any, memory: Any) -> None:
 
 @kernel
 def advance(
-    gait: Gait,
-    geometry: Geometry,
+    gaits: Any,
+    geometries: Any,
     timestep: float,
     command: Array,
     touch: Array,
-    observation: Any,
-    memory: Any,
+    observations: Any,
+    memories: Any,
 ) -> None:
     """Carry the `MEMORY` record one tick on.
 
     Args:
-        gait: Trot parameters.
-        geometry: Leg geometry.
+        gaits: (1,) trot parameters, packed.
+        geometries: (1,) leg geometry, packed.
         timestep: s.
         command: (3,) forward m/s, left m/s, yaw rate rad/s, in the base's yaw frame.
         touch: (4,) normal force on each foot, N.
-        observation: This tick's `OBSERVATION` record.
-        memory: Record to carry on.
+        observations: (1,) this tick's `OBSERVATION` record.
+        memories: (1,) record to carry on.
     """
+    gait, geometry, observation, memory = gaits[0], geometries[0], observations[0], memories[0]
     _slew(gait, timestep, command, memory)
     _choose_mode(gait, timestep, observation, memory)
     _estimate_ground(geometry, timestep / gait.ground_time, memory)

@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 @kernel
 def look_ahead(
-    gait: Gait,
+    gaits: Any,
     prediction: Prediction,
-    geometry: Geometry,
-    observation: Any,
-    memory: Any,
+    geometries: Any,
+    observations: Any,
+    memories: Any,
     state: Array,
     reference: Array,
     contact: NDArray[np.bool_],
@@ -29,16 +29,17 @@ def look_ahead(
     """Fill the inputs of the predictive controller over its horizon of n steps.
 
     Args:
-        gait: Trot parameters.
+        gaits: (1,) trot parameters, packed.
         prediction: Horizon.
-        geometry: Leg geometry.
-        observation: This tick's `OBSERVATION` record.
-        memory: The `MEMORY` record.
+        geometries: (1,) leg geometry, packed.
+        observations: (1,) this tick's `OBSERVATION` record.
+        memories: (1,) `MEMORY` record.
         state: (12,) now: roll, pitch, yaw, centre of mass, angular velocity, velocity.
         reference: (n, 12) the same at the end of each step.
         contact: (n, 4) whether the foot stands during the step.
         lever: (n, 4, 3) from the centre of mass to the foot at the start of the step, world, m.
     """
+    gait, geometry, observation, memory = gaits[0], geometries[0], observations[0], memories[0]
     for i in range(3):
         state[i] = observation.angles[i]
         state[3 + i] = observation.com[i]

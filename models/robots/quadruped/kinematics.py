@@ -34,17 +34,18 @@ def standing_joints(geometry: Geometry, height: float) -> tuple[float, float, fl
 
 @kernel
 def observe(
-    geometry: Geometry, com_in_body: Array, qpos: Array, qvel: Array, observation: Any
+    geometries: Any, com_in_body: Array, qpos: Array, qvel: Array, observations: Any
 ) -> None:
     """Fill the `OBSERVATION` record.
 
     Args:
-        geometry: Leg geometry.
+        geometries: (1,) leg geometry, packed.
         com_in_body: (3,) base origin to centre of mass in the body frame, m.
         qpos: (19,) free joint (position, quaternion wxyz), then 4 x (hip, thigh, calf).
         qvel: (18,) linear velocity in the world, angular velocity in the body, joint rates.
-        observation: Record to fill.
+        observations: (1,) record to fill.
     """
+    geometry, observation = geometries[0], observations[0]
     R = observation.rotation
     rotation_from_quaternion(qpos[3:7], R)
     observation.angles[0] = atan2(R[2, 1], R[2, 2])

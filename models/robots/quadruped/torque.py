@@ -15,29 +15,31 @@ Array = NDArray[np.float64]
 
 @kernel
 def joint_torques(
-    gait: Gait,
-    legs: Legs,
-    actuators: Actuators,
+    gaits: Any,
+    gains: Any,
+    motors: Any,
     joint_velocity: Array,
     bias: Array,
     leg_inertia: Array,
-    observation: Any,
-    memory: Any,
+    observations: Any,
+    memories: Any,
     torque: Array,
 ) -> None:
     """Fill the torques of one tick.
 
     Args:
-        gait: Trot parameters.
-        legs: Gains.
-        actuators: Torque and speed limits.
+        gaits: (1,) trot parameters, packed.
+        gains: (1,) of the legs, packed.
+        motors: (1,) torque and speed limits, packed.
         joint_velocity: (12,) rad/s.
         bias: (12,) torque that gravity, Coriolis forces and joint friction need at rest, Nm.
         leg_inertia: (4, 3, 3) joint-space inertia of each leg, kg m^2.
-        observation: This tick's `OBSERVATION` record.
-        memory: The `MEMORY` record.
+        observations: (1,) this tick's `OBSERVATION` record.
+        memories: (1,) `MEMORY` record.
         torque: (12,) output, Nm.
     """
+    gait, legs, actuators = gaits[0], gains[0], motors[0]
+    observation, memory = observations[0], memories[0]
     force = np.empty(3)
     acceleration = np.empty(3)
     for leg in range(4):

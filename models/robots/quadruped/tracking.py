@@ -43,14 +43,16 @@ class Tracker:
             ValueError: The setpoint is not finite.
         """
         t = self._tracking
-        dx = float(setpoint.position[0] - position[0])
-        dy = float(setpoint.position[1] - position[1])
+        (to_x, to_y, _), (x, y, _) = setpoint.position.tolist(), position.tolist()
+        dx, dy = to_x - x, to_y - y
         turn = setpoint.heading - yaw
         turn = math.atan2(math.sin(turn), math.cos(turn))
-        if self._stays(setpoint, math.hypot(dx, dy), abs(turn)):
+        vx, vy, _ = setpoint.velocity.tolist()
+        moving = max(math.hypot(vx, vy), abs(setpoint.yaw_rate)) > self._resting_speed
+        if self._stays(moving, math.hypot(dx, dy), abs(turn)):
             return np.zeros(3)
-        vx = float(setpoint.velocity[0]) + t.position_gain * dx
-        vy = float(setpoint.velocity[1]) + t.position_gain * dy
+        vx += t.position_gain * dx
+        vy += t.position_gain * dy
         rate = setpoint.yaw_rate + t.heading_gain * turn
         if not math.isfinite(vx + vy + rate):
             raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
@@ -59,10 +61,9 @@ class Tracker:
         left = min(max(c * vy - s * vx, -t.lateral), t.lateral)
         return np.array([forward, left, min(max(rate, -t.yaw_rate), t.yaw_rate)])
 
-    def _stays(self, setpoint: Setpoint, distance: float, angle: float) -> bool:
+    def _stays(self, moving: bool, distance: float, angle: float) -> bool:
         t = self._tracking
-        speed = math.hypot(setpoint.velocity[0], setpoint.velocity[1])
-        if speed > self._resting_speed or abs(setpoint.yaw_rate) > self._resting_speed:
+        if moving:
             self._arrived = False
         elif self._arrived:
             self._arrived = distance < t.depart_distance and angle < t.depart_angle
