@@ -116,7 +116,7 @@ def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
     """The trajectory as it is logged: its path, and its profile sampled to its end."""
     count = int(np.ceil(trajectory.duration_s / SAMPLE_PERIOD)) + 1
     period_ns = round(SAMPLE_PERIOD * 1e9)
-    times = period_ns * np.arange(count) * 1e-9
+    times = 1e-9 * (period_ns * np.arange(count)).astype(np.float64)
     message = pb.Trajectory(
         duration_s=trajectory.duration_s,
         path=points(trajectory.path),

@@ -130,7 +130,7 @@ class Trajectory:
 
     def setpoints(self, times_ns: Integers) -> Setpoints:
         """What `at` tells of many simulated times, shape (n,), of what a controller follows."""
-        times = (times_ns - self.start_ns) * 1e-9
+        times = 1e-9 * (times_ns - self.start_ns).astype(np.float64)
         arc_lengths, speeds = self.motion.motion(times)
         headings, yaw_rates = self.turning.motion(times)
         last = max(len(self._arcs) - 1, 1)

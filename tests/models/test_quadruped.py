@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from models.robots.packed import packed
 from models.robots.quadruped import Quadruped, warm_up
 from models.robots.quadruped.gait import advance
 from models.robots.quadruped.parameters import Actuators, Gait, Geometry, Legs, Parameters, Tracking
-from models.robots.quadruped.state import MEMORY, OBSERVATION, packed, record
+from models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
 from models.robots.quadruped.tracking import Tracker
 from models.robots.robot import Setpoint

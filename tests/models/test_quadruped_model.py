@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from models.robots.packed import packed
 from models.robots.quadruped import Quadruped
 from models.robots.quadruped.kinematics import (
     foot_jacobian,
@@ -15,7 +16,7 @@ from models.robots.quadruped.kinematics import (
     standing_joints,
 )
 from models.robots.quadruped.parameters import JOINTS, LEGS, Actuators, Geometry
-from models.robots.quadruped.state import OBSERVATION, packed, record
+from models.robots.quadruped.state import OBSERVATION, record
 from models.robots.quadruped.wiring import wire
 from models.sensors import ROBOT_GROUP
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import cos, isfinite, sin
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.robots.quadrotor.kernels import (
-    air_drag,
-    rotation_matrix,
-    smooth_setpoint,
-    track,
-)
+from models.robots.packed import packed
+from models.robots.quadrotor.kernels import air_drag, fly, rotation_matrix
 from models.robots.quadrotor.model import ROTORS
 from models.robots.quadrotor.parameters import GRAVITY, Parameters
 from models.robots.robot import Setpoint
@@ -45,6 +41,12 @@ class QuadrotorController:
         """
         self.parameters = parameters or Parameters()
         self.wind = np.zeros(3)
+        airframe, gains, smoothing = (
+            self.parameters.airframe,
+            self.parameters.gains,
+            self.parameters.smoothing,
+        )
+        self._packed = packed(airframe), packed(gains), packed(smoothing)
         self._model = model
         self._timestep = float(model.opt.timestep)
         joint = model.joint(prefix + "root")
@@ -57,6 +59,7 @@ class QuadrotorController:
         self._activations = np.array([int(motor.actadr[0]) for motor in motors])
         self._setpoint = np.zeros(4)
         self._command = np.zeros(4)
+        self._drag = np.zeros(3)
         self._rest(np.zeros(3), 0.0)
 
     def _rest(self, position: Array, heading: float) -> None:
@@ -100,25 +103,25 @@ class QuadrotorController:
         Raises:
             ValueError: The setpoint is not finite.
         """
-        self._setpoint[:3] = setpoint.position
-        self._setpoint[3] = setpoint.heading
-        if not np.isfinite(self._setpoint).all():
+        x, y, z = setpoint.position.tolist()
+        self._setpoint[:] = x, y, z, setpoint.heading
+        if not isfinite(x + y + z + setpoint.heading):
             raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
-        p = self.parameters
-        smooth_setpoint(p.smoothing, self.reference, self._setpoint, self._timestep)
-        track(
-            p.airframe,
-            p.gains,
+        fly(
+            *self._packed,
             self.reference,
+            self._setpoint,
             data.qpos[self._qpos],
             data.qvel[self._qvel],
+            self.wind,
             self._integral,
             self._lag,
             self._timestep,
             self._command,
+            self._drag,
         )
         data.ctrl[self._controls] = self._command
-        self.apply_drag(data)
+        data.xfrc_applied[self.body, :3] = self._drag
 
     def apply_drag(self, data: mujoco.MjData) -> None:
         """Write the plant's drag as the external force on the base; no part of control."""

@@ -8,6 +8,7 @@ quadrotors", ICRA 2011. World z up, body x forward and z along the thrust.
 from __future__ import annotations
 
 from math import cos, floor, pi, sin, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,45 @@ Array = NDArray[np.float64]
 ROTOR_X = (-1.0, -1.0, 1.0, 1.0)
 ROTOR_Y = (-1.0, 1.0, 1.0, -1.0)
 ROTOR_SPIN = (-1.0, 1.0, -1.0, 1.0)
+
+
+@kernel
+def fly(
+    airframes: Any,
+    gains: Any,
+    smoothings: Any,
+    reference: Array,
+    setpoint: Array,
+    qpos: Array,
+    qvel: Array,
+    wind: Array,
+    integral: Array,
+    lag: Array,
+    timestep: float,
+    command: Array,
+    drag: Array,
+) -> None:
+    """One tick of everything: smooth reference, control, and the plant's drag.
+
+    Args:
+        airframes: (1,) body and rotors, packed.
+        gains: (1,) of the controller, packed.
+        smoothings: (1,) of the reference, packed.
+        reference: (5, 4) of `smooth_setpoint`, updated.
+        setpoint: (4,) x, y, z, m, and heading, rad.
+        qpos: (7,) free joint: position, m, and quaternion wxyz.
+        qvel: (6,) free joint: velocity, world frame, and angular velocity, body axes.
+        wind: (3,) velocity of the air, world frame, m/s.
+        integral: (3,) m/s^2, updated.
+        lag: (2, 4) of `invert_lag`, updated.
+        timestep: s.
+        command: (4,) rotor commands, N; output.
+        drag: (3,) on the body, world frame, N; output.
+    """
+    airframe = airframes[0]
+    smooth_setpoint(smoothings[0], reference, setpoint, timestep)
+    track(airframe, gains[0], reference, qpos, qvel, integral, lag, timestep, command)
+    drag[:] = air_drag(airframe, rotation_matrix(qpos[3:]), qvel[:3] - wind)
 
 
 @kernel

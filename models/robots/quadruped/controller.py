@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from models.robots.packed import packed
 from models.robots.quadruped.admm import solve_forces
 from models.robots.quadruped.foothold import place_feet
 from models.robots.quadruped.gait import advance, begin
@@ -17,7 +18,7 @@ from models.robots.quadruped.kinematics import observe, standing_joints
 from models.robots.quadruped.mpc import condense
 from models.robots.quadruped.parameters import Parameters
 from models.robots.quadruped.rigid_body import composite_rigid_body
-from models.robots.quadruped.state import MEMORY, OBSERVATION, packed, record
+from models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from models.robots.quadruped.torque import joint_torques
 from models.robots.quadruped.tracking import Tracker
 from models.robots.quadruped.wiring import wire

@@ -58,12 +58,3 @@ def record(dtype: np.dtype[Any]) -> tuple[Any, NDArray[Any]]:
     """One zeroed record: as attributes for Python to read, and in an array (1,) for kernels."""
     array = np.zeros(1, dtype)
     return array.view(np.recarray)[0], array
-
-
-def packed(parameters: Any) -> NDArray[Any]:
-    """A named tuple of numbers, and of tuples of numbers, as an array (1,) of one record."""
-    values = [np.array(value) for value in parameters]
-    fields = [
-        (name, one.dtype, one.shape) for name, one in zip(parameters._fields, values, strict=True)
-    ]
-    return np.array([tuple(parameters)], np.dtype(fields, align=True))
