@@ -79,10 +79,11 @@ class Truth:
         model = self._model
         least = limit
         gap = self._sphere_gaps(data)  # (robot geoms, obstacles)
-        for flat in np.argsort(gap, axis=None):
-            if gap.flat[flat] >= least:
+        near = np.argwhere(gap < limit)
+        for k in np.argsort(gap[gap < limit], kind="stable"):
+            i, j = near[k]
+            if gap[i, j] >= least:
                 break
-            i, j = np.unravel_index(flat, gap.shape)
             pair = int(self._robot[i]), int(self._obstacles[j])
             distance = mujoco.mj_geomDistance(model, data, *pair, least, self._fromto)
             least = min(least, float(distance))
@@ -117,16 +118,45 @@ class Truth:
         return int(touched(data.contact.geom[:count], self._is_robot, self._is_obstacle))
 
     def _sphere_gaps(self, data: mujoco.MjData) -> NDArray[np.float64]:
-        model, robot, obstacles = self._model, self._robot, self._obstacles
-        if not len(obstacles):
-            return np.empty((len(robot), 0))
-        # Lower bound on the distance of a robot geom's bounding sphere from an obstacle's box.
-        offset = data.geom_xpos[robot][:, None] - data.geom_xpos[obstacles][None]
-        R = data.geom_xmat[obstacles].reshape(-1, 3, 3)
-        local = np.abs(np.einsum("rok,okl->rol", offset, R) - model.geom_aabb[obstacles, :3])
-        outside = np.maximum(local - model.geom_aabb[obstacles, 3:], 0.0)
-        gaps: NDArray[np.float64] = np.sqrt((outside**2).sum(axis=2))
-        return gaps - np.asarray(model.geom_rbound[robot], np.float64)[:, None]
+        model, pairs = self._model, (self._robot, self._obstacles)
+        bounds = model.geom_aabb, model.geom_rbound
+        gaps: NDArray[np.float64] = sphere_gaps(*pairs, data.geom_xpos, data.geom_xmat, *bounds)
+        return gaps
+
+
+@kernel
+def sphere_gaps(
+    robot: NDArray[np.int64],
+    obstacles: NDArray[np.int64],
+    positions: NDArray[np.float64],
+    rotations: NDArray[np.float64],
+    boxes: NDArray[np.float64],
+    radii: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Lower bounds on distances (r, o): a robot geom's bounding sphere from an obstacle's box.
+
+    Args:
+        robot: (r,) geom ids.
+        obstacles: (o,) geom ids.
+        positions: (n, 3) of all geoms, world, m.
+        rotations: (n, 9) their axes, row by row.
+        boxes: (n, 6) centre and half extents of each in its own axes, m.
+        radii: (n,) of bounding spheres, m.
+    """
+    gaps = np.empty((len(robot), len(obstacles)))
+    for i in range(len(robot)):
+        for j in range(len(obstacles)):
+            o, square = obstacles[j], 0.0
+            x = positions[robot[i], 0] - positions[o, 0]
+            y = positions[robot[i], 1] - positions[o, 1]
+            z = positions[robot[i], 2] - positions[o, 2]
+            for axis in range(3):
+                along = x * rotations[o, axis] + y * rotations[o, 3 + axis]
+                along += z * rotations[o, 6 + axis] - boxes[o, axis]
+                outside = max(abs(along) - boxes[o, 3 + axis], 0.0)
+                square += outside * outside
+            gaps[i, j] = np.sqrt(square) - radii[robot[i]]
+    return gaps
 
 
 @kernel
@@ -144,5 +174,8 @@ def touched(
 
 
 def warm_up() -> None:
-    """Compile the kernel, or load it from the cache."""
+    """Compile the kernels, or load them from the cache."""
+    none = np.zeros(1, np.int64)
+    places, axes, boxes = (np.zeros((1, n)) for n in (3, 9, 6))
+    sphere_gaps(none, none, places, axes, boxes, np.zeros(1))
     touched(np.zeros((1, 2), np.int32), np.zeros(1, np.bool_), np.zeros(1, np.bool_))

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from planners._jit import kernel
 from planners.kernels import Floats, edge_headings
 from planners.space import FreeSpace
 
@@ -23,31 +24,59 @@ SHARP_WINDOW = 0.3  # [m]
 
 def edge_lengths(path: Floats) -> Floats:
     """Length of each edge [m], shape (n - 1,)."""
-    edges = path[1:] - path[:-1]
-    lengths: Floats = np.sqrt(_dot(edges, edges))
+    lengths: Floats = _edge_lengths(np.ascontiguousarray(path))
     return lengths
 
 
 def arc_lengths(path: Floats) -> Floats:
     """Arc length at each point [m], shape (n,); the first is 0."""
-    arcs = np.zeros(len(path))
-    np.cumsum(edge_lengths(path), out=arcs[1:])
+    arcs: Floats = _arc_lengths(np.ascontiguousarray(path))
     return arcs
 
 
 def edge_tangents(path: Floats) -> Floats:
     """Unit direction of each edge, shape (n - 1, 3); an edge of no length takes its neighbour's."""
-    edges = path[1:] - path[:-1]
-    lengths = np.sqrt(_dot(edges, edges))
-    if (lengths > LEAST_EDGE).all():
-        straight: Floats = edges / lengths[:, None]
-        return straight
-    proper = np.flatnonzero(lengths > LEAST_EDGE)
-    if len(proper) == 0:
-        return np.zeros((len(lengths), 3))
-    # The next edge that has a length, and at the end the last one.
-    source = proper[np.minimum(np.searchsorted(proper, np.arange(len(lengths))), len(proper) - 1)]
-    tangents: Floats = edges[source] / lengths[source, None]
+    tangents: Floats = _edge_tangents(np.ascontiguousarray(path))
+    return tangents
+
+
+@kernel
+def _edge_lengths(path: Floats) -> Floats:
+    lengths = np.empty(max(len(path) - 1, 0))
+    for k in range(len(lengths)):
+        x = path[k + 1, 0] - path[k, 0]
+        y = path[k + 1, 1] - path[k, 1]
+        z = path[k + 1, 2] - path[k, 2]
+        lengths[k] = math.sqrt(x * x + y * y + z * z)
+    return lengths
+
+
+@kernel
+def _arc_lengths(path: Floats) -> Floats:
+    arcs = np.zeros(len(path))
+    for k in range(1, len(path)):
+        x = path[k, 0] - path[k - 1, 0]
+        y = path[k, 1] - path[k - 1, 1]
+        z = path[k, 2] - path[k - 1, 2]
+        arcs[k] = arcs[k - 1] + math.sqrt(x * x + y * y + z * z)
+    return arcs
+
+
+@kernel
+def _edge_tangents(path: Floats) -> Floats:
+    """From the end on, so that an edge of no length finds its next neighbour's tangent there."""
+    lengths = _edge_lengths(path)
+    tangents = np.zeros((len(lengths), 3))
+    last = len(lengths)  # the last edge with a length: its tangent is that of all behind it
+    for k in range(len(lengths) - 1, -1, -1):
+        if lengths[k] > LEAST_EDGE:
+            for i in range(3):
+                tangents[k, i] = (path[k + 1, i] - path[k, i]) / lengths[k]
+            if last == len(lengths):
+                last = k
+                tangents[k + 1 :] = tangents[k]
+        elif last < len(lengths):
+            tangents[k] = tangents[k + 1]
     return tangents
 
 

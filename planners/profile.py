@@ -4,7 +4,6 @@ Ruckig: Berscheid and Kroeger, "Jerk-limited Real-time Trajectory Generation wit
 States", RSS 2021. Only its one-axis position and velocity interfaces are used.
 """
 
-import bisect
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,32 +30,32 @@ class AxisLimits(NamedTuple):
     jerk: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Profile:
     """Motion along an axis as pieces of constant jerk; at rest from ``duration`` on.
 
     Attributes:
-        times: Beginning of each piece [s], ascending from 0.
-        states: State at each beginning.
-        jerks: Jerk over each piece.
+        times: Beginning of each piece [s], ascending from 0, shape (k,).
+        states: State at each beginning, shape (k, 3).
+        jerks: Jerk over each piece, shape (k,).
         duration: End of the last piece [s].
         end: Position at rest after it.
     """
 
-    times: tuple[float, ...]
-    states: tuple[State, ...]
-    jerks: tuple[float, ...]
+    times: Floats
+    states: Floats
+    jerks: Floats
     duration: float
     end: float
 
     def at(self, time: float) -> State:
         """State at a time [s]; the first before 0, at rest after the end."""
-        if time >= self.duration or not self.times:
+        if time >= self.duration or not len(self.times):
             return State(self.end, 0.0, 0.0)
-        piece = max(bisect.bisect_right(self.times, time) - 1, 0)
-        position, velocity, acceleration = self.states[piece]
-        jerk = self.jerks[piece]
-        t = max(time - self.times[piece], 0.0)
+        piece = max(int(self.times.searchsorted(time, side="right")) - 1, 0)
+        position, velocity, acceleration = self.states[piece].tolist()
+        jerk = float(self.jerks[piece])
+        t = max(time - float(self.times[piece]), 0.0)
         return State(
             position + t * (velocity + t * (acceleration / 2.0 + t * jerk / 6.0)),
             velocity + t * (acceleration + t * jerk / 2.0),
@@ -69,12 +68,12 @@ class Profile:
 
     def motion(self, times: Floats) -> tuple[Floats, Floats]:
         """Positions and velocities at times [s], each shape (n,), as `at` tells them."""
-        if not self.times:
+        if not len(self.times):
             return np.full(len(times), self.end), np.zeros(len(times))
-        piece = np.maximum(np.searchsorted(self.times, times, side="right") - 1, 0)
-        position, velocity, acceleration = np.array(self.states)[piece].T
-        jerk = np.array(self.jerks)[piece]
-        t = np.maximum(times - np.array(self.times)[piece], 0.0)
+        piece = np.maximum(self.times.searchsorted(times, side="right") - 1, 0)
+        position, velocity, acceleration = self.states[piece].T
+        jerk = self.jerks[piece]
+        t = np.maximum(times - self.times[piece], 0.0)
         there = position + t * (velocity + t * (acceleration / 2.0 + t * jerk / 6.0))
         speed = velocity + t * (acceleration + t * jerk / 2.0)
         over = times >= self.duration
@@ -83,30 +82,16 @@ class Profile:
 
 def at_rest(position: float) -> Profile:
     """The profile of something that does not move."""
-    return Profile((), (), (), 0.0, position)
+    return Profile(np.empty(0), np.empty((0, 3)), np.empty(0), 0.0, position)
 
 
 def ramped(positions: Floats, step: float) -> Profile:
     """The profile through positions one time step [s] apart, shape (n,), straight in between."""
     rates = np.diff(positions) / step  # (n - 1,)
     begins = np.flatnonzero(np.diff(rates, prepend=np.nan) != 0.0)  # equal rates are one piece
-    return Profile(
-        tuple((step * begins).tolist()),
-        tuple(
-            map(
-                State._make,
-                zip(
-                    positions[begins].tolist(),
-                    rates[begins].tolist(),
-                    itertools.repeat(0.0, len(begins)),
-                    strict=True,
-                ),
-            )
-        ),
-        (0.0,) * len(begins),
-        step * len(rates),
-        float(positions[-1]),
-    )
+    still = np.zeros(len(begins))
+    states = np.stack((positions[begins], rates[begins], still), axis=1)
+    return Profile(step * begins.astype(np.float64), states, still, step * len(rates), float(positions[-1]))
 
 
 class Leg(NamedTuple):
@@ -163,9 +148,9 @@ def join(legs: Sequence[Leg]) -> Profile:
     durations = [duration for leg in legs for duration in leg.durations]
     times = list(itertools.accumulate(durations, initial=0.0))
     return Profile(
-        tuple(times[:-1]),
-        tuple(state for leg in legs for state in leg.states),
-        tuple(jerk for leg in legs for jerk in leg.jerks),
+        np.array(times[:-1]),
+        np.array([state for leg in legs for state in leg.states]).reshape(-1, 3),
+        np.array([jerk for leg in legs for jerk in leg.jerks]),
         times[-1],
         legs[-1].end.position,
     )
