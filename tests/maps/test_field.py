@@ -185,5 +185,5 @@ def test_no_kernel_is_compiled_again_for_another_part_of_the_window():
     blocked[12, 20, 9] = True
     field.update(packed(blocked)[10:15, 18:25], 10, 18)  # no contiguous array
     np.testing.assert_array_equal(field.squared, scipy_squared(blocked, 4))
-    for kernel in (kernels.note_changes, kernels.update_sections, kernels.update_field):
+    for kernel in (kernels.update_sections, kernels.update_field):
         assert len(kernel.signatures) == 1
