@@ -84,23 +84,33 @@ def find_stale(
 def lower(
     target: NDArray[np.uint16],  # (n,) in, out
     sources: NDArray[np.uint16],
-    below: int,  # where the sources at distance j on either side begin
-    above: int,
-    next_below: int,  # and those at j + 1
-    next_above: int,
+    at: int,  # where those at no distance begin
+    pitch: int,  # from there to the next ones on either side
     j: int,
+    reach: int,
 ) -> int:
-    """Lower each element to what leads through the sources; return the greatest element.
+    """Lower each element to what leads through the sources at distances j to j + 3.
 
-    Four sources at once, because loading and storing the target would cost most of the time.
+    Eight sources at once, because loading and storing the target, and calling, would cost most of
+    the time. What is farther than `reach` is taken as that far, and changes nothing.
+
+    Returns:
+        The greatest element.
     """
-    near, far = np.uint16(j * j), np.uint16((j + 1) * (j + 1))
-    a, b, c, d = np.uint64(below), np.uint64(above), np.uint64(next_below), np.uint64(next_above)
+    e, f, g = min(j + 1, reach), min(j + 2, reach), min(j + 3, reach)
+    first, second = np.uint16(j * j), np.uint16(e * e)
+    third, fourth = np.uint16(f * f), np.uint16(g * g)
+    step, below, above = np.uint64(pitch), np.uint64(at - j * pitch), np.uint64(at + j * pitch)
+    below2, above2 = below - step, above + step
+    below3, above3 = below2 - step, above2 + step
+    below4, above4 = below3 - step, above3 + step
     greatest = np.uint16(0)
     for k in range(np.uint64(target.shape[0])):
-        through = np.uint16(min(sources[a + k], sources[b + k]) + near)
-        farther = np.uint16(min(sources[c + k], sources[d + k]) + far)
-        least = min(target[k], min(through, farther))
+        a = np.uint16(min(sources[below + k], sources[above + k]) + first)
+        b = np.uint16(min(sources[below2 + k], sources[above2 + k]) + second)
+        c = np.uint16(min(sources[below3 + k], sources[above3 + k]) + third)
+        d = np.uint16(min(sources[below4 + k], sources[above4 + k]) + fourth)
+        least = min(target[k], min(min(a, b), min(c, d)))
         target[k] = least
         greatest = max(greatest, least)
     return int(greatest)
@@ -209,7 +219,13 @@ def square(
 @kernel
 def blocks_around(reach: int, block_rows: int) -> int:
     """Blocks on either side of one that sources may lie in."""
-    return -(-(reach + 1) // block_rows)
+    return -(-planes_around(reach) // block_rows)
+
+
+@kernel
+def planes_around(reach: int) -> int:
+    """Planes on either side of one that sources may lie in: of four distances at once."""
+    return reach + 3
 
 
 @kernel
@@ -225,9 +241,9 @@ def update_sections(
     known: NDArray[np.uint64],  # (nx, ny, words) in, out
     distances: NDArray[np.uint8],  # (nx * blocks * block_rows * row_cells,) along z, in, out
     holds_any: NDArray[np.bool_],  # (nx, blocks) whether any cell is blocked, in, out
-    sections: NDArray[np.uint16],  # ((nx + 1) * blocks * block_rows * row_cells,) in, out
+    sections: NDArray[np.uint16],  # ((around + nx + around) * blocks * cells,) in, out
     farthest: NDArray[np.uint16],  # (nx, blocks) in, out: greatest value of each block of them
-    nearest: NDArray[np.uint16],  # (blocks, nx + 1) out: least value
+    nearest: NDArray[np.uint16],  # (blocks, around + nx + around) out: least value
     least_change: NDArray[np.uint16],  # (blocks, nx) out: least value that came or went
     along: NDArray[np.uint16],  # ((blocks + 2 around) * cells,) scratch
     work: NDArray[np.uint8],  # (2, 2 * LONGEST_STEP + block_rows * pitch) scratch
@@ -268,14 +284,12 @@ def update_sections(
             greatest = copy_block(result, along, first)
             j = 1 if any_near else reach
             while j < reach and j * j < greatest:
-                near, far = j * row_cells, (j + 1) * row_cells
-                greatest = lower(
-                    result, along, first - near, first + near, first - far, first + far, j
-                )
-                j += 2
+                greatest = lower(result, along, first, row_cells, j, reach)
+                j += 4
             farthest[x, b] = greatest
-            at = (x * blocks + b) * cells
-            nearest[b, x], least_change[b, x] = note_result(result, sections, at)
+            at = ((planes_around(reach) + x) * blocks + b) * cells
+            least, least_change[b, x] = note_result(result, sections, at)
+            nearest[b, planes_around(reach) + x] = least
 
 
 @kernel
@@ -331,8 +345,8 @@ def bound_row(
 def update_field(
     part: tuple[int, int],  # first and one past the last block along y
     shape: tuple[int, int, int],  # (nx, ny, nz)
-    sections: NDArray[np.uint16],  # ((nx + 1) * blocks * block_rows * row_cells,)
-    nearest: NDArray[np.uint16],  # (blocks, nx + 1)
+    sections: NDArray[np.uint16],  # ((around + nx + around) * blocks * cells,)
+    nearest: NDArray[np.uint16],  # (blocks, around + nx + around)
     reach: int,
     block_rows: int,
     row_cells: int,
@@ -359,25 +373,17 @@ def update_field(
         for x in range(nx):
             if reached[x] > farthest[b, x]:
                 continue
-            greatest = copy_block(result, sections, (x * blocks + b) * cells)
+            at = planes_around(reach) + x
+            place = (at * blocks + b) * cells
+            greatest = copy_block(result, sections, place)
             j = int(np.int64(1))  # a plain 1 would be compiled for itself
             while j < reach and j * j < greatest:
-                # Plane nx holds nothing; it stands for those outside.
-                below, above = (x - j if x >= j else nx), min(x + j, nx)
-                next_below, next_above = (x - j - 1 if x > j else nx), min(x + j + 1, nx)
-                near = min(nearest[b, below], nearest[b, above]) + j * j
-                far = min(nearest[b, next_below], nearest[b, next_above]) + (j + 1) * (j + 1)
-                if min(near, far) < greatest:
-                    greatest = lower(
-                        result,
-                        sections,
-                        (below * blocks + b) * cells,
-                        (above * blocks + b) * cells,
-                        (next_below * blocks + b) * cells,
-                        (next_above * blocks + b) * cells,
-                        j,
-                    )
-                j += 2
+                least = nearest[b, at + j]
+                for far in range(j, j + 4):
+                    least = min(least, min(nearest[b, at - far], nearest[b, at + far]))
+                if least + j * j < greatest:
+                    greatest = lower(result, sections, place, blocks * cells, j, reach)
+                j += 4
             within = int(np.int64(0))
             for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):
                 across = min(border_distance(x, nx, reach), border_distance(y, ny, reach))

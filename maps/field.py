@@ -62,9 +62,10 @@ class DistanceField:
         self._blocked = np.zeros((nx, ny, len(self._inside)), np.uint64)
         self._along_z = np.full(nx * blocks * cells, reach, np.uint8)
         self._holds_any = np.zeros((nx, blocks), np.bool_)
-        # One plane more than there are: it stands for those outside, which hold nothing.
-        self._sections = np.full((nx + 1) * blocks * cells, most, np.uint16)
-        self._nearest_in_section = np.full((blocks, nx + 1), most, np.uint16)
+        # More planes than there are: those outside hold nothing.
+        planes = nx + 2 * kernels.planes_around(reach)
+        self._sections = np.full(planes * blocks * cells, most, np.uint16)
+        self._nearest_in_section = np.full((blocks, planes), most, np.uint16)
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
         self._farthest = np.full((blocks, nx), most, np.uint16)
         self._least_change = np.zeros((blocks, nx), np.uint16)  # all is to be computed
