@@ -155,7 +155,7 @@ def fade_brick(
         Whether a state changed, whether any cell may be known, and the next tick at which a state
         can change.
     """
-    smallest = least_magnitude(cells, 1)
+    smallest = least_magnitude(cells, int(np.int64(1)))  # a plain 1 would be compiled for itself
     gone = int(np.int64(0))  # greatest magnitude of which nothing is left
     while gone < count and steps[gone] == gone + 1:
         gone += 1

@@ -219,7 +219,7 @@ def square(
 @kernel
 def blocks_around(reach: int, block_rows: int) -> int:
     """Blocks on either side of one that sources may lie in."""
-    return -(-planes_around(reach) // block_rows)
+    return int(-(-planes_around(reach) // block_rows))
 
 
 @kernel
@@ -253,7 +253,7 @@ def update_sections(
     stale: NDArray[np.bool_],  # (blocks,) scratch
     squared: NDArray[np.int64],  # (blocks,) scratch: the plane whose squares a block holds
 ) -> None:
-    """Take over new cells, and the squared distance within planes of constant x that they change."""
+    """Take over new cells, and find the squared distance within the planes that they change."""
     blocks, cells = changes.shape[0], result.shape[0]
     around = blocks_around(reach, block_rows)
     fill(along, reach * reach)  # beyond the window nothing is blocked: its border comes at the end
