@@ -43,6 +43,14 @@ TABLES = {
         "ms_p99": "ms, p99",
         "map_mib": "MiB",
     },
+    "fields": {
+        "library": "library",
+        "mode": "what",
+        "threads": "threads",
+        "ms": "ms, median",
+        "ms_worst": "ms, worst",
+        "ratio_vs_edt": "times as fast as edt",
+    },
     "ghosts": {
         "library": "library",
         "clamp_high": "clamp_high",

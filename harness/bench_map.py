@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.map_fields import FieldTime, field_times
 from harness.map_trials import (
     Accuracy,
     Agreement,
@@ -60,8 +61,8 @@ class Row:
     """One measurement; what does not apply to its part is None.
 
     Attributes:
-        part: `workload`, `speed`, `extent`, `ghosts`, `accuracy` or `agreement`.
-        library: `wayproof` or `pyoctomap`.
+        part: `workload`, `speed`, `extent`, `fields`, `ghosts`, `accuracy` or `agreement`.
+        library: `wayproof`, `pyoctomap` or `edt`.
         mode: What is on, see `MODES`; of the peer, how its points are thinned out.
         threads: That it ran on.
         rays: In a sweep.
@@ -85,6 +86,10 @@ class Row:
         false_free: Share of the cells where beams met a surface that are mapped free.
         agreement: Share of the cells known to this map or to OctoMap that have one state in both.
         agreement_above_floor: The same without the floor's layer, where ours guards the floor.
+        ms: Wall time of an inflation or of distances over the room, median, ms.
+        ms_worst: The longest of them, ms.
+        ratio_vs_edt: Median of the `edt` package's exact transform over this one.
+        cells_differ: Cells to which our distances and those of `edt` are not the same.
     """
 
     part: str
@@ -112,6 +117,10 @@ class Row:
     false_free: float | None = None
     agreement: float | None = None
     agreement_above_floor: float | None = None
+    ms: float | None = None
+    ms_worst: float | None = None
+    ratio_vs_edt: float | None = None
+    cells_differ: int | None = None
 
 
 def bench_map(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
@@ -129,6 +138,8 @@ def bench_map(repeats: int, seed: int, progress: Callable[[str], None]) -> list[
     rows += speed(room, FINE, FINE_RANGE, repeats, {"clamped": STILL})
     progress(f"map: {SHORT:g} m and {LONG:g} m")
     rows += extent(seed, SHORT, LONG, 0.05)
+    progress("map: distances and inflation")
+    rows += [_found_row("fields", found) for found in field_times(room, 0.05, repeats)]
     progress("map: ghosts")
     rows += [_found_row("ghosts", ghost) for ghost in ghosts()]
     for resolution in (0.05, 0.1):
@@ -348,5 +359,5 @@ def _timed_row(part: str, ms: Sequence[float], fastest_peer_ms: float | None) ->
     )
 
 
-def _found_row(part: str, found: Ghost | Accuracy | Agreement) -> Row:
+def _found_row(part: str, found: FieldTime | Ghost | Accuracy | Agreement) -> Row:
     return Row(part=part, **asdict(found))

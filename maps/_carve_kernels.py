@@ -221,10 +221,15 @@ def mark_run(
     """
     middle = low * HALVES + SUBCELLS
     find_heights(ways, n + 1, middle, top - middle, lower)
-    middle = high * HALVES + SUBCELLS
-    find_heights(ways, n + 1, middle, top - middle, upper)
-    # Beams rise or fall all along. Most stay within the word, as it is 64 cells high.
-    if min(lower[0], lower[n]) >= 0 and max(upper[0], upper[n]) <= 63:
+    # Most runs are of one end, on a floor or a ceiling, and most beams stay within the word, as it
+    # is 64 cells high. They rise or fall all along.
+    alone = low == high and min(lower[0], lower[n]) >= 0 and max(lower[0], lower[n]) <= 63
+    if not alone:
+        middle = high * HALVES + SUBCELLS
+        find_heights(ways, n + 1, middle, top - middle, upper)
+    if alone:
+        mark_within(n, lower, lower, keep, masks)
+    elif min(lower[0], lower[n]) >= 0 and max(upper[0], upper[n]) <= 63:
         mark_within(n, lower, upper, keep, masks)
     else:
         mark_across(n, lower, upper, keep, masks)

@@ -22,7 +22,7 @@ GOLDEN = np.uint64(0x9E3779B97F)  # (sqrt(5) - 1) / 2, in 2^-40
 NEVER = 1 << 62  # a tick
 HORIZON = 1 << 12  # ticks after which a brick is looked at in any case
 BYTE = np.uint64(0xFF)
-EDGE_VALUES = 256
+MAGNITUDES = 128  # of an int8
 WHOLE = np.uint64(0xFFFFFFFFFFFFFFFF)
 B01, B7F = np.uint64(0x0101010101010101), np.uint64(0x7F7F7F7F7F7F7F7F)
 DIAGONAL = np.uint64(0x8040201008040201)  # bit k of byte k
@@ -65,68 +65,89 @@ def fade_values(
 
 
 @kernel
-def find_values(
-    eights: NDArray[np.uint64],  # (COLUMNS, 8)
-    present: NDArray[np.bool_],  # (256,) out: by the value's byte
-) -> None:
-    """Find the values that a brick holds; runs of equal words are looked at once."""
-    for byte in range(EDGE_VALUES):
-        present[byte] = False
-    last = np.uint64(0)
-    present[0] = True
-    for column in range(eights.shape[0]):
-        for k in range(8):
-            word = eights[column, k]
-            if word != last:
-                last = word
-                for _ in range(8):
-                    present[word & BYTE] = True
-                    word >>= np.uint64(8)
+def list_losses(
+    tick: int,
+    until: int,
+    losses: NDArray[np.uint64],  # (128,)
+    steps: NDArray[np.uint8],  # (MAGNITUDES,) out
+) -> int:
+    """Find what magnitudes lose from one tick to another: the n-th unit is lost from steps[n] on.
+
+    Ticks take no more from a magnitude than from a greater one, and do not change their order.
+
+    Returns:
+        Units that the greatest magnitude loses.
+    """
+    count = int(np.int64(0))
+    for magnitude in range(1, MAGNITUDES):
+        left, _ = fade(magnitude, tick, until, losses)
+        while count < magnitude - left:
+            steps[count] = magnitude
+            count += 1
+    return count
 
 
 @kernel
-def replace_bytes(word: np.uint64, table: NDArray[np.int8]) -> np.uint64:
-    """Replace each byte of a word by its entry in a table."""
-    replaced = np.uint64(0)
-    for k in range(8):
-        shift = np.uint64(8 * k)
-        replaced |= np.uint64(np.int64(table[(word >> shift) & BYTE]) & 0xFF) << shift
-    return replaced
+def least_magnitude(
+    cells: NDArray[np.int8],  # (COLUMNS, 64)
+    floor: int,
+) -> int:
+    """Least magnitude among cells of those that are at least `floor`; MAGNITUDES if there is none.
+
+    Counted from the floor up in bytes, what is below it comes out above all that is not.
+    """
+    least = np.uint8(255)
+    for column in range(cells.shape[0]):
+        for z in range(cells.shape[1]):
+            value = cells[column, z]
+            magnitude = np.uint8(value if value >= 0 else -value)
+            least = min(least, np.uint8((int(magnitude) - floor) & 255))
+    return min(int(least) + floor, MAGNITUDES)
 
 
 @kernel
-def replace_values(
-    eights: NDArray[np.uint64],  # (COLUMNS, 8)
+def take_losses(
+    cells: NDArray[np.int8],  # (COLUMNS, 64) in, out
     kept: NDArray[np.uint64],  # (COLUMNS,) cells that stay as they are
-    table: NDArray[np.int8],  # (256,) new value by the old one's byte
+    steps: NDArray[np.uint8],  # as of `list_losses`
+    count: int,  # of them
+    magnitudes: NDArray[np.uint8],  # (64,) scratch
+    losses: NDArray[np.uint8],  # (64,) scratch
+    eights: NDArray[np.uint64],  # (8,) the same memory
 ) -> None:
-    """Replace each value of a brick by its entry in a table; runs of equal words at once."""
-    last, replaced = np.uint64(0), np.uint64(0)
-    for column in range(eights.shape[0]):
+    """Take from each cell of a brick what its magnitude loses."""
+    for column in range(cells.shape[0]):
         keep = kept[column]
         if keep == WHOLE:
             continue
-        for k in range(8):
-            word, bits = eights[column, k], (keep >> np.uint64(8 * k)) & BYTE
-            if word == 0 or bits == BYTE:
-                continue
-            if word != last:
-                last, replaced = word, replace_bytes(word, table)
+        for z in range(64):
+            value = cells[column, z]
+            magnitudes[z] = np.uint8(value if value >= 0 else -value)
+            losses[z] = np.uint8(0)
+        for n in range(count):
+            for z in range(64):
+                losses[z] += np.uint8(magnitudes[z] >= steps[n])
+        for k in range(8 if keep != 0 else 0):
+            bits = (keep >> np.uint64(8 * k)) & BYTE
             # All ones in the bytes that stay.
             spread = ((((bits * B01) & DIAGONAL) + B7F) >> np.uint64(7)) & B01
-            eights[column, k] = replaced ^ ((word ^ replaced) & (spread * BYTE))
+            eights[k] &= ~(spread * BYTE)
+        for z in range(64):
+            value, loss = cells[column, z], np.int8(losses[z])
+            cells[column, z] = np.int8(value - loss if value >= 0 else value + loss)
 
 
 @kernel
 def fade_brick(
-    eights: NDArray[np.uint64],  # (COLUMNS, 8)
+    cells: NDArray[np.int8],  # (COLUMNS, 64)
     fresh: NDArray[np.uint64],  # (COLUMNS,) left by the first tick; zero after
     settled: NDArray[np.uint64],  # (COLUMNS,)
     tick: int,
     until: int,
     losses: NDArray[np.uint64],
-    present: NDArray[np.bool_],  # (256,) scratch
-    table: NDArray[np.int8],  # (256,) scratch
+    steps: NDArray[np.uint8],  # of these ticks, as of `list_losses`
+    count: int,  # of them
+    scratch: tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint64]],
 ) -> tuple[bool, bool, int]:
     """Bring a brick from one tick to another.
 
@@ -134,30 +155,26 @@ def fade_brick(
         Whether a state changed, whether any cell may be known, and the next tick at which a state
         can change.
     """
-    find_values(eights, present)
+    smallest = least_magnitude(cells, int(np.int64(1)))  # a plain 1 would be compiled for itself
+    gone = int(np.int64(0))  # greatest magnitude of which nothing is left
+    while gone < count and steps[gone] == gone + 1:
+        gone += 1
+    turned, least = smallest <= gone, smallest
+    # What is left may pass away later, and so may what this tick spares. The least does first.
+    if turned:
+        least = least_magnitude(cells, gone + 1)
+    if least < MAGNITUDES:
+        least, _ = fade(least, tick, until, losses)
     kept = np.uint64(0)
     for column in range(fresh.shape[0]):
         kept |= fresh[column]
-    turned, least = False, int(np.int64(EDGE_VALUES))
-    for byte in range(EDGE_VALUES):
-        value = byte if byte < 128 else byte - 256
-        if not present[byte] or value == 0:
-            table[byte] = 0
-            continue
-        left, _ = fade(abs(value), tick, until, losses)
-        table[byte] = left if value > 0 else -left
-        turned |= left == 0
-        # What is left may pass away later, and so may what this tick spares. The least does first:
-        # ticks take no more from it than from a greater one, and do not change their order.
-        if left > 0:
-            least = min(least, left)
-        elif kept != 0:
-            least = min(least, abs(value))
-    replace_values(eights, fresh, table)
+    if turned and kept != 0:
+        least = min(least, smallest)
+    take_losses(cells, fresh, steps, count, *scratch)
     for column in range(fresh.shape[0]):
         settled[column] &= fresh[column]
         fresh[column] = 0
-    alive, due = least < EDGE_VALUES, until + HORIZON
+    alive, due = least < MAGNITUDES, until + HORIZON
     if alive:
         due = fade(least, until, due, losses)[1]
     return turned, alive, due
@@ -169,7 +186,7 @@ def fade_bricks(
     part: tuple[int, int],
     now: int,
     to_now: bool,  # else only what is due
-    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
     fresh: NDArray[np.uint64],  # (slots, COLUMNS)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
     ticks: NDArray[np.int64],  # (slots,) seen by each brick
@@ -177,24 +194,33 @@ def fade_bricks(
     losses: NDArray[np.uint64],  # (128,)
     turned: NDArray[np.bool_],  # (k,) out: whether a state changed
     alive: NDArray[np.bool_],  # (k,) out: whether any cell may be known
-    present: NDArray[np.bool_],  # (256,) scratch
-    table: NDArray[np.int8],  # (256,) scratch
+    steps: NDArray[np.uint8],  # (MAGNITUDES,) scratch
+    scratch: tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint64]],
 ) -> None:
-    """Bring bricks up to date, at least to the last tick at which one of their states changes."""
+    """Bring bricks up to date, at least to the last tick at which one of their states changes.
+
+    Most have seen the same ticks, so what these take is worked out once for all of them.
+    """
+    listed_from = listed_until = int(np.int64(-1))
+    count = int(np.int64(0))
     for i in range(part[0], part[1]):
         slot = slots[i]
         turned[i], alive[i] = False, True
         while dues[slot] <= now or (to_now and ticks[slot] < now):
-            until = min(dues[slot], now)
+            tick, until = ticks[slot], min(dues[slot], now)
+            if tick != listed_from or until != listed_until:
+                count = list_losses(tick, until, losses, steps)
+                listed_from, listed_until = tick, until
             changed, alive[i], dues[slot] = fade_brick(
-                eights[slot],
+                cells[slot],
                 fresh[slot],
                 settled[slot],
-                ticks[slot],
+                tick,
                 until,
                 losses,
-                present,
-                table,
+                steps,
+                count,
+                scratch,
             )
             ticks[slot] = until
             turned[i] |= changed

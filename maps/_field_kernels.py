@@ -1,8 +1,10 @@
 """Compiled kernels of the distance field: one exact pass per axis, over blocks of rows.
 
 A plane of constant x is cut into blocks of a few rows along y; a row holds the cells along z, its
-length rounded up. Blocks are what is recomputed or left. All kernels live in this file because a
-cached kernel is not recompiled when another file changes.
+length rounded up. Blocks are what is recomputed or left. Arrays of cells are flat, and told by an
+unsigned place: a slice of an array would have its references counted, which took 40 % of the time.
+
+All kernels live in this file because a cached kernel is not recompiled when another file changes.
 """
 
 from __future__ import annotations
@@ -13,77 +15,114 @@ from numpy.typing import NDArray
 from maps._jit import kernel
 
 WORD_BITS = 64
-NO_CHANGE = 65535  # above every squared distance
 MAX_REACH = 181  # cells; twice its square still fits 16 bits
+NO_CHANGE = 32767  # above every squared distance; the greatest of them added, it still fits 16 bits
 LONGEST_STEP = 128  # of the powers of two, the last below the greatest reach
+
+BYTE = np.uint64(0xFF)
+B01 = np.uint64(0x0101010101010101)
+UNSET = np.array(
+    [sum(0xFF << (8 * k) for k in range(8) if not byte >> k & 1) for byte in range(256)], np.uint64
+)
 
 
 @kernel
 def note_changes(
-    blocked: NDArray[np.uint64],  # (kx, ky, words) the new cells of a box of columns
-    x0: int,
+    blocked: NDArray[np.uint64],  # (ky, words) the new cells of a plane's columns
     y0: int,
     inside: NDArray[np.uint64],  # (words,) the bits that are cells of the window
+    block_rows: int,
+    known: NDArray[np.uint64],  # (ny, words) in, out
+    changes: NDArray[np.int64],  # (blocks, 2) out: first and last changed column of each block
+) -> bool:
+    """Take over the new cells of a plane; whether any changed."""
+    found = False
+    for b in range(changes.shape[0]):
+        changes[b, 0], changes[b, 1] = -1, -1
+    for k in range(blocked.shape[0]):
+        y, changed = y0 + k, False
+        for w in range(blocked.shape[1]):
+            word = blocked[k, w] & inside[w]
+            changed |= word != known[y, w]
+            known[y, w] = word
+        if changed:
+            b = y // block_rows
+            if changes[b, 0] < 0:
+                changes[b, 0] = y
+            changes[b, 1] = y
+            found = True
+    return found
+
+
+@kernel
+def find_stale(
+    changes: NDArray[np.int64],  # (blocks, 2)
     reach: int,
     block_rows: int,
-    farthest: NDArray[np.uint16],  # (nx, blocks) greatest value of each block of `sections`
-    known: NDArray[np.uint64],  # (nx, ny, words) in, out
-    stale: NDArray[np.bool_],  # (nx, blocks) out: what a changed column may reach
+    farthest: NDArray[np.uint16],  # (blocks,) greatest value of each block of the section
+    stale: NDArray[np.bool_],  # (blocks,) out
 ) -> None:
-    """Take over the new cells, and mark the blocks of rows that they may change.
+    """Find the blocks of rows of a plane that its changed columns may change.
 
     A change at distance j along y matters only to a block that holds a value of j^2 or more: less
     and nothing there was attained through the changed column, nor can be.
     """
-    columns_x, columns_y, words = blocked.shape
-    blocks = stale.shape[1]
-    for i in range(columns_x):
-        for k in range(columns_y):
-            changed = False
-            for w in range(words):
-                word = blocked[i, k, w] & inside[w]
-                changed |= word != known[x0 + i, y0 + k, w]
-                known[x0 + i, y0 + k, w] = word
-            if not changed:
-                continue
-            x, y = x0 + i, y0 + k
-            first = max(0, y - reach + 1) // block_rows
-            for b in range(first, min(blocks, (y + reach - 1) // block_rows + 1)):
-                j = max(0, b * block_rows - y, y - (b + 1) * block_rows + 1)
-                stale[x, b] |= j * j <= farthest[x, b]
+    blocks = stale.shape[0]
+    below = -reach  # nearest changed column
+    for b in range(blocks):
+        j = b * block_rows - below
+        stale[b] = changes[b, 0] >= 0 or (j < reach and j * j <= farthest[b])
+        below = changes[b, 1] if changes[b, 1] >= 0 else below
+    above = blocks * block_rows + reach
+    for b in range(blocks - 1, -1, -1):
+        j = above - (b + 1) * block_rows + 1
+        stale[b] |= j < reach and j * j <= farthest[b]
+        above = changes[b, 0] if changes[b, 0] >= 0 else above
 
 
 @kernel
 def lower(
     target: NDArray[np.uint16],  # (n,) in, out
-    below: NDArray[np.uint16],  # (n,) sources at distance j on either side
-    above: NDArray[np.uint16],
-    next_below: NDArray[np.uint16],  # (n,) and at j + 1
-    next_above: NDArray[np.uint16],
+    sources: NDArray[np.uint16],
+    at: int,  # where those at no distance begin
+    pitch: int,  # from there to the next ones on either side
     j: int,
+    reach: int,
 ) -> int:
-    """Lower each element to what leads through the sources; return the greatest element.
+    """Lower each element to what leads through the sources at distances j to j + 3.
 
-    Four sources at once, because loading and storing the target would cost most of the time.
+    Eight sources at once, because loading and storing the target, and calling, would cost most of
+    the time. What is farther than `reach` is taken as that far, and changes nothing.
+
+    Returns:
+        The greatest element.
     """
-    near, far = np.uint16(j * j), np.uint16((j + 1) * (j + 1))
+    e, f, g = min(j + 1, reach), min(j + 2, reach), min(j + 3, reach)
+    first, second = np.uint16(j * j), np.uint16(e * e)
+    third, fourth = np.uint16(f * f), np.uint16(g * g)
+    step, below, above = np.uint64(pitch), np.uint64(at - j * pitch), np.uint64(at + j * pitch)
+    below2, above2 = below - step, above + step
+    below3, above3 = below2 - step, above2 + step
+    below4, above4 = below3 - step, above3 + step
     greatest = np.uint16(0)
-    for k in range(target.shape[0]):
-        through = np.uint16(min(below[k], above[k]) + near)
-        farther = np.uint16(min(next_below[k], next_above[k]) + far)
-        least = min(target[k], min(through, farther))
+    for k in range(np.uint64(target.shape[0])):
+        a = np.uint16(min(sources[below + k], sources[above + k]) + first)
+        b = np.uint16(min(sources[below2 + k], sources[above2 + k]) + second)
+        c = np.uint16(min(sources[below3 + k], sources[above3 + k]) + third)
+        d = np.uint16(min(sources[below4 + k], sources[above4 + k]) + fourth)
+        least = min(target[k], min(min(a, b), min(c, d)))
         target[k] = least
         greatest = max(greatest, least)
     return int(greatest)
 
 
 @kernel
-def copy_block(target: NDArray[np.uint16], source: NDArray[np.uint16]) -> int:
-    """Copy, and return the greatest element."""
-    greatest = np.uint16(0)
-    for k in range(target.shape[0]):
-        target[k] = source[k]
-        greatest = max(greatest, source[k])
+def copy_block(target: NDArray[np.uint16], sources: NDArray[np.uint16], at: int) -> int:
+    """Copy from a place, and return the greatest element."""
+    first, greatest = np.uint64(at), np.uint16(0)
+    for k in range(np.uint64(target.shape[0])):
+        target[k] = sources[first + k]
+        greatest = max(greatest, target[k])
     return int(greatest)
 
 
@@ -97,157 +136,184 @@ def fill(target: NDArray[np.uint16], value: int) -> None:
 @kernel
 def note_result(
     result: NDArray[np.uint16],  # (n,)
-    kept: NDArray[np.uint16],  # (n,) in, out
+    kept: NDArray[np.uint16],  # in, out from a place on
+    at: int,
 ) -> tuple[int, int]:
     """Keep a result; its least element, and the least that it brought or took away."""
-    least = change = np.uint16(NO_CHANGE)
-    for k in range(result.shape[0]):
-        lesser = min(result[k], kept[k])
-        change = min(change, lesser if result[k] != kept[k] else np.uint16(NO_CHANGE))
-        least = min(least, result[k])
-        kept[k] = result[k]
+    first, least, change = np.uint64(at), np.uint16(NO_CHANGE), np.uint16(NO_CHANGE)
+    for k in range(np.uint64(result.shape[0])):
+        new, old = result[k], kept[first + k]
+        change = min(change, min(new, old) if new != old else np.uint16(NO_CHANGE))
+        least = min(least, new)
+        kept[first + k] = new
     return int(least), int(change)
 
 
 @kernel
 def measure_rows(
-    blocked: NDArray[np.uint64],  # (rows, words); rows of the block that are missing hold nothing
+    known: NDArray[np.uint64],  # (ny, words)
+    y: int,  # first row of the block; rows beyond the last one hold nothing
     reach: int,
     nz: int,
+    block_rows: int,
     row_cells: int,
-    work: NDArray[np.uint16],  # (2, pad + block_rows * (row_cells + reach) + pad) scratch
-    squared: NDArray[np.uint16],  # (block_rows * row_cells,) out
+    work: NDArray[np.uint8],  # (2, pad + block_rows * pitch + pad) scratch
+    eights: NDArray[np.uint64],  # (2, ...) the same memory
+    distances: NDArray[np.uint8],  # out from a place on
+    at: int,
 ) -> bool:
-    """Squared distance along z to the nearest blocked cell; whether there is any.
+    """Distance along z to the nearest blocked cell, at most reach; whether there is any.
 
     Distances along a line come from doubling: after steps of 1, 2, 4, ..., 2^m each cell knows the
     nearest within 2^(m+1) - 1. All rows are done as one line, kept apart by `reach` cells.
     """
-    rows, words = blocked.shape
-    block_rows = squared.shape[0] // row_cells
-    united = np.uint64(0)
-    for row in range(rows):
-        for w in range(words):
-            united |= blocked[row, w]
-    if united == 0:
-        fill(squared, reach * reach)
-        return False
-
-    pitch = row_cells + reach
-    pad = (work.shape[1] - block_rows * pitch) // 2
-    end = work.shape[1] - pad
-    source, target = work[0], work[1]
-    fill(source, reach)
-    fill(target, reach)
-    for row in range(rows):
-        for w in range(words):
-            word = blocked[row, w]
-            first = pad + row * pitch + w * WORD_BITS
-            cells = source[first : first + min(WORD_BITS, row_cells - w * WORD_BITS)]
-            for k in range(cells.shape[0]):
-                bit = (word >> np.uint64(k)) & np.uint64(1)
-                cells[k] = np.uint16(reach) * np.uint16(np.uint64(1) - bit)
-    step = 1
-    while step < reach:
-        below, middle = source[pad - step : end - step], source[pad:end]
-        above, lowered = source[pad + step : end + step], target[pad:end]
-        for k in range(middle.shape[0]):
-            through = np.uint16(min(below[k], above[k]) + np.uint16(step))
-            lowered[k] = min(middle[k], through)
+    pitch = (work.shape[1] - 2 * LONGEST_STEP) // block_rows
+    far, nothing = np.uint64(reach) * B01, np.uint64(0)
+    for k in range(eights.shape[1]):
+        eights[0, k] = far
+        eights[1, k] = far
+    united = nothing
+    for row in range(min(block_rows, known.shape[0] - y)):
+        for w in range(known.shape[1]):
+            word = known[y + row, w]
+            united |= word
+            place = (LONGEST_STEP + row * pitch + w * WORD_BITS) >> 3
+            while word != nothing:
+                eights[0, place] = UNSET[word & BYTE] & far
+                word >>= np.uint64(8)
+                place += 1
+    source, target, step = int(np.int64(0)), int(np.int64(1)), 1
+    while step < reach and united != nothing:
+        apart, most = np.uint64(step), np.uint8(255 - step)
+        for k in range(np.uint64(LONGEST_STEP), np.uint64(work.shape[1] - LONGEST_STEP)):
+            nearer = min(work[source, k - apart], work[source, k + apart])
+            through = np.uint8(min(nearer, most) + np.uint8(step))
+            work[target, k] = min(work[source, k], through)
         source, target = target, source
         step *= 2
     for row in range(block_rows):
-        distances = source[pad + row * pitch : pad + row * pitch + row_cells]
-        squares = squared[row * row_cells : (row + 1) * row_cells]
-        for k in range(nz):
-            squares[k] = np.uint16(distances[k] * distances[k])
-        for k in range(nz, row_cells):  # no cells: they must not hold a value of their own
-            squares[k] = squares[nz - 1]
-    return True
+        first, to = np.uint64(LONGEST_STEP + row * pitch), np.uint64(at + row * row_cells)
+        last = work[source, first + np.uint64(nz - 1)]
+        for k in range(np.uint64(nz)):
+            distances[to + k] = work[source, first + k]
+        for k in range(np.uint64(nz), np.uint64(row_cells)):
+            distances[to + k] = last  # no cells: they must not hold a value of their own
+    return bool(united != nothing)
+
+
+@kernel
+def square(
+    distances: NDArray[np.uint8],
+    at: int,
+    cells: int,
+    squared: NDArray[np.uint16],  # out from a place on
+    to: int,
+) -> None:
+    """Square the distances from a place on."""
+    source, target = np.uint64(at), np.uint64(to)
+    for k in range(np.uint64(cells)):
+        distance = np.uint16(distances[source + k])
+        squared[target + k] = np.uint16(distance * distance)
 
 
 @kernel
 def blocks_around(reach: int, block_rows: int) -> int:
     """Blocks on either side of one that sources may lie in."""
-    return -(-(reach + 1) // block_rows)
+    return int(-(-planes_around(reach) // block_rows))
+
+
+@kernel
+def planes_around(reach: int) -> int:
+    """Planes on either side of one that sources may lie in: of four distances at once."""
+    return reach + 3
 
 
 @kernel
 def update_sections(
-    planes: NDArray[np.int64],  # (m,) indices along x
-    known: NDArray[np.uint64],  # (nx, ny, words)
+    part: tuple[int, int],  # first and one past the last plane of the box
+    blocked: NDArray[np.uint64],  # (kx, ky, words) the new cells of a box of columns
+    corner: tuple[int, int],  # of its first column
+    inside: NDArray[np.uint64],  # (words,) the bits that are cells of the window
     reach: int,
     nz: int,
     block_rows: int,
     row_cells: int,
-    stale: NDArray[np.bool_],  # (nx, blocks) in; false afterwards
-    sections: NDArray[np.uint16],  # (nx + 1, blocks, block_rows * row_cells) in, out
-    farthest: NDArray[np.uint16],  # (nx, blocks) out
-    nearest: NDArray[np.uint16],  # (nx + 1, blocks) out: least value of each block
-    least_change: NDArray[np.uint16],  # (nx, blocks) out: least value that came or went
+    known: NDArray[np.uint64],  # (nx, ny, words) in, out
+    distances: NDArray[np.uint8],  # (nx * blocks * block_rows * row_cells,) along z, in, out
+    holds_any: NDArray[np.bool_],  # (nx, blocks) whether any cell is blocked, in, out
+    sections: NDArray[np.uint16],  # ((around + nx + around) * blocks * cells,) in, out
+    farthest: NDArray[np.uint16],  # (nx, blocks) in, out: greatest value of each block of them
+    nearest: NDArray[np.uint16],  # (blocks, around + nx + around) out: least value
+    least_change: NDArray[np.uint16],  # (blocks, nx) out: least value that came or went
     along: NDArray[np.uint16],  # ((blocks + 2 around) * cells,) scratch
-    work: NDArray[np.uint16],  # (2, 2 * LONGEST_STEP + block_rows * (row_cells + reach)) scratch
+    work: NDArray[np.uint8],  # (2, 2 * LONGEST_STEP + block_rows * pitch) scratch
+    eights: NDArray[np.uint64],  # the same memory
     result: NDArray[np.uint16],  # (cells,) scratch
-    holds_any: NDArray[np.bool_],  # (blocks,) scratch
-    measured: NDArray[np.int64],  # (blocks,) scratch: the plane that each block belongs to
+    changes: NDArray[np.int64],  # (blocks, 2) scratch
+    stale: NDArray[np.bool_],  # (blocks,) scratch
+    squared: NDArray[np.int64],  # (blocks,) scratch: the plane whose squares a block holds
 ) -> None:
-    """The squared distance within planes of constant x, in their stale blocks."""
-    ny = known.shape[1]
-    blocks, cells = sections.shape[1:]
+    """Take over new cells, and find the squared distance within the planes that they change."""
+    blocks, cells = changes.shape[0], result.shape[0]
     around = blocks_around(reach, block_rows)
     fill(along, reach * reach)  # beyond the window nothing is blocked: its border comes at the end
     for b in range(blocks):
-        measured[b] = -1
-    for x in planes:
+        squared[b] = -1
+    for i in range(part[0], part[1]):
+        x = corner[0] + i
+        if not note_changes(blocked[i], corner[1], inside, block_rows, known[x], changes):
+            continue
         for b in range(blocks):
-            if not stale[x, b]:
+            if changes[b, 0] >= 0:
+                at = (x * blocks + b) * cells
+                rows = b * block_rows
+                holds_any[x, b] = measure_rows(
+                    known[x], rows, reach, nz, block_rows, row_cells, work, eights, distances, at
+                )
+        find_stale(changes, reach, block_rows, farthest[x], stale)
+        for b in range(blocks):
+            if not stale[b]:
                 continue
-            stale[x, b] = False
             any_near = False
             for c in range(max(0, b - around), min(blocks, b + around + 1)):
-                if measured[c] != x:
-                    measured[c] = x
-                    first = (c + around) * cells
-                    rows = known[x, c * block_rows : min(ny, (c + 1) * block_rows)]
-                    holds_any[c] = measure_rows(
-                        rows, reach, nz, row_cells, work, along[first : first + cells]
-                    )
-                any_near |= holds_any[c]
+                any_near |= holds_any[x, c]
+                if squared[c] != x:
+                    squared[c] = x
+                    square(distances, (x * blocks + c) * cells, cells, along, (c + around) * cells)
             first = (b + around) * cells
-            greatest = copy_block(result, along[first : first + cells])
+            greatest = copy_block(result, along, first)
             j = 1 if any_near else reach
             while j < reach and j * j < greatest:
-                near, far = j * row_cells, (j + 1) * row_cells
-                greatest = lower(
-                    result,
-                    along[first - near : first - near + cells],
-                    along[first + near : first + near + cells],
-                    along[first - far : first - far + cells],
-                    along[first + far : first + far + cells],
-                    j,
-                )
-                j += 2
+                greatest = lower(result, along, first, row_cells, j, reach)
+                j += 4
             farthest[x, b] = greatest
-            nearest[x, b], least_change[x, b] = note_result(result, sections[x, b])
+            at = ((planes_around(reach) + x) * blocks + b) * cells
+            least, least_change[b, x] = note_result(result, sections, at)
+            nearest[b, planes_around(reach) + x] = least
 
 
 @kernel
 def spread_changes(
-    least_change: NDArray[np.uint16],  # (nx, blocks) in; no change afterwards
+    least_change: NDArray[np.uint16],  # (nx,) of a row of blocks; no change afterwards
     reach: int,
-    farthest: NDArray[np.uint16],  # (nx, blocks) greatest value of each block of the field
-    stale: NDArray[np.bool_],  # (nx, blocks) out
-) -> None:
-    """Mark the blocks of the field that a change of a section may reach, as along y."""
-    nx, blocks = stale.shape
+    reached: NDArray[np.uint16],  # (nx,) out
+) -> bool:
+    """The least value that each block may lose or get from the changes around; whether any may."""
+    nx, found = least_change.shape[0], False
     for x in range(nx):
-        for b in range(blocks):
-            change = int(least_change[x, b])
-            if change == NO_CHANGE:
-                continue
-            least_change[x, b] = NO_CHANGE
-            for i in range(max(0, x - reach + 1), min(nx, x + reach)):
-                stale[i, b] |= change + (i - x) * (i - x) <= farthest[i, b]
+        reached[x] = least_change[x]
+        found |= least_change[x] != NO_CHANGE
+    if not found:
+        return False
+    for j in range(1, reach):
+        farther, step = np.uint16(j * j), np.uint64(j)
+        for x in range(step, np.uint64(nx)):
+            reached[x] = min(reached[x], np.uint16(least_change[x - step] + farther))
+        for x in range(np.uint64(max(nx - j, 0))):
+            reached[x] = min(reached[x], np.uint16(least_change[x + step] + farther))
+    for x in range(nx):
+        least_change[x] = NO_CHANGE
+    return True
 
 
 @kernel
@@ -257,53 +323,70 @@ def border_distance(position: int, cells: int, reach: int) -> int:
 
 
 @kernel
+def bound_row(
+    result: NDArray[np.uint16],
+    at: int,  # of the row in it
+    border: NDArray[np.uint16],  # (nz,) squared distance to what lies outside along z
+    across: int,  # and along x and y
+    squared: NDArray[np.uint16],  # out from a place on
+    to: int,
+) -> int:
+    """Write a row of the field, not beyond its border; return the greatest element."""
+    source, target = np.uint64(at), np.uint64(to)
+    most, greatest = np.uint16(across), np.uint16(0)
+    for z in range(np.uint64(border.shape[0])):
+        least = min(result[source + z], min(border[z], most))
+        squared[target + z] = least
+        greatest = max(greatest, least)
+    return int(greatest)
+
+
+@kernel
 def update_field(
-    stale: NDArray[np.int64],  # (m, 2) block and plane
-    sections: NDArray[np.uint16],  # (nx + 1, blocks, block_rows * row_cells)
-    nearest: NDArray[np.uint16],  # (nx + 1, blocks)
+    part: tuple[int, int],  # first and one past the last block along y
+    shape: tuple[int, int, int],  # (nx, ny, nz)
+    sections: NDArray[np.uint16],  # ((around + nx + around) * blocks * cells,)
+    nearest: NDArray[np.uint16],  # (blocks, around + nx + around)
     reach: int,
     block_rows: int,
     row_cells: int,
-    farthest: NDArray[np.uint16],  # (nx, blocks) out
-    squared: NDArray[np.uint16],  # (nx, ny, nz) out
+    least_change: NDArray[np.uint16],  # (blocks, nx) of the sections; no change afterwards
+    farthest: NDArray[np.uint16],  # (blocks, nx) in, out: greatest value of each block of the field
+    squared: NDArray[np.uint16],  # (nx * ny * nz,) out
     result: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
     border: NDArray[np.uint16],  # (nz,) scratch
+    reached: NDArray[np.uint16],  # (nx,) scratch
 ) -> None:
-    """The squared distance in stale blocks, from the sections of the planes around them.
+    """The squared distance where changes may reach, from the sections of the planes around.
 
-    What lies outside the window is blocked: the nearest such cell is straight across a border.
+    What lies outside the window is blocked: the nearest such cell is straight across a border. A
+    change matters to a block as along y. Block by block along x: neighbours share most of the
+    planes that they look at.
     """
-    nx, ny, nz = squared.shape
+    nx, ny, nz = shape
+    blocks, cells = nearest.shape[0], result.shape[0]
     for z in range(nz):
         border[z] = border_distance(z, nz, reach) ** 2
-    for m in range(stale.shape[0]):
-        b, x = stale[m]
-        greatest = copy_block(result, sections[x, b])
-        j = int(np.int64(1))  # a plain 1 would be compiled for itself
-        while j < reach and j * j < greatest:
-            # Plane nx holds nothing; it stands for those outside.
-            below, above = (x - j if x >= j else nx), min(x + j, nx)
-            next_below, next_above = (x - j - 1 if x > j else nx), min(x + j + 1, nx)
-            near = min(nearest[below, b], nearest[above, b]) + j * j
-            far = min(nearest[next_below, b], nearest[next_above, b]) + (j + 1) * (j + 1)
-            if min(near, far) < greatest:
-                greatest = lower(
-                    result,
-                    sections[below, b],
-                    sections[above, b],
-                    sections[next_below, b],
-                    sections[next_above, b],
-                    j,
-                )
-            j += 2
-        greatest_within = np.uint16(0)
-        for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):
-            across = min(border_distance(x, nx, reach), border_distance(y, ny, reach))
-            squared_across = np.uint16(across * across)
-            row = squared[x, y]
-            first = (y - b * block_rows) * row_cells
-            source = result[first : first + nz]
-            for z in range(nz):
-                row[z] = min(source[z], min(border[z], squared_across))
-                greatest_within = max(greatest_within, row[z])
-        farthest[x, b] = greatest_within
+    for b in range(part[0], part[1]):
+        if not spread_changes(least_change[b], reach, reached):
+            continue
+        for x in range(nx):
+            if reached[x] > farthest[b, x]:
+                continue
+            at = planes_around(reach) + x
+            place = (at * blocks + b) * cells
+            greatest = copy_block(result, sections, place)
+            j = int(np.int64(1))  # a plain 1 would be compiled for itself
+            while j < reach and j * j < greatest:
+                least = nearest[b, at + j]
+                for far in range(j, j + 4):
+                    least = min(least, min(nearest[b, at - far], nearest[b, at + far]))
+                if least + j * j < greatest:
+                    greatest = lower(result, sections, place, blocks * cells, j, reach)
+                j += 4
+            within = int(np.int64(0))
+            for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):
+                across = min(border_distance(x, nx, reach), border_distance(y, ny, reach))
+                row, to = (y - b * block_rows) * row_cells, (x * ny + y) * nz
+                within = max(within, bound_row(result, row, border, across * across, squared, to))
+            farthest[b, x] = within

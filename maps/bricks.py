@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import struct
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,8 @@ DROPPED_AT_ONCE = 64
 MAX_GONE = 1 << 16
 EVERYWHERE = np.array([[-(1 << 40)] * 3 + [1 << 40] * 3])
 MODULUS = 1 << 128
+RECORD = np.dtype([("key", "<i4", 3), ("ticks", "<i8"), ("lanes", "<u8", 8)])  # without gaps
+"""What the digest of a brick is made of."""
 
 
 class Bricks:
@@ -159,12 +160,14 @@ class Bricks:
             update.digest_bricks(slots, part, self.eights, lanes, held)
 
         team.share(digest, len(slots), parts_each=1)
-        contents = lanes.astype("<u8", copy=False)
-        for i, slot in enumerate(slots.tolist()):
+        records = np.empty(len(slots), RECORD)
+        records["key"], records["ticks"] = self.keys[slots], self.ticks[slots]
+        records["lanes"] = lanes
+        contents, size = records.tobytes(), RECORD.itemsize
+        for i, (slot, known) in enumerate(zip(slots.tolist(), held.tolist(), strict=True)):
             new = 0
-            if held[i]:
-                head = struct.pack("<3iq", *self.keys[slot].tolist(), self.ticks[slot])
-                seal = hashlib.blake2b(head + contents[i].tobytes(), digest_size=16)
+            if known:
+                seal = hashlib.blake2b(contents[i * size : (i + 1) * size], digest_size=16)
                 new = int.from_bytes(seal.digest(), "little")
             self._sum += new - self._digests.get(slot, 0)
             self._digests[slot] = new

@@ -12,7 +12,7 @@ from maps import _column_kernels as kernels
 from maps._field_kernels import MAX_REACH
 from maps.columns import ColumnMap, Window, unpack
 from maps.config import MapConfig
-from maps.field import DistanceField
+from maps.field import DistanceField, update_together
 from maps.projection import Airspace
 from maps.states import FREE, OCCUPIED
 from maps.team import Team
@@ -121,9 +121,8 @@ class Costmap:
             changed = slice(0, cells.rows[0]), slice(0, cells.rows[1])
         if changed is not None:
             x0, y0 = changed[0].start, changed[1].start
-            not_free, occupied = self._fields
-            not_free.update(~cells.free[changed], x0, y0)
-            occupied.update(cells.occupied[changed], x0, y0)
+            boxes = ~cells.free[changed], cells.occupied[changed]
+            update_together(self._fields, boxes, x0, y0)
         self._told: dict[str, Any] = {}  # what was asked for since
 
     @property

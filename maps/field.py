@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,23 +52,24 @@ class DistanceField:
             raise ValueError(f"reach: got {reach} cells, expected 1 to {MAX_REACH}")
         nx, ny, nz = self.shape = shape
         self.reach = reach
-        self.squared = np.empty(shape, np.uint16)
         self._team = team or Team(1)
         self._block_rows = min(BLOCK_ROWS, ny)
         self._row_cells = -(-nz // ROW_MULTIPLE) * ROW_MULTIPLE
-        blocks, most = -(-ny // self._block_rows), reach * reach
+        self._blocks, most = -(-ny // self._block_rows), reach * reach
+        blocks, cells = self._blocks, self._block_rows * self._row_cells
+        self.squared = np.empty(shape, np.uint16)
         self._inside = layer_bits(0, nz, nz)
         self._blocked = np.zeros((nx, ny, len(self._inside)), np.uint64)
-        block_cells = self._block_rows * self._row_cells
-        # One plane more than there are: it stands for those outside, which hold nothing.
-        self._sections = np.full((nx + 1, blocks, block_cells), most, np.uint16)
-        self._nearest_in_section = np.full((nx + 1, blocks), most, np.uint16)
+        self._along_z = np.full(nx * blocks * cells, reach, np.uint8)
+        self._holds_any = np.zeros((nx, blocks), np.bool_)
+        # More planes than there are: those outside hold nothing.
+        planes = nx + 2 * kernels.planes_around(reach)
+        self._sections = np.full(planes * blocks * cells, most, np.uint16)
+        self._nearest_in_section = np.full((blocks, planes), most, np.uint16)
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
-        self._farthest = np.full((nx, blocks), most, np.uint16)
-        self._least_change = np.full((nx, blocks), kernels.NO_CHANGE, np.uint16)
-        self._stale_sections = np.zeros((nx, blocks), np.bool_)
-        self._stale = np.ones((nx, blocks), np.bool_)
-        self._refresh()
+        self._farthest = np.full((blocks, nx), most, np.uint16)
+        self._least_change = np.zeros((blocks, nx), np.uint16)  # all is to be computed
+        self._update_field((0, blocks))
 
     def update(self, blocked: NDArray[np.uint64], x0: int = 0, y0: int = 0) -> None:
         """Take over the cells of a box of columns, and bring the distances up to date.
@@ -80,68 +83,114 @@ class DistanceField:
         Raises:
             ValueError: The box is not within the window.
         """
+        update_together([self], [blocked], x0, y0)
+
+    def check(self, blocked: NDArray[np.uint64], x0: int, y0: int) -> None:
+        """Refuse a box of columns that is not within the window.
+
+        Raises:
+            ValueError: It is not.
+        """
         nx, ny, words = self._blocked.shape
         kx, ky, got_words = blocked.shape
         if x0 < 0 or y0 < 0 or x0 + kx > nx or y0 + ky > ny or got_words != words:
             raise ValueError(
                 f"blocked: got {blocked.shape} at ({x0}, {y0}), expected within {(nx, ny, words)}"
             )
-        kernels.note_changes(
-            np.ascontiguousarray(blocked),  # another layout would be compiled anew
-            x0,
-            y0,
-            self._inside,
-            self.reach,
-            self._block_rows,
-            self._farthest_in_section,
-            self._blocked,
-            self._stale_sections,
-        )
-        self._refresh()
 
-    def _refresh(self) -> None:
-        """Recompute the stale sections, then what their changes reach."""
-        planes = np.flatnonzero(self._stale_sections.any(axis=1))
-        self._team.share(lambda _, part: self._update_sections(planes[slice(*part)]), len(planes))
-        kernels.spread_changes(self._least_change, self.reach, self._farthest, self._stale)
-        # Block by block along x: neighbours share most of the planes that they look at.
-        blocks = np.ascontiguousarray(np.argwhere(self._stale.T))
-        self._team.share(lambda _, part: self._update_field(blocks[slice(*part)]), len(blocks))
-        self._stale[:] = False
-
-    def _update_sections(self, planes: NDArray[np.int64]) -> None:
-        _, blocks, cells = self._sections.shape
+    def _update_sections(
+        self, part: tuple[int, int], blocked: NDArray[np.uint64], corner: tuple[int, int]
+    ) -> None:
+        """Take over some planes of a box of columns, and recompute their stale blocks."""
+        blocks, cells = self._blocks, self._block_rows * self._row_cells
         around = kernels.blocks_around(self.reach, self._block_rows)
-        line = 2 * kernels.LONGEST_STEP + self._block_rows * (self._row_cells + self.reach)
+        pitch = -(-(self._row_cells + self.reach) // 8) * 8  # cells, in whole words
+        work = np.empty((2, 2 * kernels.LONGEST_STEP + self._block_rows * pitch), np.uint8)
         kernels.update_sections(
-            planes,
-            self._blocked,
+            part,
+            blocked,
+            corner,
+            self._inside,
             self.reach,
             self.shape[2],
             self._block_rows,
             self._row_cells,
-            self._stale_sections,
+            self._blocked,
+            self._along_z,
+            self._holds_any,
             self._sections,
             self._farthest_in_section,
             self._nearest_in_section,
             self._least_change,
             np.empty((blocks + 2 * around) * cells, np.uint16),
-            np.empty((2, line), np.uint16),
+            work,
+            work.view(np.uint64),
             np.empty(cells, np.uint16),
+            np.empty((blocks, 2), np.int64),
             np.empty(blocks, np.bool_),
             np.empty(blocks, np.int64),
         )
 
-    def _update_field(self, blocks: NDArray[np.int64]) -> None:
+    def _update_field(self, part: tuple[int, int]) -> None:
+        """Recompute some rows of blocks where the changes of the sections reach."""
+        nx, _, nz = self.shape
         kernels.update_field(
-            blocks,
+            part,
+            self.shape,
             self._sections,
             self._nearest_in_section,
             self.reach,
             self._block_rows,
             self._row_cells,
+            self._least_change,
             self._farthest,
-            self.squared,
-            np.empty(self._sections.shape[2], np.uint16),
-            np.empty(self.shape[2], np.uint16),
+            self.squared.reshape(-1),
+            np.empty(self._block_rows * self._row_cells, np.uint16),
+            np.empty(nz, np.uint16),
+            np.empty(nx, np.uint16),
         )
+
+
+def update_together(
+    fields: Sequence[DistanceField],
+    boxes: Sequence[NDArray[np.uint64]],
+    x0: int = 0,
+    y0: int = 0,
+) -> None:
+    """Update fields of one window in common rounds of threads, those of the first one's team.
+
+    Args:
+        fields: All of one shape.
+        boxes: (kx, ky, words) for each field the blocked cells of one box of columns.
+        x0: Index of its first column along x.
+        y0: Index of its first column along y.
+
+    Raises:
+        ValueError: The box is not within the window.
+    """
+    for field, box in zip(fields, boxes, strict=True):
+        field.check(box, x0, y0)
+    # Another layout would be compiled anew.
+    plain = [np.ascontiguousarray(box) for box in boxes]
+    planes, blocks, team = len(plain[0]), fields[0]._blocks, fields[0]._team
+
+    def sections(_: int, part: tuple[int, int]) -> None:
+        for n, some in _shares(part, planes):
+            fields[n]._update_sections(some, plain[n], (x0, y0))
+
+    def field_blocks(_: int, part: tuple[int, int]) -> None:
+        for n, some in _shares(part, blocks):
+            fields[n]._update_field(some)
+
+    team.share(sections, len(fields) * planes)
+    team.share(field_blocks, len(fields) * blocks)
+
+
+def _shares(part: tuple[int, int], each: int) -> Iterator[tuple[int, tuple[int, int]]]:
+    """Whose items a part of all is, and which of them, where everyone has equally many."""
+    first, end = part
+    while first < end:
+        owner, at = divmod(first, each)
+        count = min(each - at, end - first)
+        yield owner, (at, at + count)
+        first += count

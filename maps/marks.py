@@ -16,6 +16,7 @@ from maps.sweep import Sweep
 from maps.team import Team
 
 MAX_WINDOW_WORDS = 1 << 26
+WORTH_SHARING = 1 << 18  # words
 NO_GUARD = -1
 
 SPREAD = np.argsort(
@@ -90,6 +91,8 @@ class SweepWindow:
         self._flags = np.zeros(0, np.uint8)
         self._ends = np.empty((0, 5), np.int32)
         self._free = np.zeros((team.size, 0), np.uint64)
+        self._targets, self._bits = np.empty((0, 5), np.int32), np.empty(0, np.uint64)
+        self._columns, self._order = np.empty(0, np.int32), np.empty(0, np.int32)
 
     @property
     def nbytes(self) -> int:
@@ -168,8 +171,10 @@ class SweepWindow:
             (x0, y0, z0, x1, y1, z1),
             int((placed.parts[:, 1] - placed.parts[:, 0]).sum()),
         )
-        targets, bits = np.empty((most, 5), np.int32), np.empty(most, np.uint64)
-        columns, order = np.empty(most, np.int32), np.empty(most, np.int32)
+        if len(self._bits) < most:  # new memory would be cleared anew by the system
+            self._targets, self._bits = np.empty((most, 5), np.int32), np.empty(most, np.uint64)
+            self._columns, self._order = np.empty(most, np.int32), np.empty(most, np.int32)
+        targets, bits, columns, order = self._targets, self._bits, self._columns, self._order
         groups = np.empty(len(sensors) + 1, np.int64)
         count = beams.list_targets(
             placed.ends,
@@ -256,7 +261,10 @@ class SweepWindow:
         def gather(_: int, rows: tuple[int, int]) -> None:
             update.gather(self._hits, self._free, shape, rows, touched)
 
-        self._team.share(gather, len(touched), parts_each=1)
+        if words * nx * ny < WORTH_SHARING:  # done before a second thread has woken up
+            gather(0, (0, len(touched)))
+        else:
+            self._team.share(gather, len(touched), parts_each=1)
         blocks = np.argwhere(touched)  # (k, 3)
         rows = blocks * np.array([bricks.EDGE, bricks.EDGE, 1])
         places = ((rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]).astype(np.int64)

@@ -335,12 +335,13 @@ class VoxelMap(VoxelQueries):
         turned, alive = (np.zeros(len(behind), np.bool_) for _ in range(2))
 
         def fade(_: int, part: tuple[int, int]) -> None:
+            eights = np.empty(8, np.uint64)
             decay.fade_bricks(
                 behind,
                 part,
                 self._ticks,
                 to_now,
-                bricks.eights,
+                bricks.cells,
                 bricks.fresh,
                 bricks.settled,
                 bricks.ticks,
@@ -348,8 +349,8 @@ class VoxelMap(VoxelQueries):
                 self._losses,
                 turned,
                 alive,
-                np.empty(decay.EDGE_VALUES, np.bool_),
-                np.empty(decay.EDGE_VALUES, np.int8),
+                np.empty(decay.MAGNITUDES, np.uint8),
+                (np.empty(64, np.uint8), eights.view(np.uint8), eights),
             )
 
         self._team.share(fade, len(behind), parts_each=2)

@@ -221,3 +221,46 @@ def test_what_is_held_is_not_forgotten_and_nothing_else():
     for k in range(61, 120):
         voxel_map.advance(k * SECOND)
     assert voxel_map.counts() == {"free": 0, "occupied": 0}
+
+
+def faded_brick(ticks_seen, until):
+    """A brick of every value, its first columns spared by the first tick, as kernels fade it."""
+    cells = np.zeros((1, 6, 64), np.int8)
+    cells[0, :4] = np.arange(-128, 128, dtype=np.int16).clip(-127).reshape(4, 64)
+    cells[0, 4, :3] = 1, -2, 60
+    fresh = np.zeros((1, 6), np.uint64)
+    fresh[0, 0], fresh[0, 1] = 2**64 - 1, 0xFF00FF
+    settled, before = np.full((1, 6), 7, np.uint64), cells.copy()
+    ticks, dues = np.array([ticks_seen]), np.array([kernels.NEVER])
+    turned, alive = (np.zeros(1, np.bool_) for _ in range(2))
+    eights = np.empty(8, np.uint64)
+    scratch = np.empty(64, np.uint8), eights.view(np.uint8), eights
+    steps, losses = np.empty(kernels.MAGNITUDES, np.uint8), tick_losses(MapConfig(half_life=3.0))
+    slots, part = np.array([0]), (0, 1)
+    state = cells, fresh, settled, ticks, dues
+    kernels.fade_bricks(slots, part, until, True, *state, losses, turned, alive, steps, scratch)
+    return before, cells, (settled, ticks, dues, turned, alive)
+
+
+@pytest.mark.parametrize("until", [8, 9, 30, 90])
+def test_a_brick_fades_as_its_values_do(until, monkeypatch):
+    before, cells, (settled, ticks, dues, turned, alive) = faded_brick(7, until)
+    expected = before.reshape(-1).copy()
+    losses = tick_losses(MapConfig(half_life=3.0))
+    kernels.fade_values(expected, np.full(expected.size, 7), until, losses)
+    expected = expected.reshape(before.shape)
+    passed_away = bool(np.any((before != 0) & (expected == 0)))
+    expected[0, 0] = before[0, 0]  # spared
+    expected[0, 1, :8], expected[0, 1, 16:24] = before[0, 1, :8], before[0, 1, 16:24]
+    np.testing.assert_array_equal(cells, expected)
+    assert ticks.tolist() == [until]
+    assert alive.tolist() == [True]
+    assert turned.tolist() == [passed_away]
+    assert settled[0].tolist() == [7, 7, 0, 0, 0, 0]
+    for name in vars(kernels):
+        if hasattr(getattr(kernels, name), "py_func"):
+            monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
+    interpreted = faded_brick(7, until)
+    for one, other in zip(interpreted[2], (settled, ticks, dues, turned, alive), strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(interpreted[1], cells)

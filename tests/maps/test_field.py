@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from maps import _field_kernels as kernels
-from maps.field import DistanceField
+from maps.field import DistanceField, update_together
 from maps.team import Team
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
@@ -88,6 +88,21 @@ def test_a_field_kept_up_to_date_equals_a_new_one(reach, threads):
             blocked[x : x + 12, y : y + 7, z : z + 9] = step % 3 == 0
         field.update(packed(blocked))
         np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_fields_updated_together_equal_those_updated_alone(threads):
+    shape = (33, 21, 40)
+    rng = np.random.default_rng(threads)
+    team = Team(threads)
+    together = [DistanceField(shape, 9, team) for _ in range(2)]
+    for density in (0.02, 0.001, 0.3):
+        both = rng.random((2, *shape)) < density
+        update_together(together, [packed(cells) for cells in both])
+        for field, cells in zip(together, both, strict=True):
+            np.testing.assert_array_equal(field.squared, scipy_squared(cells, 9))
+    with pytest.raises(ValueError, match=r"expected within \(33, 21, 1\)"):
+        update_together(together, [packed(cells)[:5] for cells in both], 30, 0)
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
@@ -185,5 +200,5 @@ def test_no_kernel_is_compiled_again_for_another_part_of_the_window():
     blocked[12, 20, 9] = True
     field.update(packed(blocked)[10:15, 18:25], 10, 18)  # no contiguous array
     np.testing.assert_array_equal(field.squared, scipy_squared(blocked, 4))
-    for kernel in (kernels.note_changes, kernels.update_sections, kernels.update_field):
+    for kernel in (kernels.update_sections, kernels.update_field):
         assert len(kernel.signatures) == 1
