@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from math import ceil
-from typing import NamedTuple
 
 import mujoco
 
@@ -47,7 +45,8 @@ class Drawn:
     failures: list[str] = field(default_factory=list)
 
 
-class Batch(NamedTuple):
+@dataclass(frozen=True)
+class Batch:
     """What one process drew: see `Drawn`."""
 
     count: int
@@ -60,7 +59,7 @@ class Batch(NamedTuple):
 
 def soak_worlds(count: int, seed: int, progress: Callable[[str], None]) -> Drawn:
     """Draw `count` worlds or a few more, as many of each name, in two processes."""
-    drawn, seconds = Drawn(), Counter[str]()
+    drawn, seconds = Drawn(), dict.fromkeys(WORLDS, 0.0)
     for (name, _, _), batch in run_jobs(batches(ceil(count / len(WORLDS)), seed), draw_batch):
         drawn.count += batch.count
         drawn.compiled += batch.compiled
