@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import hypot
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -114,3 +115,12 @@ def test_slabs_leave_the_holes_and_nothing_else():
     points = [(2.5, 2.0), (3.0, 4.5), (2.5, 3.0), (1.0, 1.0)]
     apart = np.min([slab.distance_in_plane(points, (-1.0, 1.0)) for slab in slabs], axis=0)
     assert (apart > 0.0).tolist() == [True, True, False, False]
+
+
+@pytest.mark.parametrize("name", sorted(WORLDS))
+def test_the_page_of_worlds_shows_every_one(name):
+    docs = Path(__file__).parents[2] / "docs"
+    page = (docs / "worlds.md").read_text()
+    assert f"| `{name}` |" in page
+    assert f"![{name}](world-{name}.png)" in page
+    assert (docs / f"world-{name}.png").is_file()
