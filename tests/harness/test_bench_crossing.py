@@ -6,7 +6,7 @@ from dataclasses import asdict
 import pytest
 
 from harness.bench import STAGES, run_stage
-from harness.bench_crossing import ALONE, WAYS, Row, run_one, summarise
+from harness.bench_crossing import ALONE, Row, run_one, summarise
 from harness.bench_jobs import KeptRows, rows_of
 from harness.errors import InputError
 
@@ -28,11 +28,10 @@ def test_what_traffic_costs_by_hand():
     assert summary.least_clearance_m == pytest.approx(0.1)
 
 
-def test_alone_nothing_moves_and_the_dynamic_map_keeps_off():
-    alone, among = run_one("drone", ALONE, 9), run_one("drone", "dynamic", 9)
-    assert (alone.outcome, among.outcome) == ("success", "success")  # `voxel` runs into a person
-    assert among.clearance_m > 0.05
-    assert "dynamic" in WAYS
+def test_a_drone_stops_short_of_a_person_who_comes_into_its_way():
+    among = run_one("drone", "voxel", 9)
+    assert (among.outcome, among.own, among.at_rest) == ("success", 0, 0)
+    assert among.job == ("drone", "voxel", 9)
 
 
 def half(number, parity):
