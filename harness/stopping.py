@@ -12,7 +12,10 @@ from harness.view import Array, View, length
 from planners import TrajectorySample, stopping_distance, tangent_at, truncate
 
 STEP = 0.05
-"""Between the points of a way that turns away, m."""
+"""Between the points of a bend, m."""
+
+LEAST_SPEED = 0.1
+"""Added to the speed that is left, so that no bend is a turn on the spot, m/s."""
 
 SLOWEST = 0.3
 """From a lower speed the robot stops within some centimetres, wherever it turns, m/s."""
@@ -21,8 +24,8 @@ SLOWEST = 0.3
 def clearest_stop(view: View, now: TrajectorySample, path: Array) -> Array:
     """The path to stop along: the one given, unless it leads where the robot may not be.
 
-    Then it is one of the arcs that the robot can turn into from its state: the one that keeps
-    farthest from what is blocked, on the way and at its end, if by a cell farther than the path.
+    Then it is one of the bends that the robot can take from its state: the one that keeps farthest
+    from what is blocked, on the way and at its end, if that is farther than the path.
 
     Args:
         view: Of the decision.
@@ -36,12 +39,9 @@ def clearest_stop(view: View, now: TrajectorySample, path: Array) -> Array:
     ahead = _as_long(path, reach)
     if now.speed < SLOWEST or view.admitted.free_length(ahead) >= length(ahead) - 1e-6:
         return path
-    arcs = _arcs(view, now, tangent_at(path, 0.0), reach)
-    kept = [_kept_off(view, arc) for arc in arcs]
-    best = int(np.argmax(kept))
-    if kept[best] <= _kept_off(view, ahead) + view.admitted.resolution:
-        return path
-    return arcs[best]
+    ways = [ahead, *_bends(view, now, tangent_at(path, 0.0), reach)]
+    best = int(np.argmax([_kept_off(view, way) for way in ways]))  # of equals the first
+    return ways[best] if best else path
 
 
 def _as_long(path: Array, reach: float) -> Array:
@@ -58,23 +58,35 @@ def _kept_off(view: View, path: Array) -> float:
     return space.least_clearance(path) + space.least_clearance(path[[-1, -1]])
 
 
-def _arcs(view: View, now: TrajectorySample, tangent: Array, reach: float) -> list[Array]:
-    """Arcs (n, 3) to the left and right, of a flying robot up and down too; half and all it can."""
+def _bends(view: View, now: TrajectorySample, tangent: Array, reach: float) -> list[Array]:
+    """Ways (n, 3) that bend to the left and right, of a flying robot up and down too.
+
+    Each as tightly as the robot can at the speed that is left, and half as tightly; at most by a
+    right angle.
+    """
     limits = view.limits
-    tightest = min(limits.lateral_acceleration / now.speed**2, limits.yaw_rate / now.speed)
+    arcs = np.linspace(0.0, reach, max(round(reach / STEP), 1) + 1)  # (n,)
+    speeds = now.speed * np.sqrt(np.maximum(1.0 - arcs / reach, 0.0)) + LEAST_SPEED
+    tightest = limits.lateral_acceleration / speeds**2  # (n,) 1/m
     left = np.array([-tangent[1], tangent[0], 0.0])
     if not left.any():  # straight up or down
         left = np.array([0.0, 1.0, 0.0])
     left /= np.sqrt(left @ left)
     sides = [left, -left]
-    if not view.turns_in_place:
+    if view.turns_in_place:  # it goes where it faces
+        tightest = np.minimum(tightest, limits.yaw_rate / speeds)
+    else:
         up = np.cross(tangent, left)
         sides += [up, -up]
-    arc_lengths = np.linspace(0.0, reach, max(round(reach / STEP), 1) + 1)[:, None]  # (n, 1)
-    return [
-        now.position
-        + np.sin(curvature * arc_lengths) / curvature * tangent
-        + (1.0 - np.cos(curvature * arc_lengths)) / curvature * side
-        for curvature in (0.5 * tightest, tightest)
-        for side in sides
-    ]
+    bends = []
+    for curvature in (0.5 * tightest, tightest):
+        turned = np.minimum(_summed(curvature, arcs), 0.5 * np.pi)
+        along, aside = _summed(np.cos(turned), arcs), _summed(np.sin(turned), arcs)
+        bends += [now.position + np.outer(along, tangent) + np.outer(aside, to) for to in sides]
+    return bends
+
+
+def _summed(values: Array, at: Array) -> Array:
+    """Integral (n,) from the first place on, by the trapezoidal rule."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(at)
+    return np.concatenate([[0.0], np.cumsum(steps)])
