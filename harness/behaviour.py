@@ -13,6 +13,7 @@ import numpy as np
 from harness.decision import Action, Label
 from harness.guide import ARRIVED, keep_or_replan_guide, place_for_goal
 from harness.inputs import heading_of
+from harness.stopping import clearest_stop
 from harness.trail import trodden, way_back
 from harness.view import Array, Choice, Memory, View, distance, length, standing
 from planners import (
@@ -244,6 +245,7 @@ def _brake(
     reason: str,
     label: Label = "none",
 ) -> tuple[Choice, Memory]:
+    path = clearest_stop(view, now, path)
     trajectory = stop_along(
         path, view.effect_ns, 0.0, now.speed, now.acceleration, now.heading, view.limits
     )

@@ -9,12 +9,14 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from itertools import groupby
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich import box
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
+from harness.bench_crossing import bench_crossing
 from harness.bench_episodes import bench_delays, bench_planners, bench_policies
 from harness.bench_loop import bench_loop
 from harness.bench_map import bench_map
@@ -32,15 +34,18 @@ class Stage(NamedTuple):
     """One thing that can be measured.
 
     Attributes:
-        measure: From (repeats, seed, progress) to rows.
+        measure: From (repeats, seed, progress) to rows; from a file of kept rows too if it `keeps`.
         repeats: By default: sweeps, whole episodes, or fourteen queries each.
+        keeps: Whether it can go on from a file of the rows so far.
     """
 
-    measure: Callable[[int, int, Callable[[str], None]], list[Row]]
+    measure: Callable[..., list[Row]]
     repeats: int
+    keeps: bool = False
 
 
 STAGES: dict[str, Stage] = {
+    "crossing": Stage(bench_crossing, 10, keeps=True),
     "delays": Stage(bench_delays, 2),
     "loop": Stage(bench_loop, 3),
     "map": Stage(bench_map, 15),
@@ -48,7 +53,7 @@ STAGES: dict[str, Stage] = {
     "planners": Stage(bench_planners, 12),
     "policies": Stage(bench_policies, 6),
     "rays": Stage(bench_rays, 15),
-    "worlds": Stage(bench_worlds, 3),
+    "worlds": Stage(bench_worlds, 3, keeps=True),
     "robots": Stage(bench_robots, 10),
 }
 
@@ -71,7 +76,13 @@ SHORT_HEADINGS = {
 """Of fields whose name is too wide for a table of 80 columns."""
 
 
-def run_stage(name: str, repeats: int | None, seed: int, files: Files | None = None) -> list[Row]:
+def run_stage(
+    name: str,
+    repeats: int | None,
+    seed: int,
+    files: Files | None = None,
+    kept: Path | None = None,
+) -> list[Row]:
     """Measure one stage; its figures depend on the machine, its scenes on the seed alone.
 
     Args:
@@ -79,11 +90,14 @@ def run_stage(name: str, repeats: int | None, seed: int, files: Files | None = N
         repeats: None for as many as the stage needs.
         seed: Of the scenes.
         files: Of a published benchmark.
+        kept: File of the rows so far, from which the stage goes on.
 
     Raises:
         InputError: No such stage; too few or too many repeats; a negative seed; unusable files.
     """
     stage = _from_files(name, files) if files else _find_stage(name)
+    if kept is not None:
+        stage = _from_rows(name, stage, kept)
     repeats = stage.repeats if repeats is None else repeats
     if not 1 <= repeats <= MOST_REPEATS:
         raise InputError(f"repeats: got {repeats}, expected 1 to {MOST_REPEATS}")
@@ -108,6 +122,13 @@ def _find_stage(name: str) -> Stage:
 def _from_files(name: str, files: Files) -> Stage:
     one = find_benchmark(name, files.option)
     return Stage(partial(one.measure, files), one.repeats)
+
+
+def _from_rows(name: str, stage: Stage, kept: Path) -> Stage:
+    if not stage.keeps:
+        able = ", ".join(key for key, one in STAGES.items() if one.keeps)
+        raise InputError(f"--rows: got bench {name}, expected one of: {able}")
+    return stage._replace(measure=partial(stage.measure, kept=kept))
 
 
 def print_rows(console: Console, title: str, rows: list[Row]) -> None:

@@ -7,19 +7,16 @@ estimate unless a case says otherwise; errors are against what truly happened.
 from __future__ import annotations
 
 import math
-import multiprocessing
-import os
 import time
 import zlib
-from collections.abc import Callable, Collection, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from harness.bench_jobs import run_jobs
 from models.robots.estimate import EstimateNoise
 from models.robots.quadrotor import Quadrotor
 from models.robots.quadrotor import trials as flights
@@ -29,7 +26,6 @@ from models.robots.quadruped import Quadruped
 from models.robots.quadruped import trials as walks
 from models.robots.quadruped import warm_up as warm_up_quadruped
 
-PROCESSES = 2
 NOISE = EstimateNoise()
 GUSTS = 6.0  # m/s, mean
 FLIGHT_TIME = 20.0  # s
@@ -130,35 +126,17 @@ def run_cases(
         for run in range(max(1, round(case.share * repeats)))
     ]
     found: dict[tuple[int, int], Run] = {}
-    context = multiprocessing.get_context("spawn")
-    with _one_thread_each(), ProcessPoolExecutor(PROCESSES, context) as pool:
-        waiting = {pool.submit(run_once, number, run, seed): (number, run) for number, run in jobs}
-        for done, future in enumerate(as_completed(waiting), 1):
-            found[waiting[future]] = future.result()
-            falls = sum(run.fallen for run in found.values())
-            progress(f"robots: {done} of {len(jobs)} runs, {falls} falls")
+    for job, one in run_jobs(jobs, partial(run_once, seed)):
+        found[job] = one
+        falls = sum(run.fallen for run in found.values())
+        progress(f"robots: {len(found)} of {len(jobs)} runs, {falls} falls")
     ordered: list[list[Run]] = [[] for _ in CASES]
     for number, run in jobs:
         ordered[number].append(found[number, run])
     return ordered
 
 
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Spawned processes inherit the environment."""
-    name = "OPENBLAS_NUM_THREADS"
-    before = os.environ.get(name)
-    os.environ[name] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
-        else:
-            os.environ[name] = before
-
-
-def run_once(number: int, run: int, seed: int) -> Run:
+def run_once(seed: int, number: int, run: int) -> Run:
     """One run of a case; the same wherever and in whichever order it is done."""
     case = CASES[number]
     own = zlib.crc32(f"{case.robot}, {case.name}".encode())

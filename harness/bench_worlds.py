@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import tempfile
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from harness.bench_jobs import KeptRows, Progress, rows_of
 from harness.config import Config
 from harness.episode import run_episode
 from harness.scenario import build
@@ -17,9 +15,6 @@ from harness.warm_up import warm_up
 from models.worlds import WORLDS
 
 ROBOTS = ("quadruped", "drone")
-PROCESSES = 2
-
-Job = tuple[str, str, int]
 
 
 @dataclass(frozen=True)
@@ -49,6 +44,11 @@ class Row:
     struck: int
     reason: str
 
+    @property
+    def job(self) -> tuple[str, str, int]:
+        """What it is the row of."""
+        return self.world, self.robot, self.seed
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -73,37 +73,29 @@ class Summary:
     least_clearance_m: float
 
 
-def bench_worlds(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+def bench_worlds(
+    repeats: int, seed: int, progress: Progress, kept: Path | None = None
+) -> list[dict[str, Any]]:
     """Run every world with both robots; a `Row` for each episode, then `Summary` rows.
 
     Args:
         repeats: Seeds of each pair.
         seed: The first.
         progress: Told what is done.
+        kept: File of the rows that are there already, and to come.
+
+    Raises:
+        InputError: That file is none.
     """
     seeds = range(seed, seed + repeats)
-    jobs = [(world, robot, each) for world in WORLDS for robot in ROBOTS for each in seeds]
-    rows = _run_all(jobs, progress)
-    pairs = dict.fromkeys((world, robot) for world, robot, _ in jobs)
+    pairs = [(world, robot) for world in WORLDS for robot in ROBOTS]
+    jobs = [(*pair, each) for each in seeds for pair in pairs]
+    rows = rows_of(jobs, run_one, KeptRows(kept, Row), progress)
+    rows.sort(key=lambda row: pairs.index((row.world, row.robot)))  # seeds stay in order
     summaries = [
         _summarise([row for row in rows if (row.world, row.robot) == pair]) for pair in pairs
     ]
     return [*map(asdict, rows), *map(asdict, summaries)]
-
-
-def _run_all(jobs: list[Job], progress: Callable[[str], None]) -> list[Row]:
-    """In the order of the jobs, whichever process ran them."""
-    context = multiprocessing.get_context("spawn")
-    rows: dict[Job, Row] = {}
-    with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
-        running = {pool.submit(run_one, *job): job for job in jobs}
-        for done in as_completed(running):
-            row = rows[running[done]] = done.result()
-            progress(
-                f"worlds: {len(rows)} of {len(jobs)}, {row.world} {row.robot} {row.seed}: "
-                f"{row.outcome}"
-            )
-    return [rows[job] for job in jobs]
 
 
 def run_one(world: str, robot: str, seed: int) -> Row:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from harness.config import Config
 from harness.errors import InputError, unknown_name
+from harness.named import HASHED, find_named
 from models.robots import ROBOTS, Robot
 from models.robots.brought import (
     CONTROLLERS,
@@ -21,9 +22,6 @@ from models.scene import PREFIX
 ENDING = ".toml"
 """Of a spec file, given in place of a robot's name."""
 
-HASHED = "@"
-"""In `config.robot` of an episode with the robot of a file: between its name and its hash."""
-
 
 def find_robot(config: Config) -> Robot:
     """The robot that a config names, or that a spec file describes.
@@ -31,18 +29,7 @@ def find_robot(config: Config) -> Robot:
     Raises:
         InputError: No such robot or file; or the robot of a file that only its log still has.
     """
-    if config.robot.endswith(ENDING):
-        try:
-            return read_robot(Path(config.robot))
-        except Unusable as error:
-            raise InputError(f"robot '{config.robot}': {error}") from None
-    if HASHED in config.robot:
-        raise InputError(
-            f"robot '{config.robot}' was read from a file: expected the file, or a log with it"
-        )
-    if config.robot not in ROBOTS:
-        raise unknown_name("robot", config.robot, ROBOTS)
-    return ROBOTS[config.robot]
+    return find_named("robot", config.robot, ROBOTS, ENDING, read_robot)
 
 
 def find_logged_robot(config: Config, scene: str) -> Robot:

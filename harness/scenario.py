@@ -12,7 +12,7 @@ from harness.errors import InputError
 from harness.mission import Mission
 from harness.robots import find_robot, told_robot
 from harness.schema import wayproof_pb2 as pb
-from harness.worlds import find_world, told_name
+from harness.worlds import find_world, told_world
 from models.checks import check
 from models.devices import DepthCamera, Device, Rangefinder
 from models.robots import Robot, RobotSpec
@@ -86,9 +86,8 @@ def build(config: Config, world: World | None = None) -> Scenario:
         sensors = resolve(spec.mounts, config.sensors)
     except ValueError as error:
         raise InputError(f"robot '{config.robot}': {error}") from None
-    named = told_name(world, config.world)
-    config = replace(config, world=named, start=start, goal=goal, sensors=sensors)
-    config = told_robot(robot, config)
+    config = replace(config, start=start, goal=goal, sensors=sensors)
+    config = told_robot(robot, told_world(world, config))
     scene = _compose(world, robot, config)
     return Scenario(
         config=config,

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 from harness.config import Config
-from harness.errors import InputError, unknown_name
-from models.imports import FileWorld, Unreadable, read_world_file
+from harness.named import find_named
+from models.imports import FileWorld, read_world_file
 from models.worlds import WORLDS, World
 
 ENDING = ".xml"
 """Of a world file, given in place of a world's name."""
-
-HASHED = "@"
-"""In `config.world` of an episode in the world of a file: between its name and its hash."""
 
 
 def find_world(config: Config) -> World:
@@ -22,20 +19,10 @@ def find_world(config: Config) -> World:
     Raises:
         InputError: No such world or file; or the world of a file that only its log still has.
     """
-    if config.world.endswith(ENDING):
-        try:
-            return read_world_file(Path(config.world))
-        except Unreadable as error:
-            raise InputError(f"world '{config.world}': {error}") from None
-    if HASHED in config.world:
-        raise InputError(
-            f"world '{config.world}' was read from a file: expected the file, or a log with it"
-        )
-    if config.world not in WORLDS:
-        raise unknown_name("world", config.world, WORLDS)
-    return WORLDS[config.world](config.seed, config.difficulty)
+    found = find_named("world", config.world, WORLDS, ENDING, read_world_file)
+    return found if isinstance(found, World) else found(config.seed, config.difficulty)
 
 
-def told_name(world: World, name: str) -> str:
-    """What a log's config calls the world: a file's with its hash."""
-    return world.identity if isinstance(world, FileWorld) else name
+def told_world(world: World, config: Config) -> Config:
+    """What a log's config says of the world: a file's with its hash."""
+    return replace(config, world=world.identity) if isinstance(world, FileWorld) else config

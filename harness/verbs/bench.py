@@ -26,7 +26,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if len(given) > 1:
         raise InputError(f"got --{' and --'.join(given)}, expected one of them")
     files = [Files(f"--{name}", getattr(options, name), options.logs) for name in given]
-    rows = run_stage(options.stage, options.repeats, options.seed, *files)
+    source = files[0] if files else None
+    rows = run_stage(options.stage, options.repeats, options.seed, source, options.rows)
     print_rows(console, f"bench {options.stage}, seed {options.seed}", rows)
     return 0, {"rows": rows}
 
@@ -42,6 +43,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: 0)")
     for name, said in FILES.items():
         parser.add_argument(f"--{name}", type=Path, metavar="PATH", help=said)
+    parser.add_argument(
+        "--rows",
+        type=Path,
+        metavar="FILE",
+        help="keep each episode's row in FILE, and go on from the rows in it: crossing, worlds",
+    )
     add_log_folder(parser)
 
 

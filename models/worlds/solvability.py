@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import ceil, floor
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -170,16 +171,28 @@ def clear_around(
     free: NDArray[np.bool_], world: World, solid: Solid, radius: float, band: Band = GROUND_BAND
 ) -> None:
     """Mark the cells within `radius` of a solid, where it stands in the band, in place."""
-    low = np.subtract(solid.low[:2], radius) - world.low[:2]
-    high = np.add(solid.high[:2], radius) - world.low[:2]
-    first = np.clip(np.floor(low / RESOLUTION).astype(int), 0, free.shape)
-    last = np.clip(np.ceil(high / RESOLUTION).astype(int), 0, free.shape)
-    window = np.s_[first[0] : last[0], first[1] : last[1]]
-    x = world.low[0] + (np.arange(first[0], last[0]) + 0.5) * RESOLUTION
-    y = world.low[1] + (np.arange(first[1], last[1]) + 0.5) * RESOLUTION
-    centres = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    distance = solid.distance_in_plane(centres, band)
-    free[window] &= (distance > radius).reshape(len(x), len(y))
+    (first_x, last_x), (first_y, last_y) = (
+        _cells_between(solid.low[axis] - radius, solid.high[axis] + radius, world, free, axis)
+        for axis in (0, 1)
+    )
+    window = free[first_x:last_x, first_y:last_y]
+    i, j = np.nonzero(window)  # where it is not free any more there is nothing to find out
+    if not len(i):
+        return
+    centres = np.empty((len(i), 2))
+    centres[:, 0] = world.low[0] + (first_x + i + 0.5) * RESOLUTION
+    centres[:, 1] = world.low[1] + (first_y + j + 0.5) * RESOLUTION
+    window[i, j] = solid.distance_in_plane(centres, band) > radius
+
+
+def _cells_between(
+    low: float, high: float, world: World, free: NDArray[np.bool_], axis: int
+) -> tuple[int, int]:
+    """First cell and the one past the last of an interval, m, along an axis, inside the grid."""
+    cells = free.shape[axis]
+    first = floor((low - world.low[axis]) / RESOLUTION)
+    last = ceil((high - world.low[axis]) / RESOLUTION)
+    return min(max(first, 0), cells), min(max(last, 0), cells)
 
 
 def _far_from_holes(

@@ -36,11 +36,11 @@ def test_runs_are_the_same_in_any_process():
     lines = []
     number = next(n for n, case in enumerate(CASES) if case.name == "hover, gusts")
     found = run_cases(1, 5, lines.append, names={"hover, gusts"})
-    assert found[number] == [run_once(number, 0, 5)]
+    assert found[number] == [run_once(5, number, 0)]
     assert sum(map(len, found)) == 1
     assert lines == ["robots: 1 of 1 runs, 0 falls"]
-    assert run_once(number, 1, 5) != run_once(number, 0, 5)
-    assert run_once(number, 0, 6) != run_once(number, 0, 5)
+    assert run_once(5, number, 1) != run_once(5, number, 0)
+    assert run_once(6, number, 0) != run_once(5, number, 0)
 
 
 def test_robots_are_faster_than_their_time(monkeypatch):

@@ -10,6 +10,8 @@ from harness.soak.child import in_child
 from harness.soak.episodes import soak_episodes
 from harness.soak.fuzz import KINDS, run_case, soak_fuzz
 from harness.soak.kill import soak_kill
+from harness.soak.worlds import draw_batch, soak_worlds
+from models.worlds import WORLDS
 
 
 def test_killed_episodes_leave_what_was_flushed():
@@ -22,6 +24,25 @@ def test_random_episodes_come_again():
     found = soak_episodes(3, 1, print)
     assert found.failures == []
     assert (found.count, found.replayed, found.closed_loop, found.forked) == (3, 6, 1, 1)
+
+
+def test_worlds_draw_and_some_compile():
+    found = soak_worlds(2 * len(WORLDS), 19, print)
+    assert found.failures == []
+    assert found.of == dict.fromkeys(WORLDS, 2)
+    assert (found.count, found.compiled) == (2 * len(WORLDS), len(WORLDS))
+
+
+def test_a_generator_that_fails_is_named_with_its_seed(monkeypatch):
+    def broken(seed, difficulty):
+        if seed == 8:
+            raise ZeroDivisionError("no room")
+        return WORLDS["empty"](seed, difficulty)
+
+    monkeypatch.setitem(WORLDS, "broken", broken)
+    batch = draw_batch("broken", 7, 3)
+    assert batch.failures == ["world broken, seed 8, difficulty 0.75: ZeroDivisionError: no room"]
+    assert batch.count == 2
 
 
 def test_mutated_input_in_a_watched_process():

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import hypot
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -9,11 +10,9 @@ import pytest
 
 from models.worlds import WORLDS, Box, Cylinder, is_solvable, is_solvable_in_any
 from models.worlds.layout import slabs_around
-from models.worlds.soak import draw, soak
 from models.worlds.solvability import (
     AIR_BANDS,
     GROUND_BAND,
-    first_solvable,
     passage_radius,
     shortest_path_length,
 )
@@ -26,7 +25,7 @@ FAST = ("maze", "crossing", "ghosts", "empty")
 def test_many_seeds_draw(name):
     count = 100 if name in FAST else 8  # the soak draws thousands
     for seed in range(1000, 1000 + count):
-        draw(name, seed, difficulty=(seed % 5) / 4)
+        assert WORLDS[name](seed, difficulty=(seed % 5) / 4).mjcf()
 
 
 @pytest.mark.parametrize("name", sorted(WORLDS))
@@ -118,15 +117,10 @@ def test_slabs_leave_the_holes_and_nothing_else():
     assert (apart > 0.0).tolist() == [True, True, False, False]
 
 
-def test_the_soak_counts_what_it_draws():
-    drawn = soak(0.5, first_seed=5)
-    assert sum(drawn.values()) >= 1
-
-
-def test_a_failing_generator_is_named(monkeypatch):
-    def broken(seed, difficulty):
-        return first_solvable("broken", seed, lambda rng: None, difficulty)
-
-    monkeypatch.setitem(WORLDS, "broken", broken)
-    with pytest.raises(RuntimeError, match=r"world broken, seed 7, difficulty 0\.5: "):
-        draw("broken", 7, 0.5)
+@pytest.mark.parametrize("name", sorted(WORLDS))
+def test_the_page_of_worlds_shows_every_one(name):
+    docs = Path(__file__).parents[2] / "docs"
+    page = (docs / "worlds.md").read_text()
+    assert f"| `{name}` |" in page
+    assert f"![{name}](world-{name}.png)" in page
+    assert (docs / f"world-{name}.png").is_file()

@@ -66,19 +66,19 @@ class Box(Bounded):
         about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
         return np.asarray(about_z @ about_y @ about_x)
 
-    @property
+    @cached_property
     def reach(self) -> Vector3:
         """Half the world-frame extents, m."""
         x, y, z = (np.abs(self.R_world_box) @ self.half_extents).tolist()
         return x, y, z
 
-    @property
+    @cached_property
     def low(self) -> Vector3:
         """Lower corner of the axis-aligned bounds, m."""
         (x, y, z), (a, b, c) = self.centre, self.reach
         return x - a, y - b, z - c
 
-    @property
+    @cached_property
     def high(self) -> Vector3:
         """Upper corner of them, m."""
         (x, y, z), (a, b, c) = self.centre, self.reach

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import sqrt
 
 import numpy as np
@@ -86,12 +87,12 @@ class _AboutAxis(Bounded):
 class Cylinder(_AboutAxis):
     """A cylinder with flat ends, its axis from `tail` to `head`."""
 
-    @property
+    @cached_property
     def low(self) -> Vector3:
         """Lower corner of the axis-aligned bounds, m."""
         return least_and_greatest(np.subtract([self.tail, self.head], self._rim()))[0]
 
-    @property
+    @cached_property
     def high(self) -> Vector3:
         """Upper corner of them, m."""
         return least_and_greatest(np.add([self.tail, self.head], self._rim()))[1]
@@ -116,12 +117,12 @@ class Cylinder(_AboutAxis):
 class Capsule(_AboutAxis):
     """All points within `radius` of the line from `tail` to `head`."""
 
-    @property
+    @cached_property
     def low(self) -> Vector3:
         """Lower corner of the axis-aligned bounds, m."""
         return least_and_greatest(np.subtract([self.tail, self.head], self.radius))[0]
 
-    @property
+    @cached_property
     def high(self) -> Vector3:
         """Upper corner of them, m."""
         return least_and_greatest(np.add([self.tail, self.head], self.radius))[1]

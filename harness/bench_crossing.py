@@ -1,0 +1,158 @@
+"""`wayproof bench crossing`: whether a robot among people and forklifts runs into any of them.
+
+Each seed is run with the traffic, on a map that forgets slowly and on one that sees what moves, and
+once without it: what the traffic costs is the time beyond that.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from harness.bench_jobs import KeptRows, Progress, rows_of
+from harness.config import Config, override
+from harness.episode import run_episode
+from harness.scenario import build
+from harness.warm_up import warm_up
+from harness.worlds import find_world
+
+ROBOTS = ("quadruped", "drone")
+
+WAYS: dict[str, tuple[str, ...]] = {
+    "voxel": (),
+    "dynamic": ("map.kind=dynamic", "map.look_ahead=1.0"),
+}
+"""Name -> settings. A second is what the faster robot takes to stop from full speed: 1.01 s from
+2 m/s at 2.5 m/s^2 and 12 m/s^3; until then, what comes to its stopping place is foretold."""
+
+ALONE = "alone"
+"""The episode on the `voxel` map without what moves."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One episode.
+
+    Attributes:
+        robot: Its name.
+        way: A key of `WAYS`, or `ALONE`.
+        seed: Of the world and of all else.
+        outcome: How it ended.
+        own: Collisions that the robot ran into, in motion.
+        at_rest: How often a mover ran into the robot at rest.
+        time_s: Simulated time.
+        clearance_m: Least true distance to anything but the floor.
+        reason: In words.
+    """
+
+    robot: str
+    way: str
+    seed: int
+    outcome: str
+    own: int
+    at_rest: int
+    time_s: float
+    clearance_m: float
+    reason: str
+
+    @property
+    def job(self) -> tuple[str, str, int]:
+        """What it is the row of."""
+        return self.robot, self.way, self.seed
+
+
+@dataclass(frozen=True)
+class Summary:
+    """All seeds of one robot in one way.
+
+    Attributes:
+        robot: Its name.
+        way: A key of `WAYS`, or `ALONE`.
+        episodes: How many.
+        reached: Of these, how many ended in success.
+        own_collisions: Episodes that the robot's own motion ended in a collision.
+        hit_at_rest: Episodes that ended as a mover ran into the robot at rest.
+        mean_time_s: Mean simulated time of the successes; None without any.
+        lost_s: Mean time beyond that of the same seed alone, where both succeeded.
+        most_lost_s: The most.
+        least_clearance_m: Over all episodes.
+    """
+
+    robot: str
+    way: str
+    episodes: int
+    reached: int
+    own_collisions: int
+    hit_at_rest: int
+    mean_time_s: float | None
+    lost_s: float | None
+    most_lost_s: float | None
+    least_clearance_m: float
+
+
+def bench_crossing(
+    repeats: int, seed: int, progress: Progress, kept: Path | None = None
+) -> list[dict[str, Any]]:
+    """Run `crossing` with both robots in all ways; a `Row` for each episode, then `Summary` rows.
+
+    Args:
+        repeats: Seeds.
+        seed: The first.
+        progress: Told what is done.
+        kept: File of the rows that are there already, and to come.
+
+    Raises:
+        InputError: That file is none.
+    """
+    seeds = range(seed, seed + repeats)
+    pairs = [(robot, way) for robot in ROBOTS for way in (ALONE, *WAYS)]
+    jobs = [(*pair, each) for each in seeds for pair in pairs]
+    rows = rows_of(jobs, run_one, KeptRows(kept, Row), progress)
+    alone = {(row.robot, row.seed): row for row in rows if row.way == ALONE}
+    summaries = [
+        summarise([row for row in rows if (row.robot, row.way) == pair], alone) for pair in pairs
+    ]
+    return [*map(asdict, rows), *map(asdict, summaries)]
+
+
+def run_one(robot: str, way: str, seed: int) -> Row:
+    """One episode, its log thrown away."""
+    config = override(Config("crossing", robot, seed), WAYS.get(way, ()))
+    warm_up(config)
+    world = find_world(config)
+    if way == ALONE:
+        world = replace(world, movers=())
+    with tempfile.TemporaryDirectory() as folder:
+        result = run_episode(build(config, world), Path(folder) / "episode.mcap")
+    return Row(
+        robot=robot,
+        way=way,
+        seed=seed,
+        outcome=result.outcome,
+        own=result.collisions,
+        at_rest=result.struck,
+        time_s=result.sim_time_s,
+        clearance_m=result.min_clearance_m,
+        reason=result.reason,
+    )
+
+
+def summarise(rows: list[Row], alone: dict[tuple[str, int], Row]) -> Summary:
+    """Of one robot in one way, against the same seeds alone."""
+    reached = [row for row in rows if row.outcome == "success"]
+    pairs = [(row, alone[row.robot, row.seed]) for row in reached]
+    lost = [row.time_s - free.time_s for row, free in pairs if free.outcome == "success"]
+    return Summary(
+        robot=rows[0].robot,
+        way=rows[0].way,
+        episodes=len(rows),
+        reached=len(reached),
+        own_collisions=sum(row.own > 0 for row in rows),
+        hit_at_rest=sum(row.at_rest > 0 for row in rows),
+        mean_time_s=sum(row.time_s for row in reached) / len(reached) if reached else None,
+        lost_s=sum(lost) / len(lost) if lost else None,
+        most_lost_s=max(lost, default=None),
+        least_clearance_m=min(row.clearance_m for row in rows),
+    )

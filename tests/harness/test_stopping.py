@@ -1,0 +1,75 @@
+"""Braking turns away from what has come into the way, and only then."""
+
+import numpy as np
+import pytest
+
+from harness.stopping import clearest_stop
+from harness.view import BehaviourConfig, View
+from planners import FreeSpace, MotionLimits, PlannerConfig, hold
+
+LIMITS = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)
+AHEAD = np.array([[1.0, 3.0, 1.0], [2.0, 3.0, 1.0]])
+CELL, REACH = 0.1, 10  # m; cells that the field tells distances over
+
+
+def space(*blocked):
+    """6 x 6 x 2 m, cells (i, j, k) blocked, a body of 0.3 m."""
+    shape = (60, 60, 20)
+    cells = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+    field = np.full(shape, REACH**2)
+    for cell in blocked:
+        field = np.minimum(field, np.square(cells - cell).sum(axis=-1))
+    return FreeSpace(field.astype(np.uint16), np.zeros(3), CELL, 9, np.ones(REACH**2 + 1))
+
+
+def stop(view_space, speed=2.0, ground=False, path=AHEAD):
+    now = hold(path[0], 0, 0.0).at(0)._replace(speed=speed)
+    view = View(
+        time_ns=0,
+        effect_ns=0,
+        sequence=0,
+        seed=0,
+        position=path[0],
+        heading=0.0,
+        goal=path[-1],
+        goal_tolerance=0.2,
+        admitted=view_space,
+        known=view_space,
+        passable=view_space,
+        turns_in_place=ground,
+        penalize_unknown=False,
+        limits=LIMITS,
+        planner=PlannerConfig(),
+        behaviour=BehaviourConfig(),
+    )
+    return clearest_stop(view, now, path)
+
+
+def test_a_free_way_is_kept():
+    assert stop(space()) is AHEAD
+    assert stop(space((20, 40, 10))) is AHEAD  # a metre aside
+
+
+@pytest.mark.parametrize(("row", "sign"), [(31, -1.0), (27, 1.0)])
+def test_it_turns_to_the_side_where_nothing_stands(row, sign):
+    path = stop(space(*((20, row, k) for k in range(20))), ground=True)
+    np.testing.assert_allclose(path[0], AHEAD[0])
+    assert sign * (path[-1, 1] - 3.0) > 0.2
+    np.testing.assert_allclose(path[:, 2], 1.0)
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    # 2 m/s, 2.5 m/s^2 and 12 m/s^3: (v / 2) (v / a + a / j) = 1.008 m
+    assert steps.sum() == pytest.approx(1.008, abs=0.01)
+    headings = np.arctan2(*np.diff(path, axis=0).T[1::-1])
+    assert abs(headings[-1] - headings[0]) <= 0.5 * np.pi
+    # As tight as full speed lets it be at first: v^2 / a = 1.6 m.
+    assert abs(headings[1] - headings[0]) / steps[0] == pytest.approx(1 / 1.6, rel=0.1)
+
+
+def test_what_flies_turns_up_and_down_too():
+    bar = [(20, j, 8) for j in range(60)]  # across the way, a little below
+    assert stop(space(*bar))[-1, 2] > 1.2
+    np.testing.assert_allclose(stop(space(*bar), ground=True)[:, 2], 1.0)
+
+
+def test_a_slow_robot_just_stops():
+    assert stop(space((13, 31, 10)), speed=0.2) is AHEAD
