@@ -115,17 +115,22 @@ def _difference(name: str, old: Any, new: Any) -> Iterator[Difference]:
 def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
     """The trajectory as it is logged: its path, and its profile sampled to its end."""
     count = int(np.ceil(trajectory.duration_s / SAMPLE_PERIOD)) + 1
-    period_ns = round(SAMPLE_PERIOD * 1e9)
-    samples = [trajectory.at(trajectory.start_ns + k * period_ns) for k in range(count)]
+    times = np.arange(count) * round(SAMPLE_PERIOD * 1e9) * 1e-9
     message = pb.Trajectory(
         duration_s=trajectory.duration_s,
         path=points(trajectory.path),
-        arc_length=[round(sample.arc_length / GRAIN) * GRAIN for sample in samples],
-        heading=[round(sample.heading / GRAIN) * GRAIN for sample in samples],
+        arc_length=_in_grains(trajectory.motion.positions(times)),
+        heading=_in_grains(trajectory.turning.positions(times)),
         sample_period_s=SAMPLE_PERIOD,
     )
     message.start.FromNanoseconds(trajectory.start_ns)
     return message
+
+
+def _in_grains(values: NDArray[np.float64]) -> list[float]:
+    """Values (n,) rounded to grains; a zero is never a negative one."""
+    grains: list[float] = (np.rint(values / GRAIN) * GRAIN + 0.0).tolist()
+    return grains
 
 
 def points(path: NDArray[np.float64] | None) -> list[pb.Point]:
