@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import zstandard
 from google.protobuf.message import DecodeError, Message
 
 from harness.config import Config, from_json
-from harness.container import MAGIC, Attachment, Metadata, Packet, walk
+from harness.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
-from harness.log import FORMAT_VERSION, digest_name
+from harness.log import FORMAT_VERSION, PACKED_SCENE, digest_name
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 
@@ -216,6 +217,7 @@ def read_head(
     version = metadata["run"].get("format_version")
     if version != FORMAT_VERSION:
         raise InputError(f"log '{path}': format version {version}, expected {FORMAT_VERSION}")
+    _unpack_scene(attachments, path)
     missing = [name for name in ATTACHMENTS if name not in attachments]
     if missing:
         raise InputError(f"log '{path}': no {', '.join(missing)} attached")
@@ -236,6 +238,20 @@ def read_head(
         beams=beams,
         before=before,
     )
+
+
+def _unpack_scene(attachments: dict[str, bytes], path: Path) -> None:
+    """Put the scene of a packed log where that of any other stands."""
+    packed = attachments.pop(PACKED_SCENE, None)
+    if packed is None:
+        return
+    try:
+        size = zstandard.get_frame_parameters(packed).content_size
+        if not 0 < size <= GREATEST_RECORD:
+            raise InputError(f"log '{path}': damaged ({PACKED_SCENE} unpacks to {size} bytes)")
+        attachments["scene.xml"] = zstandard.decompress(packed, size)
+    except zstandard.ZstdError as error:
+        raise InputError(f"log '{path}': damaged ({PACKED_SCENE}: {error})") from None
 
 
 def _read_fork(head: Head, path: Path, allow_plugins: bool) -> Fork | None:
