@@ -115,7 +115,7 @@ def _difference(name: str, old: Any, new: Any) -> Iterator[Difference]:
 def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
     """The trajectory as it is logged: its path, and its profile sampled to its end."""
     count = int(np.ceil(trajectory.duration_s / SAMPLE_PERIOD)) + 1
-    times = np.arange(count) * round(SAMPLE_PERIOD * 1e9) * 1e-9
+    times = np.arange(count).astype(np.float64) * round(SAMPLE_PERIOD * 1e9) * 1e-9
     message = pb.Trajectory(
         duration_s=trajectory.duration_s,
         path=points(trajectory.path),

@@ -65,7 +65,7 @@ def write_copy(
     Args:
         path: Its final name; the log there is replaced when all is written.
         head: What comes first, as it was.
-        messages: In file order.
+        messages: In file order; sensors' tables are those of the head.
         result: Outcome and figures.
         record: `full`, or `decisions` to leave out what the seed gives again.
     """
@@ -75,8 +75,14 @@ def write_copy(
     packed = record == "decisions"
     with LogWriter(path, config, mission, head.scene, head.run, LONGEST_NS, packed) as log:
         log.record = record
+        for name, fields in head.metadata.items():
+            if name not in ("run", "result"):
+                log.note(name, fields)
+        for topic, info in head.tables:
+            log.write(topic, info, 0)
         for message in messages:
-            log.write(topic_of(message), message, time_of(message))
+            if not isinstance(message, pb.SensorInfo):
+                log.write(topic_of(message), message, time_of(message))
         log.finish(result)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import zstandard
@@ -20,8 +20,8 @@ from harness.schema import wayproof_pb2 as pb
 
 ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
 
-BEFORE = "/before/"
-"""Of a forked log, where the sensors' tables before the fork stand."""
+MOST_FORKS = 99
+"""Of one log."""
 
 LONGEST_NS = 4000 * 10**9
 """Simulated time that no episode reaches: `episode.time_limit` ends at an hour."""
@@ -46,17 +46,19 @@ class Record:
 
 @dataclass(frozen=True)
 class Fork:
-    """How a forked log's first decisions were made.
+    """How a forked log's decisions before a fork were made.
 
     Attributes:
-        at: The first decision with the log's own config.
+        at: The first decision after it.
         config: Of the decisions before.
         beams: Sensor geometry before, by sensor name.
+        mission: What the stack was told before.
     """
 
     at: int
     config: Config
     beams: dict[str, Beams]
+    mission: Mission
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class Log:
         run: Versions and hashes.
         result: Outcome and figures.
         beams: Sensor geometry by sensor name.
-        fork: Where its settings changed on the way, if they did.
+        forks: Where its settings changed on the way, if they did, in order.
     """
 
     path: Path
@@ -81,7 +83,22 @@ class Log:
     run: dict[str, str]
     result: dict[str, str]
     beams: dict[str, Beams]
-    fork: Fork | None = None
+    forks: tuple[Fork, ...] = ()
+
+    @property
+    def fork(self) -> Fork | None:
+        """The last one."""
+        return self.forks[-1] if self.forks else None
+
+    def as_of(self, sequence: int) -> Log:
+        """The log as it would be if its settings had not changed after this decision."""
+        forks = tuple(fork for fork in self.forks if fork.at <= sequence)
+        if len(forks) == len(self.forks):
+            return self
+        last = self.forks[len(forks)]
+        return replace(
+            self, config=last.config, mission=last.mission, beams=last.beams, forks=forks
+        )
 
     def records(self) -> Iterator[Record]:
         """Every decision with its inputs, in file order."""
@@ -156,8 +173,18 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
     missing = [name for name in ("outcome", "chain") if name not in result]
     if missing:
         raise InputError(f"log '{path}': no {', '.join(missing)} in its result")
-    fork = _read_fork(head, path, allow_plugins)
-    return Log(path, head.config, head.mission, head.scene, head.run, result, head.beams, fork)
+    forks = _read_forks(head, path, allow_plugins)
+    return Log(path, head.config, head.mission, head.scene, head.run, result, head.beams, forks)
+
+
+def before(number: int) -> str:
+    """Beginning of the topics where the sensors' tables before a forked log's fork stand."""
+    return "/before/" if number == 1 else f"/before {number}/"
+
+
+def fork_note(number: int) -> str:
+    """Name of the metadata that tell of a forked log's fork, counted from 1."""
+    return "fork" if number == 1 else f"fork {number}"
 
 
 @dataclass(frozen=True)
@@ -172,7 +199,8 @@ class Head:
         metadata: All metadata, `run` and `result` among it.
         attachments: The texts that the first three were read from.
         beams: Sensor geometry by sensor name.
-        before: Of a forked log, the same before the fork.
+        tables: Every sensor's own message, with its topic.
+        before: Of a forked log, the same before each fork, by the beginning of its topics.
     """
 
     config: Config
@@ -182,7 +210,8 @@ class Head:
     metadata: dict[str, dict[str, str]]
     attachments: dict[str, bytes]
     beams: dict[str, Beams]
-    before: dict[str, Beams]
+    tables: tuple[tuple[str, pb.SensorInfo], ...]
+    before: dict[str, dict[str, Beams]]
 
 
 def read_head(
@@ -201,7 +230,8 @@ def read_head(
     metadata: dict[str, dict[str, str]] = {}
     attachments: dict[str, bytes] = {}
     beams: dict[str, Beams] = {}
-    before: dict[str, Beams] = {}
+    tables: list[tuple[str, pb.SensorInfo]] = []
+    earlier: dict[str, dict[str, Beams]] = {}
     for item in items:
         if isinstance(item, Metadata):
             metadata[item.name] = item.fields
@@ -210,7 +240,9 @@ def read_head(
         elif item.schema == pb.SensorInfo.DESCRIPTOR.full_name:
             info = decode(item, path)
             assert isinstance(info, pb.SensorInfo)
-            table = before if item.topic.startswith(BEFORE) else beams
+            tables.append((item.topic, info))
+            group = item.topic[: item.topic.find("/", 1) + 1]
+            table = beams if group == "/sensor/" else earlier.setdefault(group, {})
             table[info.name] = beams_from_info(info)
     if "run" not in metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
@@ -236,7 +268,8 @@ def read_head(
         metadata=metadata,
         attachments=attachments,
         beams=beams,
-        before=before,
+        tables=tuple(tables),
+        before=earlier,
     )
 
 
@@ -254,14 +287,21 @@ def _unpack_scene(attachments: dict[str, bytes], path: Path) -> None:
         raise InputError(f"log '{path}': damaged ({PACKED_SCENE}: {error})") from None
 
 
-def _read_fork(head: Head, path: Path, allow_plugins: bool) -> Fork | None:
-    fields = head.metadata.get("fork")
-    if fields is None:
-        return None
-    at = fields.get("at", "")
-    if not at.isdecimal() or len(at) > 9:
-        raise InputError(f"log '{path}': forked at {at[:20]!r}, expected a decision's number")
-    return Fork(int(at), from_json(fields.get("config", "").encode(), allow_plugins), head.before)
+def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]:
+    forks: list[Fork] = []
+    while fields := head.metadata.get(fork_note(len(forks) + 1)):
+        at = fields.get("at", "")
+        least = forks[-1].at if forks else 0
+        if not at.isdecimal() or len(at) > 9 or int(at) < least or len(forks) == MOST_FORKS:
+            raise InputError(
+                f"log '{path}': forked at {at[:20]!r}, expected a decision's number from {least} on"
+            )
+        config = from_json(fields.get("config", "").encode(), allow_plugins)
+        told = fields.get("mission")  # a first fork of an older log tells none
+        mission = head.mission if told is None else Mission.from_json(told.encode())
+        beams = head.before.get(before(len(forks) + 1), {})
+        forks.append(Fork(int(at), config, beams, mission))
+    return tuple(forks)
 
 
 def read_messages(path: Path) -> Iterator[Message]:

@@ -9,10 +9,9 @@ from pathlib import Path
 
 from harness.decision import Difference, differences
 from harness.errors import InputError
-from harness.navigator import Navigator
 from harness.reader import Log, Record, open_log
+from harness.relay import Relay, stretches
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import Twin, navigator_of, recompute
 
 
 @dataclass(frozen=True)
@@ -85,16 +84,6 @@ def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
     Raises:
         InputError: The log is damaged, or cannot be recomputed.
     """
-    if log.fork is None:
-        navigator = navigator_of(log)
-        for record in log.records():
-            yield record, recompute(navigator, record)
-        return
-    twin = Twin(log, log.fork.config, log.config, log.fork.beams)
-    after: Navigator | None = None
+    relay = Relay(stretches(log))
     for record in log.records():
-        if record.decision.sequence < log.fork.at:
-            yield record, twin.step(record)[0]
-            continue
-        after = after or twin.part(log.beams)
-        yield record, recompute(after, record)
+        yield record, relay.step(record)

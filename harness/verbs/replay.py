@@ -74,15 +74,15 @@ def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tupl
 
 
 def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    from harness.config import override
     from harness.fork import fork, fork_name
     from harness.live import LiveLine
     from harness.reader import open_log
     from harness.verbs.run import print_verdict
-    from harness.what_if import changed_config
 
     path = options.log[0]
     log = open_log(path, options.allow_plugins)
-    config = changed_config(log, options.set)
+    config = override(log.as_of(options.at).config, options.set)
     target = options.out or fork_name(path, options.at, config)
     with LiveLine(console, config.robot) as line:
         result = fork(path, options.at, options.set, target, options.allow_plugins, line)

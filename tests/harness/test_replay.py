@@ -14,7 +14,7 @@ from harness.container import Packet, walk
 from harness.decision import differences
 from harness.errors import InputError
 from harness.fork import fork
-from harness.log_copy import write_copy
+from harness.log_copy import thin, write_copy
 from harness.reader import open_log, read_head, read_messages
 from harness.replay import replay
 from harness.schema import wayproof_pb2 as pb
@@ -244,3 +244,28 @@ def test_failures_are_kept_in_full(recorded):
     assert reached.log_mb_per_min == pytest.approx(
         60e-6 * Path(reached.log).stat().st_size / reached.sim_time_s
     )
+
+
+@pytest.mark.parametrize("at", [8, 12, 15])
+def test_a_fork_can_be_forked_again(recorded, tmp_path, at):
+    """Before, at and after the first fork; other cells, then another lidar, then neither."""
+    result = recorded(*SHORT["quadruped"])
+    first = fork(Path(result.log), 12, ["map.resolution=0.08"], tmp_path / "first.mcap")
+    same = fork(Path(first.log), at, (), tmp_path / "same.mcap")
+    assert same.chain == (result.chain if at < 12 else first.chain)
+    assert replay(Path(same.log)).identical
+    settings = ["sensors.lidar=velodyne-vlp16", "episode.time_limit=1.8"]
+    second = fork(Path(first.log), at, settings, tmp_path / "second.mcap")
+    log = open_log(Path(second.log))
+    assert [one.at for one in log.forks] == ([at] if at < 12 else [12, at])
+    assert log.config.map.resolution == (0.1 if at < 12 else 0.08)
+    assert log.forks[-1].beams["lidar"].table.beams != log.beams["lidar"].table.beams
+    assert replay(Path(second.log)).identical
+
+
+def test_a_fork_to_another_goal_knows_the_old_one(recorded, tmp_path):
+    result = recorded(*SHORT["drone"])
+    forked = fork(Path(result.log), 12, ["goal=[3.0,3.0,1.2]"], tmp_path / "fork.mcap")
+    assert replay(Path(forked.log)).identical
+    thin(Path(forked.log))
+    assert [one.at for one in open_log(Path(forked.log)).forks] == [12]
