@@ -100,6 +100,13 @@ class Log:
             self, config=last.config, mission=last.mission, beams=last.beams, forks=forks
         )
 
+    def on_threads(self, threads: int) -> Log:
+        """The log with another number of threads in its settings, which no decision depends on."""
+        forks = tuple(
+            replace(one, config=replace(one.config, threads=threads)) for one in self.forks
+        )
+        return replace(self, config=replace(self.config, threads=threads), forks=forks)
+
     def records(self) -> Iterator[Record]:
         """Every decision with its inputs, in file order."""
         if self.record == "decisions":

@@ -41,17 +41,20 @@ class Replay:
     wall_time_s: float
 
 
-def replay(path: Path, allow_plugins: bool = False) -> Replay:
+def replay(path: Path, allow_plugins: bool = False, threads: int | None = None) -> Replay:
     """Recompute a log's decisions.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
+        threads: In place of the log's own; no decision depends on them.
 
     Raises:
         InputError: The file is no finished log, holds no decision, or its sweeps were left out.
     """
     log = open_log(path, allow_plugins)
+    if threads is not None:
+        log = log.on_threads(threads)
     began = time.perf_counter()
     first: tuple[int, list[Difference]] | None = None
     decisions = differing = 0

@@ -57,7 +57,9 @@ class Killed:
     failures: tuple[str, ...]
 
 
-def soak_kill(count: int, seed: int, progress: Callable[[str], None]) -> Killed:
+def soak_kill(
+    count: int, seed: int, progress: Callable[[str], None], first: int = 0, jobs: int = 1
+) -> Killed:
     """Kill episodes with SIGKILL, each at a random moment, and open what they leave."""
     rng = np.random.default_rng(seed)
     scenarios = []

@@ -45,6 +45,10 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(f"--from, --log: got {len(options.log)} logs, expected one")
     if options.out is not None and not (options.closed_loop or options.at is not None):
         raise InputError("--log: nothing to write, expected --closed-loop or --from N with it")
+    if options.threads is not None and not 1 <= options.threads <= 64:
+        raise InputError(f"--threads: got {options.threads}, expected 1 to 64")
+    if options.threads is not None and (options.closed_loop or single or options.set):
+        raise InputError("--threads: goes with a plain replay, otherwise --set threads=N")
     if options.at is not None and options.at < 0:
         raise InputError(f"--from: got {options.at}, expected a decision's number, 0 or more")
 
@@ -52,7 +56,7 @@ def _check(options: argparse.Namespace) -> None:
 def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
     from harness.replay import replay
 
-    replayed = replay(path, options.allow_plugins)
+    replayed = replay(path, options.allow_plugins, options.threads)
     print_replay(console, replayed)
     return replayed.identical, asdict(replayed)
 
@@ -208,6 +212,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         metavar="N",
         help="simulate on from decision N with these settings, and write a new log",
+    )
+    parser.add_argument(
+        "--threads", type=int, metavar="N", help="recompute on so many; the log's own by default"
     )
     parser.add_argument("--log", dest="out", type=Path, metavar="FILE", help="the new log's name")
 
