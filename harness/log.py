@@ -109,10 +109,16 @@ class LogWriter:
         """Whether messages of a topic are kept: sweeps and states are not among `decisions`."""
         return self.record != "decisions" or not is_regenerated(topic)
 
-    def write(self, topic: str, message: Message, time_ns: int) -> None:
+    def write(self, topic: str, message: Message, time_ns: int, data: bytes | None = None) -> None:
         """Append one message if it is kept.
 
         What is older than a second of simulated time is flushed: a kill costs no more.
+
+        Args:
+            topic: Where it stands.
+            message: The message.
+            time_ns: Its simulated time.
+            data: Its bytes, where they are known already.
         """
         if not self.keeps(topic):
             return
@@ -122,7 +128,8 @@ class LogWriter:
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._register(topic, type(message))
-        data = message.SerializeToString(deterministic=True)
+        if data is None:
+            data = message.SerializeToString(deterministic=True)
         self._writer.add_message(channel, time_ns, data, time_ns, self._count)
         self._count += 1
 

@@ -21,7 +21,7 @@ SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally]] = {
     "fuzz": soak_fuzz,
     "episodes": soak_episodes,
 }
-"""Name on the command line -> what it runs: count, seed, progress, number of the first, jobs."""
+"""Name on the command line -> what it runs: count, seed, progress, number of the first."""
 
 
 def main() -> int:
@@ -31,14 +31,15 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
-    parser.add_argument("--jobs", type=int, default=2, help="processes at once")
+    parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
     options = parser.parse_args()
 
     def progress(text: str) -> None:
         print(text, flush=True)
 
     chosen = SOAKS[options.soak]
-    findings = chosen(options.count, options.seed, progress, options.first, options.jobs)
+    jobs = {"jobs": options.jobs} if chosen is soak_episodes else {}
+    findings = chosen(options.count, options.seed, progress, options.first, **jobs)
     print(msgspec.json.encode(asdict(findings)).decode())
     return 1 if findings.failures else 0
 

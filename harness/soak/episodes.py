@@ -22,6 +22,7 @@ from harness.fork import fork
 from harness.perturbations import PERTURBATIONS, perturbation_from
 from harness.result import Result
 from harness.scenario import Scenario, build
+from harness.soak.child import scratch
 from harness.soak.fresh import FreshReplays, replay_by_command
 from harness.warm_up import warm_up
 from models.robots import ROBOTS
@@ -147,7 +148,7 @@ def run_trial(number: int, seed: int) -> Trial:
     scenario, refused = _draw(rng)
     config = scenario.config
     failures: list[str] = []
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         path = Path(name) / f"{number}.mcap"
         warm_up(config)
         result = run_episode(scenario, path)
