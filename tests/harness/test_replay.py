@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.audit import audit
 from harness.cli import main
 from harness.closed_loop import simulate_again
 from harness.container import Packet, walk
@@ -269,3 +270,13 @@ def test_a_fork_to_another_goal_knows_the_old_one(recorded, tmp_path):
     assert replay(Path(forked.log)).identical
     thin(Path(forked.log))
     assert [one.at for one in open_log(Path(forked.log)).forks] == [12]
+
+
+def test_the_audit_of_a_fork_reads_each_decision_with_its_own_settings(recorded, tmp_path):
+    result = recorded(*SHORT["quadruped"])
+    change = ["map.resolution=0.08", "map.inflation_margin=0.2"]
+    forked = fork(Path(result.log), 12, change, tmp_path / "fork.mcap")
+    found = audit(Path(forked.log))
+    assert found.decisions == 21
+    assert found.swept > 5
+    assert found.violations == ()
