@@ -52,13 +52,16 @@ class Compared(NamedTuple):
     chain: str
 
 
-def replay(path: Path, allow_plugins: bool = False, threads: int | None = None) -> Replay:
+def replay(
+    path: Path, allow_plugins: bool = False, threads: int | None = None, ahead: bool = False
+) -> Replay:
     """Recompute a log's decisions.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
         threads: In place of the log's own; no decision depends on them.
+        ahead: Whether a second thread takes the next inputs into the map meanwhile.
 
     Raises:
         InputError: The file is no finished log, holds no decision, or its sweeps were left out.
@@ -67,7 +70,7 @@ def replay(path: Path, allow_plugins: bool = False, threads: int | None = None) 
     if threads is not None:
         log = log.on_threads(threads)
     began = time.perf_counter()
-    compared = None if log.fork is not None else _compare_ahead(log)
+    compared = _compare_ahead(log) if ahead and log.fork is None else None
     first, decisions, differing, chain = compared or _compare(recomputations(log))
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")

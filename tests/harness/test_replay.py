@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.ahead import Outrun, recompute_ahead
 from harness.audit import audit
 from harness.cli import main
 from harness.closed_loop import simulate_again
@@ -59,6 +60,36 @@ def test_the_first_difference_is_named_value_by_value(recorded, tmp_path, capsys
     assert main(["replay", str(path), "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["differences"][0].keys() == {"field", "recorded", "recomputed"}
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        SHORT["drone"],
+        SHORT["quadruped"],
+        ("empty", "drone", 1, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=1"),
+    ],
+)
+def test_a_map_that_runs_ahead_changes_nothing(recorded, case):
+    """The last one never decides in time, so what it had in mind stands in no log."""
+    log = open_log(Path(recorded(*case).log))
+    pairs = list(recompute_ahead(log))
+    assert len(pairs) == recorded(*case).decisions
+    assert all(differences(record.decision, again) == [] for record, again in pairs)
+    assert replay(log.path, threads=2, ahead=True).identical
+
+
+def test_a_map_that_ran_past_a_difference_is_made_again(recorded, tmp_path):
+    def move(message):
+        if isinstance(message, pb.Decision) and message.sequence == 7:
+            message.trajectory.path[0].x += 0.5
+
+    path = altered(Path(recorded(*SHORT["drone"]).log), tmp_path / "moved.mcap", move)
+    with pytest.raises(Outrun):
+        list(recompute_ahead(open_log(path)))
+    told = replay(path, ahead=True)
+    assert (told.differing, told.first_difference) == (1, 7)
+    assert told.differences == replay(path).differences
 
 
 def test_a_bit_is_a_difference_and_a_measured_time_is_none():
