@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from harness.config import Config
 from harness.errors import InputError
 from harness.mission import Mission
-from harness.navigator import build_navigator
 from harness.reader import open_log
+from harness.relay import Relay, Stretch, stretches
 from harness.schema import wayproof_pb2 as pb
 from maps import FREE, OCCUPIED, UNKNOWN, Representation, UnknownPolicy, states_in
 
@@ -83,18 +83,18 @@ def audit(path: Path, policy: UnknownPolicy | None = None, allow_plugins: bool =
         InputError: The file is no finished log, or holds no decision.
     """
     log = open_log(path, allow_plugins)
-    navigator = build_navigator(log.config, log.mission, log.beams)
+    relay = Relay(stretches(log))
     held = policy or log.config.map.unknown_policy
-    body = _Body(log.config, log.mission, held)
+    bodies = {run.begin: _body_of(run, policy) for run in stretches(log)}
     violations: list[Violation] = []
     counts = {"swept": 0, "stop": 0, "recovery": 0}
     committed: list[pb.Trajectory] = []
     decisions = 0
     for record in log.records():
         decisions += 1
-        recomputed = navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
-        decision = record.decision
-        kind, found = _check(decision, recomputed.map_version, navigator.map, body, committed)
+        version = relay.step(record).map_version
+        decision, body = record.decision, bodies[relay.stretch.begin]
+        kind, found = _check(decision, version, relay.navigator.map, body, committed)
         violations += [Violation(decision.sequence, rule, text) for rule, text in found]
         if kind:
             counts[kind] += 1
@@ -105,6 +105,10 @@ def audit(path: Path, policy: UnknownPolicy | None = None, allow_plugins: bool =
         str(path), held, decisions, counts["swept"], counts["stop"], counts["recovery"],
         tuple(violations),
     )  # fmt: skip
+
+
+def _body_of(run: Stretch, policy: UnknownPolicy | None) -> _Body:
+    return _Body(run.config, run.mission, policy or run.config.map.unknown_policy)
 
 
 def _check(

@@ -50,6 +50,8 @@ class Row:
         replay_s: Processor time of the replay.
         replay_of_episode: Episode's processor time over the replay's.
         replay_of_simulated: Simulated time over the replay's processor time.
+        wall_of_episode: Episode's wall time over that of a replay with the map ahead.
+        wall_of_steps: Wall time of a replay step by step over that of one with the map ahead.
     """
 
     robot: str
@@ -64,6 +66,8 @@ class Row:
     replay_s: float
     replay_of_episode: float
     replay_of_simulated: float
+    wall_of_episode: float
+    wall_of_steps: float
 
 
 def bench_log(robot: str, lidar: str) -> Row:
@@ -79,14 +83,15 @@ def bench_log(robot: str, lidar: str) -> Row:
         path = Path(result.log)
         head = read_head(walk(path, head_only=True), path, False)
         messages = list(read_messages(path))
+        ranges = [(decode_ranges(m), m.rows) for m in messages if isinstance(m, pb.Sweep)]
         minutes = result.sim_time_s / 60.0
         began = time.process_time()
         _write(folder / "again.mcap", head, messages, "full")
-        _encode(messages)
+        for image, rows in ranges:
+            encode_ranges(image, rows)
         logging = time.process_time() - began
-        began = time.process_time()
-        assert replay(path).identical
-        replayed = time.process_time() - began
+        replayed, steps_wall = _replay(path, ahead=False)
+        _, ahead_wall = _replay(path, ahead=True)
         sizes = {"full": result.log_mb_per_min}
         small = [one for one in messages if not isinstance(one, pb.State)]
         sizes["no states"] = _write(folder / "b.mcap", head, small, "full") / minutes
@@ -107,7 +112,16 @@ def bench_log(robot: str, lidar: str) -> Row:
         replay_s=replayed,
         replay_of_episode=episode / replayed,
         replay_of_simulated=result.sim_time_s / replayed,
+        wall_of_episode=result.wall_time_s / ahead_wall,
+        wall_of_steps=steps_wall / ahead_wall,
     )
+
+
+def _replay(path: Path, ahead: bool) -> tuple[float, float]:
+    """Processor time and wall time of a replay, s."""
+    processor, wall = time.process_time(), time.perf_counter()
+    assert replay(path, ahead=ahead).identical
+    return time.process_time() - processor, time.perf_counter() - wall
 
 
 def _write(path: Path, head: Head, messages: list[Message], record: str) -> float:
@@ -119,12 +133,6 @@ def _write(path: Path, head: Head, messages: list[Message], record: str) -> floa
             log.write(topic_of(message), message, time_of(message))
         log.finish({})
     return path.stat().st_size * 1e-6
-
-
-def _encode(messages: list[Message]) -> None:
-    for message in messages:
-        if isinstance(message, pb.Sweep):
-            encode_ranges(decode_ranges(message), message.rows)
 
 
 def _blur(messages: list[Message]) -> None:

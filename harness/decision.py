@@ -115,8 +115,7 @@ def _difference(name: str, old: Any, new: Any) -> Iterator[Difference]:
 def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
     """The trajectory as it is logged: its path, and its profile sampled to its end."""
     count = int(np.ceil(trajectory.duration_s / SAMPLE_PERIOD)) + 1
-    period_ns = round(SAMPLE_PERIOD * 1e9)
-    times = 1e-9 * (period_ns * np.arange(count)).astype(np.float64)
+    times = np.arange(count).astype(np.float64) * round(SAMPLE_PERIOD * 1e9) * 1e-9
     message = pb.Trajectory(
         duration_s=trajectory.duration_s,
         path=points(trajectory.path),
@@ -141,4 +140,5 @@ def thinned(path: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
 
 
 def _in_grains(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.rint(values / GRAIN) * GRAIN + 0.0  # no negative zeros
+    grains: NDArray[np.float64] = np.rint(values / GRAIN) * GRAIN + 0.0  # no negative zeros
+    return grains

@@ -13,7 +13,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from harness.ahead import Ahead
 from harness.cause import Case, Contact, Moment, find_cause
 from harness.cause.touch import touched
 from harness.cause.true_space import TrueSpace
@@ -29,6 +28,7 @@ from harness.odometry import Estimate
 from harness.result import Outcome, Result
 from harness.scenario import Scenario, decision_period, sensor_info
 from harness.schema import wayproof_pb2 as pb
+from harness.setpoints import SetpointsAhead
 from harness.state import Simulation, Stateful, StepPoses, restore_parts, state_message
 from harness.streams import CONTROL, StreamHashes
 from models.poses import Trail
@@ -117,7 +117,7 @@ class Episode:
         # Poses of the base before each physics step of one decision period, for rolling shutters.
         self._steps: deque[np.ndarray] = deque(maxlen=_steps_a_decision(scenario))
         timestep, steps = float(scene.model.opt.timestep), _steps_a_decision(scenario)
-        self._ahead = Ahead(round(timestep * 1e9), steps)
+        self._ahead = SetpointsAhead(round(timestep * 1e9), steps)
         self._estimate = Estimate(scenario.config, timestep, steps, start, heading)
         self._interference = Interference(scenario.config, scene)
         sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
@@ -260,8 +260,9 @@ class Episode:
         return message
 
     def _log_input(self, stream: str, message: pb.Sweep | pb.Pose | pb.Latency, now: int) -> None:
-        self._log.write(f"/{stream}", message, now)
-        self._streams.update(stream, message.SerializeToString(deterministic=True))
+        data = message.SerializeToString(deterministic=True)
+        self._log.write(f"/{stream}", message, now, data)
+        self._streams.update(stream, data)
 
     def _write_streams(self, time_ns: int) -> None:
         """What reached the stack so far as hashes, and what the perturbation did to it."""

@@ -6,20 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.config import Config, to_json
+from harness.config import Config, override, to_json
+from harness.container import walk
 from harness.episode import Episode, Observer, arrival_ns, settle_log
 from harness.errors import InputError
 from harness.inputs import beams_from_info
 from harness.log import LogWriter
 from harness.log_copy import time_of, topic_of
 from harness.navigator import Navigator
-from harness.reader import BEFORE, Log, open_log, read_messages
+from harness.reader import Log, before, fork_note, open_log, read_head, read_messages
 from harness.rebuild import rebuild
+from harness.relay import Relay, Stretch, stretches
 from harness.result import Result
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import Twin
-from harness.what_if import changed_config, refuse_sensed
+from harness.what_if import refuse_sensed
 from planners import Trajectory
 
 FIXED = ("world", "robot", "seed", "start")
@@ -71,7 +72,8 @@ def fork(
     log = open_log(path, allow_plugins)
     if target.resolve() == path.resolve():
         raise InputError(f"--log {target}: the log itself, expected another name")
-    config = changed_config(log, settings)
+    log = log.as_of(at)
+    config = override(log.config, settings)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
     scenario = rebuild(log, config)
     past = live_through(log, at, scenario)
@@ -85,23 +87,24 @@ def fork(
 
 
 def live_through(log: Log, at: int, scenario: Scenario) -> Past:
-    """Both stacks through every decision before the fork."""
+    """All stacks of a log, and one for a scenario, through every decision before the fork."""
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
-    twin = Twin(log, log.config, scenario.config)
+    beams = {info.name: beams_from_info(info) for info in infos}
+    relay = Relay([*stretches(log), Stretch(at, scenario.config, scenario.mission, beams)])
     trajectories, decisions = [], []
     state, reached = None, False
     for record in log.records():
         if record.decision.sequence == at:
             state, reached = record.state, True
             break
-        recorded, _ = twin.step(record)
+        recorded = relay.step(record)
         if recorded.chain != record.decision.chain:
             raise InputError(
                 f"log '{log.path}': decision {recorded.sequence} is recomputed otherwise, so no "
                 "fork would go on from it; expected a log that replays"
             )
         if not recorded.deadline_missed:
-            trajectory = twin.recorded.trajectory
+            trajectory = relay.navigator.trajectory
             trajectories.append((arrival_ns(recorded, trajectory), trajectory))
         decisions.append(recorded)
     if not reached:
@@ -114,19 +117,32 @@ def live_through(log: Log, at: int, scenario: Scenario) -> Past:
     truths = [truth for truth in log.truth() if truth.sequence < at]
     if len(truths) != len(decisions):
         raise InputError(f"log '{log.path}': {len(truths)} truths before decision {at}")
-    navigator = twin.part({info.name: beams_from_info(info) for info in infos})
-    return Past(navigator, tuple(trajectories), tuple(decisions), tuple(truths), state)
+    return Past(relay.go_to(at), tuple(trajectories), tuple(decisions), tuple(truths), state)
 
 
 def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> None:
-    writer.note("fork", {"at": str(at), "config": to_json(log.config).decode()})
+    """The forks so far and this one, all sensors' tables, and every message before it."""
+    runs = stretches(log)
+    for number, (run, after) in enumerate(zip(runs, [*runs[1:], None], strict=True), 1):
+        told = {
+            "at": str(at if after is None else after.begin),
+            "config": to_json(run.config).decode(),
+            "mission": run.mission.to_json().decode(),
+        }
+        writer.note(fork_note(number), told)
     for caster in scenario.scene.casters:
         info = sensor_info(caster)
         writer.write(f"/sensor/{info.name}/info", info, 0)
+    head = read_head(walk(log.path, head_only=True), log.path, allow_plugins=True)
+    groups = [before(number) for number in range(1, len(runs))]
+    own = before(len(runs)) if before(len(runs)) in head.before else "/sensor/"
+    for topic, info in head.tables:
+        if topic.startswith(own):
+            writer.write(f"{before(len(runs))}{info.name}", info, 0)
+        elif topic.removesuffix(info.name) in groups:
+            writer.write(topic, info, 0)
     for message in read_messages(log.path):
-        if isinstance(message, pb.SensorInfo):
-            writer.write(f"{BEFORE}{message.name}", message, 0)
-        elif message.sequence < at:  # type: ignore[attr-defined]
+        if not isinstance(message, pb.SensorInfo) and message.sequence < at:  # type: ignore[attr-defined]
             writer.write(topic_of(message), message, time_of(message))
 
 

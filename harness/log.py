@@ -19,6 +19,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import IO
 
+import zstandard
 from google.protobuf.descriptor import Descriptor, FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
@@ -34,6 +35,12 @@ LEAST_FREE_BYTES = 64 * 2**20
 
 FLUSH_PERIOD_NS = 1_000_000_000
 """Simulated time after which what was written is flushed."""
+
+CHUNK, PACKED_CHUNK = 2**20, 2**24
+"""Of what is compressed at once, bytes; a reader that seeks unpacks a whole one."""
+
+PACKED_SCENE = "scene.xml.zst"
+"""The scene of a packed log; its digest is that of the text."""
 
 RECORDED_PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
 
@@ -55,6 +62,7 @@ class LogWriter:
         scene: str,
         run: Mapping[str, str] | None = None,
         flush_period_ns: int = FLUSH_PERIOD_NS,
+        packed: bool = False,
     ) -> None:
         """Open the partial file and write the head.
 
@@ -66,6 +74,7 @@ class LogWriter:
             run: Versions and digests, where a log is written from another one; by default those
                 of what is installed.
             flush_period_ns: Simulated time after which what was written is flushed.
+            packed: Write as little as can be: a compressed scene, and large chunks.
 
         Raises:
             InputError: The folder cannot be written to or is full.
@@ -74,7 +83,12 @@ class LogWriter:
         self.partial_path = path.with_name(path.name + ".partial")
         self.record = "full"
         self._file = _open_for_writing(self.partial_path)
-        self._writer = Writer(self._file, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        self._writer = Writer(
+            self._file,
+            chunk_size=PACKED_CHUNK if packed else CHUNK,
+            compression=CompressionType.ZSTD,
+            enable_data_crcs=True,
+        )
         self._writer.start(profile="wayproof", library=f"wayproof {metadata.version('wayproof')}")
         self._channels: dict[str, int] = {}
         self._count = 0
@@ -82,8 +96,10 @@ class LogWriter:
         self._flush_period_ns = flush_period_ns
         attachments = {"config.json": config, "mission.json": mission, "scene.xml": scene.encode()}
         self._writer.add_metadata("run", dict(run or _run_metadata(attachments)))
+        if packed:
+            attachments[PACKED_SCENE] = zstandard.compress(attachments.pop("scene.xml"), 19)
         for name, data in attachments.items():
-            self._writer.add_attachment(0, 0, name, f"application/{name.split('.')[1]}", data)
+            self._writer.add_attachment(0, 0, name, f"application/{name.split('.')[-1]}", data)
 
     def note(self, name: str, fields: Mapping[str, str]) -> None:
         """Add metadata."""
@@ -93,10 +109,16 @@ class LogWriter:
         """Whether messages of a topic are kept: sweeps and states are not among `decisions`."""
         return self.record != "decisions" or not is_regenerated(topic)
 
-    def write(self, topic: str, message: Message, time_ns: int) -> None:
+    def write(self, topic: str, message: Message, time_ns: int, data: bytes | None = None) -> None:
         """Append one message if it is kept.
 
         What is older than a second of simulated time is flushed: a kill costs no more.
+
+        Args:
+            topic: Where it stands.
+            message: The message.
+            time_ns: Its simulated time.
+            data: Its bytes, where they are known already.
         """
         if not self.keeps(topic):
             return
@@ -106,7 +128,8 @@ class LogWriter:
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._register(topic, type(message))
-        data = message.SerializeToString(deterministic=True)
+        if data is None:
+            data = message.SerializeToString(deterministic=True)
         self._writer.add_message(channel, time_ns, data, time_ns, self._count)
         self._count += 1
 
@@ -209,14 +232,46 @@ def _run_metadata(attachments: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def file_descriptor_set(descriptor: Descriptor) -> bytes:
-    """The message's file and all that it imports, dependencies first."""
+    """The message's file and all that it imports, dependencies first.
+
+    Only with the messages that this one is made of: a log holds its schemas twice, uncompressed the
+    second time.
+    """
     files = FileDescriptorSet()
+    needed = _parts(descriptor)
 
     def add(file: FileDescriptor) -> None:
         for dependency in file.dependencies:
             add(dependency)
         if all(known.name != file.name for known in files.file):
-            file.CopyToProto(files.file.add())
+            copy = files.file.add()
+            file.CopyToProto(copy)
+            kept = [one for one in copy.message_type if _full_name(file, one.name) in needed]
+            del copy.message_type[:]
+            copy.message_type.extend(kept)
 
     add(descriptor.file)
     return files.SerializeToString(deterministic=True)
+
+
+def _parts(descriptor: Descriptor) -> set[str]:
+    """Full names of the top-level messages that a message is made of, its own among them."""
+    names: set[str] = set()
+    ahead = [descriptor]
+    while ahead:
+        one = ahead.pop()
+        while one.containing_type is not None:
+            one = one.containing_type
+        if one.full_name in names:
+            continue
+        names.add(one.full_name)
+        inner = [one]
+        while inner:
+            message = inner.pop()
+            inner.extend(message.nested_types)
+            ahead.extend(f.message_type for f in message.fields if f.message_type is not None)
+    return names
+
+
+def _full_name(file: FileDescriptor, name: str) -> str:
+    return f"{file.package}.{name}" if file.package else name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from google.protobuf.message import Message
@@ -11,6 +11,9 @@ from harness.container import walk
 from harness.log import LogWriter
 from harness.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head, read_messages
 from harness.schema import wayproof_pb2 as pb
+
+GUIDE_PERIOD_NS = 1_000_000_000
+"""Simulated time for which a log of decisions leaves out guides that were kept."""
 
 TOPICS: dict[type[Message], str] = {
     pb.Pose: "/pose",
@@ -25,14 +28,29 @@ TOPICS: dict[type[Message], str] = {
 
 
 def thin(path: Path) -> None:
-    """Leave sweeps and states out of a finished log, in its place.
+    """Leave out of a finished log, in its place, what its seed gives again.
+
+    That is sweeps, states and most guides.
 
     Raises:
         InputError: It is no finished log, or the folder cannot be written to.
     """
     result = open_log(path, allow_plugins=True).result
     head = read_head(walk(path, head_only=True), path, allow_plugins=True)
-    write_copy(path, head, read_messages(path), result, record="decisions")
+    write_copy(path, head, _with_few_guides(read_messages(path)), result, record="decisions")
+
+
+def _with_few_guides(messages: Iterable[Message]) -> Iterator[Message]:
+    """Messages with a decision's guide where it was searched for, and once a second."""
+    told_ns = -GUIDE_PERIOD_NS
+    for message in messages:
+        if isinstance(message, pb.Decision):
+            now_ns = time_of(message)
+            if message.planner or now_ns - told_ns >= GUIDE_PERIOD_NS:
+                told_ns = now_ns
+            else:
+                message.ClearField("guide")
+        yield message
 
 
 def write_copy(
@@ -47,17 +65,24 @@ def write_copy(
     Args:
         path: Its final name; the log there is replaced when all is written.
         head: What comes first, as it was.
-        messages: In file order.
+        messages: In file order; sensors' tables are those of the head.
         result: Outcome and figures.
         record: `full`, or `decisions` to leave out what the seed gives again.
     """
     config, mission, _ = (head.attachments[name] for name in ATTACHMENTS)
     # What it is written from is still there, so nothing hangs on flushing, and larger chunks pack
     # better.
-    with LogWriter(path, config, mission, head.scene, head.run, LONGEST_NS) as log:
+    packed = record == "decisions"
+    with LogWriter(path, config, mission, head.scene, head.run, LONGEST_NS, packed) as log:
         log.record = record
+        for name, fields in head.metadata.items():
+            if name not in ("run", "result"):
+                log.note(name, fields)
+        for topic, info in head.tables:
+            log.write(topic, info, 0)
         for message in messages:
-            log.write(topic_of(message), message, time_of(message))
+            if not isinstance(message, pb.SensorInfo):
+                log.write(topic_of(message), message, time_of(message))
         log.finish(result)
 
 

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import zstandard
 from google.protobuf.message import DecodeError, Message
 
 from harness.config import Config, from_json
-from harness.container import MAGIC, Attachment, Metadata, Packet, walk
+from harness.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
-from harness.log import FORMAT_VERSION, digest_name
+from harness.log import FORMAT_VERSION, PACKED_SCENE, digest_name
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 
 ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
 
-BEFORE = "/before/"
-"""Of a forked log, where the sensors' tables before the fork stand."""
+MOST_FORKS = 99
+"""Of one log."""
 
 LONGEST_NS = 4000 * 10**9
 """Simulated time that no episode reaches: `episode.time_limit` ends at an hour."""
@@ -45,17 +46,19 @@ class Record:
 
 @dataclass(frozen=True)
 class Fork:
-    """How a forked log's first decisions were made.
+    """How a forked log's decisions before a fork were made.
 
     Attributes:
-        at: The first decision with the log's own config.
+        at: The first decision after it.
         config: Of the decisions before.
         beams: Sensor geometry before, by sensor name.
+        mission: What the stack was told before.
     """
 
     at: int
     config: Config
     beams: dict[str, Beams]
+    mission: Mission
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ class Log:
         run: Versions and hashes.
         result: Outcome and figures.
         beams: Sensor geometry by sensor name.
-        fork: Where its settings changed on the way, if they did.
+        forks: Where its settings changed on the way, if they did, in order.
     """
 
     path: Path
@@ -80,7 +83,29 @@ class Log:
     run: dict[str, str]
     result: dict[str, str]
     beams: dict[str, Beams]
-    fork: Fork | None = None
+    forks: tuple[Fork, ...] = ()
+
+    @property
+    def fork(self) -> Fork | None:
+        """The last one."""
+        return self.forks[-1] if self.forks else None
+
+    def as_of(self, sequence: int) -> Log:
+        """The log as it would be if its settings had not changed after this decision."""
+        forks = tuple(fork for fork in self.forks if fork.at <= sequence)
+        if len(forks) == len(self.forks):
+            return self
+        last = self.forks[len(forks)]
+        return replace(
+            self, config=last.config, mission=last.mission, beams=last.beams, forks=forks
+        )
+
+    def on_threads(self, threads: int) -> Log:
+        """The log with another number of threads in its settings, which no decision depends on."""
+        forks = tuple(
+            replace(one, config=replace(one.config, threads=threads)) for one in self.forks
+        )
+        return replace(self, config=replace(self.config, threads=threads), forks=forks)
 
     def records(self) -> Iterator[Record]:
         """Every decision with its inputs, in file order."""
@@ -155,8 +180,18 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
     missing = [name for name in ("outcome", "chain") if name not in result]
     if missing:
         raise InputError(f"log '{path}': no {', '.join(missing)} in its result")
-    fork = _read_fork(head, path, allow_plugins)
-    return Log(path, head.config, head.mission, head.scene, head.run, result, head.beams, fork)
+    forks = _read_forks(head, path, allow_plugins)
+    return Log(path, head.config, head.mission, head.scene, head.run, result, head.beams, forks)
+
+
+def before(number: int) -> str:
+    """Beginning of the topics where the sensors' tables before a forked log's fork stand."""
+    return "/before/" if number == 1 else f"/before {number}/"
+
+
+def fork_note(number: int) -> str:
+    """Name of the metadata that tell of a forked log's fork, counted from 1."""
+    return "fork" if number == 1 else f"fork {number}"
 
 
 @dataclass(frozen=True)
@@ -171,7 +206,8 @@ class Head:
         metadata: All metadata, `run` and `result` among it.
         attachments: The texts that the first three were read from.
         beams: Sensor geometry by sensor name.
-        before: Of a forked log, the same before the fork.
+        tables: Every sensor's own message, with its topic.
+        before: Of a forked log, the same before each fork, by the beginning of its topics.
     """
 
     config: Config
@@ -181,7 +217,8 @@ class Head:
     metadata: dict[str, dict[str, str]]
     attachments: dict[str, bytes]
     beams: dict[str, Beams]
-    before: dict[str, Beams]
+    tables: tuple[tuple[str, pb.SensorInfo], ...]
+    before: dict[str, dict[str, Beams]]
 
 
 def read_head(
@@ -200,7 +237,8 @@ def read_head(
     metadata: dict[str, dict[str, str]] = {}
     attachments: dict[str, bytes] = {}
     beams: dict[str, Beams] = {}
-    before: dict[str, Beams] = {}
+    tables: list[tuple[str, pb.SensorInfo]] = []
+    earlier: dict[str, dict[str, Beams]] = {}
     for item in items:
         if isinstance(item, Metadata):
             metadata[item.name] = item.fields
@@ -209,13 +247,16 @@ def read_head(
         elif item.schema == pb.SensorInfo.DESCRIPTOR.full_name:
             info = decode(item, path)
             assert isinstance(info, pb.SensorInfo)
-            table = before if item.topic.startswith(BEFORE) else beams
+            tables.append((item.topic, info))
+            group = item.topic[: item.topic.find("/", 1) + 1]
+            table = beams if group == "/sensor/" else earlier.setdefault(group, {})
             table[info.name] = beams_from_info(info)
     if "run" not in metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
     version = metadata["run"].get("format_version")
     if version != FORMAT_VERSION:
         raise InputError(f"log '{path}': format version {version}, expected {FORMAT_VERSION}")
+    _unpack_scene(attachments, path)
     missing = [name for name in ATTACHMENTS if name not in attachments]
     if missing:
         raise InputError(f"log '{path}': no {', '.join(missing)} attached")
@@ -234,18 +275,40 @@ def read_head(
         metadata=metadata,
         attachments=attachments,
         beams=beams,
-        before=before,
+        tables=tuple(tables),
+        before=earlier,
     )
 
 
-def _read_fork(head: Head, path: Path, allow_plugins: bool) -> Fork | None:
-    fields = head.metadata.get("fork")
-    if fields is None:
-        return None
-    at = fields.get("at", "")
-    if not at.isdecimal() or len(at) > 9:
-        raise InputError(f"log '{path}': forked at {at[:20]!r}, expected a decision's number")
-    return Fork(int(at), from_json(fields.get("config", "").encode(), allow_plugins), head.before)
+def _unpack_scene(attachments: dict[str, bytes], path: Path) -> None:
+    """Put the scene of a packed log where that of any other stands."""
+    packed = attachments.pop(PACKED_SCENE, None)
+    if packed is None:
+        return
+    try:
+        size = zstandard.get_frame_parameters(packed).content_size
+        if not 0 < size <= GREATEST_RECORD:
+            raise InputError(f"log '{path}': damaged ({PACKED_SCENE} unpacks to {size} bytes)")
+        attachments["scene.xml"] = zstandard.decompress(packed, size)
+    except zstandard.ZstdError as error:
+        raise InputError(f"log '{path}': damaged ({PACKED_SCENE}: {error})") from None
+
+
+def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]:
+    forks: list[Fork] = []
+    while fields := head.metadata.get(fork_note(len(forks) + 1)):
+        at = fields.get("at", "")
+        least = forks[-1].at if forks else 0
+        if not at.isdecimal() or len(at) > 9 or int(at) < least or len(forks) == MOST_FORKS:
+            raise InputError(
+                f"log '{path}': forked at {at[:20]!r}, expected a decision's number from {least} on"
+            )
+        config = from_json(fields.get("config", "").encode(), allow_plugins)
+        told = fields.get("mission")  # a first fork of an older log tells none
+        mission = head.mission if told is None else Mission.from_json(told.encode())
+        beams = head.before.get(before(len(forks) + 1), {})
+        forks.append(Fork(int(at), config, beams, mission))
+    return tuple(forks)
 
 
 def read_messages(path: Path) -> Iterator[Message]:

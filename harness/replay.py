@@ -6,13 +6,14 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
+from harness.ahead import Outrun, recompute_ahead
 from harness.decision import Difference, differences
 from harness.errors import InputError
-from harness.navigator import Navigator
 from harness.reader import Log, Record, open_log
+from harness.relay import Relay, stretches
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import Twin, navigator_of, recompute
 
 
 @dataclass(frozen=True)
@@ -42,28 +43,35 @@ class Replay:
     wall_time_s: float
 
 
-def replay(path: Path, allow_plugins: bool = False) -> Replay:
+class Compared(NamedTuple):
+    """The first difference with its number, how many decisions there are and differ, the chain."""
+
+    first: tuple[int, list[Difference]] | None
+    decisions: int
+    differing: int
+    chain: str
+
+
+def replay(
+    path: Path, allow_plugins: bool = False, threads: int | None = None, ahead: bool = False
+) -> Replay:
     """Recompute a log's decisions.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
+        threads: In place of the log's own; no decision depends on them.
+        ahead: Whether a second thread takes the next inputs into the map meanwhile.
 
     Raises:
         InputError: The file is no finished log, holds no decision, or its sweeps were left out.
     """
     log = open_log(path, allow_plugins)
+    if threads is not None:
+        log = log.on_threads(threads)
     began = time.perf_counter()
-    first: tuple[int, list[Difference]] | None = None
-    decisions = differing = 0
-    chain = ""
-    for record, recomputed in recomputations(log):
-        found = differences(record.decision, recomputed)
-        if found:
-            differing += 1
-            first = first or (record.decision.sequence, found)
-        decisions += 1
-        chain = recomputed.chain
+    compared = _compare_ahead(log) if ahead and log.fork is None else None
+    first, decisions, differing, chain = compared or _compare(recomputations(log))
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
     return Replay(
@@ -79,22 +87,35 @@ def replay(path: Path, allow_plugins: bool = False) -> Replay:
     )
 
 
+def _compare_ahead(log: Log) -> Compared | None:
+    """The faster way to compare, which only counts where it finds nothing that differs."""
+    try:
+        compared = _compare(recompute_ahead(log))
+    except Outrun:
+        return None
+    return None if compared.differing else compared
+
+
+def _compare(pairs: Iterator[tuple[Record, pb.Decision]]) -> Compared:
+    first: tuple[int, list[Difference]] | None = None
+    decisions = differing = 0
+    chain = ""
+    for record, recomputed in pairs:
+        found = differences(record.decision, recomputed)
+        if found:
+            differing += 1
+            first = first or (record.decision.sequence, found)
+        decisions += 1
+        chain = recomputed.chain
+    return Compared(first, decisions, differing, chain)
+
+
 def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
     """Each record with what is decided on it now; a forked log changes its settings on the way.
 
     Raises:
         InputError: The log is damaged, or cannot be recomputed.
     """
-    if log.fork is None:
-        navigator = navigator_of(log)
-        for record in log.records():
-            yield record, recompute(navigator, record)
-        return
-    twin = Twin(log, log.fork.config, log.config, log.fork.beams)
-    after: Navigator | None = None
+    relay = Relay(stretches(log))
     for record in log.records():
-        if record.decision.sequence < log.fork.at:
-            yield record, twin.step(record)[0]
-            continue
-        after = after or twin.part(log.beams)
-        yield record, recompute(after, record)
+        yield record, relay.step(record)

@@ -77,7 +77,7 @@ class Twin:
         self._delay = _changed_delay(recorded, changed)
         self._layer = 0.0  # of the changed costmap above the recorded one, m
         if mission.motion == "ground":
-            self._layer = _layer(self.changed) - _layer(self.recorded)
+            self._layer = layer_of(self.changed) - layer_of(self.recorded)
 
     def step(self, record: Record) -> tuple[pb.Decision, pb.Decision]:
         """What each decides on one record: recorded, changed."""
@@ -129,7 +129,7 @@ def _changed_delay(recorded: Config, changed: Config) -> float | None:
     return changed.latency.expected
 
 
-def _layer(navigator: Navigator) -> float:
+def layer_of(navigator: Navigator) -> float:
     """Height of the layer that a ground robot plans in, m."""
     costmap = navigator.costmap
     return float(costmap.origin[2] + 0.5 * costmap.resolution)

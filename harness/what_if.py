@@ -139,7 +139,10 @@ def changed_config(log: Log, settings: Sequence[str]) -> Config:
         InputError: Unknown or refused, or the log's settings already changed on the way.
     """
     if log.fork is not None:
-        raise InputError(f"log '{log.path}': forked at {log.fork.at}, expected the log forked from")
+        raise InputError(
+            f"log '{log.path}': forked at {log.fork.at}, so it has no settings of its own to "
+            "change; expected the log forked from, or --from N"
+        )
     return override(log.config, settings)
 
 

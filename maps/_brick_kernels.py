@@ -27,9 +27,11 @@ B7F = np.uint64(0x7F7F7F7F7F7F7F7F)
 B80 = np.uint64(0x8080808080808080)
 GATHER = np.uint64(0x0102040810204080)  # times eight bytes of 0 or 1: their bits, in the top byte
 
+Integer = int | np.int64
+
 
 @kernel
-def bucket_of(x: int, y: int, z: int, buckets: int) -> int:
+def bucket_of(x: Integer, y: Integer, z: Integer, buckets: int) -> Integer:
     """Spatial hash (Teschner et al. 2003, "Optimized spatial hashing"); `buckets` is 2^k."""
     return ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & (buckets - 1)
 
@@ -39,9 +41,9 @@ def find(
     heads: NDArray[np.int32],  # (2^k,) first slot of each bucket, or -1
     links: NDArray[np.int32],  # (slots,) next one in the bucket, or -1
     keys: NDArray[np.int32],  # (slots, 3)
-    x: int,
-    y: int,
-    z: int,
+    x: Integer,
+    y: Integer,
+    z: Integer,
 ) -> int:
     """The slot of a brick, or -1."""
     slot = int(heads[bucket_of(x, y, z, heads.shape[0])])
@@ -156,7 +158,7 @@ def write_columns(
 
 
 @kernel
-def column_of(x: int, y: int) -> int:
+def column_of(x: Integer, y: Integer) -> Integer:
     """Index of a column of cells in its brick."""
     return ((x & (EDGE - 1)) << EDGE_BITS) + (y & (EDGE - 1))
 

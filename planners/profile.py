@@ -91,7 +91,9 @@ def ramped(positions: Floats, step: float) -> Profile:
     begins = np.flatnonzero(np.diff(rates, prepend=np.nan) != 0.0)  # equal rates are one piece
     still = np.zeros(len(begins))
     states = np.stack((positions[begins], rates[begins], still), axis=1)
-    return Profile(step * begins.astype(np.float64), states, still, step * len(rates), float(positions[-1]))
+    return Profile(
+        step * begins.astype(np.float64), states, still, step * len(rates), float(positions[-1])
+    )
 
 
 class Leg(NamedTuple):

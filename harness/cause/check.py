@@ -97,6 +97,7 @@ def check(log: Log, finding: Finding, remedies: Sequence[str] = ()) -> list[Chec
     earlier = BEFORE if touched else 0.0
     before_ns = case.moments[finding.decision].time_ns - round(earlier * 1e9)
     at = sum(moment.time_ns < before_ns for moment in case.moments)
+    log = log.as_of(at)
     harm = ("collision", "fall", "out_of_bounds", "error")
     checks = []
     for name in remedies or REMEDIES:

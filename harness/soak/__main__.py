@@ -1,4 +1,7 @@
-"""`python -m harness.soak kill|fuzz|episodes|worlds --count N`: exit code 0 if nothing broke."""
+"""`python -m harness.soak kill|fuzz|episodes|worlds --count N`: exit code 0 if nothing broke.
+
+Progress is a line each, for episodes one JSON document; the last line is the summary, in JSON.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally | Drawn]] = {
     "episodes": soak_episodes,
     "worlds": soak_worlds,
 }
-"""Name on the command line -> what it runs; each takes a count and a seed."""
+"""Name on the command line -> what it runs: count, seed, progress, number of the first."""
 
 
 def main() -> int:
@@ -29,13 +32,17 @@ def main() -> int:
     parser.add_argument("soak", choices=SOAKS)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
+    parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
     options = parser.parse_args()
 
     def progress(text: str) -> None:
-        print(text, file=sys.stderr)
+        print(text, flush=True)
 
-    findings = SOAKS[options.soak](options.count, options.seed, progress)
-    print(msgspec.json.format(msgspec.json.encode(asdict(findings)), indent=1).decode())
+    chosen = SOAKS[options.soak]
+    jobs = {"jobs": options.jobs} if chosen is soak_episodes else {}
+    findings = chosen(options.count, options.seed, progress, options.first, **jobs)
+    print(msgspec.json.encode(asdict(findings)).decode())
     return 1 if findings.failures else 0
 
 

@@ -10,8 +10,16 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+
+MEMORY = Path("/dev/shm")
 
 TAIL = 4000  # of what a child said last, bytes
+
+
+def scratch() -> Path | None:
+    """Where short-lived logs go: a file system in memory where there is one, for its speed."""
+    return MEMORY if os.access(MEMORY, os.W_OK) else None
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field, replace
+from multiprocessing import get_context
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from harness.closed_loop import simulate_again
@@ -17,107 +19,208 @@ from harness.config import Config, override
 from harness.episode import run_episode
 from harness.errors import InputError
 from harness.fork import fork
-from harness.scenario import build
+from harness.perturbations import PERTURBATIONS, perturbation_from
+from harness.result import Result
+from harness.scenario import Scenario, build
+from harness.soak.child import scratch
+from harness.soak.fresh import FreshReplays, replay_by_command
 from harness.warm_up import warm_up
 from models.robots import ROBOTS
 from models.worlds import WORLDS
 from planners import PLANNERS
 
 TIME_LIMIT_S = 3.0
-BATCH = 10
-"""Logs that one fresh process replays."""
+THREADS = (1, 2)
+CLOSED_LOOP_EVERY, FORK_EVERY, COMMAND_EVERY = 10, 20, 25
+MOST_DRAWS = 50
+"""Of random settings for one trial; some are no episode (a start in a shelf, for one)."""
 
-CLOSED_LOOP_EVERY, FORK_EVERY = 10, 20
+
+@dataclass(frozen=True)
+class Trial:
+    """What one random episode showed.
+
+    Attributes:
+        trial: Its number.
+        episode: World, robot, seed, planner and perturbation.
+        refused: Random settings before it that are no episode.
+        outcome: How it ended.
+        decisions: Made in it.
+        chain: Hash over them.
+        replays: Of its log, each in a fresh process.
+        closed_loop: Whether it was simulated anew as well.
+        forked: The decision from which it went on with no change; none if it was not forked.
+        wall_s: Time that all of it took.
+        failures: What was not identical; empty if all was.
+    """
+
+    trial: int
+    episode: str
+    refused: int
+    outcome: str
+    decisions: int
+    chain: str
+    replays: int
+    closed_loop: bool
+    forked: int | None
+    wall_s: float
+    failures: tuple[str, ...]
 
 
 @dataclass
 class Tally:
-    """What random episodes showed.
+    """What random episodes showed together.
 
     Attributes:
-        count: Episodes, each run on one thread and on two.
-        replayed: Logs replayed in another process.
-        closed_loop: Simulated anew.
+        count: Episodes.
+        first: Number of the first trial.
+        replayed: Replays, each in a fresh process.
+        closed_loop: Episodes simulated anew.
         forked: Gone on from a decision in the middle, with no change.
-        refused: Random settings that are no episode (a start in a shelf, for one).
+        refused: Random settings that are no episode.
         outcomes: How the episodes ended.
+        wall_s_each: Wall time of an episode with all that belongs to it, over all jobs.
         failures: What was not identical; empty if all was.
     """
 
     count: int = 0
+    first: int = 0
     replayed: int = 0
     closed_loop: int = 0
     forked: int = 0
     refused: int = 0
     outcomes: dict[str, int] = field(default_factory=dict)
+    wall_s_each: float = 0.0
     failures: list[str] = field(default_factory=list)
 
 
-def soak_episodes(count: int, seed: int, progress: Callable[[str], None]) -> Tally:
-    """Run random episodes and everything that must give them again."""
-    tally = Tally()
-    while tally.count < count:
-        with tempfile.TemporaryDirectory() as folder:
-            logs: dict[str, str] = {}
-            for _ in range(min(BATCH, count - tally.count)):
-                _run_pair(Path(folder), tally.count + tally.refused, seed, tally, logs)
-            _replay_elsewhere(logs, tally)
-        progress(f"episodes: {tally.count} of {count}, {len(tally.failures)} failures")
+def soak_episodes(
+    count: int, seed: int, progress: Callable[[str], None], first: int = 0, jobs: int = 2
+) -> Tally:
+    """Run random episodes and everything that must give them again.
+
+    Args:
+        count: Trials.
+        seed: Of all of them.
+        progress: Told each trial, one JSON document a line.
+        first: Number of the first trial: a soak that ended goes on from there.
+        jobs: Processes.
+    """
+    began = time.perf_counter()
+    tally, outcomes = Tally(count, first), Counter[str]()
+    for trial in _trials(range(first, first + count), seed, jobs):
+        progress(msgspec.json.encode(asdict(trial)).decode())
+        outcomes[trial.outcome] += 1
+        tally.replayed += trial.replays
+        tally.closed_loop += trial.closed_loop
+        tally.forked += trial.forked is not None
+        tally.refused += trial.refused
+        tally.failures += [f"trial {trial.trial}: {trial.episode}: {x}" for x in trial.failures]
+    tally.outcomes = dict(outcomes)
+    tally.wall_s_each = (time.perf_counter() - began) / max(count, 1)
     return tally
 
 
+def _trials(numbers: range, seed: int, jobs: int) -> Iterator[Trial]:
+    """All trials in order; each worker keeps its process for fresh replays to its end."""
+    context = get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin) as pool:
+        yield from pool.map(run_trial, numbers, [seed] * len(numbers))
+
+
+def _begin() -> None:
+    """Fork off the fresh process before this one has run anything."""
+    global _fresh
+    _fresh = FreshReplays([_plain(robot, planner) for robot in ROBOTS for planner in PLANNERS])
+
+
+_fresh: FreshReplays | None = None
+
+
+def _plain(robot: str, planner: str) -> Config:
+    return override(Config("empty", robot, 0), [f"planner.name={planner}"])
+
+
+def run_trial(number: int, seed: int) -> Trial:
+    """One random episode and everything that must give it again."""
+    began = time.perf_counter()
+    rng = np.random.default_rng((seed, number))
+    scenario, refused = _draw(rng)
+    config = scenario.config
+    failures: list[str] = []
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
+        path = Path(name) / f"{number}.mcap"
+        warm_up(config)
+        result = run_episode(scenario, path)
+        failures += _replays(path, number)
+        again = number % CLOSED_LOOP_EVERY == 0
+        if again and not simulate_again(path).identical:
+            failures.append("simulated anew, it differs")
+        at = int(rng.integers(result.decisions)) if number % FORK_EVERY == 1 else None
+        if at is not None:
+            failures += _fork(path, at, result)
+    return Trial(
+        trial=number,
+        episode=_told(config),
+        refused=refused,
+        outcome=result.outcome,
+        decisions=result.decisions,
+        chain=result.chain,
+        replays=len(THREADS),
+        closed_loop=again,
+        forked=at,
+        wall_s=round(time.perf_counter() - began, 3),
+        failures=tuple(failures),
+    )
+
+
 def random_config(rng: np.random.Generator) -> Config:
-    """World, robot, planner and seed by chance."""
+    """World, robot, planner, perturbation and seed by chance; every fourth one unperturbed."""
     world, robot = (str(rng.choice(sorted(names))) for names in (WORLDS, ROBOTS))
     settings = (
         f"planner.name={rng.choice(sorted(PLANNERS))}",
         f"map.inflation_margin={rng.uniform(0.02, 0.15):.3f}",
         f"episode.time_limit={TIME_LIMIT_S}",
     )
-    return override(Config(world, robot, int(rng.integers(2**31))), settings)
+    config = override(Config(world, robot, int(rng.integers(2**31))), settings)
+    kind = f"{rng.choice(sorted(PERTURBATIONS))}:{rng.integers(1, 6)}"
+    if rng.integers(4) == 0:
+        return config
+    return replace(config, perturbation=perturbation_from(kind))
 
 
-def _run_pair(folder: Path, trial: int, seed: int, tally: Tally, logs: dict[str, str]) -> None:
-    """One episode on one thread and on two; the second must decide as the first."""
-    rng = np.random.default_rng((seed, trial))
-    config = random_config(rng)
-    name = f"trial {trial}: {config.world} {config.robot} {config.planner.name} {config.seed}"
-    path = folder / f"{trial}.mcap"
-    try:
-        warm_up(config)
-        result = run_episode(build(config), path)
-    except InputError:
-        tally.refused += 1
-        return
-    tally.count += 1
-    tally.outcomes[result.outcome] = tally.outcomes.get(result.outcome, 0) + 1
-    threaded = folder / f"{trial}-threads.mcap"
-    second = run_episode(build(override(config, ["threads=2"])), threaded)
-    if second.chain != result.chain:
-        tally.failures.append(f"{name}: two threads decide otherwise")
-    logs[str(path)] = logs[str(threaded)] = name
-    if tally.count % CLOSED_LOOP_EVERY == 1:
-        tally.closed_loop += 1
-        if not simulate_again(path).identical:
-            tally.failures.append(f"{name}: simulated anew, it differs")
-    if tally.count % FORK_EVERY == 2:
-        tally.forked += 1
-        at = int(rng.integers(result.decisions))
-        if fork(path, at, (), folder / "fork.mcap").chain != result.chain:
-            tally.failures.append(f"{name}: forked at {at} with no change, it differs")
+def _draw(rng: np.random.Generator) -> tuple[Scenario, int]:
+    """The first of random scenarios that is one, and how many before it were refused."""
+    for refused in range(MOST_DRAWS):
+        try:
+            return build(random_config(rng)), refused
+        except InputError:
+            continue
+    raise RuntimeError(f"{MOST_DRAWS} random settings refused")
 
 
-def _replay_elsewhere(logs: dict[str, str], tally: Tally) -> None:
-    """Replay logs in a process that has not seen them being made."""
-    if not logs:
-        return
-    command = [sys.executable, "-m", "harness", "replay", "--json", *logs]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode not in (0, 1) or done.stderr:
-        tally.failures.append(f"replay: exit code {done.returncode}: {done.stderr[-500:]}")
-        return
-    document = json.loads(done.stdout)
-    for one in document.get("replays", [document]):
-        tally.replayed += 1
-        if not one["identical"]:
-            tally.failures.append(f"{logs[one['log']]}: replay differs at {one['differences'][:3]}")
+def _told(config: Config) -> str:
+    perturbation = config.perturbation
+    perturbed = "none"
+    if perturbation is not None:
+        perturbed = f"{perturbation.kind}:{perturbation.severity}"
+    return f"{config.world} {config.robot} {config.seed} {config.planner.name} {perturbed}"
+
+
+def _replays(path: Path, number: int) -> list[str]:
+    """What differs in replays on each number of threads."""
+    failures = []
+    for threads in THREADS:
+        if number % COMMAND_EVERY == 0 or _fresh is None:
+            found = replay_by_command(path, threads)
+        else:
+            found = _fresh.replay(path, threads)
+        if found:
+            failures.append(f"replay on {threads} threads: {found}")
+    return failures
+
+
+def _fork(path: Path, at: int, result: Result) -> list[str]:
+    forked = fork(path, at, (), path.with_name("fork.mcap"))
+    alike = forked.chain == result.chain and forked.outcome == result.outcome
+    return [] if alike else [f"forked at {at} with no change, it differs"]

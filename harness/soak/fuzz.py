@@ -10,7 +10,7 @@ import tempfile
 import traceback
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,9 @@ from harness.reader import Log, open_log
 from harness.rebuild import rebuild
 from harness.recover import recover
 from harness.replay import replay
-from harness.small_log import small_log
-from harness.soak.child import in_child
-from harness.soak.mutate import forge, mutate
+from harness.small_log import COMMITTED, committed_name
+from harness.soak.child import in_child, scratch
+from harness.soak.mutate import forge, mutate, mutate_values
 
 LONGEST_S = 5
 """Processor time of one case."""
@@ -60,19 +60,27 @@ class Fuzzed:
     failures: tuple[str, ...]
 
 
-def soak_fuzz(count: int, seed: int, progress: Callable[[str], None]) -> Fuzzed:
-    """Mutate a small log `count` times, by turns its bytes, its content, its settings and scene."""
+def soak_fuzz(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Fuzzed:
+    """Mutate a small log `count` times, by turns its bytes, its content, its settings and scene.
+
+    Args:
+        count: Cases.
+        seed: Of all of them.
+        progress: Told how far it is.
+        first: Number of the first case.
+    """
     tally: Counter[tuple[str, str]] = Counter()
     failures: list[str] = []
     peak = 0.0
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         (folder / "work").mkdir()
-        source = small_log(folder / "source.mcap")
+        source = folder / "source.mcap"
+        source.write_bytes((COMMITTED / committed_name()).read_bytes())
         replay(source)
-        case = 0
-        while case < count:
-            end = min(case + BATCH, count)
+        case, last_case = first, first + count
+        while case < last_case:
+            end = min(case + BATCH, last_case)
             ended = in_child(lambda tell: _cases(source, seed, case, end, tell), SILENCE_S)  # noqa: B023
             peak = max(peak, ended.peak_mib)
             last = case
@@ -87,7 +95,7 @@ def soak_fuzz(count: int, seed: int, progress: Callable[[str], None]) -> Fuzzed:
             if ended.code < 0 or ended.overdue:
                 failures.append(f"case {last}: ended by signal {-ended.code} (26 is a hang)")
             case = end if ended.code >= 0 else last + 1
-            progress(f"fuzz: {case} of {count}, {len(failures)} failures, {peak:.0f} MiB")
+            progress(f"fuzz: up to {case}, {len(failures)} failures, {peak:.0f} MiB")
         failures += [f"file {one} written" for one in os.listdir(folder / "work")]
     if peak > MOST_MEMORY_MIB:
         failures.append(f"memory: {peak:.0f} MiB")
@@ -127,12 +135,11 @@ def run_case(kind: str, source: Path, log: Log, rng: np.random.Generator) -> Non
         InputError: What was mutated is refused, as it should be.
     """
     if kind == "settings":
-        config = from_json(mutate(to_json(log.config), rng))
+        config = from_json(mutate_values(to_json(log.config).decode(), rng).encode())
         build_navigator(config, log.mission, log.beams)
         return
     if kind == "scene":
-        text = mutate(log.scene.encode(), rng).decode(errors="replace")
-        rebuild(_with_scene(log, text))
+        rebuild(replace(log, scene=mutate_values(log.scene, rng)))
         return
     with tempfile.TemporaryDirectory(dir=source.parent) as name:
         path = Path(name) / "mutated.mcap"
@@ -142,12 +149,6 @@ def run_case(kind: str, source: Path, log: Log, rng: np.random.Generator) -> Non
         else:
             recover(path)
         replay(path)
-
-
-def _with_scene(log: Log, text: str) -> Log:
-    from dataclasses import replace
-
-    return replace(log, scene=text)
 
 
 def _limit_memory() -> None:

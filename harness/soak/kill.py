@@ -20,11 +20,11 @@ from harness.recover import recover
 from harness.replay import replay
 from harness.scenario import Scenario, build
 from harness.schema import wayproof_pb2 as pb
-from harness.soak.child import in_child
+from harness.soak.child import in_child, scratch
 from harness.warm_up import warm_up
 
 EPISODES = (("empty", "drone"), ("corridor", "quadruped"))
-SETTINGS = ("episode.time_limit=6",)
+SETTINGS = ("episode.time_limit=4",)
 SILENCE_S = 60.0
 CHECKED = 10
 """Every so manieth log that was recovered is also replayed and audited."""
@@ -57,9 +57,15 @@ class Killed:
     failures: tuple[str, ...]
 
 
-def soak_kill(count: int, seed: int, progress: Callable[[str], None]) -> Killed:
-    """Kill episodes with SIGKILL, each at a random moment, and open what they leave."""
-    rng = np.random.default_rng(seed)
+def soak_kill(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Killed:
+    """Kill episodes with SIGKILL, each at a random moment, and open what they leave.
+
+    Args:
+        count: Episodes.
+        seed: Of all of them.
+        progress: Told how far it is.
+        first: Number of the first episode.
+    """
     scenarios = []
     for world, robot in EPISODES:
         config = override(Config(world, robot, seed), SETTINGS)
@@ -69,13 +75,14 @@ def soak_kill(count: int, seed: int, progress: Callable[[str], None]) -> Killed:
         ("killed", "finished", "before_first", "recovered", "told", "lost", "checked"), 0
     )
     failures: list[str] = []
-    for trial in range(count):
+    for trial in range(first, first + count):
+        rng = np.random.default_rng((seed, trial))
         scenario, lasts = scenarios[trial % len(scenarios)]
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory(dir=scratch()) as folder:
             path = Path(folder) / "killed.mcap"
             _kill_one(scenario, path, float(rng.uniform(0.0, 1.2 * lasts)), trial, tally, failures)
         if (trial + 1) % 20 == 0:
-            progress(f"kill: {trial + 1} of {count}, {len(failures)} failures")
+            progress(f"kill: up to {trial + 1}, {len(failures)} failures")
     return Killed(
         count,
         tally["killed"],
@@ -91,7 +98,7 @@ def soak_kill(count: int, seed: int, progress: Callable[[str], None]) -> Killed:
 
 def _duration(config: Config) -> float:
     """Wall time of one episode, s."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         began = time.perf_counter()
         run_episode(build(config), Path(folder) / "whole.mcap")
         return time.perf_counter() - began

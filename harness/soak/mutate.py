@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,13 @@ from harness.log import digest_name
 
 DIGITS = b"0123456789"
 NASTY = (b"0", b"-1", b"1e308", b"1e-308", b"999999999999", b'""', b"null", b"[]", b"{}", b"true")
+
+NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w.])")
+STRING = re.compile(r'"([^"\\]*)"')
+NUMBERS = (
+    "0", "-1", "1", "2", "3", "64", "1000", "65536", "999999999999", "1e308", "1e-308", "1e9",
+    "-1e9", "0.5", "-0.5", "1e-3", "4294967296", "-9223372036854775808",
+)  # fmt: skip
 
 
 def mutate(data: bytes, rng: np.random.Generator) -> bytes:
@@ -39,6 +47,28 @@ def mutate(data: bytes, rng: np.random.Generator) -> bytes:
             case _:
                 _change_number(changed, place, rng)
     return bytes(changed)
+
+
+def mutate_values(text: str, rng: np.random.Generator) -> str:
+    """Other numbers and strings in a text, which stays well-formed; every fourth time as `mutate`.
+
+    What is not well-formed is refused by a parser, and tests nothing behind it.
+    """
+    if rng.integers(4) == 0:
+        return mutate(text.encode(), rng).decode(errors="replace")
+    for _ in range(int(rng.integers(1, 4))):
+        pattern = STRING if rng.integers(3) == 0 else NUMBER
+        places = [found.span(1) for found in pattern.finditer(text)]
+        if not places:
+            continue
+        begin, end = places[int(rng.integers(len(places)))]
+        if pattern is NUMBER:
+            value = NUMBERS[int(rng.integers(len(NUMBERS)))]
+        else:
+            first, last = places[int(rng.integers(len(places)))]
+            value = text[first:last]
+        text = text[:begin] + value + text[end:]
+    return text
 
 
 def _change_number(changed: bytearray, place: int, rng: np.random.Generator) -> None:

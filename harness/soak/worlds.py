@@ -57,10 +57,19 @@ class Batch:
     failures: list[str]
 
 
-def soak_worlds(count: int, seed: int, progress: Callable[[str], None]) -> Drawn:
-    """Draw `count` worlds or a few more, as many of each name, in two processes."""
+def soak_worlds(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Drawn:
+    """Draw `count` worlds or a few more, as many of each name, in two processes.
+
+    Args:
+        count: Of worlds.
+        seed: Of the first.
+        progress: Told what is going on.
+        first: Further seeds that are left out, for they were drawn before.
+    """
     drawn, seconds = Drawn(), dict.fromkeys(WORLDS, 0.0)
-    for (name, _, _), batch in run_jobs(batches(ceil(count / len(WORLDS)), seed), draw_batch):
+    for (name, _, _), batch in run_jobs(
+        batches(ceil(count / len(WORLDS)), seed + first), draw_batch
+    ):
         drawn.count += batch.count
         drawn.compiled += batch.compiled
         drawn.of[name] = drawn.of.get(name, 0) + batch.count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -45,6 +46,10 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(f"--from, --log: got {len(options.log)} logs, expected one")
     if options.out is not None and not (options.closed_loop or options.at is not None):
         raise InputError("--log: nothing to write, expected --closed-loop or --from N with it")
+    if options.threads is not None and not 1 <= options.threads <= 64:
+        raise InputError(f"--threads: got {options.threads}, expected 1 to 64")
+    if options.threads is not None and (options.closed_loop or single or options.set):
+        raise InputError("--threads: goes with a plain replay, otherwise --set threads=N")
     if options.at is not None and options.at < 0:
         raise InputError(f"--from: got {options.at}, expected a decision's number, 0 or more")
 
@@ -52,7 +57,8 @@ def _check(options: argparse.Namespace) -> None:
 def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
     from harness.replay import replay
 
-    replayed = replay(path, options.allow_plugins)
+    two = (os.cpu_count() or 1) > 1
+    replayed = replay(path, options.allow_plugins, options.threads, ahead=two)
     print_replay(console, replayed)
     return replayed.identical, asdict(replayed)
 
@@ -74,15 +80,15 @@ def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tupl
 
 
 def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    from harness.config import override
     from harness.fork import fork, fork_name
     from harness.live import LiveLine
     from harness.reader import open_log
     from harness.verbs.run import print_verdict
-    from harness.what_if import changed_config
 
     path = options.log[0]
     log = open_log(path, options.allow_plugins)
-    config = changed_config(log, options.set)
+    config = override(log.as_of(options.at).config, options.set)
     target = options.out or fork_name(path, options.at, config)
     with LiveLine(console, config.robot) as line:
         result = fork(path, options.at, options.set, target, options.allow_plugins, line)
@@ -208,6 +214,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         metavar="N",
         help="simulate on from decision N with these settings, and write a new log",
+    )
+    parser.add_argument(
+        "--threads", type=int, metavar="N", help="recompute on so many; the log's own by default"
     )
     parser.add_argument("--log", dest="out", type=Path, metavar="FILE", help="the new log's name")
 

@@ -17,6 +17,7 @@ from harness.cause.planted import PLANTS
 from harness.cause.standstill import StandstillFacts
 from harness.cause.true_space import TrueSpace
 from harness.errors import InputError
+from harness.fork import fork
 from harness.reader import open_log
 
 TOUCH = ContactFacts(
@@ -135,6 +136,21 @@ def test_a_log_tells_the_cause_that_its_run_found(tmp_path):
     assert result.contact.startswith("glass_0 at ")
     saved = {one.remedy: one.saves for one in check(log, finding, ("true_map", "no_delay"))}
     assert saved == {"true_map": True, "no_delay": False}
+
+
+def test_a_walking_robot_is_saved_by_the_true_map_alone(tmp_path):
+    """It walks into a wall too near for its map; also where the log is a fork's."""
+    result = run_planted("unseen_obstacle", 3, tmp_path / "wall.mcap")
+    assert (open_log(tmp_path / "wall.mcap").config.robot, result.outcome) == (
+        "quadruped",
+        "collision",
+    )
+    forked = fork(tmp_path / "wall.mcap", 5, (), tmp_path / "fork.mcap")
+    log = open_log(Path(forked.log))
+    finding = find_cause(read_case(log))
+    assert finding.cause == "unseen_obstacle"
+    saved = {one.remedy: one.saves for one in check(log, finding, ("true_map", "true_pose"))}
+    assert saved == {"true_map": True, "true_pose": False}
 
 
 def test_a_success_has_no_cause(recorded):

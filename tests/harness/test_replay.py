@@ -8,13 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from harness.ahead import Outrun, recompute_ahead
+from harness.audit import audit
 from harness.cli import main
 from harness.closed_loop import simulate_again
 from harness.container import Packet, walk
 from harness.decision import differences
 from harness.errors import InputError
 from harness.fork import fork
-from harness.log_copy import write_copy
+from harness.log_copy import thin, write_copy
 from harness.reader import open_log, read_head, read_messages
 from harness.replay import replay
 from harness.schema import wayproof_pb2 as pb
@@ -58,6 +60,36 @@ def test_the_first_difference_is_named_value_by_value(recorded, tmp_path, capsys
     assert main(["replay", str(path), "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["differences"][0].keys() == {"field", "recorded", "recomputed"}
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        SHORT["drone"],
+        SHORT["quadruped"],
+        ("empty", "drone", 1, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=1"),
+    ],
+)
+def test_a_map_that_runs_ahead_changes_nothing(recorded, case):
+    """The last one never decides in time, so what it had in mind stands in no log."""
+    log = open_log(Path(recorded(*case).log))
+    pairs = list(recompute_ahead(log))
+    assert len(pairs) == recorded(*case).decisions
+    assert all(differences(record.decision, again) == [] for record, again in pairs)
+    assert replay(log.path, threads=2, ahead=True).identical
+
+
+def test_a_map_that_ran_past_a_difference_is_made_again(recorded, tmp_path):
+    def move(message):
+        if isinstance(message, pb.Decision) and message.sequence == 7:
+            message.trajectory.path[0].x += 0.5
+
+    path = altered(Path(recorded(*SHORT["drone"]).log), tmp_path / "moved.mcap", move)
+    with pytest.raises(Outrun):
+        list(recompute_ahead(open_log(path)))
+    told = replay(path, ahead=True)
+    assert (told.differing, told.first_difference) == (1, 7)
+    assert told.differences == replay(path).differences
 
 
 def test_a_bit_is_a_difference_and_a_measured_time_is_none():
@@ -244,3 +276,38 @@ def test_failures_are_kept_in_full(recorded):
     assert reached.log_mb_per_min == pytest.approx(
         60e-6 * Path(reached.log).stat().st_size / reached.sim_time_s
     )
+
+
+@pytest.mark.parametrize("at", [8, 12, 15])
+def test_a_fork_can_be_forked_again(recorded, tmp_path, at):
+    """Before, at and after the first fork; other cells, then another lidar, then neither."""
+    result = recorded(*SHORT["quadruped"])
+    first = fork(Path(result.log), 12, ["map.resolution=0.08"], tmp_path / "first.mcap")
+    same = fork(Path(first.log), at, (), tmp_path / "same.mcap")
+    assert same.chain == (result.chain if at < 12 else first.chain)
+    assert replay(Path(same.log)).identical
+    settings = ["sensors.lidar=velodyne-vlp16", "episode.time_limit=1.8"]
+    second = fork(Path(first.log), at, settings, tmp_path / "second.mcap")
+    log = open_log(Path(second.log))
+    assert [one.at for one in log.forks] == ([at] if at < 12 else [12, at])
+    assert log.config.map.resolution == (0.1 if at < 12 else 0.08)
+    assert log.forks[-1].beams["lidar"].table.beams != log.beams["lidar"].table.beams
+    assert replay(Path(second.log)).identical
+
+
+def test_a_fork_to_another_goal_knows_the_old_one(recorded, tmp_path):
+    result = recorded(*SHORT["drone"])
+    forked = fork(Path(result.log), 12, ["goal=[3.0,3.0,1.2]"], tmp_path / "fork.mcap")
+    assert replay(Path(forked.log)).identical
+    thin(Path(forked.log))
+    assert [one.at for one in open_log(Path(forked.log)).forks] == [12]
+
+
+def test_the_audit_of_a_fork_reads_each_decision_with_its_own_settings(recorded, tmp_path):
+    result = recorded(*SHORT["quadruped"])
+    change = ["map.resolution=0.08", "map.inflation_margin=0.2"]
+    forked = fork(Path(result.log), 12, change, tmp_path / "fork.mcap")
+    found = audit(Path(forked.log))
+    assert found.decisions == 21
+    assert found.swept > 5
+    assert found.violations == ()

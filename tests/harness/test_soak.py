@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -21,9 +23,11 @@ def test_killed_episodes_leave_what_was_flushed():
 
 
 def test_random_episodes_come_again():
-    found = soak_episodes(3, 1, print)
+    lines = []
+    found = soak_episodes(3, 1, lines.append, first=19, jobs=1)
     assert found.failures == []
     assert (found.count, found.replayed, found.closed_loop, found.forked) == (3, 6, 1, 1)
+    assert [json.loads(line)["trial"] for line in lines] == [19, 20, 21]
 
 
 def test_worlds_draw_and_some_compile():

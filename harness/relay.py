@@ -1,0 +1,94 @@
+"""The stacks of a log that was forked, one after the other, each with the past of the one before.
+
+A fork's stack has a map of its own, built with its own settings from all the sweeps since the
+start; what it takes over is what was decided: the trajectory, the guide, the chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from harness.config import Config
+from harness.inputs import Beams
+from harness.mission import Mission
+from harness.navigator import Navigator, build_navigator
+from harness.reader import Log, Record
+from harness.schema import wayproof_pb2 as pb
+from harness.twin import guarded, layer_of, lifted, recompute
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Decisions that were made with the same settings.
+
+    Attributes:
+        begin: Number of the first of them.
+        config: The settings.
+        mission: What the stack was told.
+        beams: Sensor geometry by sensor name.
+    """
+
+    begin: int
+    config: Config
+    mission: Mission
+    beams: Mapping[str, Beams]
+
+
+def stretches(log: Log) -> list[Stretch]:
+    """A log's, in order; one if it was never forked."""
+    begins = [0, *(fork.at for fork in log.forks)]
+    parts = [(fork.config, fork.mission, fork.beams) for fork in log.forks]
+    parts.append((log.config, log.mission, log.beams))
+    return [Stretch(begin, *part) for begin, part in zip(begins, parts, strict=True)]
+
+
+class Relay:
+    """One `step` for each record, by the stack whose turn it is.
+
+    Attributes:
+        stretch: Of the decision that comes next or was made last.
+        navigator: Its stack.
+    """
+
+    def __init__(self, runs: Sequence[Stretch]) -> None:
+        """Start all stacks.
+
+        Raises:
+            InputError: There is no such stack.
+        """
+        beams = runs[0].beams
+        stacks = [guarded("the log's stack", partial(_build, run, beams)) for run in runs]
+        self.stretch, *self._later = runs
+        self.navigator, *self._waiting = stacks
+
+    def step(self, record: Record) -> pb.Decision:
+        """What is decided on one record; the stacks that wait take it into their maps.
+
+        Raises:
+            InputError: The inputs are none that a decision can be made on.
+        """
+        self.go_to(record.decision.sequence)
+        decision = recompute(self.navigator, record)
+        for stack in self._waiting:
+            guarded(f"decision {decision.sequence}", partial(stack.perceive, record.inputs))
+        return decision
+
+    def go_to(self, sequence: int) -> Navigator:
+        """The stack that makes a decision, with all that the ones before it decided."""
+        while self._later and self._later[0].begin <= sequence:
+            before = self.navigator
+            self.stretch, *self._later = self._later
+            self.navigator, *self._waiting = self._waiting
+            higher = 0.0
+            if self.stretch.mission.motion == "ground":
+                higher = layer_of(self.navigator) - layer_of(before)
+            self.navigator.adopt(lifted(before.memory, higher), before.chain)
+            for stack in (self.navigator, *self._waiting):
+                stack.carry(self.stretch.beams)
+        return self.navigator
+
+
+def _build(run: Stretch, beams: Mapping[str, Beams]) -> Navigator:
+    return build_navigator(run.config, run.mission, beams)
