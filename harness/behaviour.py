@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from harness.decision import Action, Label
-from harness.fit import fits, fits_along, leads_away, tail_first, to_where_it_turns, ways_to_face
+from harness.fit import as_it_faces, fits, fits_along, leads_away, tail_first, to_where_it_turns, ways_to_face
 from harness.guide import ARRIVED, apart, heading_at, keep_or_replan_guide, place_for_goal
 from harness.trail import trodden, way_back
 from harness.view import Array, Choice, Memory, View, distance, length, standing
@@ -63,7 +63,7 @@ def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, M
     believed = followed.at(view.time_ns)
     if distance(view.position, believed.position) > view.behaviour.tracking_tolerance:
         return _anchor_again(view, memory, believed)
-    now = memory.trajectory.at(view.effect_ns)
+    now = as_it_faces(view, believed, memory.trajectory.at(view.effect_ns))
     if believed.at_rest and distance(view.position, view.goal) <= view.goal_tolerance:
         return _arrive(view, memory, now)
     if standing(now) and not fits(view.admitted, now):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from harness.footprint import HEADING_TOLERANCE
 from harness.guide import heading_at
 from harness.view import Array, View, length
 from planners import FreeSpace, Trajectory, TrajectorySample, arc_lengths, truncate
@@ -13,6 +16,24 @@ CHECK_STEP = 0.02
 
 LEAST_WAY = 0.3
 """How far a body goes tail first at least before it turns, m."""
+
+
+def as_it_faces(view: View, believed: TrajectorySample, now: TrajectorySample) -> TrajectorySample:
+    """Where the robot will be asked to be, but as it will face if it turns after what is asked.
+
+    Legs turn late: a body that is longer than wide is planned for as it lies, within the heading
+    tolerance, so that what is checked is what comes.
+
+    Args:
+        view: Of this decision.
+        believed: Where it is asked to be at the time of the view.
+        now: Where it is asked to be at the time of effect.
+    """
+    late = _wrapped(view.heading - believed.heading)
+    if not view.admitted.discs or abs(late) <= HEADING_TOLERANCE:
+        return now
+    beyond = late - math.copysign(HEADING_TOLERANCE, late)
+    return now._replace(heading=now.heading + beyond)
 
 
 def fits(space: FreeSpace, now: TrajectorySample) -> bool:

@@ -13,9 +13,9 @@ from planners import Body
 
 Array = NDArray[np.float64]
 
-HEADING_TOLERANCE = 0.03
-"""How far the body may be off the heading that it is asked for, rad: what walking robots hold. At
-the outermost disc it is a distance, which is part of the margin."""
+HEADING_TOLERANCE = 0.05
+"""How far the body may be off the heading that it is asked for, rad; what it is farther off is
+planned with. At the outermost disc it is a distance, which is part of the margin."""
 
 COST_STEPS = 2.0**20
 """Costs are whole multiples of one over this."""

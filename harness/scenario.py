@@ -20,7 +20,6 @@ from models.scene import PREFIX, Scene, compose, device_name, resolve
 from models.sensors import Caster
 from models.worlds import World, shortest_path_length
 from models.worlds.solvability import AIR_BANDS
-from planners import Body
 
 Point = tuple[float, float, float]
 
@@ -196,16 +195,8 @@ def _mission(world: World, spec: RobotSpec, start: Point, goal: Point) -> Missio
         start=start,
         start_heading=world.start_heading,
         goal=goal,
-        discs=discs_of(spec),
+        discs=spec.discs,
     )
-
-
-def discs_of(spec: RobotSpec) -> tuple[tuple[float, float], ...]:
-    """Offset and radius of each disc, m; none for a body known by its radius alone."""
-    if spec.half_length == 0.0:
-        return ()
-    body = Body.covering(spec.half_length, spec.half_width, spec.radius)
-    return tuple(zip(body.offsets, body.radii, strict=True))
 
 
 def decision_period(scenario: Scenario) -> float:

@@ -41,32 +41,6 @@ class Body:
             if not all(least < value < math.inf for value in values):
                 raise ValueError(f"body.{name}: got {values}, expected above {least}, finite")
 
-    @classmethod
-    def covering(cls, half_length: float, half_width: float, radius: float) -> Body:
-        """Three discs over a rectangle about the reference point, cut by a disc about it.
-
-        Each covers a third of the rectangle's length. They lie as far ahead as behind, so a body
-        that is free at one heading is free at the opposite one.
-
-        Args:
-            half_length: Of the rectangle, along the body's x axis [m].
-            half_width: [m].
-            radius: Of the disc, outside of which there is nothing of the body [m].
-
-        Raises:
-            ValueError: If the rectangle is no longer than wide or wider than the disc.
-        """
-        if not 0.0 < half_width < min(half_length, radius):
-            got = f"half_width {half_width:g} with half_length {half_length:g}, radius {radius:g}"
-            raise ValueError(f"body: got {got}, expected less than both")
-        # Where the sides meet the disc, or the ends.
-        reach = min(half_length, math.sqrt(radius * radius - half_width * half_width))
-        offset = 2.0 * reach / 3.0
-        tip = math.sqrt(max(radius * radius - half_length * half_length, 0.0))
-        end = math.hypot(half_length - offset, min(half_width, tip))
-        cover = max(math.hypot(half_width, reach / 3.0), end)
-        return cls((-offset, 0.0, offset), (cover,) * 3)
-
     @property
     def circumscribed_radius(self) -> float:
         """Of the disc about the reference point that holds the body at any heading [m]."""

@@ -220,7 +220,7 @@ def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> F
 
 
 def _pose(point: Floats, heading: float) -> Pose:
-    return float(point[0]), float(point[1]), float(point[2]), float(heading)
+    return float(point[0]), float(point[1]), float(point[2]), float(kernels.wrap(heading))
 
 
 def _fits(space: FreeSpace, kind: StateSpace, pose: Pose) -> bool:

@@ -47,9 +47,9 @@ class RobotSpec:
         max_tilt: Beyond this angle from upright the robot has fallen, rad.
         mounts: Its sensors, in the order in which their sweeps are integrated; decisions follow the
             rate of the first.
-        half_length: Of the rectangle about the base origin that the body stays in while it walks
-            ahead and turns, m; 0 for a body that is known by its radius alone.
-        half_width: m.
+        discs: Offset along the body's x axis and radius of discs that hold a body that is longer
+            than wide while it walks ahead and turns, m; as far ahead as behind, so that it is free
+            tail first where it is nose first. None: it is known by its radius alone.
     """
 
     name: str
@@ -64,8 +64,7 @@ class RobotSpec:
     max_yaw_rate: float
     max_tilt: float
     mounts: tuple[Mount, ...]
-    half_length: float = 0.0
-    half_width: float = 0.0
+    discs: tuple[tuple[float, float], ...] = ()
 
 
 class Controller(Protocol):
