@@ -11,7 +11,15 @@ from dataclasses import replace
 import numpy as np
 
 from harness.decision import Action, Label
-from harness.fit import as_it_faces, fits, fits_along, leads_away, tail_first, to_where_it_turns, ways_to_face
+from harness.fit import (
+    as_it_faces,
+    fits,
+    fits_along,
+    leads_away,
+    tail_first,
+    to_where_it_turns,
+    ways_to_face,
+)
 from harness.guide import ARRIVED, apart, heading_at, keep_or_replan_guide, place_for_goal
 from harness.trail import trodden, way_back
 from harness.view import Array, Choice, Memory, View, distance, length, standing
@@ -44,6 +52,9 @@ CUT_SHORT = 0.02
 
 LEAST_STEP = 0.1
 """A shorter path is not worth setting out for, m."""
+
+FRONTIERS = 4
+"""How many frontiers a long body, which cannot get to each, tries to plan to."""
 
 TURNS_OUT = [sign * 0.1 * n for n in range(1, 9) for sign in (1, -1)]
 """By what a body turns to get out of the inflation, rad."""
@@ -301,14 +312,9 @@ def _look_from_elsewhere(
     """Set out for the best frontier that the robot can reach; without one, wait once more."""
     visited = np.vstack([memory.visited, now.position])
     memory = replace(memory, visited=visited, rest_since_ns=-1)
-    target = best_frontier(view.admitted, view.passable, now.position, view.goal, visited)
     seed = plan_seed(view.seed, "errand", view.sequence)
-    search = (
-        None
-        if target is None
-        else plan(view.admitted, now.position, target, view.planner, seed, now.heading)
-    )
-    if target is None or search is None or search.waypoints is None:
+    search = _search_frontier(view, now, visited, seed)
+    if search is None or search.waypoints is None:
         back = way_back(view, memory, now)
         if back is not None:
             return _back_up(view, memory, now, back, label, reason)
@@ -320,6 +326,21 @@ def _look_from_elsewhere(
     choice, memory = _advance(view, memory, now, guide, memory)
     text = f"{reason}; looking from {length(guide):.2f} m away"
     return replace(choice, reason=text, search=search, search_seed=seed), memory
+
+
+def _search_frontier(view: View, now: TrajectorySample, visited: Array, seed: int) -> Plan | None:
+    """A way to the best frontier that there is one to; None if there is no frontier left."""
+    search = None
+    for _ in range(FRONTIERS if view.admitted.discs else 1):
+        spaces = view.admitted, view.passable
+        target = best_frontier(*spaces, now.position, view.goal, visited)
+        if target is None:
+            return search
+        search = plan(view.admitted, now.position, target, view.planner, seed, now.heading)
+        if search.waypoints is not None:
+            return search
+        visited = np.vstack([visited, target])
+    return search
 
 
 def _back_up(

@@ -68,9 +68,7 @@ def tail_first(view: View, now: TrajectorySample, path: Array) -> bool:
     return abs(_wrapped(heading_at(path, 0.0) - now.heading)) > 0.5 * np.pi
 
 
-def ways_to_face(
-    space: FreeSpace, now: TrajectorySample, ahead: float
-) -> list[tuple[float, bool]]:
+def ways_to_face(space: FreeSpace, now: TrajectorySample, ahead: float) -> list[tuple[float, bool]]:
     """Headings to set out at, and whether that is tail first, by preference.
 
     Where it can turn about it goes nose first. Else it takes the heading that is nearer, and the

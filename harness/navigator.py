@@ -18,7 +18,7 @@ from harness.behaviour import decide
 from harness.config import Config
 from harness.decision import points, seal, thinned, trajectory_message
 from harness.errors import InputError
-from harness.footprint import HEADING_TOLERANCE, body_of, costs, lever
+from harness.footprint import HEADING_TOLERANCE, NARROWEST, body_of, costs, lever
 from harness.inputs import Beams, Inputs
 from harness.labels import bound_version, make_layer, vote, widened
 from harness.mission import Mission
@@ -282,7 +282,7 @@ class Navigator:
         np.minimum(field, np.uint16(edge), out=field, where=costmap.clearance < edge)
         space = self._space(field)
         table = space.cost_by_distance.copy()
-        table[edge] = self._config.behaviour.unknown_cost
+        table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if space.discs else 0.0)
         return replace(space, cost_by_distance=table)
 
     def _planning_point(self, position: Array) -> Array:

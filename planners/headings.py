@@ -67,9 +67,7 @@ def reversible(space: FreeSpace) -> bool:
     return [(disc.offset, disc.blocked_at_or_below) for disc in discs] == turned
 
 
-def _path_on(
-    space: FreeSpace, start: Pose, goal: Pose, factor: int, budget: int
-) -> Floats | None:
+def _path_on(space: FreeSpace, start: Pose, goal: Pose, factor: int, budget: int) -> Floats | None:
     plane = Plane(
         space.grid.field[:, :, 0],
         space.blocked_at_or_below,
@@ -183,9 +181,7 @@ def _ways(offsets: tuple[float, ...], factor: int) -> Ways:
     for way, (x, y) in enumerate(STEPS):
         cosine, sine = kernels.direction(angles[way])
         moved = factor * shares[:, None] * np.array([x, y])
-        steps.append(
-            _cells([moved + offset * np.array([cosine, sine]) for offset in offsets])
-        )
+        steps.append(_cells([moved + offset * np.array([cosine, sine]) for offset in offsets]))
         turn = float(kernels.wrap(angles[(way + 1) % WAYS] - angles[way]))
         spun = np.array([kernels.direction(angles[way] + share * turn) for share in shares])
         turns.append(_cells([offset * spun for offset in offsets]))

@@ -30,6 +30,9 @@ TURN_STEP = 0.05  # [rad]
 # What a turn costs against length: a quadruped that turns at 1 rad/s loses 0.1 s of a walk at
 # 1 m/s for each radian that it turns while it walks.
 TURN_PRICE = 0.1  # [m/rad]
+# What each turn on the spot costs more: there a path has a corner, which takes speed [m].
+CORNER_PRICE = 0.2
+LEAST_CORNER = 1e-3  # [rad]
 # What motion off the heading costs more than motion along it: sideways twice, backwards thrice.
 SIDEWAYS = 1.0
 # A cost has to fall by more than its own rounding error before a path is changed [m].
@@ -621,13 +624,17 @@ def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> flo
     """Cost of a sweep [m]; infinite if it is not free.
 
     Length costs 1 + weight * (mean cost of the discs' cells), and as much again for each
-    ``SIDEWAYS`` that it is off the heading: sensors look ahead. A turn costs ``TURN_PRICE``.
+    ``SIDEWAYS`` that it is off the heading: sensors look ahead. A turn costs ``TURN_PRICE``, and
+    on the spot ``CORNER_PRICE`` more.
     """
     x, y = b[0] - a[0], b[1] - a[1]
     level = math.sqrt(x * x + y * y)
     count = sweep_steps(a, b)
     share = distance(a[:3], b[:3]) / count
-    cost = TURN_PRICE * abs(wrap(b[3] - a[3]))
+    turn = abs(wrap(b[3] - a[3]))
+    cost = TURN_PRICE * turn
+    if share == 0.0 and turn > LEAST_CORNER:
+        cost += CORNER_PRICE
     for n in range(count):
         before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
         free, near = step_cost(grid, discs, before, after)
