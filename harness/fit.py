@@ -32,6 +32,8 @@ def as_it_faces(view: View, believed: TrajectorySample, now: TrajectorySample) -
     late = _wrapped(view.heading - believed.heading)
     if not view.admitted.discs or abs(late) <= HEADING_TOLERANCE:
         return now
+    if view.admitted.turnable(now.position[None])[0]:  # there it matters not how the body lies
+        return now
     beyond = late - math.copysign(HEADING_TOLERANCE, late)
     return now._replace(heading=now.heading + beyond)
 

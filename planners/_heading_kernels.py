@@ -82,7 +82,7 @@ def costs_to_go(plane: Plane, ways: Ways, goal: int, targets: Longs) -> Integers
         wanted[target] = True
     half, last = plane.factor // 2, 0
     while len(queue) > 0:
-        key = heapq.heappop(queue)
+        key = int(heapq.heappop(queue))
         node, reached = key & ((1 << NODE_BITS) - 1), key >> NODE_BITS
         if reached > cost[node]:
             continue
@@ -97,17 +97,17 @@ def costs_to_go(plane: Plane, ways: Ways, goal: int, targets: Longs) -> Integers
         i, j = node // columns, node % columns
         here = rate_at(plane, i * plane.factor + half, j * plane.factor + half)
         for way in range(WAYS):
-            x, y = i + ways.steps[way, 0], j + ways.steps[way, 1]
+            x, y = i + int(ways.steps[way, 0]), j + int(ways.steps[way, 1])
             if x < 0 or y < 0 or x >= rows or y >= columns:
                 continue
             u, v = x * plane.factor + half, y * plane.factor + half
             if plane.field[u, v] <= plane.threshold:
                 continue
-            found = reached + (ways.lengths[way] * (here + rate_at(plane, u, v)) >> 1)
+            found = reached + (int(ways.lengths[way]) * (here + rate_at(plane, u, v)) >> 1)
             to = x * columns + y
             if found < cost[to]:
                 cost[to] = found
-                heapq.heappush(queue, (np.int64(found) << NODE_BITS) | to)
+                heapq.heappush(queue, np.int64((found << NODE_BITS) | to))
     if last > most:
         for node in range(len(cost)):
             cost[node] = min(cost[node], last)
@@ -137,14 +137,14 @@ def search_states(
     for n in range(len(starts)):
         if prices[n] < cost[starts[n]] and to_go[starts[n] // WAYS] < UNKNOWN_COST:
             cost[starts[n]] = prices[n]
-            key = (np.int64(prices[n] + to_go[starts[n] // WAYS]) << NODE_BITS) | starts[n]
-            heapq.heappush(queue, key)
+            key = (int(prices[n] + to_go[starts[n] // WAYS]) << NODE_BITS) | int(starts[n])
+            heapq.heappush(queue, np.int64(key))
     half = plane.factor // 2
     while len(queue) > 0 and budget > 0:
-        key = heapq.heappop(queue)
+        key = int(heapq.heappop(queue))
         state = key & ((1 << NODE_BITS) - 1)
         node, way = state // WAYS, state % WAYS
-        known = cost[state]
+        known = int(cost[state])
         if key >> NODE_BITS > known + to_go[node]:
             continue
         if node == goal:
@@ -153,16 +153,16 @@ def search_states(
         i, j = node // columns, node % columns
         u, v = i * plane.factor + half, j * plane.factor + half
         for move in range(4):
-            to, found = state, np.int64(known)
+            to, found = state, known
             if move == 0:
-                x, y = i + ways.steps[way, 0], j + ways.steps[way, 1]
+                x, y = i + int(ways.steps[way, 0]), j + int(ways.steps[way, 1])
                 if x < 0 or y < 0 or x >= rows or y >= columns:
                     continue
-                if not cells_free(plane, u, v, ways.step_cells[way], ways.step_counts[way]):
+                if not cells_free(plane, u, v, ways.step_cells[way], int(ways.step_counts[way])):
                     continue
                 there = rate_at(plane, x * plane.factor + half, y * plane.factor + half)
                 to = (x * columns + y) * WAYS + way
-                found += ways.lengths[way] * (rate_at(plane, u, v) + there) >> 1
+                found += int(ways.lengths[way]) * (rate_at(plane, u, v) + there) >> 1
             elif move == 1:
                 to = node * WAYS + (way + WAYS // 2) % WAYS
                 found += ways.reversal_price
@@ -173,11 +173,13 @@ def search_states(
                 found += ways.turn_price
                 if found >= cost[to]:
                     continue
-                if not cells_free(plane, u, v, ways.turn_cells[swept], ways.turn_counts[swept]):
+                count = int(ways.turn_counts[swept])
+                if not cells_free(plane, u, v, ways.turn_cells[swept], count):
                     continue
             if found < cost[to] and to_go[to // WAYS] < UNKNOWN_COST:
                 cost[to], via[to] = found, state
-                heapq.heappush(queue, ((found + to_go[to // WAYS]) << NODE_BITS) | to)
+                key = ((found + int(to_go[to // WAYS])) << NODE_BITS) | to
+                heapq.heappush(queue, np.int64(key))
     return np.empty(0, np.int64)
 
 

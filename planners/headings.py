@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from planners import _heading_kernels as heading_kernels
 from planners import kernels, lattice
 from planners._heading_kernels import WAYS, Plane, Ways
+from planners._lattice_kernels import FREE_RATE
 from planners.kernels import Floats, Pose
 from planners.space import FreeSpace
 
@@ -78,7 +79,7 @@ def _path_on(space: FreeSpace, start: Pose, goal: Pose, factor: int, budget: int
     if plane.shape[0] * plane.shape[1] * WAYS >= 1 << heading_kernels.NODE_BITS:
         return None
     ways = _ways(tuple(disc.offset / space.resolution for disc in space.discs), factor)
-    unit = lattice.FREE_RATE * LENGTHS[1] / (factor * space.resolution)
+    unit = FREE_RATE * LENGTHS[1] / (factor * space.resolution)
     ways = ways._replace(
         turn_price=round(TURN_PRICE * unit), reversal_price=round(REVERSAL_PRICE * unit)
     )

@@ -199,8 +199,11 @@ def best_score(world: FileWorld, way: float | None) -> float:
 
 
 def body_radius(spec: RobotSpec) -> float:
-    """Radius about which the stack keeps space free, m: what a way has to be wide enough for."""
-    return spec.radius
+    """Radius about which the stack keeps space free, m: what a way has to be wide enough for.
+
+    Of a body of discs the least one: where that does not get through, the body does not.
+    """
+    return min((radius for _, radius in spec.discs), default=spec.radius)
 
 
 def barn_config(world: FileWorld, seed: int) -> Config:
