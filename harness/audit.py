@@ -182,7 +182,9 @@ class _Body:
         along = np.interp(times, np.arange(len(arcs)), arcs)
         places = [np.interp(along, lengths, path[:, axis]) for axis in range(3)]
         facing = np.interp(times, np.arange(len(arcs)), headings)
-        return np.column_stack((*places, facing))
+        poses = np.column_stack((*places, facing))
+        beyond = path[lengths > arcs[-1] + SAME_PLACE]  # no sample tells that it is not driven
+        return np.vstack((poses, np.column_stack((beyond, np.full(len(beyond), headings[-1])))))
 
     def first_blocked(
         self, voxel_map: Representation, poses: Array, margin: float
