@@ -160,7 +160,8 @@ class _Body:
 
     def moves(self, trajectory: pb.Trajectory) -> bool:
         """Whether the body leaves its place, or one that is checked at its heading turns there."""
-        turns = bool(self.mission.discs) and np.ptp(trajectory.heading) > STILL
+        headings = trajectory.heading if self.mission.discs else ()
+        turns = len(headings) > 0 and np.ptp(headings) > STILL
         return bool(_length(points_of(trajectory)) >= SAME_PLACE or turns)
 
     def poses(self, decision: pb.Decision) -> Array:
@@ -171,9 +172,11 @@ class _Body:
         """
         trajectory = decision.trajectory
         path = points_of(trajectory)
-        if not self.mission.discs:
+        count = min(len(trajectory.arc_length), len(trajectory.heading))
+        if not self.mission.discs or count == 0:
             return np.column_stack((path, np.zeros(len(path))))
-        arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
+        arcs = np.array(trajectory.arc_length[:count])
+        headings = np.array(trajectory.heading[:count])
         late = decision.timestamp.ToNanoseconds() - trajectory.start.ToNanoseconds()
         first = max(math.floor(late * 1e-9 / trajectory.sample_period_s), 0)
         first = min(first, len(arcs) - 1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.decision import Action, Label
 from harness.fit import (
+    LEAST_STEP,
     as_it_faces,
     fits,
     fits_along,
@@ -50,8 +51,8 @@ CUTS = 4
 CUT_SHORT = 0.02
 """So far before the first place where it does not, m."""
 
-LEAST_STEP = 0.1
-"""A shorter path is not worth setting out for, m."""
+OVERRUN = 0.03
+"""A long body that stops so far beyond a corner turns there all the same, m."""
 
 FRONTIERS = 4
 """How many frontiers a long body, which cannot get to each, tries to plan to."""
@@ -176,11 +177,12 @@ def _advance(
     admitted = view.admitted.free_length(guide)
     corner = first_stop(guide, 0.0, view.behaviour.stop_corner)
     braking = stopping_distance(now.speed, now.acceleration, view.limits)
-    if corner < braking:  # too late to stop there: the profile slows down for it instead
+    overrun = OVERRUN if view.admitted.discs else 0.0
+    if corner < braking - overrun:  # too late to stop there: the profile slows down for it
         corner = length(guide)
     end = min(admitted, corner, length(guide))
     blocked = end == admitted and admitted < length(guide)
-    if end < braking - 1e-3:
+    if end < braking - 1e-3 - (overrun if end == corner else 0.0):
         label: Label = "unknown_ahead" if view.passable.free_length(guide) > end else "none"
         path = truncate(guide, max(end, 1e-3))
         reason = f"{end:.2f} m admitted ahead, {braking:.2f} m needed to stop"
@@ -240,7 +242,8 @@ def _follow(
     """Drive the guide to an end; None if the body does not fit along that, or along too little."""
     path = truncate(guide, end)
     if backwards:
-        path = to_where_it_turns(view.admitted, path)
+        least = stopping_distance(now.speed, now.acceleration, view.limits)
+        path = to_where_it_turns(view.admitted, path, least)
     unknown_ahead = view.penalize_unknown and view.known.free_length(path) < length(path)
     share = view.behaviour.penalized_speed if unknown_ahead else 1.0
     trajectory = _fitting(view, now, path, share, backwards)

@@ -14,8 +14,8 @@ from planners import FreeSpace, Trajectory, TrajectorySample, arc_lengths, trunc
 CHECK_STEP = 0.02
 """Poses of a trajectory are checked so far apart, s."""
 
-LEAST_WAY = 0.3
-"""How far a body goes tail first at least before it turns, m."""
+LEAST_STEP = 0.1
+"""A shorter path is not worth setting out for, m."""
 
 
 def as_it_faces(view: View, believed: TrajectorySample, now: TrajectorySample) -> TrajectorySample:
@@ -83,11 +83,13 @@ def ways_to_face(space: FreeSpace, now: TrajectorySample, ahead: float) -> list[
     return [way for way in ways if space.turn_free(now.position, now.heading, way[0])][:1]
 
 
-def to_where_it_turns(space: FreeSpace, path: Array) -> Array:
-    """A path up to the first place, a little on, where the body can turn about."""
+def to_where_it_turns(space: FreeSpace, path: Array, least: float) -> Array:
+    """A path up to the first place where the body can turn about, but for what it takes to stop."""
     arcs = arc_lengths(path)
-    there = np.flatnonzero((arcs > LEAST_WAY) & space.turnable(path))
-    return truncate(path, float(arcs[there[0]])) if len(there) else path
+    there = np.flatnonzero((arcs >= least) & space.turnable(path))
+    if len(there) == 0:
+        return path
+    return truncate(path, max(float(arcs[there[0]]), LEAST_STEP))
 
 
 def leads_away(space: FreeSpace, now: TrajectorySample, target: Array, heading: float) -> bool:
