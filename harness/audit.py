@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +28,9 @@ Array = NDArray[np.float64]
 
 SPACING = 0.25  # of the points that a path is checked at, cells
 LIMIT_SLACK = 1.05  # on speed and acceleration, read from samples a tenth of a second apart
+PARTS = 4  # that the time between two samples is cut into
+STILL = 0.02  # rad: a heading that changes by less stays
+BESIDE = 0.01  # m: so far a disc may be from where samples, joined by straight lines, put it
 REST = 0.02  # m/s: slower is at rest
 SAME_PLACE = 0.02  # m
 SLIVER = 1e-7  # m, of rounding: a face that lies on a bound is on neither side of it
@@ -127,14 +131,15 @@ def _check(
     if committed and not decision.deadline_missed:
         found += _broken_joint(decision.trajectory, committed[-1])
     path = points_of(decision.trajectory)
-    if _length(path) < SAME_PLACE or decision.deadline_missed:
+    if decision.deadline_missed or not body.moves(decision.trajectory):
         return "", found
+    poses, margin = body.poses(decision), decision.localization_margin_m
     if decision.action == "recover":
         # It starts inside the inflation, so its way cannot be free; where it leads to must be.
-        if body.first_blocked(voxel_map, path[-1:], decision.localization_margin_m):
+        if body.first_blocked(voxel_map, poses[-1:], margin):
             found.append(("swept", "action recover: its end is no admitted place"))
         return "recovery", found
-    blocked = body.first_blocked(voxel_map, path, decision.localization_margin_m)
+    blocked = body.first_blocked(voxel_map, poses, margin)
     if blocked is None:
         return "swept", found
     # A stop along a path that earlier maps admitted is all that is left when a new one does not.
@@ -157,27 +162,89 @@ class _Body:
         self._altitudes = config.motion.altitude_low, config.motion.altitude_high
         self._flat = mission.motion == "ground"
 
+    def moves(self, trajectory: pb.Trajectory) -> bool:
+        """Whether the body leaves its place, or one that is checked at its heading turns there."""
+        headings = trajectory.heading if self.mission.discs else ()
+        turns = len(headings) > 0 and np.ptp(headings) > STILL
+        return bool(_length(points_of(trajectory)) >= SAME_PLACE or turns)
+
+    def poses(self, decision: pb.Decision) -> Array:
+        """Where a trajectory leads: x, y, z and heading, (n, 4).
+
+        A body of discs is followed from the decision on, sample by sample as they are logged. A
+        round one is held against all of the path.
+        """
+        trajectory = decision.trajectory
+        path = points_of(trajectory)
+        count = min(len(trajectory.arc_length), len(trajectory.heading))
+        if not self.mission.discs or count == 0:
+            return np.column_stack((path, np.zeros(len(path))))
+        arcs = np.array(trajectory.arc_length[:count])
+        headings = np.array(trajectory.heading[:count])
+        late = decision.timestamp.ToNanoseconds() - trajectory.start.ToNanoseconds()
+        first = max(math.floor(late * 1e-9 / trajectory.sample_period_s), 0)
+        first = min(first, len(arcs) - 1)
+        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+        times = np.arange(float(first), len(arcs) - 1 + 1e-9, 1.0 / PARTS)
+        along = np.interp(times, np.arange(len(arcs)), arcs)
+        places = [np.interp(along, lengths, path[:, axis]) for axis in range(3)]
+        facing = np.interp(times, np.arange(len(arcs)), headings)
+        poses = np.column_stack((*places, facing))
+        beyond = path[lengths > arcs[-1] + SAME_PLACE]  # no sample tells that it is not driven
+        return np.vstack((poses, np.column_stack((beyond, np.full(len(beyond), headings[-1])))))
+
     def first_blocked(
-        self, voxel_map: Representation, path: Array, margin: float
+        self, voxel_map: Representation, poses: Array, margin: float
     ) -> tuple[Array, str] | None:
-        """The first place of a path at which the body overlaps what it may not, and why."""
+        """The first pose (4,) at which the body overlaps what it may not, and why."""
+        for offset, radius in self.mission.discs or ((0.0, self.mission.radius),):
+            ahead = np.column_stack((np.cos(poses[:, 3]), np.sin(poses[:, 3])))
+            track = poses[:, :3].copy()
+            track[:, :2] += offset * ahead
+            found = self._first_overlap(voxel_map, track, radius + margin)
+            if found is not None:
+                return found
+        return None
+
+    def _first_overlap(
+        self, voxel_map: Representation, path: Array, radius: float
+    ) -> tuple[Array, str] | None:
+        """The first place of a path at which a disc or ball overlaps what it may not, and why."""
         size = voxel_map.resolution
         axes = 2 if self._flat else 3
         # A surface lies anywhere in its cell: half a diagonal more.
-        reach = (self.mission.radius + margin) / size + 0.5 * math.sqrt(axes)  # cells
+        reach = radius / size + 0.5 * math.sqrt(axes)  # cells
         states, corner = self._states(voxel_map, path, reach * size)
-        places = densely(path, SPACING * size)
-        cells = np.unique(np.floor((places[:, :axes] - corner[:axes]) / size).astype(int), axis=0)
+        places = densely(path, SPACING * size)[:, :axes]
         steps = np.arange(-math.floor(reach) - 1, math.floor(reach) + 2)
         ball = np.stack(np.meshgrid(*(axes * [steps])), axis=-1).reshape(-1, axes)
         ball = ball[(ball**2).sum(axis=1) <= reach * reach]
-        wrong = {OCCUPIED, UNKNOWN} if self._policy == "forbid" else {OCCUPIED}
-        for cell in cells:
-            met = states[tuple((cell + ball).T)]
-            for state, name in ((OCCUPIED, "occupied"), (UNKNOWN, "unknown")):
-                if state in wrong and (met == state).any():
-                    return corner[:axes] + (cell + 0.5) * size, name
+
+        def cells_of(points: Array) -> NDArray[np.int64]:
+            return np.floor((points - corner[:axes]) / size).astype(np.int64)
+
+        def met(cell: NDArray[np.int64]) -> str:
+            here = states[tuple((cell + ball).T)]
+            if (here == OCCUPIED).any():
+                return "occupied"
+            return "unknown" if self._policy == "forbid" and (here == UNKNOWN).any() else ""
+
+        wrong = {tuple(cell): met(cell) for cell in np.unique(cells_of(places), axis=0)}
+        for place in places:
+            state = wrong[tuple(cells_of(place))]
+            if state and not (self.mission.discs and self._free_beside(place, cells_of, met)):
+                return place, state
         return None
+
+    def _free_beside(
+        self,
+        place: Array,
+        cells_of: Callable[[Array], NDArray[np.int64]],
+        met: Callable[[NDArray[np.int64]], str],
+    ) -> bool:
+        """Whether a disc is free where it may be as well, as samples tell no more than that."""
+        sides = itertools.product((-BESIDE, BESIDE), repeat=2)
+        return any(not met(cells_of(place + np.array(side))) for side in sides)
 
     def _states(
         self, voxel_map: Representation, path: Array, reach: float

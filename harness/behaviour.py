@@ -11,8 +11,17 @@ from dataclasses import replace
 import numpy as np
 
 from harness.decision import Action, Label
-from harness.guide import ARRIVED, keep_or_replan_guide, place_for_goal
-from harness.inputs import heading_of
+from harness.fit import (
+    LEAST_STEP,
+    as_it_faces,
+    fits,
+    fits_along,
+    leads_away,
+    tail_first,
+    to_where_it_turns,
+    ways_to_face,
+)
+from harness.guide import ARRIVED, apart, heading_at, keep_or_replan_guide, place_for_goal
 from harness.stopping import clearest_stop
 from harness.trail import trodden, way_back
 from harness.view import Array, Choice, Memory, View, distance, length, standing
@@ -30,10 +39,27 @@ from planners import (
     remaining,
     stop_along,
     stopping_distance,
-    tangent_at,
     truncate,
     turn_in_place,
 )
+
+ALIGNED = 0.05
+"""A heading this near to the one that is asked for is that one, rad."""
+
+CUTS = 4
+"""How often a path is cut short to make the body fit along it."""
+
+CUT_SHORT = 0.02
+"""So far before the first place where it does not, m."""
+
+OVERRUN = 0.03
+"""A long body that stops so far beyond a corner turns there all the same, m."""
+
+FRONTIERS = 4
+"""How many frontiers a long body, which cannot get to each, tries to plan to."""
+
+TURNS_OUT = [sign * 0.1 * n for n in range(1, 9) for sign in (1, -1)]
+"""By what a body turns to get out of the inflation, rad."""
 
 
 def decide(view: View, memory: Memory) -> tuple[Choice, Memory]:
@@ -50,20 +76,21 @@ def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, M
     believed = followed.at(view.time_ns)
     if distance(view.position, believed.position) > view.behaviour.tracking_tolerance:
         return _anchor_again(view, memory, believed)
-    now = memory.trajectory.at(view.effect_ns)
+    now = as_it_faces(view, believed, memory.trajectory.at(view.effect_ns))
     if believed.at_rest and distance(view.position, view.goal) <= view.goal_tolerance:
         return _arrive(view, memory, now)
-    if standing(now) and not view.admitted.is_free(now.position):
+    if standing(now) and not fits(view.admitted, now):
         return _escape(view, memory, now)
     target = place_for_goal(view)
     if target is not view.goal and believed.at_rest and distance(now.position, target) < ARRIVED:
         return _wait_at_goal(view, memory, now)
     view = replace(view, goal=target)
+    before = memory
     memory, search, seed = keep_or_replan_guide(view, memory, now)
     if memory.guide is None:
         choice, memory = _stop_or_wait(view, memory, now, search)
     else:
-        choice, memory = _advance(view, memory, now, memory.guide)
+        choice, memory = _advance(view, memory, now, memory.guide, before)
     if choice.search is None:  # an errand's search is the one that was acted on
         choice = replace(choice, search=search, search_seed=seed)
     return choice, memory
@@ -99,20 +126,38 @@ def _wait_at_goal(view: View, memory: Memory, now: TrajectorySample) -> tuple[Ch
 
 
 def _escape(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, Memory]:
-    """The body stands inside the inflation: step to the nearest admitted cell, straight."""
-    target = view.admitted.nearest_free(now.position, 1.0)
+    """The body stands inside the inflation: step to the nearest admitted place, straight."""
+    target, heading = _way_out(view, now)
     if target is None:
         return _wait(view, memory, now, "start_blocked", "no admitted space within 1 m")
-    path = np.stack([now.position, target])
-    here = view.admitted.least_clearance(path[[0, 0]])
-    if view.admitted.least_clearance(path) < here - view.admitted.resolution:
+    if not leads_away(view.admitted, now, target, heading):
         return _wait(view, memory, now, "start_blocked", "the way out leads nearer to what blocks")
-    trajectory = _profile(view, now, path, speed_share=0.3)
+    path = np.stack([now.position, target])
+    if heading == now.heading:
+        trajectory = _profile(view, now, path, speed_share=0.3)
+        if view.admitted.discs:
+            trajectory = trajectory.facing(heading)
+    else:
+        start = now.position, view.effect_ns, now.heading
+        trajectory = turn_in_place(*start, heading, view.limits)
     reason = f"inside the inflation; {distance(now.position, target):.2f} m to admitted space"
     choice = Choice("recover", reason, "start_blocked", trajectory, path)
     return choice, replace(
         memory, trajectory=trajectory, guide=None, on_errand=False, rest_since_ns=-1
     )
+
+
+def _way_out(view: View, now: TrajectorySample) -> tuple[Array | None, float]:
+    """The nearest admitted place at the present heading, or the heading nearest to it here."""
+    space = view.admitted
+    if not space.discs:
+        return space.nearest_free(now.position, 1.0), now.heading
+    pose = space.nearest_pose(now.position, 1.0, np.array([now.heading]))
+    moved = np.inf if pose is None else distance(now.position, pose[:3])
+    for turn in TURNS_OUT:
+        if abs(turn) < moved and space.pose_free(now.position, now.heading + turn):
+            return now.position, now.heading + turn
+    return (None if pose is None else pose[:3]), now.heading
 
 
 def _stop_or_wait(
@@ -127,38 +172,84 @@ def _stop_or_wait(
 
 
 def _advance(
-    view: View, memory: Memory, now: TrajectorySample, guide: Array
+    view: View, memory: Memory, now: TrajectorySample, guide: Array, before: Memory
 ) -> tuple[Choice, Memory]:
-    """Commit to the admitted part of the guide, ending at rest."""
+    """Commit to the admitted part of the guide, ending at rest; `before` has the last guide."""
     admitted = view.admitted.free_length(guide)
     corner = first_stop(guide, 0.0, view.behaviour.stop_corner)
     braking = stopping_distance(now.speed, now.acceleration, view.limits)
-    if corner < braking:  # too late to stop there: the profile slows down for it instead
+    overrun = OVERRUN if view.admitted.discs else 0.0
+    if corner < braking - overrun:  # too late to stop there: the profile slows down for it
         corner = length(guide)
     end = min(admitted, corner, length(guide))
     blocked = end == admitted and admitted < length(guide)
-    if end < braking - 1e-3:
+    if end < braking - 1e-3 - (overrun if end == corner else 0.0):
         label: Label = "unknown_ahead" if view.passable.free_length(guide) > end else "none"
         path = truncate(guide, max(end, 1e-3))
         reason = f"{end:.2f} m admitted ahead, {braking:.2f} m needed to stop"
         return _brake(view, memory, now, path, reason, label)
     if standing(now) and blocked and end < view.behaviour.least_advance:
         return _wait(view, memory, now, "unknown_ahead", f"{end:.2f} m admitted ahead")
+    if standing(now) and view.admitted.discs:
+        return _set_out(view, memory, now, guide, end, blocked)
     if standing(now) and view.turns_in_place:
-        tangent = tangent_at(guide, min(0.2, 0.5 * length(guide)))
-        target = heading_of(tangent[1], tangent[0])
+        target = heading_at(guide, min(0.2, 0.5 * length(guide)))
         if abs(_wrapped(target - now.heading)) > view.behaviour.turn_first:
             return _turn(view, memory, now, guide, target)
-    return _follow(view, memory, now, guide, end, blocked)
+    choice = _follow(view, memory, now, guide, end, blocked, tail_first(view, now, guide))
+    return choice or _keep_course(view, memory, now, before)
+
+
+def _set_out(
+    view: View, memory: Memory, now: TrajectorySample, guide: Array, end: float, blocked: bool
+) -> tuple[Choice, Memory]:
+    """From rest, nose first; where the body cannot turn about, as it stands, perhaps tail first."""
+    ahead = heading_at(guide, min(0.1, 0.5 * length(guide)))
+    for target, backwards in ways_to_face(view.admitted, now, ahead):
+        error = abs(_wrapped(target - now.heading))
+        if error <= view.behaviour.turn_first:
+            chosen = _follow(view, memory, now, guide, end, blocked, backwards)
+            if chosen is not None:
+                return chosen
+        if error > ALIGNED:
+            return _turn(view, memory, now, guide, target)
+    memory = replace(memory, guide=None)
+    return _wait(view, memory, now, "no_path", "no room to turn into the path")
+
+
+def _keep_course(
+    view: View, memory: Memory, now: TrajectorySample, before: Memory
+) -> tuple[Choice, Memory]:
+    """The body does not fit along the new path in motion: go on as before, or stop on that way."""
+    trajectory = before.trajectory
+    begun = (view.effect_ns - trajectory.start_ns) * 1e-9
+    if fits_along(view.admitted, trajectory, begun) is None:
+        reason = "no room to take the path in motion: following the last trajectory"
+        choice = Choice("slow", reason, "none", trajectory, before.guide)
+        return choice, replace(before, improved_ns=memory.improved_ns)
+    path = remaining(trajectory.path, now.arc_length)
+    return _brake(view, memory, now, path, "the way ahead is blocked: stopping on the path")
 
 
 def _follow(
-    view: View, memory: Memory, now: TrajectorySample, guide: Array, end: float, blocked: bool
-) -> tuple[Choice, Memory]:
+    view: View,
+    memory: Memory,
+    now: TrajectorySample,
+    guide: Array,
+    end: float,
+    blocked: bool,
+    backwards: bool,
+) -> tuple[Choice, Memory] | None:
+    """Drive the guide to an end; None if the body does not fit along that, or along too little."""
     path = truncate(guide, end)
+    if backwards:
+        least = stopping_distance(now.speed, now.acceleration, view.limits)
+        path = to_where_it_turns(view.admitted, path, least)
     unknown_ahead = view.penalize_unknown and view.known.free_length(path) < length(path)
     share = view.behaviour.penalized_speed if unknown_ahead else 1.0
-    trajectory = _profile(view, now, path, share)
+    trajectory = _fitting(view, now, path, share, backwards)
+    if trajectory is None:
+        return None
     needed = stopping_distance(view.limits.speed, 0.0, view.limits)
     if not blocked:
         action: Action = "slow" if unknown_ahead else "explore" if memory.on_errand else "follow"
@@ -170,6 +261,25 @@ def _follow(
         label = "unknown_ahead"
     choice = Choice(action, reason, label, trajectory, guide)
     return choice, replace(memory, trajectory=trajectory, guide=guide, rest_since_ns=-1)
+
+
+def _fitting(
+    view: View, now: TrajectorySample, path: Array, share: float, backwards: bool
+) -> Trajectory | None:
+    """The trajectory along a path, or as far along it as the body fits at each heading."""
+    if backwards:
+        share = min(share, view.behaviour.backwards_speed)
+    least = stopping_distance(now.speed, now.acceleration, view.limits)
+    for _ in range(CUTS):
+        trajectory = _profile(view, now, path, share, backwards)
+        fitting = fits_along(view.admitted, trajectory)
+        if fitting is None:
+            return trajectory
+        end = fitting - CUT_SHORT
+        if end < max(least, LEAST_STEP):
+            return None
+        path = truncate(path, end)
+    return None
 
 
 def _turn(
@@ -206,23 +316,35 @@ def _look_from_elsewhere(
     """Set out for the best frontier that the robot can reach; without one, wait once more."""
     visited = np.vstack([memory.visited, now.position])
     memory = replace(memory, visited=visited, rest_since_ns=-1)
-    target = best_frontier(view.admitted, view.passable, now.position, view.goal, visited)
     seed = plan_seed(view.seed, "errand", view.sequence)
-    search = (
-        None if target is None else plan(view.admitted, now.position, target, view.planner, seed)
-    )
-    if target is None or search is None or search.waypoints is None:
+    search = _search_frontier(view, now, visited, seed)
+    if search is None or search.waypoints is None:
         back = way_back(view, memory, now)
         if back is not None:
             return _back_up(view, memory, now, back, label, reason)
         text = f"{reason}; no frontier in reach"
         memory = replace(memory, guide=None, on_errand=False)
         return Choice("stop_and_wait", text, label, memory.trajectory), memory
-    guide = blend_corners(view.admitted, search.waypoints, view.behaviour.blend_length)
+    guide = blend_corners(view.admitted, apart(search.waypoints), view.behaviour.blend_length)
     memory = replace(memory, guide=guide, on_errand=True, improved_ns=view.time_ns)
-    choice, memory = _advance(view, memory, now, guide)
+    choice, memory = _advance(view, memory, now, guide, memory)
     text = f"{reason}; looking from {length(guide):.2f} m away"
     return replace(choice, reason=text, search=search, search_seed=seed), memory
+
+
+def _search_frontier(view: View, now: TrajectorySample, visited: Array, seed: int) -> Plan | None:
+    """A way to the best frontier that there is one to; None if there is no frontier left."""
+    search = None
+    for _ in range(FRONTIERS if view.admitted.discs else 1):
+        spaces = view.admitted, view.passable
+        target = best_frontier(*spaces, now.position, view.goal, visited)
+        if target is None:
+            return search
+        search = plan(view.admitted, now.position, target, view.planner, seed, now.heading)
+        if search.waypoints is not None:
+            return search
+        visited = np.vstack([visited, target])
+    return search
 
 
 def _back_up(
@@ -232,7 +354,7 @@ def _back_up(
     memory = replace(
         memory, guide=back, on_errand=True, improved_ns=view.time_ns, backups=memory.backups + 1
     )
-    choice, memory = _advance(view, memory, now, back)
+    choice, memory = _advance(view, memory, now, back, memory)
     text = f"{reason}; going back {length(back):.2f} m on the trail"
     return replace(choice, action="recover", reason=text), memory
 
@@ -246,14 +368,15 @@ def _brake(
     label: Label = "none",
 ) -> tuple[Choice, Memory]:
     path = clearest_stop(view, now, path)
-    trajectory = stop_along(
-        path, view.effect_ns, 0.0, now.speed, now.acceleration, now.heading, view.limits
-    )
+    start = path, view.effect_ns, 0.0, now.speed, now.acceleration, now.heading
+    trajectory = stop_along(*start, view.limits, tail_first(view, now, path))
     choice = Choice("stop_and_wait", reason, label, trajectory)
     return choice, replace(memory, trajectory=trajectory, guide=None, on_errand=False)
 
 
-def _profile(view: View, now: TrajectorySample, path: Array, speed_share: float) -> Trajectory:
+def _profile(
+    view: View, now: TrajectorySample, path: Array, speed_share: float, backwards: bool = False
+) -> Trajectory:
     return follow_path(
         path,
         view.effect_ns,
@@ -263,6 +386,7 @@ def _profile(view: View, now: TrajectorySample, path: Array, speed_share: float)
         now.heading,
         view.limits,
         speed_share * view.limits.speed,
+        backwards,
     )
 
 

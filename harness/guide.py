@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from harness.inputs import heading_of
 from harness.view import Array, Memory, View, distance, length, standing
 from planners import (
     Plan,
@@ -25,13 +26,20 @@ ARRIVED = 0.05
 MOVED = 3.0
 """A goal's place that moves by more than so many cells is another one."""
 
+HEADINGS = np.linspace(0.0, np.pi, 8, endpoint=False)
+"""At which a goal is tried: a body that is free at one is free at the opposite one, rad."""
+
 
 def place_for_goal(view: View) -> Array:
     """The goal, or where it lies inside the inflation the nearest place that does not."""
-    if view.passable.is_free(view.goal):
+    space, reach = view.passable, view.behaviour.goal_reach
+    if not space.discs:
+        nearest = view.goal if space.is_free(view.goal) else space.nearest_free(view.goal, reach)
+        return view.goal if nearest is None else nearest
+    if any(space.pose_free(view.goal, heading) for heading in HEADINGS):
         return view.goal
-    nearest = view.passable.nearest_free(view.goal, view.behaviour.goal_reach)
-    return view.goal if nearest is None else nearest
+    pose = space.nearest_pose(view.goal, reach, HEADINGS)
+    return view.goal if pose is None else pose[:3]
 
 
 def keep_or_replan_guide(
@@ -56,7 +64,7 @@ def keep_or_replan_guide(
         return replace(memory, guide=None, on_errand=False), None, 0
     seed = plan_seed(view.seed, "guide", view.sequence)
     only_known = valid and memory.on_errand
-    search, fresh = _search(view, prefix, seed, only_known)
+    search, fresh = _search(view, prefix, now.heading, seed, only_known)
     if valid and guide is not None and not _better(view, memory, fresh, guide):
         return replace(memory, guide=guide, improved_ns=view.time_ns), search, seed
     return replace(memory, guide=fresh, on_errand=False, improved_ns=view.time_ns), search, seed
@@ -78,17 +86,23 @@ def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> A
     return truncate(guide, min(braking, length(guide)))
 
 
-def _search(view: View, prefix: Array, seed: int, only_known: bool) -> tuple[Plan, Array | None]:
+def _search(
+    view: View, prefix: Array, heading: float, seed: int, only_known: bool
+) -> tuple[Plan, Array | None]:
     """Plan from the prefix's end: through known space if that reaches the goal, else beyond it."""
     straight = _straight_on(view, prefix)
+    if len(straight) > 1:
+        heading = heading_at(straight, length(straight))
+    elif len(prefix) > 1:
+        heading = heading_at(prefix, length(prefix))
     space = view.known
-    search = plan(space, straight[-1], view.goal, view.planner, seed)
+    search = plan(space, straight[-1], view.goal, view.planner, seed, heading)
     if search.waypoints is None and not only_known:
         space = view.passable
-        search = plan(space, straight[-1], view.goal, view.planner, seed)
+        search = plan(space, straight[-1], view.goal, view.planner, seed, heading)
     if search.waypoints is None:
         return search, None
-    waypoints = np.concatenate([straight[:-1], search.waypoints])
+    waypoints = apart(np.concatenate([straight[:-1], search.waypoints]))
     blended = blend_corners(space, waypoints, view.behaviour.blend_length)
     return search, np.concatenate([prefix[:-1], blended])
 
@@ -103,9 +117,30 @@ def _straight_on(view: View, prefix: Array) -> Array:
     tangent = tangent_at(prefix, length(prefix))
     for share in (1.0, 0.5, 0.25):
         beyond = end + share * view.behaviour.blend_length * tangent
-        if len(prefix) > 1 and view.admitted.edge_free(end, beyond):
+        if len(prefix) > 1 and _straight_free(view, end, beyond):
             return np.stack([end, beyond])
     return prefix[-1:]
+
+
+def _straight_free(view: View, a: Array, b: Array) -> bool:
+    if not view.admitted.discs:
+        return view.admitted.edge_free(a, b)
+    return view.admitted.free_length(np.stack([a, b])) > 0.0
+
+
+def heading_at(path: Array, s: float) -> float:
+    """Heading of a path at an arc length, rad."""
+    tangent = tangent_at(path, s)
+    return heading_of(tangent[1], tangent[0])
+
+
+def apart(waypoints: Array) -> Array:
+    """Way points without those that repeat the one before: there the body turns."""
+    moved = np.abs(np.diff(waypoints, axis=0)).max(axis=1) > 1e-9
+    if not moved.any():
+        return waypoints
+    kept: Array = waypoints[np.append(True, moved)]
+    return kept
 
 
 def _better(view: View, memory: Memory, fresh: Array | None, guide: Array) -> bool:

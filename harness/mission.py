@@ -28,6 +28,8 @@ class Mission:
         start: Base origin at the start, m.
         start_heading: rad.
         goal: Base origin at the goal, m.
+        discs: Offset along the body's x axis and radius of each disc of a body that is kept free at
+            its heading, m; none for a body that is one disc or ball of the radius.
     """
 
     motion: Literal["ground", "air"]
@@ -43,12 +45,16 @@ class Mission:
     start: tuple[float, float, float]
     start_heading: float
     goal: tuple[float, float, float]
+    discs: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse bodies and areas that no robot has, before a map of that size is made."""
         for name in ("radius", "height", "max_speed", "max_acceleration", "max_jerk"):
             if not 0.0 < getattr(self, name) <= 1e4:
                 raise ValueError(f"{name}: got {getattr(self, name):g}, expected above 0, to 1e4")
+        for offset, radius in self.discs:
+            if not (abs(offset) <= 1e4 and 0.0 < radius <= 1e4):
+                raise ValueError(f"discs: got offset {offset:g} m and radius {radius:g} m")
         if not 0.0 < self.max_yaw_rate <= 100.0 or not 0.0 <= self.step_height <= self.height:
             raise ValueError("max_yaw_rate, step_height: expected those of a robot")
         if not abs(self.start_heading) <= 100.0:

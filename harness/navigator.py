@@ -18,13 +18,14 @@ from harness.behaviour import decide
 from harness.config import Config
 from harness.decision import points, seal, thinned, trajectory_message
 from harness.errors import InputError
+from harness.footprint import HEADING_TOLERANCE, NARROWEST, body_of, costs, lever
 from harness.inputs import Beams, Inputs
 from harness.labels import bound_version, make_layer, vote, widened
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.view import Choice, Memory, View
-from maps import INSCRIBED_COST, MAPS, Costmap, VoxelMap
-from planners import FreeSpace, MotionLimits, Trajectory, hold
+from maps import MAPS, Costmap, VoxelMap
+from planners import Disc, FreeSpace, MotionLimits, Trajectory, hold
 
 Array = NDArray[np.float64]
 
@@ -59,15 +60,17 @@ class Navigator:
         self._config = config
         self._mission = mission
         self._beams = dict(beams)
+        self._body = body_of(mission)
+        self._slender = self._body.circumscribed_radius - min(self._body.radii)
         self.map = MAPS[config.map.kind](config.map, config.threads, mission.low, mission.high)
         self.labels = make_layer(config.map, config.sensors.semantics)
         self.costmap = Costmap(
-            config.map,
+            replace(config.map, cost_range=config.map.cost_range + self._slender),
             widened(self.map, self.labels, config.map.class_margins),
             mission.low,
             mission.high,
             mission.motion,
-            mission.radius,
+            min(self._body.radii),
             mission.height,
             mission.step_height,
             *_altitude_window(config, mission),
@@ -157,7 +160,8 @@ class Navigator:
         self.costmap.update(self._margin(inputs))
 
     def _margin(self, inputs: Inputs) -> float:
-        return self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
+        margin = self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
+        return margin + lever(self._body) * HEADING_TOLERANCE
 
     def integrate(self, inputs: Inputs) -> None:
         """Take one set of inputs into the map and decide nothing."""
@@ -256,8 +260,15 @@ class Navigator:
             origin=costmap.origin,
             resolution=costmap.resolution,
             blocked_at_or_below=costmap.blocked_at_or_below,
-            cost_by_distance=costmap.cost_table / INSCRIBED_COST,
+            cost_by_distance=costs(costmap, self._body),
+            discs=self._discs(),
         )
+
+    def _discs(self) -> tuple[Disc, ...]:
+        """The discs that are checked at the heading; none if the body is one."""
+        if not self._mission.discs:
+            return ()
+        return self._body.discs(self.costmap.margin, self.costmap.resolution, flat=True)
 
     def _passable(self) -> FreeSpace:
         """Space not known to be blocked: distances to obstacles, an obstacle's edge where unknown.
@@ -270,9 +281,9 @@ class Navigator:
         edge = costmap.blocked_at_or_below + 1
         np.minimum(field, np.uint16(edge), out=field, where=costmap.clearance < edge)
         space = self._space(field)
-        costs = space.cost_by_distance.copy()
-        costs[edge] = self._config.behaviour.unknown_cost
-        return replace(space, cost_by_distance=costs)
+        table = space.cost_by_distance.copy()
+        table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if space.discs else 0.0)
+        return replace(space, cost_by_distance=table)
 
     def _planning_point(self, position: Array) -> Array:
         """The point in the costmap's frame: ground robots plan in the plane of its one layer."""
@@ -284,7 +295,7 @@ class Navigator:
     def _declare_start_free(self) -> None:
         """No sensor sees what stands right beside the body: the operator vouches for that space."""
         mission, config = self._mission, self._config
-        radius = self.costmap.inflation_radius + config.episode.start_clear_radius
+        radius = self.costmap.inflation_radius + self._slender + config.episode.start_clear_radius
         x, y, z = mission.start
         if mission.motion == "air":
             self.map.mark_free_sphere((x, y, z), radius, 0)

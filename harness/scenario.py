@@ -194,6 +194,7 @@ def _mission(world: World, spec: RobotSpec, start: Point, goal: Point) -> Missio
         start=start,
         start_heading=world.start_heading,
         goal=goal,
+        discs=spec.discs,
     )
 
 

@@ -31,7 +31,12 @@ def way_back(view: View, memory: Memory, now: TrajectorySample) -> Array | None:
     """
     if memory.backups >= view.behaviour.backups or len(memory.trail) == 0:
         return None
-    path = np.vstack([now.position, memory.trail[::-1]])
+    back = memory.trail[::-1]
+    # The way to a place right beside has no direction that a long body could lie in.
+    away = np.flatnonzero(np.sqrt(((back - now.position) ** 2).sum(axis=1)) >= STEP)
+    if len(away) == 0:
+        return None
+    path = np.vstack([now.position, back[away[0] :]])
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
     admitted = min(view.admitted.free_length(path), view.behaviour.backup_length, length(path))
     return None if admitted < view.behaviour.least_advance else truncate(path, admitted)

@@ -43,6 +43,8 @@ class BehaviourConfig:
         goal_patience: Time that the robot waits there for the goal to become free, s.
         backups: How often it goes back on its own trail, before the action is `abort`.
         backup_length: How far, m.
+        backwards_speed: Share of the speed at which a body that is longer than wide goes tail
+            first.
     """
 
     patience: float = 1.0
@@ -59,14 +61,16 @@ class BehaviourConfig:
     goal_patience: float = 5.0
     backups: int = 2
     backup_length: float = 1.0
+    backwards_speed: float = 0.4
 
     def __post_init__(self) -> None:
         """Refuse lengths, times and angles that are not positive."""
         for name, value in vars(self).items():
             if not 0 < value < 1e6:
                 raise ValueError(f"behaviour.{name}: got {value:g}, expected more than 0")
-        if self.penalized_speed > 1:
-            raise ValueError(f"behaviour.penalized_speed: got {self.penalized_speed:g}, at most 1")
+        for name in ("penalized_speed", "backwards_speed"):
+            if getattr(self, name) > 1:
+                raise ValueError(f"behaviour.{name}: got {getattr(self, name):g}, at most 1")
 
 
 @dataclass(frozen=True)

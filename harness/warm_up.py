@@ -5,14 +5,14 @@ from __future__ import annotations
 import maps
 import planners
 from harness.config import Config
-from harness.robots import warm_up_robot
+from harness.robots import find_robot, warm_up_robot
 from models import rays, truth
 
 
 def warm_up_stack(config: Config) -> None:
     """Compile what a replay runs, or load it from the cache."""
     maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
-    planners.warm_up(config.planner)
+    planners.warm_up(config.planner, oriented=bool(find_robot(config).spec.discs))
 
 
 def warm_up(config: Config) -> None:

@@ -5,6 +5,7 @@ import numpy as np
 from planners.body import Body, Disc, blocked_at_or_below
 from planners.frontier import best_frontier
 from planners.goal_field import GoalField
+from planners.headings import turning_path
 from planners.kernels import Floats
 from planners.path import (
     arc_lengths,
@@ -70,17 +71,20 @@ __all__ = [
 ]
 
 
-def warm_up(config: PlannerConfig | None = None) -> None:
+def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None:
     """Compile what plans and trajectories need, or load it from the cache.
 
     Args:
-        config: What a body of one disc or ball is planned for; None: everything that there is.
+        config: What is planned with; None: everything that there is.
+        oriented: Whether it is for a body of several discs, and not for one disc or ball.
     """
     field = np.full((20, 20, 1), 100, dtype=np.uint16)
     space = FreeSpace(field, np.zeros(3), 0.1, 4, np.zeros(101))
     start, goal = np.array([0.25, 0.25, 0.05]), np.array([1.75, 1.75, 0.05])
-    if config is None:
+    if config is None or oriented:
         _warm_up_poses(start, goal)
+    if config is None:
+        _warm_up_samplers(start, goal)
         to_goal = GoalField(goal, PlannerConfig())
         for _ in range(2):
             to_goal.plan(space, start, seed=1)
@@ -97,13 +101,27 @@ def warm_up(config: PlannerConfig | None = None) -> None:
     turn_in_place(start, 0, 0.0, 1.0, limits)
 
 
-def _warm_up_poses(start: Floats, goal: Floats) -> None:
-    """Bodies of several discs, with every way of planning for them."""
-    body = Body((-0.1, 0.1), (0.1, 0.1)).discs(margin=0.0, resolution=0.1, flat=True)
+def _long_space() -> FreeSpace:
+    body = Body((-0.2, 0.0, 0.2), (0.1, 0.1, 0.1)).discs(margin=0.0, resolution=0.1, flat=True)
     field = np.full((20, 20, 1), 100, dtype=np.uint16)
-    space = FreeSpace(field, np.zeros(3), 0.1, 2, np.zeros(101), body)
-    for name in ("field", "rrtconnect"):
-        plan(space, start, goal, PlannerConfig(name=name), seed=1)
+    return FreeSpace(field, np.zeros(3), 0.1, 2, np.zeros(101), body)
+
+
+def _warm_up_poses(start: Floats, goal: Floats) -> None:
+    """Bodies of several discs, planned for by the field and followed along paths."""
+    space = _long_space()
+    plan(space, start, goal, PlannerConfig(), seed=1)
+    poses = np.array([[*start, 0.0], [*goal, 0.0]])
+    turning_path(space, (*start.tolist(), 0.0), (*goal.tolist(), 0.0), budget=100)
+    space.free_sweep_length(poses)
+    space.free_poses(poses)
+    space.free_length(poses[:, :3])
+    space.nearest_pose(start, 0.2, np.zeros(1))
+
+
+def _warm_up_samplers(start: Floats, goal: Floats) -> None:
+    """Bodies of several discs, planned for by drawing states."""
+    space = _long_space()
+    plan(space, start, goal, PlannerConfig(name="rrtconnect"), seed=1)
     curved = PlannerConfig(name="rrtconnect", state_space="dubins", turning_radius=0.2, restarts=1)
     plan(space, start, goal, curved, seed=1)
-    space.free_sweep_length(np.array([[*start, 0.0], [*goal, 0.0]]))

@@ -14,6 +14,7 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from planners import _lattice_kernels, kernels, lattice
+from planners.headings import reversible, turning_path
 from planners.kernels import Floats, Pose
 from planners.space import FreeSpace
 from planners.state_spaces import StateSpace
@@ -21,6 +22,8 @@ from planners.state_spaces import StateSpace
 EXPANSIONS = 1000
 """Lattice cells that are closed in one turn, after which the termination condition is asked."""
 
+TURNS = 1_000_000
+"""States of a place and a way that are closed at most."""
 
 NARROW = 3.0
 """What length costs more where a body of discs has no room to turn."""
@@ -32,7 +35,7 @@ class FieldPlanner(ob.Planner):  # type: ignore[misc]
     The search costs length and nearness to obstacles on lattices that grow finer until one has a
     way, so a gap that is closed on the coarse lattice is found on the grid itself. Its path is
     pulled straight where that costs no more. A body of discs heads along the path and turns in
-    place; where it has no room for that, RRT-Connect (Kuffner and LaValle 2000) goes on.
+    place; where it has no room for that, places and headings are searched together.
     """
 
     def __init__(self, information: ob.SpaceInformation, clearance_weight: float) -> None:
@@ -60,10 +63,16 @@ class FieldPlanner(ob.Planner):  # type: ignore[misc]
         if not kind.oriented:
             self._add([(x, y, z, 0.0) for x, y, z in points.tolist()])
             return ob.PlannerStatus(True, False)
-        poses = head_along(points, start, goal)
+        end = None if validity.any_heading else goal
+        poses = head_along(points, start, end)
         if kernels.poses_free(space.grid, space.shape, poses):
             self._add(poses.tolist())
             return ob.PlannerStatus(True, False)
+        if end is None and space.flat and reversible(space):
+            found = turning_path(costs, start, goal, TURNS)
+            if found is not None:
+                self._add([tuple(pose) for pose in found.tolist()])
+            return ob.PlannerStatus(found is not None, False)
         sampling = og.RRTConnect(self.getSpaceInformation())
         sampling.setProblemDefinition(definition)
         sampling.setup()
@@ -124,8 +133,14 @@ def lattice_path(
     return None
 
 
-def head_along(points: Floats, start: Pose, goal: Pose) -> Floats:
-    """Poses of a body that heads along a path and turns at its corners, shape (n, 4)."""
+def head_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:
+    """Poses of a body that heads along a path and turns at its corners, shape (n, 4).
+
+    Args:
+        points: Shape (n, 3) [m].
+        start: Where it begins.
+        goal: Where it turns to at last; None for as it comes.
+    """
     poses = [start]
     for a, b in itertools.pairwise(points):
         if b[0] == a[0] and b[1] == a[1]:
@@ -133,4 +148,4 @@ def head_along(points: Floats, start: Pose, goal: Pose) -> Floats:
         else:
             heading = float(kernels.heading_of(b[0] - a[0], b[1] - a[1]))
         poses += [(*a, heading), (*b, heading)]
-    return np.array([*poses, goal], dtype=np.float64)
+    return np.array(poses if goal is None else [*poses, goal], dtype=np.float64)

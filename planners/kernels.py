@@ -30,6 +30,9 @@ TURN_STEP = 0.05  # [rad]
 # What a turn costs against length: a quadruped that turns at 1 rad/s loses 0.1 s of a walk at
 # 1 m/s for each radian that it turns while it walks.
 TURN_PRICE = 0.1  # [m/rad]
+# What each turn on the spot costs more: there a path has a corner, which takes speed [m].
+CORNER_PRICE = 0.2
+LEAST_CORNER = 1e-3  # [rad]
 # What motion off the heading costs more than motion along it: sideways twice, backwards thrice.
 SIDEWAYS = 1.0
 # A cost has to fall by more than its own rounding error before a path is changed [m].
@@ -550,17 +553,88 @@ def poses_free_length(grid: Grid, discs: Discs, poses: Floats) -> float:
 
 
 @kernel
+def poses_free_count(grid: Grid, discs: Discs, poses: Floats) -> int:
+    """How many of the poses, shape (n, 4), a body gets through one after the other."""
+    if not step_cost(grid, discs, pose_row(poses, 0), pose_row(poses, 0))[0]:
+        return 0
+    for n in range(len(poses) - 1):
+        if not sweep_free(grid, discs, pose_row(poses, n), pose_row(poses, n + 1)):
+            return n + 1
+    return len(poses)
+
+
+@kernel
+def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
+    """Length [m] of a path, shape (n, 3), before the edge that a body cannot head along.
+
+    It turns on the spot at each point: nose first, or where that is not free, tail first.
+    """
+    length, heading, begun = 0.0, 0.0, False
+    for n in range(len(path) - 1):
+        a, b = row(path, n), row(path, n + 1)
+        if a[0] == b[0] and a[1] == b[1]:
+            continue
+        ahead = heading_of(b[0] - a[0], b[1] - a[1])
+        here = (a[0], a[1], a[2], heading)
+        chosen = False
+        for way in range(2):
+            facing = ahead + way * math.pi
+            turned = (a[0], a[1], a[2], facing)
+            if not chosen and (not begun or sweep_free(grid, discs, here, turned)):
+                chosen = sweep_free(grid, discs, turned, (b[0], b[1], b[2], facing))
+                if chosen:
+                    heading, begun = facing, True
+        if not chosen:
+            return length
+        length += distance(a, b)
+    return length
+
+
+@kernel
+def nearest_pose(
+    grid: Grid, discs: Discs, pose: Pose, radius: float, headings: Floats
+) -> tuple[bool, Pose]:
+    """Free pose at a cell's centre nearest to a place, at most ``radius`` cells away.
+
+    Of poses equally near the lowest index wins, and of headings the first.
+    """
+    near, at = to_subcells(grid, pose[:3])
+    if not near:
+        return False, pose
+    i, j = at[0] >> SUBCELL_BITS, at[1] >> SUBCELL_BITS
+    reach = math.ceil(radius) + 1
+    found, best, nearest = False, pose, radius * grid.resolution
+    for ci in range(max(i - reach, 0), min(i + reach + 1, grid.field.shape[0])):
+        for cj in range(max(j - reach, 0), min(j + reach + 1, grid.field.shape[1])):
+            x = grid.origin[0] + (ci + 0.5) * grid.resolution
+            y = grid.origin[1] + (cj + 0.5) * grid.resolution
+            away = distance((x, y, 0.0), (pose[0], pose[1], 0.0))
+            if away > nearest or (found and away == nearest):
+                continue
+            for heading in headings:
+                there = (x, y, pose[2], heading)
+                if step_cost(grid, discs, there, there)[0]:
+                    found, best, nearest = True, there, away
+                    break
+    return found, best
+
+
+@kernel
 def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> float:
     """Cost of a sweep [m]; infinite if it is not free.
 
     Length costs 1 + weight * (mean cost of the discs' cells), and as much again for each
-    ``SIDEWAYS`` that it is off the heading: sensors look ahead. A turn costs ``TURN_PRICE``.
+    ``SIDEWAYS`` that it is off the heading: sensors look ahead. A turn costs ``TURN_PRICE``, and
+    on the spot ``CORNER_PRICE`` more.
     """
     x, y = b[0] - a[0], b[1] - a[1]
     level = math.sqrt(x * x + y * y)
     count = sweep_steps(a, b)
     share = distance(a[:3], b[:3]) / count
-    cost = TURN_PRICE * abs(wrap(b[3] - a[3]))
+    turn = abs(wrap(b[3] - a[3]))
+    cost = TURN_PRICE * turn
+    if share == 0.0 and turn > LEAST_CORNER:
+        cost += CORNER_PRICE
     for n in range(count):
         before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
         free, near = step_cost(grid, discs, before, after)

@@ -198,7 +198,8 @@ def _blend(space: FreeSpace, corner: Floats, length: float, spacing: float) -> F
     """Points of the largest free blend of a corner, shape (k, 3), or the corner itself."""
     at = corner[1]
     tangents = edge_tangents(corner)
-    if length < LEAST_EDGE:
+    backwards = space.discs and _dot(tangents[0], tangents[1]) < 0.0
+    if length < LEAST_EDGE or backwards:  # where a body goes back or turns about, it stands
         return corner[1:2].copy()
     for _ in range(BLEND_SHRINKINGS):
         start, end = at - length * tangents[0], at + length * tangents[1]
@@ -212,6 +213,8 @@ def _blend(space: FreeSpace, corner: Floats, length: float, spacing: float) -> F
 
 
 def _all_free(space: FreeSpace, path: Floats) -> bool:
+    if space.discs:
+        return space.free_length(path) > float(arc_lengths(path)[-1]) - LEAST_EDGE
     return math.isfinite(space.path_cost(path, 0.0))
 
 

@@ -152,7 +152,9 @@ def plan(
     for restart in range(1 if config.name in UNSEEDED else config.restarts):
         if used >= config.iterations:
             break
-        query = Query(space, kind, begin, ends[restart % len(ends)], config.turning_radius)
+        end = ends[restart % len(ends)]
+        free = kind.oriented and goal_heading is None and config.name == "field"
+        query = Query(space, kind, begin, end, config.turning_radius, free)
         left = config.iterations - used
         poses, spent = _search_once(query, config, left, plan_seed(seed, "restart", restart))
         used += spent
@@ -196,7 +198,7 @@ def finish_path(
     query = Query(space, kind, begin, ends[0], config.turning_radius)
     poses = np.column_stack((path, np.zeros(len(path))))
     if kind.oriented:
-        poses = head_along(path, begin, ends[0])
+        poses = head_along(path, begin, None)
         if not kernels.poses_free(space.grid, space.shape, poses):
             return plan(space, start, goal, config, seed, heading)
     poses = smoothed(query, poses, config, plan_seed(seed, "restart", 0))
@@ -218,7 +220,7 @@ def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> F
 
 
 def _pose(point: Floats, heading: float) -> Pose:
-    return float(point[0]), float(point[1]), float(point[2]), float(heading)
+    return float(point[0]), float(point[1]), float(point[2]), float(kernels.wrap(heading))
 
 
 def _fits(space: FreeSpace, kind: StateSpace, pose: Pose) -> bool:

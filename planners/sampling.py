@@ -105,6 +105,7 @@ class Query(NamedTuple):
         start: Free pose.
         goal: Free pose.
         turning_radius: Least radius of a curve [m], for curved kinds.
+        any_heading: Whether the path may end at another heading than the goal's.
     """
 
     space: FreeSpace
@@ -112,6 +113,7 @@ class Query(NamedTuple):
     start: Pose
     goal: Pose
     turning_radius: float
+    any_heading: bool = False
 
 
 def search(
@@ -157,7 +159,7 @@ def _problem(query: Query) -> tuple[ob.SpaceInformation, ob.ProblemDefinition]:
     state_space = query.kind.make(query.space, query.turning_radius)
     information = ob.SpaceInformation(state_space)
     information.setStateValidityChecker(
-        BodyValidity(information, query.space, query.kind, query.start[2])
+        BodyValidity(information, query.space, query.kind, query.start[2], query.any_heading)
     )
     information.setMotionValidator(_EdgeValidator(information, _edge_check(query, state_space)))
     information.setup()
@@ -190,7 +192,9 @@ def _poses(query: Query, state_space: ob.StateSpace, path: og.PathGeometric) -> 
     states = path.getStates()
     if not kind.curved:
         inner = [kind.read(state, z) for state in states[1:-1]]
-        return np.array([query.start, *inner, query.goal], dtype=np.float64)
+        heading = kind.read(states[-1], z)[3] if query.any_heading else query.goal[3]
+        goal = (*query.goal[:3], heading)
+        return np.array([query.start, *inner, goal], dtype=np.float64)
     pieces = [
         sample_curve(state_space, kind, a, b, query.turning_radius, z)[1:]
         for a, b in itertools.pairwise(states)

@@ -106,8 +106,12 @@ class FreeSpace:
         """Arc length [m] along a polyline, shape (n, 3), before its first forbidden cell.
 
         Ends two sub-cells (2/65536 of a cell) short of that cell's face; 0 if the start is
-        forbidden, the whole length if nothing is.
+        forbidden, the whole length if nothing is. A body of discs heads along the path, nose or
+        tail first, and turns at its points; for it the length ends with a whole edge.
         """
+        if self.discs:
+            points = np.ascontiguousarray(path, dtype=np.float64)
+            return float(kernels.headed_free_length(self.grid, self.shape, points))
         return float(self._walk(path, self.blocked_at_or_below, 0.0)[0])
 
     def nearest_free(self, point: Floats, radius: float) -> Floats | None:
@@ -150,6 +154,43 @@ class FreeSpace:
         Position and heading change evenly, the heading by the shorter way round.
         """
         return bool(kernels.sweep_free(self.grid, self.shape, _pose(a), _pose(b)))
+
+    def pose_free(self, point: Floats, heading: float) -> bool:
+        """Whether the body is free at a point, facing a heading [rad]."""
+        pose = (*_point(point), float(heading))
+        return bool(kernels.sweep_free(self.grid, self.shape, pose, pose))
+
+    def turn_free(self, point: Floats, heading: float, target: float) -> bool:
+        """Whether the body can turn on the spot from a heading to another, the shorter way."""
+        place = _point(point)
+        before, after = (*place, float(heading)), (*place, float(target))
+        return bool(kernels.sweep_free(self.grid, self.shape, before, after))
+
+    def nearest_pose(self, point: Floats, radius: float, headings: Floats) -> Floats | None:
+        """Pose (4,) nearest to a point at which the body is free with one of the headings, or None.
+
+        At a cell's centre, at most ``radius`` [m] away.
+        """
+        pose = (*_point(point), 0.0)
+        cells = radius / self.resolution
+        found, pose = kernels.nearest_pose(self.grid, self.shape, pose, cells, headings)
+        return np.array(pose) if found else None
+
+    def turnable(self, points: Floats) -> NDArray[np.bool_]:
+        """At which points (n, 3) the body can turn to any heading, shape (n,)."""
+        cells = np.floor((points - self.grid.origin) / self.resolution).astype(np.int64)
+        cells = np.clip(cells, 0, np.array(self.field.shape) - 1)
+        room = max(
+            abs(offset) / self.resolution + math.sqrt(threshold)
+            for offset, threshold in zip(self.shape.offsets, self.shape.thresholds, strict=True)
+        )
+        wide: NDArray[np.bool_] = self.field[tuple(cells.T)] > room * room
+        return wide
+
+    def free_poses(self, poses: Floats) -> int:
+        """How many of the poses, shape (n, 4), the body gets through one after the other."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        return int(kernels.poses_free_count(self.grid, self.shape, poses))
 
     def sweep_cost(self, poses: Floats, clearance_weight: float = CLEARANCE_WEIGHT) -> float:
         """Cost of a body's way through poses, shape (n, 4) [m]; infinite if it is not free.

@@ -1,6 +1,7 @@
 """Trajectories: a path, a jerk-limited profile along it that ends at rest, and a heading."""
 
 import bisect
+import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -140,6 +141,17 @@ class Trajectory:
         positions = self.path[edges] + reached[:, None] * tangents
         return Setpoints(positions, speeds[:, None] * tangents, headings, yaw_rates)
 
+    def facing(self, heading: float) -> "Trajectory":
+        """The same way with a heading that stays as it is [rad]."""
+        return dataclasses.replace(self, turning=profile.at_rest(heading))
+
+    def poses(self, step: float) -> Floats:
+        """Poses (x, y, z, heading) from the begin to rest, a step [s] apart, shape (n, 4)."""
+        times = np.append(step * np.arange(math.ceil(self.duration_s / step)), self.duration_s)
+        arcs = self.motion.positions(times)
+        points = [np.interp(arcs, self._arcs, axis) for axis in self.path.T]
+        return np.column_stack((*points, self.turning.positions(times)))
+
     @cached_property
     def _arcs(self) -> list[float]:
         arcs: list[float] = arc_lengths(self.path).tolist()
@@ -166,6 +178,7 @@ def follow_path(
     heading: float,
     limits: MotionLimits,
     speed_cap: float,
+    reverse: bool = False,
 ) -> Trajectory:
     """Fastest trajectory from a state on a path to rest at the path's end.
 
@@ -182,6 +195,7 @@ def follow_path(
         heading: [rad].
         limits: What the robot can follow.
         speed_cap: A further limit of the speed [m/s]; at or below 2 cm/s the robot stops.
+        reverse: Whether it goes tail first.
 
     Returns:
         A trajectory whose arc lengths are those of ``path``.
@@ -197,7 +211,7 @@ def follow_path(
         motion = travel(start, _zones(path, start.position, cap, limits), limits.along)
     if motion is None:
         motion = profile.stop(start, limits.along)
-    return _along(path, start_ns, motion, heading, limits)
+    return _along(path, start_ns, motion, heading, limits, reverse)
 
 
 def stop_along(
@@ -208,6 +222,7 @@ def stop_along(
     acceleration: float,
     heading: float,
     limits: MotionLimits,
+    reverse: bool = False,
 ) -> Trajectory:
     """Fastest jerk-limited stop along a path, straight on beyond its end.
 
@@ -215,7 +230,8 @@ def stop_along(
     way. Arguments as in ``follow_path``.
     """
     start = _start_state(path, s, speed, acceleration, limits)
-    return _along(path, start_ns, profile.stop(start, limits.along), heading, limits)
+    motion = profile.stop(start, limits.along)
+    return _along(path, start_ns, motion, heading, limits, reverse)
 
 
 def turn_in_place(
@@ -274,7 +290,12 @@ def _zones(path: Floats, s: float, cap: float, limits: MotionLimits) -> list[Zon
 
 
 def _along(
-    path: Floats, start_ns: int, motion: Profile, heading: float, limits: MotionLimits
+    path: Floats,
+    start_ns: int,
+    motion: Profile,
+    heading: float,
+    limits: MotionLimits,
+    reverse: bool,
 ) -> Trajectory:
     """A profile on its path, with the heading that follows the path's."""
     overshoot = motion.end - float(arc_lengths(path)[-1])
@@ -284,17 +305,19 @@ def _along(
         overshoot = 0.0
     elif len(path) > 1:
         path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))
-    turning = _turning(path, motion, heading, limits)
+    turning = _turning(path, motion, heading, limits, math.pi if reverse else 0.0)
     return Trajectory(start_ns, path, motion, turning, overshoot)
 
 
-def _turning(path: Floats, motion: Profile, heading: float, limits: MotionLimits) -> Profile:
-    """Heading while moving: after the path's own heading, blended between middles of edges."""
+def _turning(
+    path: Floats, motion: Profile, heading: float, limits: MotionLimits, off: float
+) -> Profile:
+    """Heading while moving: off the path's own heading, blended between middles of edges."""
     steps = math.floor(motion.duration / HEADING_STEP)  # the last, cut one is next to rest
     if steps == 0 or len(path) == 1:
         return profile.at_rest(heading)
     middles = arc_lengths(path)[:-1] + 0.5 * edge_lengths(path)
-    headings = edge_headings(edge_tangents(path), heading)
+    headings = edge_headings(edge_tangents(path), heading - off) + off
     times = HEADING_STEP * np.arange(1.0, steps + 1.0)
     targets = np.interp(motion.positions(times), middles, headings)
     followed = turn_after(targets, heading, limits.yaw_rate * HEADING_STEP)

@@ -16,16 +16,23 @@ class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]
         space: Where the body may be.
         kind: What a state is.
         z: Of all states in a plane [m].
+        any_heading: Whether a path may end at any heading.
     """
 
     def __init__(
-        self, information: ob.SpaceInformation, space: FreeSpace, kind: StateSpace, z: float
+        self,
+        information: ob.SpaceInformation,
+        space: FreeSpace,
+        kind: StateSpace,
+        z: float,
+        any_heading: bool = False,
     ) -> None:
         """Check states of a kind in a space."""
         super().__init__(information)
         self.space = space
         self.kind = kind
         self.z = z
+        self.any_heading = any_heading
 
     def isValid(self, state: ob.State) -> bool:
         """Whether the body is free there."""

@@ -39,11 +39,12 @@ SPEED = 2.0  # m/s, of the reference
 FASTEST, SLOWEST = 2.0, 8.0  # times OT: clipped to these
 REACHED = 1.0  # m from the goal: there a trial is over
 LIMIT = 50.0  # s
-MARGIN = 0.05  # m, localization: the pose is exact, so half a decimetre for the map's cells
+MARGIN = 0.025  # m, localization: the pose is exact, so this is for the map's cells
 
 SETTINGS = (
-    "map.resolution=0.05",
+    "map.resolution=0.04",
     f"map.inflation_margin={MARGIN}",
+    "map.half_life=0",
     f"episode.time_limit={LIMIT:g}",
 )
 
@@ -198,8 +199,11 @@ def best_score(world: FileWorld, way: float | None) -> float:
 
 
 def body_radius(spec: RobotSpec) -> float:
-    """Radius about which the stack keeps space free, m: what a way has to be wide enough for."""
-    return spec.radius
+    """Radius about which the stack keeps space free, m: what a way has to be wide enough for.
+
+    Of a body of discs the least one: where that does not get through, the body does not.
+    """
+    return min((radius for _, radius in spec.discs), default=spec.radius)
 
 
 def barn_config(world: FileWorld, seed: int) -> Config:

@@ -47,6 +47,9 @@ class RobotSpec:
         max_tilt: Beyond this angle from upright the robot has fallen, rad.
         mounts: Its sensors, in the order in which their sweeps are integrated; decisions follow the
             rate of the first.
+        discs: Offset along the body's x axis and radius of discs that hold a body that is longer
+            than wide while it walks ahead and turns, m; as far ahead as behind, so that it is free
+            tail first where it is nose first. None: it is known by its radius alone.
     """
 
     name: str
@@ -61,6 +64,7 @@ class RobotSpec:
     max_yaw_rate: float
     max_tilt: float
     mounts: tuple[Mount, ...]
+    discs: tuple[tuple[float, float], ...] = ()
 
 
 class Controller(Protocol):

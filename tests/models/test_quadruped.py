@@ -194,6 +194,24 @@ def test_spec_encloses_the_walking_body(model):
             assert points[:, 2].max() < spec.height + 0.005
 
 
+def test_discs_hold_the_body_that_walks_ahead_and_turns(model):
+    """Every point of it lies in one of the spec's discs at the heading of the base."""
+    ride, spec = Ride(model), QUADRUPED.spec
+    base = model.body("robot_base").id
+    assert [offset for offset, _ in spec.discs] == [-0.245, 0.0, 0.245]
+    for command in [(1.0, 0.0, 0.0), (0.5, 0.0, 1.0), (0.0, 0.0, -1.0), (-0.4, 0.0, 0.3)]:
+        for _ in range(40):
+            ride.walk(command, 0.03)
+            points, radii = outline(model, ride.data)
+            R = ride.data.xmat[base].reshape(3, 3)
+            ahead = R[:2, 0] / np.linalg.norm(R[:2, 0])
+            reach = [
+                np.hypot(*(points[:, :2] - ride.data.xpos[base][:2] - offset * ahead).T) - radius
+                for offset, radius in spec.discs
+            ]
+            assert (np.min(reach, axis=0) + radii).max() <= 0.0
+
+
 def test_lidar_sits_on_top_in_front(model):
     ride = Ride(model)
     site = ride.data.site_xpos[model.site("robot_lidar").id]

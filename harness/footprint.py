@@ -1,0 +1,55 @@
+"""The body as planning sees it: one disc or ball, or several discs at its heading."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.mission import Mission
+from maps import INSCRIBED_COST, Costmap
+from planners import Body
+
+Array = NDArray[np.float64]
+
+HEADING_TOLERANCE = 0.05
+"""How far the body may be off the heading that it is asked for, rad; what it is farther off is
+planned with. At the outermost disc it is a distance, which is part of the margin."""
+
+COST_STEPS = 2.0**20
+"""Costs are whole multiples of one over this."""
+
+NARROWEST = 2.0
+"""Cost at the edge of what is forbidden, where the body cannot turn; at the edge of where it can,
+it is 1."""
+
+
+def body_of(mission: Mission) -> Body:
+    """The discs of a mission, or the one about the body."""
+    discs = mission.discs or ((0.0, mission.radius),)
+    return Body(tuple(offset for offset, _ in discs), tuple(radius for _, radius in discs))
+
+
+def lever(body: Body) -> float:
+    """How far an error of the heading moves a disc, m/rad."""
+    return max(abs(offset) for offset in body.offsets)
+
+
+def costs(costmap: Costmap, body: Body) -> Array:
+    """Cost of a cell by its squared distance, shape (t,): 1 where the body can just turn.
+
+    Beyond, it falls as the costmap's does; nearer, it grows to ``NARROWEST``.
+    """
+    table: Array = costmap.cost_table / INSCRIBED_COST
+    width = body.circumscribed_radius - min(body.radii)
+    if width <= 0.0:
+        return table
+    away = np.sqrt(np.arange(len(table))) * costmap.resolution - costmap.inflation_radius - width
+    fall = np.exp(-costmap.config.cost_scaling_factor * np.maximum(away, 0.0))
+    narrow = np.clip(-away / width, 0.0, 1.0) * (NARROWEST - 1.0)
+    # The last bits of exp vary between processors; a decision must not.
+    grown: Array = np.rint((fall + narrow) * COST_STEPS) / COST_STEPS
+    grown[table == math.inf] = math.inf
+    grown[-1] = 0.0  # that far or farther
+    return grown
