@@ -277,10 +277,8 @@ class Navigator:
         it can.
         """
         costmap = self.costmap
-        field = costmap.obstacle_clearance.copy()
         edge = costmap.blocked_at_or_below + 1
-        np.minimum(field, np.uint16(edge), out=field, where=costmap.clearance < edge)
-        space = self._space(field)
+        space = self._space(costmap.presumed(edge))
         table = space.cost_by_distance.copy()
         table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if space.discs else 0.0)
         return replace(space, cost_by_distance=table)

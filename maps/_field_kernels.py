@@ -390,3 +390,18 @@ def update_field(
                 row, to = (y - b * block_rows) * row_cells, (x * ny + y) * nz
                 within = max(within, bound_row(result, row, border, across * across, squared, to))
             farthest[b, x] = within
+
+
+@kernel
+def presume(
+    part: tuple[int, int],
+    to_obstacles: NDArray[np.uint16],  # (n,)
+    to_not_free: NDArray[np.uint16],  # (n,)
+    edge: int,
+    presumed: NDArray[np.uint16],  # (n,)
+) -> None:
+    """Distances to obstacles, at most `edge` where something not free is nearer than that."""
+    most = np.uint16(edge)
+    for k in range(part[0], part[1]):
+        limit = most if to_not_free[k] < most else np.uint16(0xFFFF)
+        presumed[k] = min(to_obstacles[k], limit)

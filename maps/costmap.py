@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maps import _column_kernels as kernels
-from maps._field_kernels import MAX_REACH
+from maps._field_kernels import MAX_REACH, presume
 from maps.columns import ColumnMap, Window, unpack
 from maps.config import MapConfig
 from maps.field import DistanceField, update_together
@@ -101,6 +101,7 @@ class Costmap:
         )
         self.shape, self.origin = self._cells.shape, self._cells.origin
         self._fields: list[DistanceField] = []
+        self._presumed: NDArray[np.uint16] | None = None
         self.update(config.inflation_margin)
 
     def update(self, margin: float) -> None:
@@ -156,6 +157,22 @@ class Costmap:
         """
         forbid = self.config.unknown_policy == "forbid"
         return self.clearance if forbid else self.obstacle_clearance
+
+    def presumed(self, edge: int) -> NDArray[np.uint16]:
+        """Distances to obstacles, where not all is known within `edge` at most that.
+
+        Args:
+            edge: Squared distance, cells^2.
+
+        Returns:
+            (nx, ny, nz), the same array at every call, written anew.
+        """
+        if self._presumed is None:
+            self._presumed = np.empty(self.shape, np.uint16)
+        flat = self._presumed.reshape(-1)
+        fields = self.obstacle_clearance.reshape(-1), self.clearance.reshape(-1)
+        self._team.share(lambda _, part: presume(part, *fields, edge, flat), len(flat))
+        return self._presumed
 
     def admissible(self) -> NDArray[np.bool_]:
         """Where the body's centre may be under the policy, (nx, ny, nz)."""
