@@ -13,7 +13,7 @@ from harness.fork import fork
 from harness.reader import open_log
 from harness.viewer.boxes import runs, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
-from harness.viewer.moments import moments
+from harness.viewer.moments import ahead, moments
 from harness.viewer.tiles import TILE, Tiles
 from harness.viewer.words import describe
 from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
@@ -97,6 +97,27 @@ def test_each_moment_has_the_map_that_its_decision_names(log):
         assert moment.costmap.inflation_radius == moment.decision.inflation_radius_m
         seen += 1
     assert seen == int(open_log(log).result["decisions"])
+
+
+def test_a_costmap_that_is_asked_for_now_and_then_is_the_same(log):
+    each = [moment.costmap.state.copy() for moment in moments(open_log(log))]
+    fields = [moment.costmap.obstacle_clearance.copy() for moment in moments(open_log(log))]
+    for place, moment in enumerate(moments(open_log(log))):
+        if place % 3 == 2:
+            np.testing.assert_array_equal(moment.costmap.state, each[place])
+            np.testing.assert_array_equal(moment.costmap.obstacle_clearance, fields[place])
+
+
+def test_what_is_made_ahead_comes_in_order_and_its_failure_at_its_place():
+    def items():
+        yield from range(20)
+        raise ValueError("here")
+
+    got = []
+    with pytest.raises(ValueError, match="here"):
+        got.extend(ahead(items()))  # what came before is kept by extend
+    assert got == list(range(20))
+    assert list(ahead(iter(()))) == []
 
 
 def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
