@@ -200,8 +200,9 @@ def curves(moment: Moment) -> dict[str, float]:
 def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
     mission, world = log.mission, f"{root}/world"
     stream.log(world, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    goal = rr.Points3D([mission.goal], radii=0.12, colors=COMMITTED, labels=["goal"])
+    goal = rr.Points3D([mission.goal], radii=0.12, colors=COMMITTED)
     stream.log(f"{world}/goal", goal, static=True)
+    stream.log(f"{world}/goal/words", _words(mission.goal, "goal"), static=True)
     ahead = rr.Arrows3D(vectors=[[1.6 * mission.radius, 0.0, 0.0]], radii=0.02, colors=BELIEVED)
     stream.log(f"{world}/robot/ahead", ahead, static=True)
     for name, colour in (("robot", BELIEVED), ("truth", TRUE)):
@@ -242,10 +243,15 @@ def _show_end(stream: rr.RecordingStream, log: Log, last: Moment, root: str) -> 
             stream.log(f"{root}/{lane}", rr.StateChange(state=""))
     if good:
         return
-    mark = rr.Points3D(
-        [list(last.truth.position)], radii=0.25, colors=FAILURE, labels=[f"{outcome}: {reason}"]
-    )
+    place = list(last.truth.position)
+    mark = rr.Points3D([place], radii=0.25, colors=FAILURE)
     stream.log(f"{root}/world/failure", mark)
+    stream.log(f"{root}/world/failure/words", _words(place, f"{outcome}: {reason}"))
+
+
+def _words(place: Sequence[float], words: str) -> rr.Points3D:
+    """A label of its own: in the colour of what it names nobody could read it."""
+    return rr.Points3D([list(place)], radii=0.02, colors=(255, 255, 255), labels=[words])
 
 
 def _transform(position: Sequence[float], quaternion: Sequence[float]) -> dict[str, Any]:
