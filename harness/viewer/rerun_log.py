@@ -5,7 +5,7 @@ Rerun is imported here and in `layout.py` alone: it is large, and no headless ru
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -254,6 +254,6 @@ def _words(place: Sequence[float], words: str) -> rr.Points3D:
     return rr.Points3D([list(place)], radii=0.02, colors=(255, 255, 255), labels=[words])
 
 
-def _transform(position: Sequence[float], quaternion: Sequence[float]) -> dict[str, Any]:
+def _transform(position: Iterable[float], quaternion: Iterable[float]) -> dict[str, Any]:
     w, x, y, z = quaternion
     return {"translation": list(position), "quaternion": rr.Quaternion(xyzw=[x, y, z, w])}

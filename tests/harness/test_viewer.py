@@ -31,6 +31,9 @@ def failed(recorded):
     return Path(recorded("empty", "drone", 1, "episode.time_limit=1").log)
 
 
+RUN = ["run", "empty", "--robot", "drone", "--seed", "1", "--set", "episode.time_limit=1"]
+
+
 def seen_map():
     """Free from x = 0 to 2 m, one obstacle in it, unknown beyond."""
     config = MapConfig(resolution=0.1, half_life=0.0)
@@ -184,11 +187,14 @@ def test_no_display_is_told_in_a_line(capsys, monkeypatch, log):
     [
         (["view", "LOG", "--save", "x.png"], "a name that ends in .rrd"),
         (["view", "none.mcap", "--save", "x.rrd"], "no such file"),
-        (["picture", "LOG"], "expected a decision's number N, or --gif"),
-        (["picture", "LOG", "3", "--gif", "x.gif"], "and not both"),
+        (["picture", "LOG"], "expected a decision's number N, or --movie"),
+        (["picture", "LOG", "3", "--movie", "x.gif"], "and not both"),
         (["picture", "LOG", "3", "--out", "x.gif"], "a name that ends in .png"),
         (["picture", "LOG", "-3"], "N: got -3, expected 0 or more"),
-        (["picture", "LOG", "--gif", "x.gif", "--period", "0"], "--period: got 0"),
+        (["picture", "LOG", "--movie", "x.avi"], "a name that ends in .gif or .mp4"),
+        (["picture", "LOG", "--movie", "x.gif", "--period", "0"], "--period: got 0"),
+        ([*RUN, "--render", "x.png"], "a name that ends in .gif or .mp4"),
+        ([*RUN, "--render", "x.gif", "--set", "record=decisions"], "got record=decisions"),
     ],
 )
 def test_bad_input_is_a_line_and_leaves_nothing(
@@ -232,8 +238,31 @@ def test_a_decision_that_is_not_there(tmp_path, failed):
 
 def test_an_animation_plays_in_simulated_time(tmp_path, failed):
     out = tmp_path / "x.gif"
-    words = ["picture", str(failed), "--gif", str(out), "--period", "0.5"]
+    words = ["picture", str(failed), "--movie", str(out), "--period", "0.5"]
     assert drawn(words) == (0, "")
     with Image.open(out) as animation:
         assert animation.n_frames == 3
         assert animation.info["duration"] == 500
+
+
+def test_an_episode_is_rendered_once_it_is_run(tmp_path):
+    av = pytest.importorskip("av")
+    out = tmp_path / "films" / "x.mp4"
+    code, told = drawn([*RUN, "--log", str(tmp_path / "x.mcap"), "--render", str(out)])
+    assert (code, told) == (1, "")  # a second is too short to arrive
+    with av.open(str(out)) as film:
+        stream = film.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
+    assert stream.average_rate == 5
+    assert len(frames) == 6
+    assert frames[0].shape == (480, 720, 3)
+    assert frames[0].std() > 20
+    assert not list(out.parent.glob("*.partial"))
+
+
+def test_a_missing_encoder_is_told_before_the_episode(capsys, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "av", None)
+    monkeypatch.chdir(tmp_path)
+    assert main([*RUN, "--render", "x.mp4"]) == 2
+    assert "pip install av (the extra 'video'), or name a .gif" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
