@@ -39,11 +39,14 @@ OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
 OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
 GUIDE, COMMITTED, TRAIL = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0), (0.85, 0.1, 0.1, 1.0)
 
-DISTANCE, ELEVATION = 7.0, -42.0  # of the camera from the robot, m and degrees
+DISTANCE, ELEVATION = 7.0, -46.0  # of the camera from the robot, m and degrees
 
 SIGHT = 10.0
 """Farther from the robot no occupied cells are drawn, m: most of them would be out of the picture,
 and each costs time."""
+
+IN_FRONT = 0.12
+"""How opaque what stands between camera and robot is."""
 
 Box = NDArray[np.float64]
 
@@ -70,6 +73,7 @@ class Stage:
         model.vis.global_.offwidth, model.vis.global_.offheight = size
         _dim(model)
         _simplify(model, smooth)
+        self._colours = model.geom_rgba.copy()
         self._options = mujoco.MjvOption()
         self._options.geomgroup[:] = 1  # the robot's own among them
         self._options.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
@@ -100,7 +104,9 @@ class Stage:
     def draw(self, moment: Moment) -> Image.Image:
         """One moment."""
         self._pose(moment)
-        self._renderer.update_scene(self._data, self._camera(moment), self._options)
+        camera = self._camera(moment)
+        self._see_through(camera)
+        self._renderer.update_scene(self._data, camera, self._options)
         self._lay_over(moment)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._renderer.scene.flags[flag] = 0  # of boxes that are not there
@@ -133,6 +139,24 @@ class Stage:
         camera.azimuth, camera.elevation = math.degrees(along), ELEVATION
         camera.distance = DISTANCE
         return camera
+
+    def _see_through(self, camera: mujoco.MjvCamera) -> None:
+        """Fade what stands between the camera and the robot, or a stride beside it."""
+        azimuth, elevation = math.radians(camera.azimuth), math.radians(camera.elevation)
+        level = math.cos(elevation)
+        ahead = np.array([level * math.cos(azimuth), level * math.sin(azimuth), 0.0])
+        ahead[2] = math.sin(elevation)
+        aside = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+        colours, hit = self._model.geom_rgba, np.zeros(1, np.int32)
+        colours[:] = self._colours
+        faded = []
+        for step in (-0.5, 0.0, 0.5):
+            eye = camera.lookat - camera.distance * ahead + step * aside
+            far = camera.distance - self._log.mission.radius
+            while 0.0 <= mujoco.mj_ray(self._model, self._data, eye, ahead, None, 1, -1, hit) < far:
+                faded.append(int(hit[0]))
+                colours[faded[-1], 3] = 0.0  # what is not seen stops no ray
+        colours[faded, 3] = IN_FRONT
 
     def _lay_over(self, moment: Moment) -> None:
         costmap, mission = moment.costmap, self._log.mission
