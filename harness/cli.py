@@ -16,7 +16,6 @@ from rich.console import Console
 from harness.errors import InputError, unknown_name
 from harness.verbs import VERBS, Document
 
-
 EXAMPLE = """\
   wayproof run warehouse --robot drone --seed 4 --perturb pose_jump:5 --log d.mcap
   wayproof explain d.mcap"""
