@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 
 from rich.console import Console
@@ -32,7 +33,7 @@ def _taught_parser() -> argparse.ArgumentParser:
     from models.robots import ROBOTS
     from models.worlds import WORLDS
 
-    names = {
+    names: dict[str, Iterable[str]] = {
         "world": WORLDS,
         "robot": ROBOTS,
         "perturb": [f"{kind}:{severity}" for kind in PERTURBATIONS for severity in range(1, 6)],

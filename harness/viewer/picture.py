@@ -26,6 +26,7 @@ from harness.twin import guarded
 from harness.viewer.boxes import flat_boxes, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
 from harness.viewer.moments import Moment, moments, points_of, standing_low
+from harness.viewer.sight import geoms_in_front
 from maps import UNKNOWN
 
 SIZE = (960, 640)
@@ -73,7 +74,7 @@ class Stage:
         model.vis.global_.offwidth, model.vis.global_.offheight = size
         _dim(model)
         _simplify(model, smooth)
-        self._colours = model.geom_rgba.copy()
+        self._colours, self._materials = model.geom_rgba.copy(), model.geom_matid.copy()
         self._options = mujoco.MjvOption()
         self._options.geomgroup[:] = 1  # the robot's own among them
         self._options.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
@@ -141,22 +142,11 @@ class Stage:
         return camera
 
     def _see_through(self, camera: mujoco.MjvCamera) -> None:
-        """Fade what stands between the camera and the robot, or a stride beside it."""
-        azimuth, elevation = math.radians(camera.azimuth), math.radians(camera.elevation)
-        level = math.cos(elevation)
-        ahead = np.array([level * math.cos(azimuth), level * math.sin(azimuth), 0.0])
-        ahead[2] = math.sin(elevation)
-        aside = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
-        colours, hit = self._model.geom_rgba, np.zeros(1, np.int32)
-        colours[:] = self._colours
-        faded = []
-        for step in (-0.5, 0.0, 0.5):
-            eye = camera.lookat - camera.distance * ahead + step * aside
-            far = camera.distance - self._log.mission.radius
-            while 0.0 <= mujoco.mj_ray(self._model, self._data, eye, ahead, None, 1, -1, hit) < far:
-                faded.append(int(hit[0]))
-                colours[faded[-1], 3] = 0.0  # what is not seen stops no ray
-        colours[faded, 3] = IN_FRONT
+        """Fade what stands between the camera and the robot."""
+        colours = self._model.geom_rgba
+        colours[:], self._model.geom_matid[:] = self._colours, self._materials
+        radius = self._log.mission.radius
+        colours[geoms_in_front(self._model, self._data, camera, radius), 3] = IN_FRONT
 
     def _lay_over(self, moment: Moment) -> None:
         costmap, mission = moment.costmap, self._log.mission

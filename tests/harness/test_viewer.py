@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from PIL import Image
@@ -14,6 +15,7 @@ from harness.reader import open_log
 from harness.viewer.boxes import runs, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
 from harness.viewer.moments import ahead, moments
+from harness.viewer.sight import geoms_in_front
 from harness.viewer.tiles import TILE, Tiles
 from harness.viewer.words import describe
 from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
@@ -234,6 +236,33 @@ def test_a_decision_that_is_not_there(tmp_path, failed):
     assert code == 2
     assert "no decision 999, expected 0 to" in told
     assert not out.exists()
+
+
+ROOM = """<mujoco><asset><material name="brick" rgba="1 0 0 1"/></asset><worldbody>
+<geom name="target" type="sphere" size="0.2" pos="0 0 1"/>
+<geom name="near" material="brick" type="box" size="0.1 3 3" pos="-2 0 1"/>
+<geom name="post" type="box" size="0.1 0.1 3" pos="-3 0.5 1"/>
+<geom name="behind" type="box" size="0.1 3 3" pos="2 0 1"/>
+<geom name="far_aside" type="box" size="0.1 0.1 3" pos="-3 2 1"/>
+<geom name="at_the_camera_s_back" type="box" size="0.1 3 3" pos="-8 0 1"/>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "names"),
+    [(0.0, 0.0, {"near", "post"}), (90.0, 0.0, set()), (180.0, 0.0, {"behind"}), (0.0, -90, set())],
+)
+def test_what_stands_in_front_is_found_and_nothing_else(azimuth, elevation, names):
+    model = mujoco.MjModel.from_xml_string(ROOM)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    camera = mujoco.MjvCamera()
+    camera.lookat[:], camera.distance = (0.0, 0.0, 1.0), 5.0
+    camera.azimuth, camera.elevation = azimuth, elevation
+    found = geoms_in_front(model, data, camera, 0.3)
+    assert {model.geom(geom).name for geom in found} == names
+    assert len(found) == len(names)
+    assert (model.geom_rgba[found, 3] == 0.0).all()
 
 
 def test_an_animation_plays_in_simulated_time(tmp_path, failed):
