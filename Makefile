@@ -2,7 +2,7 @@ PYTHON ?= python3
 BIN    := .venv/bin
 READY  := .venv/.ready
 
-.PHONY: demo test check lock schema help
+.PHONY: demo test check docs lock schema help
 
 help:  ## Show this list.
 	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
@@ -25,6 +25,9 @@ check: $(READY)  ## Lint, format, types.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(READY)  ## Build the documentation into site/; every link in it is checked.
+	$(BIN)/python -m sphinx -q -W --keep-going -c docs . site
 
 schema: $(READY)  ## Regenerate the protobuf code from harness/schema/*.proto.
 	$(BIN)/python -m grpc_tools.protoc --proto_path=. --python_out=. --pyi_out=. harness/schema/wayproof.proto harness/schema/foxglove.proto

@@ -16,6 +16,10 @@ from rich.console import Console
 from harness.errors import InputError, unknown_name
 from harness.verbs import VERBS, Document
 
+EXAMPLE = """\
+  wayproof run warehouse --robot drone --seed 4 --perturb pose_jump:5 --log d.mcap
+  wayproof explain d.mcap"""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
@@ -26,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if arguments and not arguments[0].startswith("-") and arguments[0] not in VERBS:
             raise unknown_name("verb", arguments[0], VERBS)
-        options = _parser().parse_args(arguments)
+        options = parsers()[0].parse_args(arguments)
         code, document = VERBS[options.verb].run(options, console)
     except InputError as error:
         code, document = 2, {"error": str(error)}
@@ -48,17 +52,16 @@ class _Parser(argparse.ArgumentParser):
 
 def verb_parsers() -> dict[str, argparse.ArgumentParser]:
     """The parser of each verb, by name."""
-    return _build()[1]
+    return parsers()[1]
 
 
-def _parser() -> argparse.ArgumentParser:
-    return _build()[0]
-
-
-def _build() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
+def parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
+    """The parser of the whole command, and those of its verbs, by name."""
     parser = _Parser(
         prog="wayproof",
         description="Was the space that the robot entered proven safe, and if not, why did it go?",
+        epilog=f"example:\n{EXAMPLE}\n\n'wayproof VERB --help' has one for each verb.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB", dest="verb")
     each: dict[str, argparse.ArgumentParser] = {}

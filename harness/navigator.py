@@ -157,6 +157,10 @@ class Navigator:
     def perceive(self, inputs: Inputs) -> None:
         """Bring map and costmap to where `step` has them when it decides, and decide nothing."""
         self.integrate(inputs)
+        self.inflate(inputs)
+
+    def inflate(self, inputs: Inputs) -> None:
+        """Bring the costmap up to date with the map, for inputs that it has taken in."""
         self.costmap.update(self._margin(inputs))
 
     def _margin(self, inputs: Inputs) -> float:

@@ -4,6 +4,7 @@ from harness.verbs import (
     audit,
     bench,
     compare,
+    completion,
     convert,
     demo,
     explain,
@@ -37,6 +38,7 @@ VERBS: dict[str, Verb] = {
     "demo": demo.VERB,
     "bench": bench.VERB,
     "import": import_world.VERB,
+    "completion": completion.VERB,
 }
 """Name on the command line -> verb, in the order in which `--help` shows them."""
 

@@ -16,6 +16,7 @@ from rich.text import Text
 from harness.config import Config, from_document, override, to_json
 from harness.errors import InputError
 from harness.perturbations import perturbation_from
+from harness.verbs.render import check_render, render
 from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
@@ -32,9 +33,14 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.perturb is not None:
         config = replace(config, perturbation=perturbation_from(options.perturb))
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
+    if options.render is not None:
+        check_render(config, options.render)
     result = run_one(config, path, console)
     print_verdict(console, result)
-    return (0 if result.outcome == "success" else 1), asdict(result)
+    code, document = (0 if result.outcome == "success" else 1), asdict(result)
+    if options.render is not None:
+        document["render"] = render(Path(result.log), options.render, console)
+    return code, document
 
 
 def episode_name(config: Config) -> str:
@@ -104,6 +110,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--perturb", metavar="KIND:SEVERITY[:MODE]", help="make one assumption wrong; 1 to 5"
     )
     parser.add_argument("--log", type=Path, metavar="FILE", help="the log's name")
+    parser.add_argument(
+        "--render", type=Path, metavar="FILE", help="then draw it, moving: a .gif or .mp4"
+    )
     add_log_folder(parser)
 
 

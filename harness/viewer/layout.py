@@ -52,7 +52,7 @@ def _column(root: str, log: Log) -> rrb.Vertical:
             contents=[f"/{root}/action", f"/{root}/label"],
             name="action and label",
         ),
-        row_shares=[10, 4, 4, 3],
+        row_shares=[10, 6, 4, 3],
         name=f"{root}: {log.path.name}, {log.result['outcome']}",
     )
 

@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
+import os
+from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.config import Config
 from harness.errors import InputError
 from harness.inputs import Beams
 from harness.mission import Mission
 from harness.navigator import Navigator, build_navigator
 from harness.reader import Log, Record
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import guarded, navigator_of
+from harness.twin import guarded
 from maps import Costmap, Representation
 
 Array = NDArray[np.float64]
+Item = TypeVar("Item")
 
 NO_RETURN_MM = 65535
+
+THREADS = min(2, os.cpu_count() or 1)
+"""That a map is made with at least; its bytes do not depend on them."""
+
+AHEAD = 8
+"""Records that are read before they are asked for."""
 
 
 @dataclass(frozen=True)
@@ -30,15 +43,24 @@ class Moment:
         record: Inputs, delay and decision as they are logged.
         truth: The simulator's, at the same time.
         beams: Geometry of its sensors, by name.
-        map: The map that the decision rests on; it changes with the next moment.
-        costmap: Likewise.
+        navigator: The stack with the map that the decision rests on; the next moment changes it.
     """
 
     record: Record
     truth: pb.Truth
     beams: Mapping[str, Beams]
-    map: Representation
-    costmap: Costmap
+    navigator: Navigator
+
+    @property
+    def map(self) -> Representation:
+        """That the decision rests on."""
+        return self.navigator.map
+
+    @cached_property
+    def costmap(self) -> Costmap:
+        """That the decision rests on; brought up to date when it is first asked for."""
+        guarded(_what(self.record), lambda: self.navigator.inflate(self.record.inputs))
+        return self.navigator.costmap
 
     @property
     def decision(self) -> pb.Decision:
@@ -73,32 +95,46 @@ def moments(log: Log) -> Iterator[Moment]:
         InputError: The log is damaged, or its sweeps were left out.
     """
     truths = {truth.sequence: truth for truth in log.truth()}
-    navigator, beams, at = navigator_of(log), log.beams, 0
+    navigator, beams, at = _navigator("the log's stack", log, log.config, log.beams), log.beams, 0
     if log.fork is not None:  # the new settings' map sees the first sweeps too, and then takes over
         navigator.carry(log.fork.beams)
-        fork = log.fork
-        before = guarded(
-            "the stack before the fork",
-            lambda: build_navigator(fork.config, log.mission, fork.beams),
-        )
+        before = _navigator("the stack before the fork", log, log.fork.config, log.fork.beams)
         at = log.fork.at
-    for record in log.records():
+    for record in ahead(log.records()):
         sequence = record.decision.sequence
         if sequence not in truths:
             raise InputError(f"log '{log.path}': decision {sequence} without its truth")
         shown, its_beams = navigator, beams
         if log.fork is not None and sequence < at:
-            _perceive(before, record)
+            _integrate(before, record)
             shown, its_beams = before, log.fork.beams
         elif log.fork is not None and sequence == at:
             navigator.carry(beams)
-        _perceive(navigator, record)
-        yield Moment(record, truths[sequence], its_beams, shown.map, shown.costmap)
+        _integrate(navigator, record)
+        yield Moment(record, truths[sequence], its_beams, shown)
 
 
-def _perceive(navigator: Navigator, record: Record) -> None:
-    what = f"decision {record.decision.sequence}"
-    guarded(what, lambda: navigator.perceive(record.inputs))
+def ahead(items: Iterator[Item]) -> Iterator[Item]:
+    """The same items, the next few of them made in a thread meanwhile."""
+    end = object()
+    with ThreadPoolExecutor(1, "records") as reader:
+        waiting = deque(reader.submit(next, items, end) for _ in range(AHEAD))
+        while (item := waiting.popleft().result()) is not end:
+            waiting.append(reader.submit(next, items, end))
+            yield item  # type: ignore[misc]
+
+
+def _navigator(what: str, log: Log, config: Config, beams: Mapping[str, Beams]) -> Navigator:
+    config = replace(config, threads=max(config.threads, THREADS))
+    return guarded(what, lambda: build_navigator(config, log.mission, beams))
+
+
+def _integrate(navigator: Navigator, record: Record) -> None:
+    guarded(_what(record), lambda: navigator.integrate(record.inputs))
+
+
+def _what(record: Record) -> str:
+    return f"decision {record.decision.sequence}"
 
 
 def points_of(points: object) -> Array:

@@ -26,10 +26,11 @@ from harness.twin import guarded
 from harness.viewer.boxes import flat_boxes, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
 from harness.viewer.moments import Moment, moments, points_of, standing_low
+from harness.viewer.sight import geoms_in_front
 from maps import UNKNOWN
 
 SIZE = (960, 640)
-"""Width and height of a picture, pixels; an animation has half of it."""
+"""Width and height of a picture, pixels."""
 
 MOST_GEOMS = 60_000
 
@@ -39,11 +40,14 @@ OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
 OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
 GUIDE, COMMITTED, TRAIL = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0), (0.85, 0.1, 0.1, 1.0)
 
-DISTANCE, ELEVATION = 7.0, -42.0  # of the camera from the robot, m and degrees
+DISTANCE, ELEVATION = 7.0, -46.0  # of the camera from the robot, m and degrees
 
 SIGHT = 10.0
 """Farther from the robot no occupied cells are drawn, m: most of them would be out of the picture,
 and each costs time."""
+
+IN_FRONT = 0.12
+"""How opaque what stands between camera and robot is."""
 
 Box = NDArray[np.float64]
 
@@ -51,8 +55,13 @@ Box = NDArray[np.float64]
 class Stage:
     """The scene of one log, to be drawn again and again."""
 
-    def __init__(self, log: Log, size: tuple[int, int]) -> None:
-        """Compile the log's scene and open an offscreen renderer of a width and height in pixels.
+    def __init__(self, log: Log, size: tuple[int, int], smooth: bool = True) -> None:
+        """Compile the log's scene and open an offscreen renderer.
+
+        Args:
+            log: Its scene is drawn.
+            size: Width and height, pixels.
+            smooth: Whether edges are smoothed, which takes most of the time without a GPU.
 
         Raises:
             InputError: The scene is none of this robot, or nothing can be drawn here.
@@ -64,6 +73,8 @@ class Stage:
         self._trail: list[NDArray[np.float64]] = []
         model.vis.global_.offwidth, model.vis.global_.offheight = size
         _dim(model)
+        _simplify(model, smooth)
+        self._colours, self._materials = model.geom_rgba.copy(), model.geom_matid.copy()
         self._options = mujoco.MjvOption()
         self._options.geomgroup[:] = 1  # the robot's own among them
         self._options.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
@@ -94,7 +105,9 @@ class Stage:
     def draw(self, moment: Moment) -> Image.Image:
         """One moment."""
         self._pose(moment)
-        self._renderer.update_scene(self._data, self._camera(moment), self._options)
+        camera = self._camera(moment)
+        self._see_through(camera)
+        self._renderer.update_scene(self._data, camera, self._options)
         self._lay_over(moment)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._renderer.scene.flags[flag] = 0  # of boxes that are not there
@@ -127,6 +140,13 @@ class Stage:
         camera.azimuth, camera.elevation = math.degrees(along), ELEVATION
         camera.distance = DISTANCE
         return camera
+
+    def _see_through(self, camera: mujoco.MjvCamera) -> None:
+        """Fade what stands between the camera and the robot."""
+        colours = self._model.geom_rgba
+        colours[:], self._model.geom_matid[:] = self._colours, self._materials
+        radius = self._log.mission.radius
+        colours[geoms_in_front(self._model, self._data, camera, radius), 3] = IN_FRONT
 
     def _lay_over(self, moment: Moment) -> None:
         costmap, mission = moment.costmap, self._log.mission
@@ -181,6 +201,14 @@ def _dim(model: mujoco.MjModel) -> None:
     model.light_diffuse[:], model.light_ambient[:], model.light_specular[:] = 0.15, 0.0, 0.0
 
 
+def _simplify(model: mujoco.MjModel, smooth: bool) -> None:
+    """Boxes of one face a side: the light is even, and thousands are drawn."""
+    quality = model.vis.quality
+    quality.numquads, quality.numslices, quality.numstacks = 1, 16, 8
+    if not smooth:
+        quality.offsamples = 0
+
+
 def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = False) -> None:
     """One decision as a picture.
 
@@ -194,30 +222,9 @@ def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = Fal
             stage.follow(moment)
             count += 1
             if moment.decision.sequence == sequence:
-                _write(out, [drawn(stage, moment)], 0)
+                _write(out, drawn(stage, moment))
                 return
     raise InputError(f"log '{path}': no decision {sequence}, expected 0 to {count - 1}")
-
-
-def draw_animation(path: Path, out: Path, period_s: float, allow_plugins: bool = False) -> int:
-    """A whole log as a GIF in simulated time, a frame each period; returns the number of frames.
-
-    Raises:
-        InputError: The log cannot be read, or nothing can be drawn here.
-    """
-    log = open_log(path, allow_plugins)
-    frames: list[Image.Image] = []
-    next_ns = 0
-    with Stage(log, (SIZE[0] // 2, SIZE[1] // 2)) as stage:
-        for moment in moments(log):
-            stage.follow(moment)
-            if moment.time_ns >= next_ns:
-                next_ns = moment.time_ns + round(period_s * 1e9) - 1
-                frames.append(drawn(stage, moment).quantize(64, dither=Image.Dither.NONE))
-    if not frames:
-        raise InputError(f"log '{path}': no decisions in it")
-    _write(out, frames, round(period_s * 1e3))
-    return len(frames)
 
 
 def drawn(stage: Stage, moment: Moment) -> Image.Image:
@@ -225,15 +232,12 @@ def drawn(stage: Stage, moment: Moment) -> Image.Image:
     return guarded(f"decision {moment.decision.sequence}", lambda: stage.draw(moment))
 
 
-def _write(out: Path, frames: list[Image.Image], period_ms: int) -> None:
+def _write(out: Path, picture: Image.Image) -> None:
     """Whole or not at all."""
     partial = out.with_name(f"{out.name}.partial")
-    more: dict[str, Any] = {}
-    if period_ms:
-        more = {"save_all": True, "append_images": frames[1:], "duration": period_ms, "loop": 0}
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        frames[0].save(partial, format=out.suffix[1:], optimize=True, **more)
+        picture.save(partial, format="png", optimize=True)
         partial.replace(out)
     except OSError as error:
         partial.unlink(missing_ok=True)

@@ -5,7 +5,8 @@ Rerun is imported here and in `layout.py` alone: it is large, and no headless ru
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -15,6 +16,7 @@ from harness.reader import Log
 from harness.schema import wayproof_pb2 as pb
 from harness.viewer.layer import FRONTIER, INFLATED, kinds, layer_at
 from harness.viewer.moments import Moment, moments, points_of, standing_low
+from harness.viewer.rows import Rows
 from harness.viewer.tiles import Tiles
 from harness.viewer.words import describe
 from maps import FREE, OCCUPIED, UNKNOWN
@@ -22,13 +24,16 @@ from maps import FREE, OCCUPIED, UNKNOWN
 MOST_HITS = 3000
 """Ends of beams that are shown of a sweep."""
 
-SWEEP_PERIOD_NS = 200_000_000
+SWEEP_PERIOD_NS = LAYER_PERIOD_NS = 200_000_000
 CELLS_PERIOD_NS = 1_000_000_000
-"""Of simulated time, between sweeps and between looks for changed cells. Layers and decisions are
-shown each time."""
+"""Of simulated time, between sweeps, layers and looks for changed cells. Decisions are shown each
+time."""
 
 RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
 """Values that RViz's colours for maps show grey, white, black, orange and green."""
+
+_CODES = np.zeros(256, np.uint8)
+_CODES[list(RVIZ_MAP)] = list(RVIZ_MAP.values())
 
 GUIDE, COMMITTED, BELIEVED, TRUE = (60, 110, 235), (20, 170, 70), (60, 110, 235), (210, 40, 40)
 HIT, MOVER, FAILURE = (150, 80, 200), (230, 140, 20), (255, 0, 0)
@@ -47,39 +52,6 @@ ACTIONS = {
 """Colour of each action on its lane."""
 
 
-@dataclass
-class Plots:
-    """Curves over simulated time, sent in one go at the end."""
-
-    times: list[float] = field(default_factory=list)
-    curves: dict[str, list[float]] = field(default_factory=dict)
-
-    def add(self, moment: Moment) -> None:
-        """One more sample of every curve."""
-        decision, truth, stages = moment.decision, moment.truth, moment.decision.stages
-        self.times.append(moment.time_ns * 1e-9)
-        values = {
-            "motion/speed_m_s": float(np.linalg.norm(truth.velocity)),
-            "motion/true_clearance_m": truth.clearance_m,
-            "motion/committed_m": decision.committed_length_m,
-            "latency/sense_ms": stages.sense_ms,
-            "latency/map_ms": stages.map_ms,
-            "latency/costmap_ms": stages.costmap_ms,
-            "latency/plan_ms": stages.plan_ms,
-            "latency/delay_ms": decision.delay_s * 1e3,
-            "latency/deadline_ms": decision.deadline_s * 1e3,
-        }
-        for name, value in values.items():
-            self.curves.setdefault(name, []).append(value)
-
-    def send(self, stream: rr.RecordingStream, root: str) -> None:
-        """Every curve, a column each."""
-        index = rr.TimeColumn("time", duration=np.array(self.times))
-        for name, values in self.curves.items():
-            columns = rr.Scalars.columns(scalars=np.array(values))
-            stream.send_columns(f"{root}/plots/{name}", [index], columns)
-
-
 def show_log(stream: rr.RecordingStream, log: Log, root: str) -> int:
     """Send a whole log under one root of entities; returns the number of decisions.
 
@@ -87,44 +59,150 @@ def show_log(stream: rr.RecordingStream, log: Log, root: str) -> int:
         InputError: The log is damaged, or its sweeps were left out.
     """
     _show_mission(stream, log, root)
-    tiles = Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
-    plots = Plots()
-    layer_before: NDArray[np.uint8] | None = None
-    swept_ns = cells_ns = -(10**12)
-    place: list[float] | None = None
+    artist = _Artist(stream, log, root)
+    count = 0
     moment = None
     for moment in moments(log):
+        artist.show(moment)
+        count += 1
+    if moment is not None:
+        artist.finish(moment)
+        _show_end(stream, log, moment, root)
+    return count
+
+
+class _Artist:
+    """What is shown of each moment, and what was shown before it."""
+
+    def __init__(self, stream: rr.RecordingStream, log: Log, root: str) -> None:
+        self._stream, self._root = stream, root
+        self._rows = Rows(stream, root)
+        self._tiles = Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
+        self._top = max(log.mission.high[2], 1.0)
+        self._frame: object = None
+        self._layer: NDArray[np.uint8] | None = None
+        self._place: list[float] | None = None
+        self._layer_ns = self._swept_ns = self._cells_ns = -(10**12)
+
+    def show(self, moment: Moment) -> None:
+        """One moment."""
         now = moment.time_ns
-        stream.set_time("time", duration=np.timedelta64(now, "ns"))
-        stream.set_time("decision", sequence=moment.decision.sequence)
-        _show_decision(stream, moment, root)
-        _show_truth(stream, moment.truth, place, root)
-        place = list(moment.truth.position)
-        layer_before = _show_layer(stream, moment, layer_before, root)
-        if now - swept_ns >= SWEEP_PERIOD_NS:
-            swept_ns = now
-            hits = moment.hits(MOST_HITS)
-            stream.log(
-                f"{root}/world/sweep",
-                rr.Points3D(hits.astype(np.float32), radii=HIT_RADIUS, colors=HIT),
+        self._rows.begin(now, moment.decision.sequence)
+        self._show_decision(moment)
+        self._show_truth(moment.truth)
+        for name, value in curves(moment).items():
+            self._rows.put(f"plots/{name}", rr.Scalars, scalars=value)
+        if now - self._layer_ns >= LAYER_PERIOD_NS:
+            self._layer_ns = now
+            self._show_layer(moment)
+        if now - self._swept_ns >= SWEEP_PERIOD_NS:
+            self._swept_ns = now
+            hits = moment.hits(MOST_HITS).astype(np.float32)
+            self._rows.put_many("world/sweep", rr.Points3D, positions=hits)
+        if now - self._cells_ns >= CELLS_PERIOD_NS:
+            self._cells_ns = now
+            self._show_cells(moment)
+
+    def finish(self, last: Moment) -> None:
+        """Layer and cells as they are at the end."""
+        self._show_layer(last)
+        self._show_cells(last)
+        self._rows.send()
+
+    def _show_decision(self, moment: Moment) -> None:
+        decision, pose, rows = moment.decision, moment.record.inputs.pose, self._rows
+        rows.put("world/robot", rr.Transform3D, **_transform(pose.position, pose.quaternion))
+        guide, path = points_of(decision.guide), points_of(decision.trajectory.path)
+        rows.put("world/guide", rr.LineStrips3D, strips=guide)
+        rows.put("world/trajectory", rr.LineStrips3D, strips=path)
+        rows.put("decision", rr.TextDocument, text=describe(decision))
+        rows.put("action", rr.StateChange, state=decision.action)
+        rows.put("label", rr.StateChange, state=decision.label)
+        level = "INFO" if decision.label == "none" else "WARN"
+        told = f"{decision.action}: {decision.reason}"
+        rows.put("reasons", rr.TextLog, text=told, level=level)
+
+    def _show_truth(self, truth: pb.Truth) -> None:
+        place = list(truth.position)
+        self._rows.put("world/truth", rr.Transform3D, **_transform(place, truth.quaternion))
+        if self._place is not None:  # a piece at each time; the layout shows all up to now
+            piece = np.array([self._place, place])
+            self._rows.put("world/trail", rr.LineStrips3D, strips=piece)
+        self._place = place
+        if truth.movers:
+            present = [mover for mover in truth.movers if mover.present]
+            places = np.array([mover.position for mover in present]).reshape(-1, 3)
+            names = [mover.name for mover in present]
+            self._rows.put_many("world/movers", rr.Points3D, positions=places, labels=names)
+
+    def _show_layer(self, moment: Moment) -> None:
+        """The layer that the robot moves in, if it is another than the one shown."""
+        costmap = moment.costmap
+        told = kinds(costmap, layer_at(costmap, float(moment.record.inputs.pose.position[2])))
+        if self._layer is not None and np.array_equal(self._layer, told):
+            return
+        self._layer = told
+        self._show_frame(moment)
+        image = _CODES[told].T[::-1]  # (ny, nx), the greatest y first
+        self._rows.put("world/layer", rr.GridMap, data=image.tobytes())
+
+    def _show_frame(self, moment: Moment) -> None:
+        """Where the layer lies: once, and again where a fork changes it."""
+        costmap = moment.costmap
+        width, height, _ = costmap.shape
+        frame = (width, height, costmap.resolution, *costmap.origin[:2])
+        if frame == self._frame:
+            return
+        self._frame = frame
+        self._stream.set_time("time", duration=np.timedelta64(moment.time_ns, "ns"))
+        self._stream.set_time("decision", sequence=moment.decision.sequence)
+        grid = rr.GridMap.from_fields(
+            format=rr.components.ImageFormat(
+                width=width, height=height, color_model="L", channel_datatype="U8"
+            ),
+            cell_size=costmap.resolution,
+            translation=[*costmap.origin[:2], 0.0],
+            colormap=rr.components.Colormap.RvizMap,
+            opacity=0.9,
+        )
+        self._stream.log(f"{self._root}/world/layer", grid)
+
+    def _show_cells(self, moment: Moment) -> None:
+        half = np.array([0.5 * moment.map.resolution], np.float32)
+        for name, centres in self._tiles.changed(moment.map):
+            shade = (50 + 170 * np.clip(centres[:, 2] / self._top, 0.0, 1.0)).astype(np.uint32)
+            colours = (shade // 2) << 24 | shade << 16 | (255 - shade // 2) << 8 | 255
+            self._rows.put_many(
+                f"world/occupied/{name}",
+                rr.Points3D,
+                positions=centres.astype(np.float32),
+                colors=colours,
+                radii=half,
             )
-        if now - cells_ns >= CELLS_PERIOD_NS:
-            cells_ns = now
-            _show_cells(stream, log, moment, tiles, root)
-        plots.add(moment)
-    if moment is None:
-        return 0
-    _show_cells(stream, log, moment, tiles, root)
-    _show_end(stream, log, moment, root)
-    plots.send(stream, root)
-    return len(plots.times)
+
+
+def curves(moment: Moment) -> dict[str, float]:
+    """What is plotted over simulated time, by the name of its curve."""
+    decision, truth, stages = moment.decision, moment.truth, moment.decision.stages
+    return {
+        "motion/speed_m_s": float(np.linalg.norm(truth.velocity)),
+        "motion/true_clearance_m": truth.clearance_m,
+        "motion/committed_m": decision.committed_length_m,
+        "latency/sense_ms": stages.sense_ms,
+        "latency/map_ms": stages.map_ms,
+        "latency/costmap_ms": stages.costmap_ms,
+        "latency/plan_ms": stages.plan_ms,
+        "latency/delay_ms": decision.delay_s * 1e3,
+        "latency/deadline_ms": decision.deadline_s * 1e3,
+    }
 
 
 def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
     mission, world = log.mission, f"{root}/world"
     stream.log(world, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    goal = rr.Points3D([mission.goal], radii=0.12, colors=COMMITTED, labels=["goal"])
+    goal = rr.Points3D([mission.goal], radii=0.12, colors=COMMITTED)
     stream.log(f"{world}/goal", goal, static=True)
+    stream.log(f"{world}/goal/words", _words(mission.goal, "goal"), static=True)
     ahead = rr.Arrows3D(vectors=[[1.6 * mission.radius, 0.0, 0.0]], radii=0.02, colors=BELIEVED)
     stream.log(f"{world}/robot/ahead", ahead, static=True)
     for name, colour in (("robot", BELIEVED), ("truth", TRUE)):
@@ -139,74 +217,17 @@ def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
             stream.log(f"{world}/{name}/body", disc, static=True)
     lanes = rr.StateConfiguration(values=list(ACTIONS), colors=list(ACTIONS.values()))
     stream.log(f"{root}/action", lanes, static=True)
-
-
-def _show_decision(stream: rr.RecordingStream, moment: Moment, root: str) -> None:
-    decision, pose = moment.decision, moment.record.inputs.pose
-    world = f"{root}/world"
-    stream.log(f"{world}/robot", _transform(pose.position, pose.quaternion))
-    guide, path = points_of(decision.guide), points_of(decision.trajectory.path)
-    stream.log(f"{world}/guide", rr.LineStrips3D([guide], radii=LINE, colors=GUIDE))
-    stream.log(f"{world}/trajectory", rr.LineStrips3D([path], radii=2 * LINE, colors=COMMITTED))
-    stream.log(f"{root}/decision", rr.TextDocument(describe(decision), media_type="text/markdown"))
-    stream.log(f"{root}/action", rr.StateChange(state=decision.action))
-    stream.log(f"{root}/label", rr.StateChange(state=decision.label))
-    level = "INFO" if decision.label == "none" else "WARN"
-    stream.log(f"{root}/reasons", rr.TextLog(f"{decision.action}: {decision.reason}", level=level))
-
-
-def _show_truth(
-    stream: rr.RecordingStream, truth: pb.Truth, before: list[float] | None, root: str
-) -> None:
-    world, place = f"{root}/world", list(truth.position)
-    stream.log(f"{world}/truth", _transform(np.array(place), np.array(truth.quaternion)))
-    if before is not None:  # a piece at each time; the layout shows all up to now
-        stream.log(f"{world}/trail", rr.LineStrips3D([[before, place]], radii=LINE, colors=TRUE))
-    present = [mover for mover in truth.movers if mover.present]
-    if truth.movers:
-        places, names = [list(one.position) for one in present], [one.name for one in present]
-        shown = rr.Points3D(places, radii=0.25, colors=MOVER, labels=names)
-        stream.log(f"{world}/movers", shown)
-
-
-def _show_layer(
-    stream: rr.RecordingStream, moment: Moment, before: NDArray[np.uint8] | None, root: str
-) -> NDArray[np.uint8]:
-    """The layer that the robot moves in, if it is another than the one shown."""
-    costmap = moment.costmap
-    layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-    told = kinds(costmap, layer)
-    if before is not None and np.array_equal(before, told):
-        return told
-    codes = np.zeros(256, np.uint8)
-    for kind, code in RVIZ_MAP.items():
-        codes[kind] = code
-    image = codes[told].T[::-1]  # (ny, nx), the greatest y first
-    width, height = told.shape
-    grid = rr.GridMap(
-        data=image.tobytes(),
-        format=rr.components.ImageFormat(
-            width=width, height=height, color_model="L", channel_datatype="U8"
-        ),
-        cell_size=costmap.resolution,
-        translation=[*costmap.origin[:2], 0.0],
-        colormap=rr.components.Colormap.RvizMap,
-        opacity=0.9,
-    )
-    stream.log(f"{root}/world/layer", grid)
-    return told
-
-
-def _show_cells(
-    stream: rr.RecordingStream, log: Log, moment: Moment, tiles: Tiles, root: str
-) -> None:
-    top = max(log.mission.high[2], 1.0)
-    half = 0.5 * moment.map.resolution
-    for name, centres in tiles.changed(moment.map):
-        shade = (50 + 170 * np.clip(centres[:, 2] / top, 0.0, 1.0)).astype(np.uint8)
-        colours = np.stack([shade // 2, shade, 255 - shade // 2], axis=1)
-        cells = rr.Points3D(centres.astype(np.float32), radii=half, colors=colours)
-        stream.log(f"{root}/world/occupied/{name}", cells)
+    styles = {
+        "sweep": rr.Points3D.from_fields(radii=HIT_RADIUS, colors=HIT),
+        "movers": rr.Points3D.from_fields(radii=0.25, colors=MOVER),
+        "guide": rr.LineStrips3D.from_fields(radii=LINE, colors=GUIDE),
+        "trajectory": rr.LineStrips3D.from_fields(radii=2 * LINE, colors=COMMITTED),
+        "trail": rr.LineStrips3D.from_fields(radii=LINE, colors=TRUE),
+    }
+    for name, style in styles.items():
+        stream.log(f"{world}/{name}", style, static=True)
+    markdown = rr.TextDocument.from_fields(media_type="text/markdown")
+    stream.log(f"{root}/decision", markdown, static=True)
 
 
 def _show_end(stream: rr.RecordingStream, log: Log, last: Moment, root: str) -> None:
@@ -222,12 +243,17 @@ def _show_end(stream: rr.RecordingStream, log: Log, last: Moment, root: str) -> 
             stream.log(f"{root}/{lane}", rr.StateChange(state=""))
     if good:
         return
-    mark = rr.Points3D(
-        [list(last.truth.position)], radii=0.25, colors=FAILURE, labels=[f"{outcome}: {reason}"]
-    )
+    place = list(last.truth.position)
+    mark = rr.Points3D([place], radii=0.25, colors=FAILURE)
     stream.log(f"{root}/world/failure", mark)
+    stream.log(f"{root}/world/failure/words", _words(place, f"{outcome}: {reason}"))
 
 
-def _transform(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> rr.Transform3D:
+def _words(place: Sequence[float], words: str) -> rr.Points3D:
+    """A label of its own: in the colour of what it names nobody could read it."""
+    return rr.Points3D([list(place)], radii=0.02, colors=(255, 255, 255), labels=[words])
+
+
+def _transform(position: Iterable[float], quaternion: Iterable[float]) -> dict[str, Any]:
     w, x, y, z = quaternion
-    return rr.Transform3D(translation=position, quaternion=rr.Quaternion(xyzw=[x, y, z, w]))
+    return {"translation": list(position), "quaternion": rr.Quaternion(xyzw=[x, y, z, w])}

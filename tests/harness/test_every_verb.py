@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import shutil
 import subprocess
 import sys
 
@@ -21,6 +22,7 @@ WRONG = {
     "import": ["no-such-file.stl"],
     "picture": ["no-such.mcap", "1"],
     "convert": ["no-such.mcap", "--foxglove", "x.mcap"],
+    "completion": ["fish"],
 }
 """Words after each verb that it must refuse; the others take a log."""
 
@@ -71,19 +73,47 @@ def test_bad_input_is_one_document_on_stdout_and_one_line_on_stderr(
         ["score"],
         ["view", "--save", "x.rrd"],
         ["convert", "--foxglove", "x.mcap"],
+        ["explain"],
+        ["explain", "3", "--png", "x.png"],
+        ["recover", "--out", "x.mcap"],
         ["list"],
+        ["completion", "zsh"],
     ],
     ids=lambda words: words[0],
 )
 def test_good_input_is_one_document_and_nothing_else(capfd, monkeypatch, tmp_path, recorded, words):
     verb, *more = words
-    paths = [] if verb == "list" else [recorded("empty", "drone", 1).log]
+    paths = [] if verb in ("list", "completion") else [recorded("empty", "drone", 1).log]
     monkeypatch.chdir(tmp_path)
     assert main([verb, *paths, *more, "--json"]) == 0
     shown = capfd.readouterr()
     assert isinstance(json.loads(shown.out), dict)
     assert shown.out.count("\n") == 1
     assert shown.err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["wayproof", "re"], {"replay", "report", "recover"}),
+        (["wayproof", "run", "ware"], {"warehouse"}),
+        (["wayproof", "run", "warehouse", "--robot", "q"], {"quadruped"}),
+        (["wayproof", "run", "warehouse", "--perturb", "pose_jump:"], {"pose_jump:1"}),
+        (["wayproof", "view", "x.mcap", "--sa"], {"--save"}),
+    ],
+)
+def test_bash_completes(capsys, tmp_path, words, expected):
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("no bash here")
+    assert main(["completion", "bash"]) == 0
+    script = tmp_path / "complete.bash"
+    script.write_text(capsys.readouterr().out)
+    typed = shlex.join(words)
+    ask = f"COMP_WORDS=({typed}); COMP_CWORD={len(words) - 1}; _shtab_wayproof"
+    command = f"source {script}; {ask}; echo ${{COMPREPLY[@]}}"
+    shown = subprocess.run([bash, "-c", command], capture_output=True, text=True, check=True)
+    assert expected <= set(shown.stdout.split())
 
 
 def test_no_colour_on_request_and_none_into_a_pipe():

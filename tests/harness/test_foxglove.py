@@ -1,5 +1,6 @@
 """A converted log is read here as a stranger would: by mcap's reader and the file's own schemas."""
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -70,6 +71,50 @@ def test_each_topic_has_the_schema_that_a_viewer_knows(converted):
         "/truth": "wayproof.Truth",
         "/latency": "wayproof.Latency",
     }
+
+
+STRANGER = """
+import importlib, sys
+from google.protobuf.unknown_fields import UnknownFieldSet
+from mcap.reader import make_reader
+
+def unknown(message):
+    for _ in UnknownFieldSet(message):
+        return True
+    for field, value in message.ListFields():
+        if field.message_type and any(
+            unknown(one) for one in (value if field.is_repeated else [value])
+        ):
+            return True
+    return False
+
+read = {}
+with open(sys.argv[1], "rb") as file:
+    for schema, channel, message in make_reader(file).iter_messages():
+        if not schema.name.startswith("foxglove."):
+            continue
+        name = schema.name.removeprefix("foxglove.")
+        module = importlib.import_module(f"foxglove_schemas_protobuf.{name}_pb2")
+        told = getattr(module, name).FromString(message.data)
+        assert not unknown(told), schema.name
+        assert told.SerializeToString(deterministic=True) == message.data, schema.name
+        read[name] = read.get(name, 0) + 1
+assert not any(module.startswith("harness") for module in sys.modules)
+print(sorted(read))
+"""
+
+
+def test_foxglove_s_own_classes_read_every_message(log, tmp_path):
+    """In a process of its own: two definitions of one message cannot live side by side."""
+    if importlib.util.find_spec("foxglove_schemas_protobuf") is None:
+        pytest.skip("foxglove-schemas-protobuf is not installed")
+    out = tmp_path / "x.mcap"
+    assert main(["convert", str(log), "--foxglove", str(out)]) == 0
+    command = [sys.executable, "-W", "error", "-c", STRANGER, str(out)]
+    read = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert read.returncode == 0, read.stderr
+    known = ["FrameTransforms", "Grid", "Log", "PointCloud", "SceneUpdate"]
+    assert read.stdout.strip() == str(known)
 
 
 def test_decisions_are_those_of_the_log(converted, log):

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from PIL import Image
@@ -13,7 +14,8 @@ from harness.fork import fork
 from harness.reader import open_log
 from harness.viewer.boxes import runs, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
-from harness.viewer.moments import moments
+from harness.viewer.moments import ahead, moments
+from harness.viewer.sight import geoms_in_front
 from harness.viewer.tiles import TILE, Tiles
 from harness.viewer.words import describe
 from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
@@ -29,6 +31,9 @@ def log(recorded):
 @pytest.fixture(scope="module")
 def failed(recorded):
     return Path(recorded("empty", "drone", 1, "episode.time_limit=1").log)
+
+
+RUN = ["run", "empty", "--robot", "drone", "--seed", "1", "--set", "episode.time_limit=1"]
 
 
 def seen_map():
@@ -99,6 +104,27 @@ def test_each_moment_has_the_map_that_its_decision_names(log):
     assert seen == int(open_log(log).result["decisions"])
 
 
+def test_a_costmap_that_is_asked_for_now_and_then_is_the_same(log):
+    each = [moment.costmap.state.copy() for moment in moments(open_log(log))]
+    fields = [moment.costmap.obstacle_clearance.copy() for moment in moments(open_log(log))]
+    for place, moment in enumerate(moments(open_log(log))):
+        if place % 3 == 2:
+            np.testing.assert_array_equal(moment.costmap.state, each[place])
+            np.testing.assert_array_equal(moment.costmap.obstacle_clearance, fields[place])
+
+
+def test_what_is_made_ahead_comes_in_order_and_its_failure_at_its_place():
+    def items():
+        yield from range(20)
+        raise ValueError("here")
+
+    got = []
+    with pytest.raises(ValueError, match="here"):
+        got.extend(ahead(items()))  # what came before is kept by extend
+    assert got == list(range(20))
+    assert list(ahead(iter(()))) == []
+
+
 def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
     forked = tmp_path / "fork.mcap"
     fork(log, 6, ["map.inflation_margin=0.2", "episode.time_limit=2"], forked)
@@ -163,11 +189,14 @@ def test_no_display_is_told_in_a_line(capsys, monkeypatch, log):
     [
         (["view", "LOG", "--save", "x.png"], "a name that ends in .rrd"),
         (["view", "none.mcap", "--save", "x.rrd"], "no such file"),
-        (["picture", "LOG"], "expected a decision's number N, or --gif"),
-        (["picture", "LOG", "3", "--gif", "x.gif"], "and not both"),
+        (["picture", "LOG"], "expected a decision's number N, or --movie"),
+        (["picture", "LOG", "3", "--movie", "x.gif"], "and not both"),
         (["picture", "LOG", "3", "--out", "x.gif"], "a name that ends in .png"),
         (["picture", "LOG", "-3"], "N: got -3, expected 0 or more"),
-        (["picture", "LOG", "--gif", "x.gif", "--period", "0"], "--period: got 0"),
+        (["picture", "LOG", "--movie", "x.avi"], "a name that ends in .gif or .mp4"),
+        (["picture", "LOG", "--movie", "x.gif", "--period", "0"], "--period: got 0"),
+        ([*RUN, "--render", "x.png"], "a name that ends in .gif or .mp4"),
+        ([*RUN, "--render", "x.gif", "--set", "record=decisions"], "got record=decisions"),
     ],
 )
 def test_bad_input_is_a_line_and_leaves_nothing(
@@ -209,10 +238,60 @@ def test_a_decision_that_is_not_there(tmp_path, failed):
     assert not out.exists()
 
 
+ROOM = """<mujoco><asset><material name="brick" rgba="1 0 0 1"/></asset><worldbody>
+<geom name="target" type="sphere" size="0.2" pos="0 0 1"/>
+<geom name="near" material="brick" type="box" size="0.1 3 3" pos="-2 0 1"/>
+<geom name="post" type="box" size="0.1 0.1 3" pos="-3 0.5 1"/>
+<geom name="behind" type="box" size="0.1 3 3" pos="2 0 1"/>
+<geom name="far_aside" type="box" size="0.1 0.1 3" pos="-3 2 1"/>
+<geom name="at_the_camera_s_back" type="box" size="0.1 3 3" pos="-8 0 1"/>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "names"),
+    [(0.0, 0.0, {"near", "post"}), (90.0, 0.0, set()), (180.0, 0.0, {"behind"}), (0.0, -90, set())],
+)
+def test_what_stands_in_front_is_found_and_nothing_else(azimuth, elevation, names):
+    model = mujoco.MjModel.from_xml_string(ROOM)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    camera = mujoco.MjvCamera()
+    camera.lookat[:], camera.distance = (0.0, 0.0, 1.0), 5.0
+    camera.azimuth, camera.elevation = azimuth, elevation
+    found = geoms_in_front(model, data, camera, 0.3)
+    assert {model.geom(geom).name for geom in found} == names
+    assert len(found) == len(names)
+    assert (model.geom_rgba[found, 3] == 0.0).all()
+
+
 def test_an_animation_plays_in_simulated_time(tmp_path, failed):
     out = tmp_path / "x.gif"
-    words = ["picture", str(failed), "--gif", str(out), "--period", "0.5"]
+    words = ["picture", str(failed), "--movie", str(out), "--period", "0.5"]
     assert drawn(words) == (0, "")
     with Image.open(out) as animation:
         assert animation.n_frames == 3
         assert animation.info["duration"] == 500
+
+
+def test_an_episode_is_rendered_once_it_is_run(tmp_path):
+    av = pytest.importorskip("av")
+    out = tmp_path / "films" / "x.mp4"
+    code, told = drawn([*RUN, "--log", str(tmp_path / "x.mcap"), "--render", str(out)])
+    assert (code, told) == (1, "")  # a second is too short to arrive
+    with av.open(str(out)) as film:
+        stream = film.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
+    assert stream.average_rate == 5
+    assert len(frames) == 6
+    assert frames[0].shape == (480, 720, 3)
+    assert frames[0].std() > 20
+    assert not list(out.parent.glob("*.partial"))
+
+
+def test_a_missing_encoder_is_told_before_the_episode(capsys, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "av", None)
+    monkeypatch.chdir(tmp_path)
+    assert main([*RUN, "--render", "x.mp4"]) == 2
+    assert "pip install av (the extra 'video'), or name a .gif" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,41 @@
+"""`wayproof run --render`: the episode that has just been logged, as a movie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from harness.config import Config
+from harness.errors import InputError
+
+PERIOD = 0.2
+"""Between frames, s of simulated time."""
+
+
+def check_render(config: Config, out: Path) -> None:
+    """Raise before the episode for what would only be found after it.
+
+    Raises:
+        InputError: The episode's log could not be drawn here, or not into this file.
+    """
+    if config.record != "full":
+        raise InputError(f"--render: got record={config.record}, expected full: it draws the log")
+    from harness.viewer.driver import choose_driver
+
+    choose_driver()
+    from harness.viewer.movie import check_movie
+
+    check_movie(out, PERIOD)
+
+
+def render(log: Path, out: Path, console: Console) -> dict[str, Any]:
+    """Draw the whole log, and tell."""
+    from harness.viewer.movie import draw_movie
+
+    with console.status("drawing"):
+        frames = draw_movie(log, out, PERIOD, allow_plugins=True)  # it has just been run
+    size = out.stat().st_size * 1e-6
+    console.print(f"movie: {out}, {frames} frames, {size:.2f} MB", soft_wrap=True, highlight=False)
+    return {"out": str(out), "frames": frames, "megabytes": size}

@@ -1,0 +1,177 @@
+"""A whole log as a moving picture, in simulated time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import numpy as np
+from PIL import Image
+
+from harness.errors import InputError
+from harness.log import check_folder
+from harness.reader import open_log
+from harness.viewer.driver import check_driver
+from harness.viewer.moments import moments
+from harness.viewer.picture import Stage, drawn
+
+LEAST_PERIOD = 0.02
+"""Between frames, s: viewers play no GIF faster."""
+
+GREATEST_PERIOD = 60.0
+
+GIF_COLOURS = 64
+
+MP4_QUALITY = "23"
+"""Constant rate factor, x264's own default."""
+
+
+class Movie(AbstractContextManager["Movie"], Protocol):
+    """A file that takes frames; it is whole once the context has ended."""
+
+    size: tuple[int, int]
+
+    def add(self, frame: Image.Image) -> None:
+        """One more frame."""
+
+
+class Gif:
+    """An animated GIF. Frames are kept until the end, in few colours."""
+
+    size = (480, 320)
+
+    def __init__(self, path: Path, period_s: float) -> None:
+        """Start with no frame; each is shown for a period, s."""
+        self._path, self._period_ms = path, round(period_s * 1e3)
+        self._frames: list[Image.Image] = []
+
+    def __enter__(self) -> Self:
+        """Take frames."""
+        return self
+
+    def add(self, frame: Image.Image) -> None:
+        """One more frame."""
+        self._frames.append(frame.quantize(GIF_COLOURS, dither=Image.Dither.NONE))
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Write them, unless something went wrong."""
+        if kind is None and self._frames:
+            first, *others = self._frames
+            first.save(
+                self._path,
+                format="gif",
+                save_all=True,
+                append_images=others,
+                duration=self._period_ms,
+                loop=0,
+                optimize=True,
+            )
+
+
+class Mp4:
+    """H.264 in MP4, by PyAV; frames are encoded as they come."""
+
+    size = (720, 480)
+
+    def __init__(self, path: Path, period_s: float) -> None:
+        """Open the file for frames that are shown for a period, s, each."""
+        av = _encoder()
+        self._frame_of = av.VideoFrame.from_ndarray
+        self._file = av.open(str(path), "w", format="mp4")
+        rate = 1 / Fraction(period_s).limit_denominator(1000)
+        self._stream = self._file.add_stream("libx264", rate, options={"crf": MP4_QUALITY})
+        self._stream.width, self._stream.height = self.size
+        self._stream.pix_fmt = "yuv420p"  # what browsers play
+
+    def __enter__(self) -> Self:
+        """Take frames."""
+        return self
+
+    def add(self, frame: Image.Image) -> None:
+        """One more frame."""
+        self._file.mux(self._stream.encode(self._frame_of(np.asarray(frame), format="rgb24")))
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Finish the file, unless something went wrong."""
+        if kind is None:
+            self._file.mux(self._stream.encode(None))
+        self._file.close()
+
+
+MOVIES: dict[str, Callable[[Path, float], Movie]] = {".gif": Gif, ".mp4": Mp4}
+"""Kinds of moving pictures, by the ending of the file's name."""
+
+
+def check_movie(out: Path, period_s: float) -> None:
+    """Raise for what would only be found once everything is simulated or drawn.
+
+    Raises:
+        InputError: The name's ending, the period, a missing encoder, a folder that cannot be
+            written, or no driver.
+    """
+    if out.suffix not in MOVIES:
+        endings = " or ".join(MOVIES)
+        raise InputError(f"picture '{out}': expected a name that ends in {endings}")
+    if not LEAST_PERIOD <= period_s <= GREATEST_PERIOD:
+        raise InputError(
+            f"--period: got {period_s:g}, expected {LEAST_PERIOD:g} to {GREATEST_PERIOD:g} s"
+        )
+    if out.suffix == ".mp4":
+        _encoder()
+    check_folder(out.parent)
+    check_driver()
+
+
+def draw_movie(path: Path, out: Path, period_s: float, allow_plugins: bool = False) -> int:
+    """Draw a whole log, a frame each period of simulated time; returns the number of frames.
+
+    Raises:
+        InputError: The log cannot be read, nothing can be drawn here, or the file not be written.
+    """
+    log = open_log(path, allow_plugins)
+    partial = out.with_name(f"{out.name}.partial")
+    count = next_ns = 0
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with (
+            MOVIES[out.suffix](partial, period_s) as movie,
+            Stage(log, movie.size, smooth=False) as stage,
+        ):
+            for moment in moments(log):
+                stage.follow(moment)
+                if moment.time_ns >= next_ns:
+                    next_ns = moment.time_ns + round(period_s * 1e9) - 1
+                    movie.add(drawn(stage, moment))
+                    count += 1
+        if not count:
+            raise InputError(f"log '{path}': no decisions in it")
+        partial.replace(out)
+    except OSError as error:
+        raise InputError(f"picture '{out}': {error.strerror or error}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+    return count
+
+
+def _encoder() -> Any:
+    try:
+        import av
+    except ModuleNotFoundError:
+        raise InputError(
+            "no encoder for .mp4 here: pip install av (the extra 'video'), or name a .gif"
+        ) from None
+    return av
