@@ -6,6 +6,7 @@ from pathlib import Path
 
 from harness.config import Config
 from harness.errors import InputError, unknown_name
+from harness.perturbations import UNPERTURBED
 from models.imports import FileWorld, Unreadable, read_world_file
 from models.worlds import WORLDS, World
 
@@ -34,6 +35,27 @@ def find_world(config: Config) -> World:
     if config.world not in WORLDS:
         raise unknown_name("world", config.world, WORLDS)
     return WORLDS[config.world](config.seed, config.difficulty)
+
+
+def perturbed(world: World, config: Config) -> World:
+    """The world of an episode, with what its perturbation adds to it.
+
+    Raises:
+        InputError: It cannot be added to this world.
+    """
+    perturbation = config.perturbation or UNPERTURBED
+    try:
+        changed = perturbation.change_world(world, config.seed)
+    except ValueError as error:
+        raise InputError(
+            f"world '{config.world}' with perturbation '{perturbation.kind}': {error}"
+        ) from None
+    if changed is not world and isinstance(world, FileWorld):
+        raise InputError(
+            f"perturbation '{perturbation.kind}': nothing can be added to the world of a file, "
+            "expected a generated one"
+        )
+    return changed
 
 
 def told_name(world: World, name: str) -> str:
