@@ -13,6 +13,7 @@ from harness.verbs import VERBS
 WRONG = {
     "run": ["nowhere", "--robot", "drone", "--seed", "1"],
     "study": ["no-such-study"],
+    "critical": ["no-such-study"],
     "report": ["no-such-folder"],
     "compare": ["no-such-folder", "nor-this"],
     "bench": ["no-such-stage"],
