@@ -51,7 +51,8 @@ class StudyFile(
         worlds: Names or files of worlds.
         robots: Names of robots.
         seeds: How many, counted from 0, or which.
-        settings: `section.field` -> value, for every episode.
+        settings: `section.field` -> value, for every episode; a `perturbation` here is that of the
+            unperturbed arms too.
         axes: `section.field` -> values; every combination is a variant, the first is the reference.
         perturbations: `KIND` or `KIND:MODE` -> severities; each episode is paired with the
             unperturbed twin of its seed.
@@ -223,7 +224,8 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
     for world, robot, variant, (perturbation, severity) in arms:
         settings = [*_settings(study.settings), *variant]
         config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
-        config = replace(config, perturbation=perturbation_at(perturbation, severity))
+        if perturbation != CLEAN:
+            config = replace(config, perturbation=perturbation_at(perturbation, severity))
         configs.append((Arm(world, robot, " ".join(variant), perturbation, severity), config))
     seeds = seeds_of(study)
     if len(seeds) * len(configs) > MOST_EPISODES:

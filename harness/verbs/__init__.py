@@ -3,6 +3,7 @@
 from harness.verbs import (
     audit,
     bench,
+    calibrate,
     compare,
     convert,
     critical,
@@ -29,6 +30,7 @@ VERBS: dict[str, Verb] = {
     "score": score.VERB,
     "study": study.VERB,
     "critical": critical.VERB,
+    "calibrate": calibrate.VERB,
     "report": report.VERB,
     "compare": compare.VERB,
     "view": view.VERB,

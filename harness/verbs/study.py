@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from harness.errors import InputError
 from harness.verbs.pool import Watch, add_engine, open_engine
 from harness.verbs.verb import LOGS, Document, Verb, add_plugins
 
 if TYPE_CHECKING:
     from harness.study.analysis import ArmSummary
+    from harness.study.determinism import Certificate
+    from harness.study.file import Planned, StudyFile
+    from harness.study.store import Store
     from harness.study.study import StudyResult
 
 VERDICT_STYLES = {"held": "green", "failed": "bold red", "open": "yellow"}
@@ -45,7 +50,42 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         with Watch(console, len(planned), missing) as watch:
             result = run_study(study, planned, store, engine, watch.finished)
     print_study(console, result)
-    return result.exit_code, {**asdict(result), "folder": str(store.folder)}
+    document = {**asdict(result), "folder": str(store.folder)}
+    if not options.check_determinism:
+        return result.exit_code, document
+    certificate = _certify(options, console, study, planned, store)
+    code = result.exit_code if certificate.identical else 1
+    return code, {**document, "determinism": asdict(certificate)}
+
+
+def _certify(
+    options: argparse.Namespace,
+    console: Console,
+    study: StudyFile,
+    planned: Sequence[Planned],
+    store: Store,
+) -> Certificate:
+    """Run a sample again in other ways."""
+    from harness.study.determinism import ARRANGEMENTS, FILE, certify
+
+    if options.sample < 1:
+        raise InputError(f"--sample {options.sample}: expected at least 1")
+    with Watch(console, None) as watch:
+        certificate = certify(
+            study.name, planned, store, study.bounds, watch.finished, options.sample
+        )
+    differing = [one for one in certificate.reruns if not one.identical]
+    for one in differing:
+        told = one.error or f"chain {one.chain}"
+        console.print(f"[bold red]differs[/]: {one.key}, {one.arrangement}: {told}")
+    verdict = f"{len(differing)} differ" if differing else "all are identical"
+    console.print(
+        f"determinism: {len(certificate.sample)} episodes run again in {len(ARRANGEMENTS)} other "
+        f"ways: {verdict}; certificate {store.folder / FILE}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    return certificate
 
 
 def print_study(console: Console, result: StudyResult) -> None:
@@ -94,6 +134,14 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--merge", type=Path, nargs="+", metavar="FOLDER", help="take over other folders' episodes"
     )
     parser.add_argument("--retry-errors", action="store_true", help="run episodes in error again")
+    parser.add_argument(
+        "--check-determinism",
+        action="store_true",
+        help="run a sample again in new processes, other orders and threads; write a certificate",
+    )
+    parser.add_argument(
+        "--sample", type=int, default=8, metavar="N", help="episodes for --check-determinism"
+    )
     add_engine(parser)
     add_plugins(parser)
 

@@ -14,6 +14,7 @@ WRONG = {
     "run": ["nowhere", "--robot", "drone", "--seed", "1"],
     "study": ["no-such-study"],
     "critical": ["no-such-study"],
+    "calibrate": ["margins", "empty", "--robot", "drone", "--drift", "0.01"],
     "report": ["no-such-folder"],
     "compare": ["no-such-folder", "nor-this"],
     "bench": ["no-such-stage"],
