@@ -1,4 +1,4 @@
-"""`python -m harness.soak kill|fuzz|episodes --count N`: exit code 0 if nothing broke."""
+"""`python -m harness.soak kill|fuzz|episodes|studies --count N`: exit code 0 if nothing broke."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ import msgspec
 from harness.soak.episodes import Tally, soak_episodes
 from harness.soak.fuzz import Fuzzed, soak_fuzz
 from harness.soak.kill import Killed, soak_kill
+from harness.soak.studies import Disturbed, soak_studies
 
-SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally]] = {
+SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally | Disturbed]] = {
     "kill": soak_kill,
     "fuzz": soak_fuzz,
     "episodes": soak_episodes,
+    "studies": soak_studies,
 }
 """Name on the command line -> what it runs; each takes a count and a seed."""
 

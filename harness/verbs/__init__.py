@@ -17,6 +17,7 @@ from harness.verbs import (
     report,
     run,
     score,
+    search,
     study,
     view,
 )
@@ -31,6 +32,7 @@ VERBS: dict[str, Verb] = {
     "study": study.VERB,
     "critical": critical.VERB,
     "calibrate": calibrate.VERB,
+    "search": search.VERB,
     "report": report.VERB,
     "compare": compare.VERB,
     "view": view.VERB,

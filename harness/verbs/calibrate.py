@@ -72,8 +72,9 @@ def print_margin(console: Console, result: MarginResult) -> None:
     high = "none tried is shown to" if result.high is None else f"{result.high:g} m"
     low = "every one tried is shown to break it" if result.low is None else f"{result.low:g} m"
     console.print(
-        f"smallest margin that keeps the bound: {told} (not shown to break it from: {low}; shown to "
-        f"keep it from: {high}; {result.seeds_to_show} seeds without a collision would show it)",
+        f"smallest margin that keeps the bound: {told} (not shown to break it from: {low}; "
+        f"shown to keep it from: {high}; {result.seeds_to_show} seeds without a collision would "
+        "show it)",
         highlight=False,
         soft_wrap=True,
     )
