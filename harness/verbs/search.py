@@ -39,7 +39,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     with open_engine(options, Bounds()) as engine, Watch(console, None) as watch:
         found = search(asked, store, engine, watch.finished)
     print_found(console, found)
-    console.print(f"[bold]no rate[/]: {NO_RATE}", highlight=False, soft_wrap=True)
+    console.print(f"[bold]note[/]: {NO_RATE}", highlight=False, soft_wrap=True)
     document = {**asdict(found), "rate": None, "note": NO_RATE, "folder": str(store.folder)}
     return (1 if found.failing else 0), document
 

@@ -10,13 +10,22 @@ import numpy as np
 import pytest
 
 from harness.cli import main
+from harness.config import Config, from_json, override
 from harness.errors import InputError
+from harness.log import LogWriter
 from harness.perturbations import AnyPerturbation
+from harness.reader import open_log
+from harness.scenario import build
+from harness.search.episodes import Search, search
 from harness.search.hunt import Tried, hunt, shorten
 from harness.search.pole import SPACE, cross_pole_room
 from harness.search.space import Space
+from harness.study.job import Done, Job
+from harness.study.processes import Finished
+from harness.study.store import Store
 
 JUMPS = Space("pose_jump", latest=4.0, length=1.0)
+MISSION = build(Config("empty", "drone", 0)).mission.to_json()
 
 
 def weak(perturbations: Sequence[AnyPerturbation]) -> Iterator[Tried]:
@@ -85,25 +94,68 @@ def test_the_pole_is_hit_by_the_jump_that_leads_there_alone() -> None:
     """Off to its side when it passes; off to the other side, or later, it is safe."""
     there, other, late = (
         SPACE.perturbation(point)
-        for point in [(1.5, 3.8, -90.0), (1.5, 3.8, 90.0), (3.5, 3.8, -90.0)]
+        for point in [(1.5, 3.5, -90.0), (1.5, 3.5, 90.0), (3.5, 3.5, -90.0)]
     )
     hit, *safe = cross_pole_room([there, other, late])
     assert hit.failed
     assert [one.failed for one in safe] == [False, False]
 
 
-def test_the_verb_saves_the_failing_log_and_the_shortest(
+def pretended(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
+    """An engine whose episodes of 4 s fall if the pose is off by 0.3 m or more at 2 s."""
+    for job in jobs:
+        one = from_json(job.config).perturbation
+        off = one is not None and one.amount >= 0.3 and one.is_active(2 * 10**9)
+        result = {
+            "outcome": "fall" if off else "success",
+            "reason": "tilted" if off else "there",
+            "chain": "",
+            "sim_time_s": "4.0",
+            "min_clearance_m": "0.1" if off else "0.5",
+        }
+        with LogWriter(job.log, job.config, MISSION, "<mujoco/>") as log:
+            log.finish(result)
+        finished(Done(job.key))
+
+
+def test_a_failing_log_is_kept_and_the_one_of_the_shortest_window(tmp_path: Path) -> None:
+    asked = Search(Config("empty", "drone", 1), "pose_jump", 1.0, 5.0, 60, 0)
+    found = search(asked, Store(tmp_path), pretended, lambda done: None)
+    assert (found.outcome, found.reason) == ("fall", "tilted")
+    assert found.failing is not None
+    assert found.shortest is not None
+    assert found.episodes + found.cuts + 1 >= len(list((tmp_path / "logs").glob("*.mcap")))
+    for path, tried in ((found.log, found.failing), (found.shortest_log, found.shortest)):
+        assert open_log(Path(path)).config.perturbation == tried.perturbation
+    window = found.shortest.perturbation.window
+    assert window is not None
+    assert window[0] <= 2.0 < window[1] <= window[0] + 0.1
+    setting = override(asked.config, [f"perturbation={found.setting}"])
+    assert setting.perturbation == found.shortest.perturbation
+    again = search(asked, Store(tmp_path), refuse, lambda done: None)
+    assert again == found
+
+
+def refuse(jobs: Sequence[Job], *_: object) -> None:
+    """An engine for what needs none."""
+    raise AssertionError(f"{len(jobs)} episodes run again")
+
+
+def test_a_search_that_finds_nothing_tells_the_nearest(tmp_path: Path) -> None:
+    asked = Search(Config("empty", "drone", 1), "latency", 1.0, 5.0, 10, 0)
+    found = search(asked, Store(tmp_path), pretended, lambda done: None)
+    assert (found.failing, found.episodes, found.log) == (None, 10, "")
+    assert found.nearest.robustness == 0.5
+
+
+def test_the_verb_says_that_no_rate_follows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With a time limit that the way just keeps, any delay is too much."""
-    words = "search empty --robot drone --seed 1 --perturb latency --budget 3 --jobs 1".split()
-    out = ["--out", str(tmp_path / "out"), "--json"]
-    assert main([*words, "--set", "episode.time_limit=1", *out]) == 2
+    words = "search empty --robot drone --seed 1 --perturb latency --budget 1 --jobs 1".split()
+    settings = ["--set", "goal=[5.4, 1.65]", "--out", str(tmp_path / "out"), "--json"]
+    assert main([*words, "--set", "episode.time_limit=1", *settings]) == 2
     assert "there is nothing to search for" in capsys.readouterr().err
-    settings = ["--set", "goal=[-1, -2.5]", "--set", "start=[-2.5, -2.5]"]
-    code = main([*words, *settings, "--window", "1", *out])
+    assert main([*words, "--greatest", "0.1", *settings]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert code == (1 if document["failing"] else 0)
-    assert document["rate"] is None
+    assert (document["episodes"], document["failing"], document["rate"]) == (1, None, None)
     assert "no rate follows" in document["note"]
-    assert document["episodes"] <= 3
