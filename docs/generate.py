@@ -17,7 +17,7 @@ import msgspec
 from harness.cli import verb_parsers
 from harness.config import Config
 from harness.metrics import METRICS
-from harness.perturbations import PERTURBATIONS
+from harness.perturbations import PERTURBATIONS, WITHIN
 from harness.verbs import VERBS
 
 FOLDER = Path(__file__).parent / "reference"
@@ -66,12 +66,17 @@ def config() -> str:
         if isinstance(section, type) and dataclasses.is_dataclass(section):
             lines += ["", f"## {entry.name}", "", summary(section), ""]
             lines += _settings(section, f"{entry.name}.")
-    lines += ["", "## Perturbations", "", "By `--perturb KIND:SEVERITY[:MODE]`, severity 1 to 5; "]
+    lines += [
+        "",
+        "## Perturbations",
+        "",
+        "By `--perturb KIND:SEVERITY[:MODE]`, severity 1 to 5 or between; ",
+    ]
     lines[-1] += "an episode has one or none. What each severity is stands in "
     lines[-1] += "[perturbations](../perturbations.md)."
     lines += ["", "| kind | modes | is |", "|---|---|---|"]
     for kind, one in PERTURBATIONS.items():
-        fields = [each for each in msgspec.structs.fields(one) if each.name != "severity"]
+        fields = [each for each in msgspec.structs.fields(one) if each.name not in WITHIN]
         modes = ", ".join(f"`{mode}`" for each in fields for mode in get_args(each.type))
         lines.append(f"| `{kind}` | {cell(modes)} | {cell(summary(one))} |")
     return "\n".join(lines) + "\n"

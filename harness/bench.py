@@ -23,6 +23,8 @@ from harness.bench_map import bench_map
 from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
 from harness.bench_robots import bench_robots
+from harness.bench_search import bench_search
+from harness.bench_study import bench_study, bench_study_size
 from harness.bench_worlds import bench_worlds
 from harness.benchmarks import BENCHMARKS, Files, find_benchmark
 from harness.errors import InputError, unknown_name
@@ -55,6 +57,9 @@ STAGES: dict[str, Stage] = {
     "rays": Stage(bench_rays, 15),
     "worlds": Stage(bench_worlds, 3, keeps=True),
     "robots": Stage(bench_robots, 10),
+    "search": Stage(bench_search, 10),
+    "study": Stage(bench_study, 40),
+    "study_size": Stage(bench_study_size, 1000),
 }
 
 MOST_REPEATS = 1000

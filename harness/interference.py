@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -30,16 +32,19 @@ class Interference:
         self._affected = self._perturbation.affected(self._sensors)
         self._displacement = self._perturbation.displacement(config.seed)
         self._changed_beams = 0
+        self._rate = scene.casters[0].mount.device.rate  # decisions follow the first sensor
+        self._active = True
 
     @property
     def delay(self) -> float:
-        """What it adds to the delay of each decision, s."""
-        return self._perturbation.delay
+        """What it adds to the delay of the present decision, s."""
+        return self._perturbation.delay if self._active else 0.0
 
     def arriving(self, casters: tuple[Caster, ...], sequence: int) -> list[Caster]:
         """The sensors whose sweeps of this decision reach the stack."""
         self._changed_beams = 0
-        delivered = self._perturbation.delivers(sequence)
+        self._active = self._perturbation.is_active(round(sequence / self._rate * 1e9))
+        delivered = not self._active or self._perturbation.delivers(sequence)
         return [one for one in casters if delivered or one.mount.name not in self._affected]
 
     def cast(
@@ -49,7 +54,7 @@ class Interference:
 
         A beam whose echo is lost tells no class; there are none unless `sensors.semantics` is on.
         """
-        if caster.mount.name not in self._affected:
+        if not self._active or caster.mount.name not in self._affected:
             return self._measured(caster, data, trail, sequence)
         if self._displacement is not None:
             # Until the next kinematics; nothing else of the episode looks at a sensor's site.
@@ -79,20 +84,22 @@ class Interference:
         perturbation = self._perturbation
         if perturbation is UNPERTURBED:
             return None
+        delivered = not self._active or perturbation.delivers(sequence)
         message = pb.Perturbation(
             sequence=sequence,
             kind=perturbation.kind,
-            severity=perturbation.severity,
-            amount=perturbation.amount,
+            severity=math.ceil(perturbation.severity),
+            exact_severity=perturbation.severity,
+            amount=perturbation.amount if self._active else perturbation.nothing,
             unit=perturbation.unit,
             streams=perturbation.streams(self._sensors),
             pose_shift=added.shift,
             pose_turn=added.turn,
             changed_beams=self._changed_beams,
-            withheld=[] if perturbation.delivers(sequence) else self._affected,
-            added_delay_s=perturbation.delay,
+            withheld=[] if delivered else self._affected,
+            added_delay_s=self.delay,
         )
-        if self._displacement is not None:
+        if self._displacement is not None and self._active:
             message.displaced_position.extend(self._displacement.position.tolist())
             message.displaced_quaternion.extend(self._displacement.quaternion.tolist())
         message.timestamp.FromNanoseconds(time_ns)

@@ -6,7 +6,7 @@ None of them runs the simulator or the stack; `wayproof score` recomputes them f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,7 +79,11 @@ def read_trace(log: Log) -> Trace:
     Raises:
         InputError: The log breaks off or is damaged.
     """
-    decisions, truths = _read(log.path)
+    return trace_of(log, *_read(log.path))
+
+
+def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> Trace:
+    """The trace of a log whose messages were read already."""
     stages = [decision.stages for decision in decisions]
     route = log.result.get("route_length_m")
     axes = 2 if log.mission.motion == "ground" else 3

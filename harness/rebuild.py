@@ -12,6 +12,7 @@ from harness.robots import find_logged_robot
 from harness.scenario import Scenario
 from harness.scene_text import safe_scene
 from harness.twin import changed_mission
+from harness.worlds import perturbed
 from models.robots import ROBOTS
 from models.scene import bind, resolve
 from models.worlds import WORLDS, World
@@ -63,7 +64,8 @@ def scene_is_ours(log: Log) -> bool | None:
 def _world(log: Log) -> World:
     """The world as its seed makes it; of a world that is a file, what the mission tells."""
     if log.config.world in WORLDS:
-        return WORLDS[log.config.world](log.config.seed, log.config.difficulty)
+        world = WORLDS[log.config.world](log.config.seed, log.config.difficulty)
+        return perturbed(world, log.config)
     mission = log.mission
     return World(
         name=log.config.world,

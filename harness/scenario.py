@@ -12,7 +12,7 @@ from harness.errors import InputError
 from harness.mission import Mission
 from harness.robots import find_robot, told_robot
 from harness.schema import wayproof_pb2 as pb
-from harness.worlds import find_world, told_world
+from harness.worlds import find_world, perturbed, told_world
 from models.checks import check
 from models.devices import DepthCamera, Device, Rangefinder
 from models.robots import Robot, RobotSpec
@@ -77,7 +77,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
     """
     robot = find_robot(config)
     spec = robot.spec
-    world = find_world(config) if world is None else world
+    world = perturbed(find_world(config) if world is None else world, config)
     start = _place(config.start, world.start, spec)
     goal = _place(config.goal, world.goal, spec)
     for name, point in (("start", start), ("goal", goal)):

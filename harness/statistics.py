@@ -46,6 +46,51 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Inter
     return Interval(successes / trials, float(bounds.low), float(bounds.high))
 
 
+def clopper_pearson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Interval:
+    """Interval of a rate that never covers less than it says (Clopper and Pearson 1934).
+
+    Raises:
+        ValueError: No trials, or more successes than trials.
+    """
+    if not 0 <= successes <= trials or trials == 0:
+        raise ValueError(f"got {successes} successes in {trials} trials, expected 0 to all of some")
+    bounds = stats.binomtest(successes, trials).proportion_ci(confidence, method="exact")
+    return Interval(successes / trials, float(bounds.low), float(bounds.high))
+
+
+def quantile_interval(
+    values: ArrayLike, share: float = 0.5, confidence: float = CONFIDENCE
+) -> Interval:
+    """A quantile between two of the sample's own values, whatever it was drawn from.
+
+    Order statistics (Conover 1999, "Practical Nonparametric Statistics", section 3.2): that more
+    than k of n fall below the quantile is binomial. Values may be infinite, as of what was never
+    reached; with too few of them an end of the interval is infinite itself.
+
+    Args:
+        values: (n,) at least one.
+        share: Of the quantile, more than 0 and less than 1.
+        confidence: Coverage, at least.
+
+    Raises:
+        ValueError: No values.
+    """
+    ordered = np.sort(np.asarray(values, np.float64))
+    count = len(ordered)
+    if count == 0:
+        raise ValueError("got no values, expected at least one")
+    tail = (1.0 - confidence) / 2.0
+    ranks = np.arange(count + 1)
+    below = stats.binom.cdf(ranks, count, share)
+    low = int(np.searchsorted(below, tail, side="right")) - 1  # P(at most low of n below) <= tail
+    high = int(np.searchsorted(below, 1.0 - tail, side="left"))
+    return Interval(
+        float(np.quantile(ordered, share, method="inverted_cdf")),
+        float(ordered[low]) if low >= 0 else -np.inf,
+        float(ordered[high]) if high < count else np.inf,
+    )
+
+
 def mcnemar(only_first: int, only_second: int) -> float:
     """Two-sided exact p-value that discordant pairs fall either way alike (McNemar 1947).
 

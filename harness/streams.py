@@ -10,7 +10,7 @@ perturbation declares may differ; from then on the runs are in different places,
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,10 +83,17 @@ def compare(first: Path, second: Path) -> Pairing:
     Raises:
         InputError: A log breaks off.
     """
+    return compare_hashes(_pairs(first, second))
+
+
+def compare_hashes(
+    pairs: Iterable[tuple[int, Mapping[str, object], Mapping[str, object]]],
+) -> Pairing:
+    """Compare two runs decision by decision: sequence number, and each run's hashes by stream."""
     changed: set[str] = set()
     first_change = None
     compared = 0
-    for sequence, one, other in _pairs(first, second):
+    for sequence, one, other in pairs:
         differing = {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
         if differing and first_change is None:
             first_change = sequence

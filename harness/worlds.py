@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from harness.config import Config
+from harness.errors import InputError
 from harness.named import find_named
+from harness.perturbations import UNPERTURBED
 from models.imports import FileWorld, read_world_file
 from models.worlds import WORLDS, World
 
@@ -26,3 +28,24 @@ def find_world(config: Config) -> World:
 def told_world(world: World, config: Config) -> Config:
     """What a log's config says of the world: a file's with its hash."""
     return replace(config, world=world.identity) if isinstance(world, FileWorld) else config
+
+
+def perturbed(world: World, config: Config) -> World:
+    """The world of an episode, with what its perturbation adds to it.
+
+    Raises:
+        InputError: It cannot be added to this world.
+    """
+    perturbation = config.perturbation or UNPERTURBED
+    try:
+        changed = perturbation.change_world(world, config.seed)
+    except ValueError as error:
+        raise InputError(
+            f"world '{config.world}' with perturbation '{perturbation.kind}': {error}"
+        ) from None
+    if changed is not world and isinstance(world, FileWorld):
+        raise InputError(
+            f"perturbation '{perturbation.kind}': nothing can be added to the world of a file, "
+            "expected a generated one"
+        )
+    return changed

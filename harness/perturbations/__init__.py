@@ -16,6 +16,7 @@ from harness.perturbations.depth_noise import DepthNoise
 from harness.perturbations.depth_scale import DepthScale
 from harness.perturbations.displacement import Displacement
 from harness.perturbations.latency import Latency
+from harness.perturbations.motion import Motion
 from harness.perturbations.occlusion import Occlusion
 from harness.perturbations.perturbation import UNPERTURBED, Perturbation, Report
 from harness.perturbations.pose_drift import PoseDrift
@@ -32,15 +33,20 @@ AnyPerturbation: TypeAlias = (
     | Calibration
     | Latency
     | Rate
+    | Motion
 )
 
 PERTURBATIONS: dict[str, type[Perturbation]] = {
     str(one.__struct_config__.tag): one for one in get_args(AnyPerturbation)
 }
 
+WITHIN = ("severity", "window", "direction")
+"""Fields that are no modes: all but the severity can only be set in a config."""
+
 __all__ = [
     "PERTURBATIONS",
     "UNPERTURBED",
+    "WITHIN",
     "AnyPerturbation",
     "Displacement",
     "Perturbation",
@@ -50,7 +56,7 @@ __all__ = [
 
 
 def perturbation_from(text: str) -> AnyPerturbation:
-    """Read `KIND:SEVERITY`, or `KIND:SEVERITY:MODE` where a kind has modes.
+    """Read `KIND:SEVERITY`, or `KIND:SEVERITY:MODE` where a kind has modes; 2.5 is a severity too.
 
     Raises:
         InputError: It is none; the message says what there is.
@@ -58,7 +64,7 @@ def perturbation_from(text: str) -> AnyPerturbation:
     kind, *rest = text.split(":")
     if kind not in PERTURBATIONS:
         raise unknown_name("perturbation", kind, PERTURBATIONS)
-    own = [name for name in PERTURBATIONS[kind].__struct_fields__ if name != "severity"]
+    own = [name for name in PERTURBATIONS[kind].__struct_fields__ if name not in WITHIN]
     fields = ["severity", *own]
     if not 1 <= len(rest) <= len(fields):
         form = ":".join([kind, "SEVERITY", *(f"[{name.upper()}]" for name in own)])

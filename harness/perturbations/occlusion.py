@@ -15,8 +15,14 @@ from models.devices import stream
 
 
 class Occlusion(Perturbation, frozen=True, tag="occlusion"):
-    """A sector of azimuth about a seeded beam of the first sensor gives no information."""
+    """A sector of azimuth about a seeded beam of the first sensor gives no information.
 
+    Attributes:
+        direction: Of its middle in the sensor's frame, about z from x, in place of the seeded beam,
+            degrees.
+    """
+
+    direction: float | None = None
     measured_in: ClassVar[str] = "degrees"
     values: ClassVar[tuple[float, float, float, float, float]] = (10.0, 30.0, 60.0, 120.0, 240.0)
 
@@ -26,11 +32,17 @@ class Occlusion(Perturbation, frozen=True, tag="occlusion"):
 
     def report(self, report: Report) -> Ranges:
         """The sweep with its blocked beams blinded."""
-        centre = _planar(directions(report.table, 0))
-        chosen = stream(report.seed, "perturbation/occlusion", 0).integers(len(centre))
-        cosine = _planar(directions(report.table, report.sequence)) @ centre[chosen]
+        cosine = _planar(directions(report.table, report.sequence)) @ self._centre(report)
         blocked = cosine >= math.cos(math.radians(0.5 * self.amount))
         return np.where(blocked, DROPPED, report.ranges_mm)
+
+    def _centre(self, report: Report) -> NDArray[np.float64]:  # (2,)
+        if self.direction is not None:
+            angle = math.radians(self.direction)
+            return np.array([math.cos(angle), math.sin(angle)])
+        beams = _planar(directions(report.table, 0))
+        chosen = stream(report.seed, "perturbation/occlusion", 0).integers(len(beams))
+        return np.asarray(beams[chosen])
 
 
 def _planar(beams: NDArray[np.float64]) -> NDArray[np.float64]:  # (n, 2)

@@ -1,15 +1,17 @@
 """What every perturbation is: one geometric assumption of the stack made wrong by a stated amount.
 
-A perturbation only ever acts between the simulator and the stack: on the error of the pose, on what
-a sensor reports or where it truly sits, on whether a sweep arrives, or on a decision's delay. Its
-random numbers have streams of their own, so that no sensor's noise is shifted by it.
+A perturbation acts between the simulator and the stack: on the error of the pose, on what a sensor
+reports or where it truly sits, on whether a sweep arrives, or on a decision's delay; `motion` alone
+acts on the world. Its random numbers have streams of their own, so that no sensor's noise is
+shifted by it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -20,9 +22,15 @@ from models.beams import DROPPED, NO_RETURN, BeamTable
 from models.devices import Device, stream
 from models.odometry import PoseError
 
+if TYPE_CHECKING:
+    from models.worlds import World  # it loads the simulator
+
 Array = NDArray[np.float64]
 Ranges = NDArray[np.uint16]
-Severity = Annotated[int, msgspec.Meta(ge=1, le=5)]
+Severity = Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]
+
+GREATEST = 5.0
+"""Severity at which the scale ends."""
 
 UNCHANGED = PoseError()
 
@@ -67,14 +75,25 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
     """One assumption off, or, as this base class, none.
 
     Attributes:
-        severity: 1 to 5.
+        severity: More than 0, up to 5; in between two whole ones the amount is in between too.
+        window: Acts only from the first of these times until before the second, s; always if none.
         measured_in: Unit of the values.
-        values: By severity; docs/perturbations.md says where they come from.
+        values: At severities 1 to 5; docs/perturbations.md says where they come from.
+        nothing: The value at severity 0, which changes nothing.
     """
 
     severity: Severity = 3
+    window: tuple[float, float] | None = None
     measured_in: ClassVar[str] = ""
     values: ClassVar[tuple[float, float, float, float, float]] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    nothing: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        """Write a whole severity as one number alone, and refuse a window without length."""
+        if float(self.severity).is_integer():
+            msgspec.structs.force_setattr(self, "severity", int(self.severity))
+        if self.window is not None and not 0.0 <= self.window[0] < self.window[1] < math.inf:
+            raise ValueError(f"window: got {self.window}, expected 0 <= begin < end, in s")
 
     @property
     def kind(self) -> str:
@@ -88,8 +107,42 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
 
     @property
     def amount(self) -> float:
-        """How much is off, in `unit`."""
-        return self.values[self.severity - 1]
+        """How much is off, in `unit`: linear from one whole severity to the next."""
+        scale = (self.nothing, *self.values)
+        below = math.floor(self.severity)
+        share = self.severity - below
+        if share == 0.0:
+            return scale[below]
+        return scale[below] + share * (scale[below + 1] - scale[below])
+
+    @classmethod
+    def severity_of(cls, amount: float) -> float:
+        """The severity that has an amount.
+
+        Raises:
+            ValueError: The scale does not reach so far.
+        """
+        scale = (cls.nothing, *cls.values)
+        if not scale[0] < amount <= scale[-1]:
+            raise ValueError(
+                f"got {amount:g}, expected more than {scale[0]:g}, up to {scale[-1]:g}"
+            )
+        return float(np.interp(amount, scale, range(len(scale))))
+
+    def is_active(self, time_ns: int) -> bool:
+        """Whether it acts at this simulated time."""
+        if self.window is None:
+            return True
+        return self.window[0] <= time_ns * 1e-9 < self.window[1]
+
+    def change_world(self, world: World, seed: int) -> World:
+        """The world that the episode runs in, in place of the one that the config names.
+
+        Raises:
+            ValueError: That world cannot be changed so.
+        """
+        del seed
+        return world
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
         """Of a robot's sensors, in their order, those whose sweeps it changes."""
@@ -105,6 +158,12 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
 
         No estimate's standard deviation tells of it: that is the assumption that is off.
         """
+        if not self.is_active(time_ns):
+            return UNCHANGED
+        return self.active_pose_error(seed, time_ns, travelled)
+
+    def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
+        """What it adds while it acts."""
         del seed, time_ns, travelled
         return UNCHANGED
 

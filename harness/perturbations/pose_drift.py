@@ -12,8 +12,13 @@ from models.odometry import PoseError
 
 
 class PoseDrift(Perturbation, frozen=True, tag="pose_drift"):
-    """An error that grows with the distance travelled, in one seeded horizontal direction."""
+    """An error that grows with the distance travelled, in one seeded horizontal direction.
 
+    Attributes:
+        direction: In place of the seeded one, about z from x, degrees.
+    """
+
+    direction: float | None = None
     measured_in: ClassVar[str] = "m/m"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.001, 0.005, 0.02, 0.06, 0.09)
 
@@ -21,13 +26,15 @@ class PoseDrift(Perturbation, frozen=True, tag="pose_drift"):
         """The pose."""
         return ("pose",)
 
-    def pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
+    def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
         """As far as it has drifted."""
-        return along(direction(seed, self.kind), self.amount * travelled)
+        return along(direction(self.direction, seed, self.kind), self.amount * travelled)
 
 
-def direction(seed: int, name: str) -> float:
-    """A horizontal direction that the seed chooses, rad."""
+def direction(given: float | None, seed: int, name: str) -> float:
+    """A horizontal direction, given in degrees or chosen by the seed, rad."""
+    if given is not None:
+        return math.radians(given)
     return float(stream(seed, f"perturbation/{name}", 0).uniform(-math.pi, math.pi))
 
 

@@ -15,8 +15,15 @@ EARLIEST, LATEST = 2.0, 10.0
 
 
 class PoseJump(Perturbation, frozen=True, tag="pose_jump"):
-    """One jump in a seeded horizontal direction at a seeded time, in whole tenths of a second."""
+    """One jump in a seeded horizontal direction at a seeded time, in whole tenths of a second.
 
+    Within a window it jumps where the window begins, and back where it ends.
+
+    Attributes:
+        direction: In place of the seeded one, about z from x, degrees.
+    """
+
+    direction: float | None = None
     measured_in: ClassVar[str] = "m"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.03, 0.1, 0.3, 0.8, 1.4)
 
@@ -24,11 +31,11 @@ class PoseJump(Perturbation, frozen=True, tag="pose_jump"):
         """The pose."""
         return ("pose",)
 
-    def pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
+    def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
         """Nothing before the jump, all of it from then on."""
-        if time_ns < jump_time_ns(seed):
+        if self.window is None and time_ns < jump_time_ns(seed):
             return UNCHANGED
-        return along(direction(seed, self.kind), self.amount)
+        return along(direction(self.direction, seed, self.kind), self.amount)
 
 
 def jump_time_ns(seed: int) -> int:

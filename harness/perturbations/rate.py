@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -9,10 +10,14 @@ from harness.perturbations.perturbation import Perturbation
 
 
 class Rate(Perturbation, frozen=True, tag="rate"):
-    """Of every sensor's sweeps only each n-th arrives; decisions are made as often as before."""
+    """Of every sensor's sweeps only each n-th arrives; decisions are made as often as before.
+
+    In between two whole n, the sweeps that come next after whole multiples of n arrive.
+    """
 
     measured_in: ClassVar[str] = "divisor"
     values: ClassVar[tuple[float, float, float, float, float]] = (2.0, 3.0, 5.0, 10.0, 20.0)
+    nothing: ClassVar[float] = 1.0
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
         """All sensors."""
@@ -20,4 +25,4 @@ class Rate(Perturbation, frozen=True, tag="rate"):
 
     def delivers(self, sequence: int) -> bool:
         """Whether the sweeps of this decision are among those that arrive."""
-        return sequence % round(self.amount) == 0
+        return math.floor(sequence / self.amount) > math.floor((sequence - 1) / self.amount)

@@ -1,4 +1,4 @@
-"""`python -m harness.soak kill|fuzz|episodes|worlds --count N`: exit code 0 if nothing broke.
+"""`python -m harness.soak kill|fuzz|episodes|worlds|studies --count N`: 0 if nothing broke.
 
 Progress is a line each, for episodes one JSON document; the last line is the summary, in JSON.
 """
@@ -15,13 +15,15 @@ import msgspec
 from harness.soak.episodes import Tally, soak_episodes
 from harness.soak.fuzz import Fuzzed, soak_fuzz
 from harness.soak.kill import Killed, soak_kill
+from harness.soak.studies import Disturbed, soak_studies
 from harness.soak.worlds import Drawn, soak_worlds
 
-SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally | Drawn]] = {
+SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally | Drawn | Disturbed]] = {
     "kill": soak_kill,
     "fuzz": soak_fuzz,
     "episodes": soak_episodes,
     "worlds": soak_worlds,
+    "studies": soak_studies,
 }
 """Name on the command line -> what it runs: count, seed, progress, number of the first."""
 

@@ -21,7 +21,7 @@ from harness.statistics import (
     wilson,
 )
 from harness.study.file import Arm, Gate
-from harness.study.rows import Row, first_difference, reference_of, share_differing
+from harness.study.rows import Row, first_difference, prove, reference_of, share_differing
 
 BOOTSTRAP_SEED = 0
 """Of every interval of a study, so that the same rows give the same report."""
@@ -43,6 +43,9 @@ class Comparison:
         changed: Pairs in which any decision made the robot do something else.
         first_difference: Median number of the first such decision among those.
         share_differing: Mean share of such decisions.
+        streams: Inputs that differ in any pair before the body was asked for another thing.
+        proven: Pairs in which no input differs until then but those that a perturbation declares.
+        undeclared: Seeds of the pairs in which another one does.
     """
 
     pairs: int
@@ -54,6 +57,9 @@ class Comparison:
     changed: int
     first_difference: float | None
     share_differing: float
+    streams: tuple[str, ...]
+    proven: int
+    undeclared: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -175,6 +181,8 @@ def _compare(pairs: Pairs) -> Comparison:
     won = tuple(row.seed for twin, row in pairs if row.success and not twin.success)
     firsts = [first_difference(row, twin) for twin, row in pairs]
     changed = [first for first in firsts if first is not None]
+    proofs = [(row.seed, prove(row, twin)) for twin, row in pairs]
+    known = [(seed, proof) for seed, proof in proofs if proof is not None]
     p_value = mcnemar(len(lost), len(won))
     return Comparison(
         pairs=len(pairs),
@@ -186,6 +194,9 @@ def _compare(pairs: Pairs) -> Comparison:
         changed=len(changed),
         first_difference=float(np.median(changed)) if changed else None,
         share_differing=float(np.mean([share_differing(row, twin) for twin, row in pairs])),
+        streams=tuple(sorted({name for _, one in known for name in one.pairing.changed})),
+        proven=sum(not one.undeclared for _, one in known),
+        undeclared=tuple(seed for seed, one in known if one.undeclared),
     )
 
 

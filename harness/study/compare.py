@@ -24,7 +24,7 @@ def compare(
     judged = [read_gate(text) for text in gates]
     store = Store(after)
     study = store.read_study(allow_plugins)
-    planned = plan_episodes(study)
+    planned = plan_episodes(study, store.read_contents())
     rows = read_rows(planned, store, allow_plugins)
     samples = samples_between(_rows(before, allow_plugins), rows)
     if not any(sample.pairs for sample in samples):
@@ -42,4 +42,5 @@ def compare(
 
 def _rows(folder: Path, allow_plugins: bool) -> list[Row]:
     store = Store(folder)
-    return read_rows(plan_episodes(store.read_study(allow_plugins)), store, allow_plugins)
+    planned = plan_episodes(store.read_study(allow_plugins), store.read_contents())
+    return read_rows(planned, store, allow_plugins)

@@ -17,6 +17,8 @@ from harness.config import Config, from_document, override
 from harness.errors import InputError, unknown_name
 from harness.metrics import METRICS
 from harness.perturbations import AnyPerturbation, perturbation_from
+from harness.study.contents import Contents, contents_of
+from harness.study.job import episode_key
 
 PACKAGED = Path(__file__).parent.parent / "studies"
 """Studies to start from: `wayproof study NAME`."""
@@ -49,7 +51,8 @@ class StudyFile(
         worlds: Names or files of worlds.
         robots: Names of robots.
         seeds: How many, counted from 0, or which.
-        settings: `section.field` -> value, for every episode.
+        settings: `section.field` -> value, for every episode; a `perturbation` here is that of the
+            unperturbed arms too.
         axes: `section.field` -> values; every combination is a variant, the first is the reference.
         perturbations: `KIND` or `KIND:MODE` -> severities; each episode is paired with the
             unperturbed twin of its seed.
@@ -63,7 +66,7 @@ class StudyFile(
     seeds: int | list[int]
     settings: dict[str, Any] = {}
     axes: dict[str, list[Any]] = {}
-    perturbations: dict[str, list[int]] = {}
+    perturbations: dict[str, list[float]] = {}
     gates: list[str] = []
     bounds: Bounds = Bounds()
 
@@ -77,29 +80,32 @@ class Arm:
         robot: Name.
         variant: Settings of the axes, `a=1 b=2`; empty without axes.
         perturbation: Name, or `none`.
-        severity: 1 to 5, or 0.
+        severity: Up to 5; 0 unperturbed.
     """
 
     world: str
     robot: str
     variant: str
     perturbation: str
-    severity: int
+    severity: float
 
 
 def name_of(arm: Arm) -> str:
     """An arm in words."""
-    perturbed = "" if arm.perturbation == CLEAN else f"{arm.perturbation}:{arm.severity}"
+    perturbed = "" if arm.perturbation == CLEAN else arm.perturbation
+    if arm.severity:
+        perturbed += f":{arm.severity:g}"
     return " ".join(part for part in (arm.world, arm.robot, arm.variant, perturbed) if part)
 
 
 @dataclass(frozen=True)
 class Planned:
-    """An episode that the study asks for."""
+    """An episode that the study asks for, and its content address."""
 
     arm: Arm
     seed: int
     config: Config
+    key: str
 
 
 Statistic = Literal["drop", "rise", "mean"]
@@ -198,12 +204,19 @@ def read_gate(text: str) -> Gate:
     return Gate(text.strip(), match[1], statistic, match[3] == "<=", bound, match[5] is not None)
 
 
-def plan_episodes(study: StudyFile) -> list[Planned]:
+def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Planned]:
     """Every episode, each with its resolved settings, seed by seed so that pairs end together.
 
+    Args:
+        study: As written.
+        contents: Of the files that it names, as they were; by default as they are.
+
     Raises:
-        InputError: A setting that the config refuses, or too many episodes.
+        InputError: A setting that the config refuses, a file that cannot be read, or too many
+            episodes.
     """
+    if contents is None:
+        contents = contents_of(files_of(study))
     variants = _variants(study)
     perturbed = [(CLEAN, 0), *_severities(study)]
     arms = itertools.product(study.worlds, study.robots, variants, perturbed)
@@ -211,7 +224,8 @@ def plan_episodes(study: StudyFile) -> list[Planned]:
     for world, robot, variant, (perturbation, severity) in arms:
         settings = [*_settings(study.settings), *variant]
         config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
-        config = replace(config, perturbation=_perturbation(perturbation, severity))
+        if perturbation != CLEAN:
+            config = replace(config, perturbation=perturbation_at(perturbation, severity))
         configs.append((Arm(world, robot, " ".join(variant), perturbation, severity), config))
     seeds = seeds_of(study)
     if len(seeds) * len(configs) > MOST_EPISODES:
@@ -220,8 +234,20 @@ def plan_episodes(study: StudyFile) -> list[Planned]:
             f"{MOST_EPISODES}"
         )
     return [
-        Planned(arm, seed, replace(config, seed=seed)) for seed in seeds for arm, config in configs
+        planned_for(arm, replace(config, seed=seed), contents)
+        for seed in seeds
+        for arm, config in configs
     ]
+
+
+def files_of(study: StudyFile) -> list[str]:
+    """Names of worlds and robots, some of which may be files."""
+    return [*study.worlds, *study.robots]
+
+
+def planned_for(arm: Arm, config: Config, contents: Contents) -> Planned:
+    """One episode of an arm."""
+    return Planned(arm, config.seed, config, episode_key(config, contents))
 
 
 def _variants(study: StudyFile) -> list[tuple[str, ...]]:
@@ -245,13 +271,21 @@ def _setting(name: str, value: Any) -> str:
     return f"{name}={value if isinstance(value, str) else json.dumps(value)}"
 
 
-def _severities(study: StudyFile) -> list[tuple[str, int]]:
-    return [(name, level) for name, levels in study.perturbations.items() for level in levels]
+def _severities(study: StudyFile) -> list[tuple[str, float]]:
+    levels = [(name, level) for name, some in study.perturbations.items() for level in some]
+    for name, level in levels:
+        if level <= 0.0:
+            raise InputError(f"perturbation '{name}': severity {level:g}, expected more than 0")
+    return levels
 
 
-def _perturbation(name: str, severity: int) -> AnyPerturbation | None:
-    """From `KIND` or `KIND:MODE` and a severity."""
-    if name == CLEAN:
+def perturbation_at(name: str, severity: float) -> AnyPerturbation | None:
+    """From `KIND` or `KIND:MODE` and a severity; none at 0.
+
+    Raises:
+        InputError: There is no such perturbation.
+    """
+    if name == CLEAN or severity == 0.0:
         return None
     kind, *mode = name.split(":")
-    return perturbation_from(":".join([kind, str(severity), *mode]))
+    return perturbation_from(":".join([kind, repr(severity), *mode]))

@@ -7,7 +7,8 @@ import os
 import threading
 import time
 import traceback
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 
@@ -41,19 +42,30 @@ class Done:
     error: str = ""
 
 
-def episode_key(config: Config) -> str:
-    """Content address of an episode: the same key is the same episode, on any machine."""
+def episode_key(config: Config, contents: Mapping[str, str]) -> str:
+    """Content address of an episode: the same key is the same episode, on any machine.
+
+    Args:
+        config: Resolved.
+        contents: Of the files that it names, see `contents_of`; a path is no part of the key.
+    """
+    world, robot = (contents.get(name, name) for name in (config.world, config.robot))
     version = metadata.version("wayproof").encode()
-    return hashlib.sha256(version + b"\n" + to_json(config)).hexdigest()[:24]
+    told = to_json(replace(config, world=world, robot=robot))
+    return hashlib.sha256(version + b"\n" + told).hexdigest()[:24]
 
 
 def run_job(job: Job) -> Done:
     """Run one episode; whatever it raises becomes its error text."""
     from harness.episode import run_episode
     from harness.scenario import build
+    from harness.study.contents import contents_of
 
     try:
-        run_episode(build(from_json(job.config, allow_plugins=True)), job.log)
+        config = from_json(job.config, allow_plugins=True)
+        if episode_key(config, contents_of((config.world, config.robot))) != job.key:
+            return Done(job.key, "the file of its world or robot was changed since it was planned")
+        run_episode(build(config), job.log)
     except InputError as error:
         return Done(job.key, str(error))
     except MemoryError:

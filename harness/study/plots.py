@@ -28,7 +28,7 @@ TALLEST_FLOOR = 0.05
 """Geoms that end below this are floor to a picture from above, m."""
 
 
-def dose_response(severities: Sequence[int], rates: Sequence[Interval], ylabel: str) -> str:
+def dose_response(severities: Sequence[float], rates: Sequence[Interval], ylabel: str) -> str:
     """A rate with its interval against severity; severity 0 is the unperturbed twin."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.6, 2.4), layout="constrained")
@@ -38,6 +38,20 @@ def dose_response(severities: Sequence[int], rates: Sequence[Interval], ylabel: 
         above = np.array([rate.high for rate in rates]) - middle
         axes.errorbar(severities, middle, yerr=[below, above], fmt="o-", capsize=3, color="#2b6cb0")
         axes.set(xlabel="severity", ylabel=ylabel, ylim=(-0.03, 1.03), xticks=list(severities))
+        return _svg(figure)
+
+
+def borne(critical: Sequence[float], greatest: float, xlabel: str) -> str:
+    """Share of the seeds that still reach the goal, against severity: a step where one fails."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(3.6, 2.4), layout="constrained")
+        axes = figure.add_subplot()
+        steps = np.sort([value for value in critical if value <= greatest])
+        left = 1.0 - np.arange(len(steps) + 1) / len(critical)
+        edges = [0.0, *steps, greatest]
+        axes.stairs(left, edges, baseline=None, color="#2b6cb0", lw=1.5)
+        axes.set(xlabel=xlabel, ylabel="share that bears it", xlim=(0.0, greatest))
+        axes.set(ylim=(-0.03, 1.03))
         return _svg(figure)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
+import msgspec
 import pebble
 
 from harness.errors import InputError
@@ -26,6 +26,8 @@ POLL = 0.5
 """How often the pool is looked at while nothing ends, s."""
 
 Finished = Callable[[Done], None]
+
+Stack = tuple[str, str, str]
 
 Tries = list[tuple[Job, int]]
 """Jobs, each with the number of the try that is next or under way."""
@@ -51,32 +53,77 @@ def run_in_processes(
     Raises:
         InputError: Workers die before they end any job.
     """
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    waiting = [(job, 1) for job in reversed(jobs)]
-    broken = 0
-    while waiting:
-        before = len(waiting)
-        with _pool(workers, bounds) as pool:
-            _warm_up(pool, stacks)
-            waiting = _run(pool, waiting, workers, bounds, finished)
-        broken = broken + 1 if len(waiting) == before else 0
-        if broken == BREAKS:
-            raise InputError(f"workers died {BREAKS} times before they ended any episode")
+    with Workers(workers, bounds) as engine:
+        engine(jobs, stacks, finished)
 
 
-@contextlib.contextmanager
-def _pool(workers: int, bounds: Bounds) -> Iterator[pebble.ProcessPool]:
-    pool = pebble.ProcessPool(
-        max_workers=workers,
-        context=multiprocessing.get_context("spawn"),
-        initializer=start_worker,
-        initargs=(bounds.memory_mib, os.getpid()),
-    )
-    try:
-        yield pool
-    finally:
-        pool.stop()
-        pool.join()
+class Workers:
+    """Processes that stay for one batch of jobs after another; an `Engine`, closed by `with`."""
+
+    def __init__(self, workers: int, bounds: Bounds, fresh: bool = False) -> None:
+        """Start none yet.
+
+        Args:
+            workers: Processes.
+            bounds: Of one job.
+            fresh: A new process for each job.
+        """
+        self._workers = workers
+        self._bounds = bounds
+        self._fresh = fresh
+        self._pool: pebble.ProcessPool | None = None
+        self._compiled: set[Stack] = set()
+
+    def __enter__(self) -> Workers:
+        """Return the workers themselves."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End all processes."""
+        self._stop()
+
+    def __call__(self, jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
+        """Run every job; see `run_in_processes`."""
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"
+        waiting = [(job, 1) for job in reversed(jobs)]
+        broken = 0
+        while waiting:
+            before = len(waiting)
+            pool = self._start(stacks)
+            waiting = _run(pool, waiting, self._workers, self._bounds, finished)
+            broken = broken + 1 if len(waiting) == before else 0
+            if broken == BREAKS:
+                raise InputError(f"workers died {BREAKS} times before they ended any episode")
+
+    def _start(self, stacks: Sequence[bytes]) -> pebble.ProcessPool:
+        """The pool, made anew where it broke, with these stacks compiled."""
+        if self._pool is None or not self._pool.active:
+            self._stop()
+            self._pool = pebble.ProcessPool(
+                max_workers=self._workers,
+                max_tasks=int(self._fresh),
+                context=multiprocessing.get_context("spawn"),
+                initializer=start_worker,
+                initargs=(self._bounds.memory_mib, os.getpid()),
+            )
+        new = {_stack(config): config for config in stacks}
+        for stack in self._compiled & new.keys():
+            del new[stack]
+        _warm_up(self._pool, list(new.values()))
+        self._compiled.update(new)
+        return self._pool
+
+    def _stop(self) -> None:
+        if self._pool is not None:
+            self._pool.stop()
+            self._pool.join()
+            self._pool = None
+
+
+def _stack(config: bytes) -> Stack:
+    """What decides which kernels an episode needs."""
+    document = msgspec.json.decode(config)
+    return document["robot"], document["map"]["kind"], document["planner"]["name"]
 
 
 def _warm_up(pool: pebble.ProcessPool, stacks: Sequence[bytes]) -> None:

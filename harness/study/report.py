@@ -9,10 +9,12 @@ from pathlib import Path
 import jinja2
 
 from harness.metrics import METRICS, read_trace
+from harness.perturbations.perturbation import GREATEST
 from harness.reader import open_log
 from harness.study.analysis import ArmSummary, Sample, samples_of
+from harness.study.critical import Margin, margin_in_words, read_margins
 from harness.study.file import CLEAN, Arm, name_of, plan_episodes
-from harness.study.plots import dose_response, track
+from harness.study.plots import borne, dose_response, track
 from harness.study.rows import Row
 from harness.study.store import Store
 from harness.study.study import StudyResult, conclude, read_rows
@@ -43,6 +45,15 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class Borne:
+    """How much the seeds of one arm bear, in words and as a picture."""
+
+    margin: Margin
+    words: str
+    picture: str
+
+
+@dataclass(frozen=True)
 class Dose:
     """One dose-response plot."""
 
@@ -58,7 +69,7 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
     """
     store = Store(folder)
     study = store.read_study(allow_plugins)
-    planned = plan_episodes(study)
+    planned = plan_episodes(study, store.read_contents())
     rows = read_rows(planned, store, allow_plugins)
     result = conclude(study, planned, rows)
     samples = samples_of(rows, planned[0].arm.variant)
@@ -68,6 +79,7 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
         name_of=name_of,
         metrics={name: METRICS[name] for name in SHOWN_METRICS},
         doses=_doses(result.arms),
+        borne=_borne(read_margins(study, store)),
         causes=sorted({cause for one in result.arms for cause in one.causes}),
         outcomes=sorted({outcome for one in result.arms for outcome in one.outcomes}),
         failures=_failures(samples, store, allow_plugins),
@@ -132,6 +144,14 @@ def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:
         title = " ".join(part for part in (world, robot, variant, perturbation) if part)
         doses.append(Dose(title, picture))
     return doses
+
+
+def _borne(margins: Sequence[Margin]) -> list[Borne]:
+    return [
+        Borne(one, margin_in_words(one), borne(one.critical, GREATEST, "severity"))
+        for one in margins
+        if one.critical
+    ]
 
 
 def _failures(samples: Sequence[Sample], store: Store, allow_plugins: bool) -> list[Failure]:

@@ -15,6 +15,7 @@ import msgspec
 from harness.config import PLUGIN
 from harness.errors import InputError
 from harness.reader import open_log
+from harness.study.contents import Contents
 from harness.study.file import StudyFile
 
 
@@ -88,11 +89,32 @@ class Store:
         for path in (*self.logs.glob("*.partial"), *self.errors.glob("*.partial")):
             path.unlink()
 
-    def keep_study(self, study: StudyFile) -> None:
-        """Keep what the folder is a study of, so that it can be reported without the file."""
-        draft = self.study.with_suffix(".partial")
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(study), indent=1) + b"\n")
-        draft.replace(self.study)
+    def keep_study(self, study: StudyFile, contents: Contents) -> None:
+        """Keep what the folder is a study of, so that it can be reported without the files."""
+        self.keep("study.json", study)
+        if contents:
+            self.keep("contents.json", contents)
+
+    def keep(self, name: str, document: object) -> None:
+        """Write a JSON document into the folder, whole or not at all."""
+        path = self.folder / name
+        draft = path.with_suffix(".partial")
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n")
+        draft.replace(path)
+
+    def read_contents(self) -> Contents:
+        """What the files held that the study names.
+
+        Raises:
+            InputError: The list of them is damaged.
+        """
+        path = self.folder / "contents.json"
+        try:
+            return msgspec.json.decode(path.read_bytes(), type=Contents)
+        except FileNotFoundError:
+            return {}
+        except (OSError, msgspec.DecodeError) as error:
+            raise InputError(f"'{path}': {error}") from None
 
     def read_study(self, allow_plugins: bool = False) -> StudyFile:
         """What the folder is a study of.

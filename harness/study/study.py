@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from harness.config import to_json
 from harness.errors import InputError
 from harness.study.analysis import ArmSummary, GateResult, judge, samples_of, summarise
-from harness.study.file import Planned, StudyFile, read_gate
-from harness.study.job import Done, Job, episode_key
+from harness.study.contents import contents_of
+from harness.study.file import Planned, StudyFile, files_of, read_gate
+from harness.study.job import Done, Job
 from harness.study.processes import Finished
 from harness.study.rows import Row, read_row, write_table
 from harness.study.store import Store
@@ -50,13 +51,12 @@ def run_missing(
     planned: Sequence[Planned], store: Store, engine: Engine, finished: Finished
 ) -> None:
     """Run the episodes that the folder does not hold yet; each that ends is kept at once."""
-    jobs: list[Job] = []
+    jobs: dict[str, Job] = {}
     stacks: dict[object, bytes] = {}
     for one in planned:
-        config = to_json(one.config)
-        key = episode_key(one.config)
-        if not store.is_done(key):
-            jobs.append(Job(key, config, store.log(key)))
+        if one.key not in jobs and not store.is_done(one.key):
+            config = to_json(one.config)
+            jobs[one.key] = Job(one.key, config, store.log(one.key))
             stack = (one.config.robot, one.config.map.kind, one.config.planner.name)
             stacks.setdefault(stack, config)
 
@@ -65,13 +65,13 @@ def run_missing(
             store.record_error(done.key, done.error)
         finished(done)
 
-    if jobs:
-        engine(jobs, list(stacks.values()), keep)
+    if jobs:  # an engine may take seconds to start
+        engine(list(jobs.values()), list(stacks.values()), keep)
 
 
 def count_missing(planned: Sequence[Planned], store: Store) -> int:
     """Episodes that have neither a log nor an error yet."""
-    return sum(not store.is_done(episode_key(one.config)) for one in planned)
+    return sum(not store.is_done(one.key) for one in planned)
 
 
 def shard(planned: Sequence[Planned], text: str) -> list[Planned]:
@@ -95,7 +95,7 @@ def read_rows(planned: Sequence[Planned], store: Store, allow_plugins: bool = Fa
     Raises:
         InputError: A log is damaged, or names code that is not allowed.
     """
-    rows = (read_row(store, one, episode_key(one.config), allow_plugins) for one in planned)
+    rows = (read_row(store, one, allow_plugins) for one in planned)
     return [row for row in rows if row is not None]
 
 
@@ -125,6 +125,6 @@ def run_study(
         store.clear_partial()
         run_missing(planned, store, engine, finished)
         rows = read_rows(planned, store, allow_plugins=True)  # they were run or let in here
-        write_table(rows, store.folder / "table.parquet")
-        store.keep_study(study)
+        write_table(rows, planned[0].arm.variant, store.folder / "table.parquet")
+        store.keep_study(study, contents_of(files_of(study)))
     return conclude(study, planned, rows)

@@ -107,7 +107,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", metavar="X,Y[,Z]", help="in place of the world's own, m")
     add_settings(parser)
     parser.add_argument(
-        "--perturb", metavar="KIND:SEVERITY[:MODE]", help="make one assumption wrong; 1 to 5"
+        "--perturb",
+        metavar="KIND:SEVERITY[:MODE]",
+        help="make one assumption wrong; 1 to 5, or between",
     )
     parser.add_argument("--log", type=Path, metavar="FILE", help="the log's name")
     parser.add_argument(

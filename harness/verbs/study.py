@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import functools
-import os
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
-from harness.errors import InputError, unknown_name
+from harness.errors import InputError
+from harness.verbs.pool import Watch, add_engine, open_engine
 from harness.verbs.verb import LOGS, Document, Verb, add_plugins
 
 if TYPE_CHECKING:
     from harness.study.analysis import ArmSummary
-    from harness.study.file import Bounds
-    from harness.study.job import Done
-    from harness.study.study import Engine, StudyResult
-
-ENGINES = ("processes", "ray")
+    from harness.study.determinism import Certificate
+    from harness.study.file import Planned, StudyFile
+    from harness.study.store import Store
+    from harness.study.study import StudyResult
 
 VERDICT_STYLES = {"held": "green", "failed": "bold red", "open": "yellow"}
 
@@ -50,64 +41,51 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         console.print(f"{copied} episodes copied to {store.folder}")
     if options.retry_errors:
         store.forget_errors()
-    engine = _engine(options, study.bounds)
     missing = count_missing(planned, store)
     console.print(
         f"study {study.name}: {len(planned)} episodes, {missing} to run, {options.jobs} at a time;"
         f" logs in {store.folder}"
     )
-    with _Watch(console, len(planned), missing) as watch:
-        result = run_study(study, planned, store, engine, watch.finished)
+    with open_engine(options, study.bounds) as engine:
+        with Watch(console, len(planned), missing) as watch:
+            result = run_study(study, planned, store, engine, watch.finished)
     print_study(console, result)
-    return result.exit_code, {**asdict(result), "folder": str(store.folder)}
+    document = {**asdict(result), "folder": str(store.folder)}
+    if not options.check_determinism:
+        return result.exit_code, document
+    certificate = _certify(options, console, study, planned, store)
+    code = result.exit_code if certificate.identical else 1
+    return code, {**document, "determinism": asdict(certificate)}
 
 
-def _engine(options: argparse.Namespace, bounds: Bounds) -> Engine:
-    if options.engine not in ENGINES:
-        raise unknown_name("engine", options.engine, ENGINES)
-    if options.jobs < 1:
-        raise InputError(f"--jobs {options.jobs}: expected at least 1")
-    if options.engine == "ray":
-        from harness.study.cluster import run_on_ray
+def _certify(
+    options: argparse.Namespace,
+    console: Console,
+    study: StudyFile,
+    planned: Sequence[Planned],
+    store: Store,
+) -> Certificate:
+    """Run a sample again in other ways."""
+    from harness.study.determinism import ARRANGEMENTS, FILE, certify
 
-        return functools.partial(
-            run_on_ray, workers=options.jobs, bounds=bounds, address=options.address
+    if options.sample < 1:
+        raise InputError(f"--sample {options.sample}: expected at least 1")
+    with Watch(console, None) as watch:
+        certificate = certify(
+            study.name, planned, store, study.bounds, watch.finished, options.sample
         )
-    if options.address:
-        raise InputError("--address: only --engine ray has one")
-    from harness.study.processes import run_in_processes
-
-    return functools.partial(run_in_processes, workers=options.jobs, bounds=bounds)
-
-
-class _Watch:
-    """A progress bar: episodes done, errors so far, time left."""
-
-    def __init__(self, console: Console, episodes: int, missing: int) -> None:
-        self._errors = 0
-        self._progress = Progress(
-            TextColumn("[bold]{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-        )
-        self._task = self._progress.add_task("episodes", total=episodes)
-        self._progress.advance(self._task, episodes - missing)
-
-    def finished(self, done: Done) -> None:
-        """Count an episode."""
-        self._errors += bool(done.error)
-        told = f"episodes, {self._errors} errors" if self._errors else "episodes"
-        self._progress.update(self._task, advance=1, description=told)
-
-    def __enter__(self) -> _Watch:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+    differing = [one for one in certificate.reruns if not one.identical]
+    for one in differing:
+        told = one.error or f"chain {one.chain}"
+        console.print(f"[bold red]differs[/]: {one.key}, {one.arrangement}: {told}")
+    verdict = f"{len(differing)} differ" if differing else "all are identical"
+    console.print(
+        f"determinism: {len(certificate.sample)} episodes run again in {len(ARRANGEMENTS)} other "
+        f"ways: {verdict}; certificate {store.folder / FILE}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    return certificate
 
 
 def print_study(console: Console, result: StudyResult) -> None:
@@ -141,27 +119,31 @@ def _told(one: ArmSummary) -> str:
     return (
         f"{text}; drop {against.drop.estimate:+.2f} ({against.drop.low:+.2f} to "
         f"{against.drop.high:+.2f}), p {against.p_adjusted:.3f}, lost {len(against.lost)}, won "
-        f"{len(against.won)}, acted otherwise in {against.changed} of {against.pairs}"
+        f"{len(against.won)}, acted otherwise in {against.changed} of {against.pairs}, "
+        f"inputs as declared in {against.proven}"
     )
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    cores = os.cpu_count() or 1
     parser.add_argument(
         "file", metavar="FILE", help="a study in TOML, or the name of a packaged one"
     )
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: logs/NAME")
-    parser.add_argument(
-        "--jobs", type=int, default=cores, metavar="N", help="processes, one a core"
-    )
     parser.add_argument("--shard", metavar="I/N", help="run the I-th of N parts alone")
     parser.add_argument(
         "--merge", type=Path, nargs="+", metavar="FOLDER", help="take over other folders' episodes"
     )
     parser.add_argument("--retry-errors", action="store_true", help="run episodes in error again")
-    parser.add_argument("--engine", default="processes", help=f"one of {', '.join(ENGINES)}")
+    parser.add_argument(
+        "--check-determinism",
+        action="store_true",
+        help="run a sample again in new processes, other orders and threads; write a certificate",
+    )
+    parser.add_argument(
+        "--sample", type=int, default=8, metavar="N", help="episodes for --check-determinism"
+    )
+    add_engine(parser)
     add_plugins(parser)
-    parser.add_argument("--address", metavar="HOST:PORT", help="of a running Ray cluster")
 
 
 VERB = Verb(

@@ -14,6 +14,9 @@ from harness.verbs import VERBS
 WRONG = {
     "run": ["nowhere", "--robot", "drone", "--seed", "1"],
     "study": ["no-such-study"],
+    "critical": ["no-such-study"],
+    "calibrate": ["margins", "empty", "--robot", "drone", "--drift", "0.01"],
+    "search": ["empty", "--robot", "drone", "--seed", "1", "--perturb", "nothing"],
     "report": ["no-such-folder"],
     "compare": ["no-such-folder", "nor-this"],
     "bench": ["no-such-stage"],

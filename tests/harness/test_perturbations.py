@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as replace_struct
 
 from harness.config import Config, from_document, from_json, override, to_json
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.inputs import decode_ranges
+from harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
 from harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
 from harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
 from harness.reader import read_messages
@@ -19,6 +20,7 @@ from harness.streams import compare
 from models.beams import DROPPED, NO_RETURN
 from models.devices import DEVICES
 from models.poses import Trail, rotation_matrices
+from models.worlds import WORLDS
 
 JUMPS_AT_2_S = next(seed for seed in range(1000) if jump_time_ns(seed) < 2.5e9)
 
@@ -60,14 +62,14 @@ def test_two_at_once_cannot_be_written():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("motion:3", "unknown perturbation 'motion'"),
+        ("commotion:3", "did you mean 'motion'"),
         ("pose_drfit:3", "did you mean 'pose_drift'"),
         ("pose_drift", "expected pose_drift:SEVERITY"),
         ("pose_drift:3:ray", "expected pose_drift:SEVERITY"),
         ("depth_dropout:3:ray:ray", r"expected depth_dropout:SEVERITY:\[MODE\]"),
-        ("pose_drift:6", "severity: Expected `int` <= 5"),
-        ("pose_drift:0", "severity: Expected `int` >= 1"),
-        ("pose_drift:much", "severity: Expected `int`"),
+        ("pose_drift:6", "severity: Expected `float` <= 5.0"),
+        ("pose_drift:0", "severity: Expected `float` > 0.0"),
+        ("pose_drift:much", "severity: Expected `float`"),
         ("depth_dropout:3:row", "mode: Invalid enum value 'row'"),
     ],
 )
@@ -75,6 +77,41 @@ def test_what_cannot_be_perturbed_is_told_in_one_line(text, said):
     with pytest.raises(InputError, match=said) as caught:
         perturbation_from(text)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "amount"),
+    [
+        ("pose_drift:3", 0.02),
+        ("pose_drift:3.5", 0.04),  # half way from 0.02 to 0.06
+        ("pose_drift:0.25", 0.00025),  # a quarter of the way from nothing to 0.001
+        ("motion:2.5", 1.07),
+        ("rate:0.5", 1.5),  # nothing is each sweep
+    ],
+)
+def test_amounts_are_linear_from_one_severity_to_the_next(text, amount):
+    perturbation = perturbation_from(text)
+    assert perturbation.amount == pytest.approx(amount, abs=1e-12)
+    assert type(perturbation).severity_of(amount) == pytest.approx(perturbation.severity)
+
+
+def test_a_severity_in_between_survives_its_log_and_a_whole_one_is_written_in_one_way():
+    between, whole = (
+        replace(Config("empty", "drone", 0), perturbation=perturbation_from(text))
+        for text in ("rate:2.34375", "rate:2.0")
+    )
+    assert from_json(to_json(between)) == between
+    assert to_json(whole) == to_json(replace(whole, perturbation=perturbation_from("rate:2")))
+    for amount in (0.0, 21.0):
+        with pytest.raises(ValueError, match="expected more than 1, up to 20"):
+            PERTURBATIONS["rate"].severity_of(amount)
+
+
+@pytest.mark.parametrize("window", [[3, 3], [-1, 2], [2, 1], [1]])
+def test_a_window_has_a_length(window):
+    one = {"kind": "latency", "severity": 1, "window": window}
+    with pytest.raises(InputError, match="window"):
+        from_document({"world": "empty", "robot": "drone", "seed": 0, "perturbation": one})
 
 
 # What each does to a sweep
@@ -188,6 +225,32 @@ def test_a_pose_jumps_once():
 def test_every_nth_sweep_arrives():
     arriving = [k for k in range(12) if perturbation_from("rate:3").delivers(k)]
     assert arriving == [0, 5, 10]
+    between = [k for k in range(12) if perturbation_from("rate:1.5").delivers(k)]
+    assert between == [0, 3, 5, 8, 10]  # every 2.5th
+
+
+def test_a_pose_error_is_confined_to_its_window_and_takes_the_direction_given():
+    jump = type(perturbation_from("pose_jump:3"))(severity=3, window=(1.0, 2.0), direction=90.0)
+    shifts = [jump.pose_error(7, round(t * 1e9), 5.0).shift for t in (0.999, 1.0, 1.999, 2.0)]
+    assert shifts == [(0, 0, 0), (0, 0.3, 0), (0, 0.3, 0), (0, 0, 0)]
+
+
+def test_people_walk_the_same_ways_at_every_severity():
+    world = WORLDS["warehouse"](3, 0.5)
+    slow, fast = (perturbation_from(f"motion:{one}").change_world(world, 3) for one in (1, 5))
+    assert 1 <= len(slow.movers) <= 4
+    assert [one.route for one in slow.movers] == [one.route for one in fast.movers]
+    assert {one.speed for one in slow.movers} == {0.4}
+    assert {one.speed for one in fast.movers} == {2.0}
+    brief = replace_struct(perturbation_from("motion:1"), window=(2.0, 5.0))
+    [*people] = brief.change_world(world, 3).movers
+    assert {(one.appears, one.vanishes) for one in people} == {(2.0, 5.0)}
+
+
+def test_where_nobody_can_walk_there_is_no_such_episode():
+    config = replace(Config("corridor", "drone", 3), perturbation=perturbation_from("motion:3"))
+    with pytest.raises(InputError, match="'motion': nobody finds a way"):
+        build(config)
 
 
 # In the loop
@@ -205,6 +268,7 @@ TEXTS = {
     "calibration:3:translation": {"sensor/lidar"},
     "latency:3": {"latency"},
     "rate:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "motion:3": {"world", "sensor/lidar", "sensor/depth", "sensor/altimeter"},
 }
 
 
@@ -214,25 +278,30 @@ def test_every_perturbation_is_paired_below():
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
-    """An episode's log unperturbed, and with each perturbation; three seconds in a corridor."""
+    """An episode's log unperturbed, and with each perturbation; three seconds in a corridor.
+
+    There is little room for people in it, so `motion` is in an empty one.
+    """
     folder = tmp_path_factory.mktemp("pairs")
     logs = {}
 
-    def record(text=None):
-        if text not in logs:
-            config = override(Config("corridor", "drone", JUMPS_AT_2_S), ["episode.time_limit=2.5"])
+    def record(text=None, like=""):
+        world = "empty" if (text or like).startswith("motion") else "corridor"
+        key = (text, world)
+        if key not in logs:
+            config = override(Config(world, "drone", JUMPS_AT_2_S), ["episode.time_limit=2.5"])
             if text is not None:
                 config = replace(config, perturbation=perturbation_from(text))
-            logs[text] = folder / f"{len(logs)}.mcap"
-            run_episode(build(config), logs[text])
-        return logs[text]
+            logs[key] = folder / f"{len(logs)}.mcap"
+            run_episode(build(config), logs[key])
+        return logs[key]
 
     return record
 
 
 @pytest.mark.parametrize("text", TEXTS)
 def test_only_the_declared_stream_changes_before_the_first_differing_action(pair, text):
-    found = compare(pair(), pair(text))
+    found = compare(pair(like=text), pair(text))
     assert found.changed <= TEXTS[text]
     assert found.first_change is not None
     assert found.compared > 0
@@ -269,6 +338,45 @@ def test_a_jump_is_in_the_pose_and_not_in_its_sigma(pair):
         assert poses[k].position_sigma == usual[k].position_sigma
     moved = np.subtract(poses[first].position, usual[first].position)
     np.testing.assert_allclose(moved, done[first].pose_shift, atol=1e-9)
+
+
+def test_people_change_what_sensors_see_only_where_they_are(pair):
+    """Up to the first differing action every beam that changed ends on somebody."""
+    found = compare(pair(like="motion"), pair("motion:3"))
+    until = found.first_action if found.first_action is not None else 26
+    truths = {m.sequence: m for m in read_messages(pair("motion:3")) if isinstance(m, pb.Truth)}
+    infos = [m for m in read_messages(pair("motion:3")) if isinstance(m, pb.SensorInfo)]
+    beams = {info.name: beams_from_info(info) for info in infos}
+    changed = 0
+    for sequence in range(until):
+        truth = truths[sequence]
+        pose = Pose(np.array(truth.position), np.array(truth.quaternion), 0.0)
+        people = np.array([mover.position[:2] for mover in truth.movers])
+        assert all(mover.present for mover in truth.movers)
+        for name in ("lidar", "depth", "altimeter"):
+            clean = sweep_of(pair(like="motion"), name, sequence)
+            seen = sweep_of(pair("motion:3"), name, sequence)
+            placed = beams[name].place(SweepInput(name, seen), pose, sequence)
+            other = seen != clean
+            changed += int(other.sum())
+            reach = 1e-3 * seen[other, None]
+            ends = placed.origins[0] + reach * placed.directions[other]
+            gaps = np.linalg.norm(ends[:, None, :2] - people[None], axis=2).min(axis=1)
+            assert (gaps < 0.3).all()  # 0.25 m thick
+    assert changed > 20
+
+
+def test_a_windowed_perturbation_acts_within_its_window_alone(tmp_path):
+    """Sweeps before and after are those that the device reports."""
+    usual = override(Config("empty", "drone", 1), ["episode.time_limit=0.6"])
+    lossy = replace_struct(perturbation_from("depth_dropout:4"), window=(0.2, 0.4))
+    logs = [tmp_path / "usual.mcap", tmp_path / "lossy.mcap"]
+    for config, log in zip((usual, replace(usual, perturbation=lossy)), logs, strict=True):
+        run_episode(build(config), log)
+    done = [m for m in read_messages(logs[1]) if isinstance(m, pb.Perturbation)]
+    assert [m.changed_beams > 0 for m in done[:6]] == [False, False, True, True, False, False]
+    assert [m.amount for m in done[:6]] == [0.0, 0.0, 0.3, 0.3, 0.0, 0.0]
+    assert compare(*logs).first_change == 2
 
 
 def sweep_of(log, sensor, sequence):
@@ -337,6 +445,7 @@ def test_a_perturbed_log_names_what_is_off(pair):
     message = next(
         m for m in read_messages(pair("calibration:3")) if isinstance(m, pb.Perturbation)
     )
-    assert (message.severity, message.amount, message.unit) == (3, 1.0, "degrees")
+    assert (message.severity, message.exact_severity) == (3, 3.0)
+    assert (message.amount, message.unit) == (1.0, "degrees")
     assert 2 * math.acos(message.displaced_quaternion[0]) == pytest.approx(math.radians(1.0))
     assert Path(pair("calibration:3")).exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import os
 import signal
 import threading
@@ -11,12 +12,18 @@ from pathlib import Path
 
 import pytest
 
+from harness.config import to_json
 from harness.errors import InputError
-from harness.study.file import Bounds, plan_episodes, read_gate, read_study
-from harness.study.job import Done, Job, episode_key
+from harness.study.contents import contents_of
+from harness.study.file import Bounds, files_of, plan_episodes, read_gate, read_study
+from harness.study.job import Done, Job, run_job
 from harness.study.processes import run_in_processes
 from harness.study.store import Store, merge
 from harness.study.study import StudyResult, count_missing, read_rows, run_study, shard
+from models.imports.options import Ends, Found
+from models.imports.world_file import world_text
+
+ENDS = Ends((-3.0, -3.0, -0.5), (3.0, 3.0, 3.0), (-2.0, 0.0, 0.0), 0.0, (2.0, 0.0, 0.0))
 
 SHORT = """
 name = "short"
@@ -55,7 +62,7 @@ def test_a_plan_crosses_everything_and_keys_tell_episodes_apart(tmp_path: Path) 
     study = read_study(written(tmp_path, SHORT.replace('["empty"]', '["empty", "corridor"]')))
     planned = plan_episodes(study)
     assert len(planned) == 2 * 2 * 2
-    assert len({episode_key(one.config) for one in planned}) == len(planned)
+    assert len({one.key for one in planned}) == len(planned)
     assert [one.seed for one in planned] == sorted(one.seed for one in planned)
     assert {one.config.map.unknown_policy for one in planned} == {"forbid", "allow"}
     assert all(one.config.episode.time_limit == 3.0 for one in planned)
@@ -262,7 +269,50 @@ def test_a_strangers_folder_loads_no_code(tmp_path: Path) -> None:
         written(tmp_path, SHORT.replace("[axes]", '"planner.name" = "os:abort"\n[axes]'))
     )
     store = Store(tmp_path)
-    store.keep_study(study)
+    store.keep_study(study, {})
     with pytest.raises(InputError, match="expected --allow-plugins"):
         store.read_study()
     assert store.read_study(allow_plugins=True) == study
+
+
+def test_a_key_holds_what_a_file_holds_and_not_where_it_lies(tmp_path: Path) -> None:
+    paths = [tmp_path / "room.xml", tmp_path / "elsewhere" / "room.xml"]
+    paths[1].parent.mkdir()
+    text = world_text(Found(), ENDS, "room")
+    for path in paths:
+        path.write_text(text)
+    keys = [planned_keys(tmp_path, path) for path in paths]
+    assert keys[0] == keys[1]
+    paths[0].write_text(text.replace("0 0 -9.81", "0 0 -9.80"))
+    assert planned_keys(tmp_path, paths[0]) != keys[0]
+    with pytest.raises(InputError, match="no such file"):
+        planned_keys(tmp_path, tmp_path / "none.xml")
+
+
+def planned_keys(folder: Path, world: Path) -> list[str]:
+    text = SHORT.replace('["empty"]', json.dumps([str(world)]))
+    return [one.key for one in plan_episodes(read_study(written(folder, text)))]
+
+
+def test_a_file_that_changes_after_the_plan_is_not_run(tmp_path: Path) -> None:
+    path = tmp_path / "room.xml"
+    path.write_text(world_text(Found(), ENDS, "room"))
+    text = SHORT.replace('["empty"]', json.dumps([str(path)]))
+    [one, *_] = plan_episodes(read_study(written(tmp_path, text)))
+    path.write_text(path.read_text().replace("0 0 -9.81", "0 0 -9.80"))
+    done = run_job(Job(one.key, to_json(one.config), tmp_path / "log.mcap"))
+    assert "was changed since" in done.error
+    assert not (tmp_path / "log.mcap").exists()
+
+
+def test_a_folder_remembers_what_its_files_held(tmp_path: Path) -> None:
+    """So it is reported where they are no more."""
+    path = tmp_path / "room.xml"
+    path.write_text(world_text(Found(), ENDS, "room"))
+    text = SHORT.replace('["empty"]', json.dumps([str(path)]))
+    study = read_study(written(tmp_path, text))
+    keys = [one.key for one in plan_episodes(study)]
+    store = Store(tmp_path)
+    store.keep_study(study, contents_of(files_of(study)))
+    path.unlink()
+    assert [one.key for one in plan_episodes(store.read_study(), store.read_contents())] == keys

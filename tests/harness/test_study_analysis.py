@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from harness.metrics import METRICS
 from harness.statistics import Interval
 from harness.study.analysis import judge, pair, samples_of, summarise, verdict_of
 from harness.study.file import Arm, read_gate
-from harness.study.rows import Row, first_difference, share_differing
+from harness.study.rows import Row, first_difference, prove, share_differing, write_table
 
 CLEAN = Arm("warehouse", "drone", "", "none", 0)
 DRIFT = Arm("warehouse", "drone", "", "pose_drift", 3)
@@ -118,3 +120,51 @@ def test_a_real_drop_is_found() -> None:
     [result] = judge(samples_of(rows, ""), [read_gate("success.drop <= 0.05")])
     assert result.verdict == "failed"
     assert result.interval.low > 0.05
+
+
+LIDAR, POSE = b"lidar...", b"pose...."
+
+
+def hashed(arm: Arm, seed: int, *hashes: bytes, declared: tuple[str, ...] = ()) -> Row:
+    """Streams `sensor/lidar`, `pose` and `control`; eight bytes each a decision."""
+    streams = ("sensor/lidar", "pose", "control")
+    return row(arm, seed, hashes=hashes, streams=streams, declared=declared)
+
+
+def test_streams_are_compared_up_to_the_first_other_action() -> None:
+    same, moved = b"0" * 24, b"0" * 16 + b"moved..."
+    twin = hashed(CLEAN, 0, same, same, same)
+    drift = hashed(
+        DRIFT, 0, same, b"0" * 8 + POSE + b"0" * 8, LIDAR + moved[8:], declared=("pose",)
+    )
+    proof = prove(drift, twin)
+    assert proof is not None
+    assert proof.pairing.changed == {"pose"}  # the lidar saw other things only after it had moved
+    assert (proof.pairing.compared, proof.pairing.first_action) == (2, 2)
+    assert proof.undeclared == ()
+    leak = hashed(DRIFT, 1, LIDAR + b"0" * 16, declared=("pose",))
+    other = prove(leak, hashed(CLEAN, 1, same))
+    assert other is not None
+    assert other.undeclared == ("sensor/lidar",)
+    assert prove(row(DRIFT, 2), twin) is None
+    rows = [twin, drift, hashed(CLEAN, 1, same), leak]
+    against = summarise(samples_of(rows, ""), 60.0)[1].against
+    assert against is not None
+    assert (against.proven, against.undeclared) == (1, (1,))
+    assert against.streams == ("pose", "sensor/lidar")
+
+
+def test_a_table_says_of_each_pair_which_inputs_differ(tmp_path: Path) -> None:
+    same = b"0" * 24
+    rows = [
+        hashed(CLEAN, 0, same),
+        hashed(DRIFT, 0, b"0" * 8 + POSE + b"0" * 8, declared=("pose",)),
+        row(DRIFT, 1, "error"),
+    ]
+    write_table(rows, "", tmp_path / "table.parquet")
+    [clean, drift, error] = pq.read_table(tmp_path / "table.parquet").to_pylist()
+    assert clean["streams_changed"] is None
+    assert (drift["streams_changed"], drift["streams_undeclared"]) == (["pose"], [])
+    assert (drift["decisions_compared"], drift["first_other_action"]) == (1, None)
+    assert error["decisions_compared"] is None
+    assert drift["severity"] == 3.0

@@ -1,0 +1,62 @@
+"""`wayproof bench search`: how many episodes it takes to find a planted weakness.
+
+A short thin pole of glass stands beside a drone's way (`harness.search.pole`). Each repeat searches
+with another seed, by evolution within a budget and at random until it has found it or has had three
+times as many; on two processes.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+from harness.search.hunt import hunt
+from harness.search.pole import SPACE, cross_pole_room, pole_room
+from harness.warm_up import warm_up
+
+BUDGET = 100
+RANDOM_BUDGET = 3 * BUDGET
+PROCESSES = 2
+
+Progress = Callable[[str], None]
+
+
+def bench_search(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+    """A row for each repeat, and one for all of them."""
+    warm_up(pole_room(None).config)
+    rows = []
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
+        for row in pool.map(_repeat, range(seed, seed + repeats)):
+            progress(
+                f"seed {row['seed']}: {row['evolution']} by evolution, {row['random']} at random"
+            )
+            rows.append(row)
+    return [*rows, _all(rows)]
+
+
+def _repeat(seed: int) -> dict[str, Any]:
+    warm_up(pole_room(None).config)
+    evolved = hunt(SPACE, cross_pole_room, BUDGET, seed)
+    drawn = hunt(SPACE, cross_pole_room, RANDOM_BUDGET, seed, "random")
+    return {
+        "seed": seed,
+        "evolution": evolved.episodes,
+        "found": evolved.failing is not None,
+        "random": drawn.episodes,
+        "random_found": drawn.failing is not None,
+        "random_within_budget": drawn.failing is not None and drawn.episodes <= BUDGET,
+    }
+
+
+def _all(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """How often each found it within the budget, and how often evolution was the quicker one."""
+    return {
+        "repeats": len(rows),
+        "budget": BUDGET,
+        "evolution_found": sum(row["found"] for row in rows),
+        "random_found": sum(row["random_within_budget"] for row in rows),
+        "evolution_quicker": sum(row["found"] and row["random"] > row["evolution"] for row in rows),
+    }

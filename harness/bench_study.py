@@ -1,0 +1,162 @@
+"""`wayproof bench study` and `wayproof bench study_size`: what a study costs beside its episodes.
+
+`study` runs the same short episodes on one process, on two, and on two workers of Ray where it is
+installed. `study_size` runs as many as are asked for and tells, part by part, what an episode took
+and how much memory the study's own process and its workers held.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import tempfile
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from harness.errors import InputError
+from harness.study.file import Bounds, StudyFile, plan_episodes
+from harness.study.job import Done
+from harness.study.processes import run_in_processes
+from harness.study.store import Store
+from harness.study.study import Engine, read_rows, run_study
+
+Progress = Callable[[str], None]
+
+LEAST = 4
+"""Episodes of `study`."""
+
+PARTS = 10
+"""Of a large study, each told by itself."""
+
+
+def brief_study(episodes: int, first: int, seconds: float) -> StudyFile:
+    """Drones in an empty room, one seed each, with a short time limit; no sweeps are kept."""
+    return StudyFile(
+        name="brief",
+        worlds=["empty"],
+        robots=["drone"],
+        seeds=list(range(first, first + episodes)),
+        settings={"episode.time_limit": seconds, "record": "decisions"},
+    )
+
+
+def bench_study(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+    """Episodes an hour on each engine; `repeats` of them, of 10 s simulated, on each.
+
+    Raises:
+        InputError: Too few episodes to time.
+    """
+    from harness.study.cluster import run_on_ray
+
+    if repeats < LEAST:
+        raise InputError(f"--repeats {repeats}: expected at least {LEAST} episodes")
+
+    bounds = Bounds()
+    engines: dict[str, Engine] = {
+        "one process": functools.partial(run_in_processes, workers=1, bounds=bounds),
+        "two processes": functools.partial(run_in_processes, workers=2, bounds=bounds),
+    }
+    if importlib.util.find_spec("ray") is not None:
+        engines["two workers of Ray"] = functools.partial(run_on_ray, workers=2, bounds=bounds)
+    rows: list[dict[str, Any]] = []
+    for name, engine in engines.items():
+        progress(f"{name}: {repeats} episodes")
+        workers = 1 if name == "one process" else 2
+        rows.append(_timed(name, engine, workers, brief_study(repeats, seed, 10.0)))
+    for row in rows:
+        row["ratio_to_one"] = row["episodes_per_hour"] / rows[0]["episodes_per_hour"]
+        row["ratio_to_two"] = row["episodes_per_hour"] / rows[1]["episodes_per_hour"]
+    return rows
+
+
+def _timed(name: str, engine: Engine, workers: int, study: StudyFile) -> dict[str, Any]:
+    """From when every worker has ended one to the last end: starting comes once a study."""
+    ends: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        planned = plan_episodes(study)
+        result = run_study(
+            study,
+            planned,
+            Store(Path(folder)),
+            engine,
+            lambda done: ends.append(time.perf_counter()),
+        )
+    steady = ends[-1] - ends[workers - 1]
+    return {
+        "engine": name,
+        "episodes": result.episodes,
+        "errors": result.errors,
+        "to_first_s": ends[0] - began,
+        "episodes_per_hour": 3600.0 * (len(ends) - workers) / steady,
+    }
+
+
+def bench_study_size(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+    """A study of `repeats` episodes of 1 s on two processes, in ten parts, then its table."""
+    study = brief_study(repeats, seed, 1.0)
+    ends: list[float] = []
+    memory: list[tuple[float, float]] = []
+
+    def finished(done: Done) -> None:
+        ends.append(time.perf_counter())
+        memory.append(memory_mib())
+        progress(f"{len(ends)} of {repeats} episodes")
+
+    engine = functools.partial(run_in_processes, workers=2, bounds=Bounds())
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(Path(folder))
+        planned = plan_episodes(study)
+        began = time.perf_counter()
+        run_study(study, planned, store, engine, finished)
+        judged = time.perf_counter()
+        rows = read_rows(planned, store)
+        told = msgspec.json.encode([row.metrics for row in rows])
+        read = time.perf_counter()
+        size = sum(path.stat().st_size for path in store.logs.glob("*.mcap"))
+    parts = min(PARTS, repeats)
+    edges = [round(part * repeats / parts) for part in range(parts + 1)]
+    table = []
+    for first, last in pairwise(edges):
+        start = ends[first - 1] if first else began
+        table.append({
+            "up_to": last,
+            "s_per_episode": (ends[last - 1] - start) / (last - first),
+            "own_mib": max(own for own, _ in memory[first:last]),
+            "workers_mib": max(workers for _, workers in memory[first:last]),
+        })  # fmt: skip
+    whole = {
+        "episodes": len(rows),
+        "most_mib": max(own + workers for own, workers in memory),
+        "rows_s": (judged - ends[-1]),
+        "read_again_s": read - judged,
+        "log_kib_per_episode": size / 1024 / repeats,
+        "table_bytes": len(told),
+    }
+    return [*table, whole]
+
+
+def memory_mib() -> tuple[float, float]:
+    """Resident memory of this process, and of its children together."""
+    import os
+
+    own, children = 0.0, 0.0
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            status = (entry / "status").read_text()
+        except OSError:
+            continue
+        fields = dict(line.split(":", 1) for line in status.splitlines() if ":" in line)
+        resident = int(fields.get("VmRSS", "0 kB").split()[0]) / 1024
+        if int(entry.name) == os.getpid():
+            own = resident
+        elif int(fields["PPid"]) == os.getpid():
+            children += resident
+    return own, children

@@ -1,0 +1,209 @@
+"""A certificate that a study's episodes come out the same however they are run.
+
+A sample of the finished episodes is run again in other processes, in another order and on other
+numbers of threads. The hash over all decisions, each of which names the hash of its inputs, must be
+the same.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.config import to_json
+from harness.errors import InputError
+from harness.reader import open_log
+from harness.study.contents import contents_of
+from harness.study.file import Bounds, Planned, name_of
+from harness.study.job import Done, Job, episode_key
+from harness.study.processes import Finished, Workers
+from harness.study.store import Store
+
+FILE = "determinism.json"
+"""In a study's folder: the latest certificate."""
+
+SAMPLE = 8
+"""Episodes run again in each arrangement."""
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """A way to run the same episodes.
+
+    Attributes:
+        name: In words.
+        workers: Processes at a time.
+        threads: Of each episode.
+        fresh: A new process for each episode.
+        order: Of the episodes: `reversed` or `shuffled`.
+    """
+
+    name: str
+    workers: int
+    threads: int
+    fresh: bool
+    order: str
+
+
+ARRANGEMENTS = (
+    Arrangement("a new process for each, in reverse", 1, 1, True, "reversed"),
+    Arrangement("two processes, two threads each, shuffled", 2, 2, False, "shuffled"),
+    Arrangement("two processes, three threads each, in reverse", 2, 3, False, "reversed"),
+)
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """One episode run again.
+
+    Attributes:
+        key: Of the episode.
+        arrangement: How it was run.
+        chain: Over its decisions; empty without a log.
+        identical: Whether it is that of the study.
+        error: Why there is no log.
+    """
+
+    key: str
+    arrangement: str
+    chain: str
+    identical: bool
+    error: str
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What was run again and what came of it.
+
+    Attributes:
+        study: Its name.
+        identical: Whether every rerun gave the study's own chain.
+        episodes: Finished ones that the sample was drawn from.
+        left_out: Of those, timed by the wall clock (`latency.mode = measured`): never the same.
+        sample: Key -> arm, seed and chain of each episode drawn.
+        arrangements: How they were run.
+        reruns: What came of it, one of each episode in each arrangement.
+        versions: Of what ran the sample first, as its logs tell them.
+    """
+
+    study: str
+    identical: bool
+    episodes: int
+    left_out: int
+    sample: dict[str, dict[str, str | int]]
+    arrangements: tuple[Arrangement, ...]
+    reruns: list[Rerun]
+    versions: dict[str, str]
+
+
+def certify(
+    name: str,
+    planned: Sequence[Planned],
+    store: Store,
+    bounds: Bounds,
+    finished: Finished,
+    size: int = SAMPLE,
+    arrangements: tuple[Arrangement, ...] = ARRANGEMENTS,
+) -> Certificate:
+    """Run a sample of a study's finished episodes again, and write the certificate to its folder.
+
+    Args:
+        name: Of the study.
+        planned: Its episodes.
+        store: Its folder.
+        bounds: Of one episode.
+        finished: Called for each rerun that ends.
+        size: Of the sample.
+        arrangements: Ways to run it again.
+
+    Raises:
+        InputError: No episode has finished that could be run again.
+    """
+    done = [one for one in planned if store.log(one.key).is_file()]
+    steady = [one for one in done if one.config.latency.mode == "modelled"]
+    if not steady:
+        raise InputError(
+            f"study folder '{store.folder}': no finished episode with latency.mode = modelled, "
+            "expected at least one to run again"
+        )
+    sample = draw(steady, size)
+    logs = {one.key: open_log(store.log(one.key), allow_plugins=True) for one in sample}
+    chains = {key: log.result["chain"] for key, log in logs.items()}
+    reruns = [
+        rerun
+        for arrangement in arrangements
+        for rerun in _run_again(sample, chains, arrangement, bounds, finished)
+    ]
+    certificate = Certificate(
+        study=name,
+        identical=all(rerun.identical for rerun in reruns),
+        episodes=len(done),
+        left_out=len(done) - len(steady),
+        sample={
+            one.key: {"arm": name_of(one.arm), "seed": one.seed, "chain": chains[one.key]}
+            for one in sample
+        },
+        arrangements=arrangements,
+        reruns=reruns,
+        versions={
+            name: text for name, text in logs[sample[0].key].run.items() if "sha256" not in name
+        },
+    )
+    store.keep(FILE, certificate)
+    return certificate
+
+
+def draw(planned: Sequence[Planned], size: int) -> list[Planned]:
+    """Episodes by their hash, which knows no preference: of each arm by turns."""
+    by_arm: dict[object, deque[Planned]] = {}
+    for one in sorted(planned, key=lambda one: one.key):
+        by_arm.setdefault(one.arm, deque()).append(one)
+    waiting = deque(sorted(by_arm.values(), key=lambda some: some[0].key))
+    drawn: list[Planned] = []
+    while waiting and len(drawn) < size:
+        some = waiting.popleft()
+        drawn.append(some.popleft())
+        if some:
+            waiting.append(some)
+    return drawn
+
+
+def _run_again(
+    sample: Sequence[Planned],
+    chains: dict[str, str],
+    arrangement: Arrangement,
+    bounds: Bounds,
+    finished: Finished,
+) -> list[Rerun]:
+    order = list(reversed(sample))
+    if arrangement.order == "shuffled":
+        np.random.default_rng(len(sample)).shuffle(order)
+    with tempfile.TemporaryDirectory() as folder:
+        jobs, keys = [], {}
+        for one in order:
+            config = replace(one.config, threads=arrangement.threads)
+            key = episode_key(config, contents_of((config.world, config.robot)))
+            jobs.append(Job(key, to_json(config), Path(folder) / f"{one.key}.mcap"))
+            keys[key] = one.key
+        errors: dict[str, str] = {}
+
+        def note(done: Done) -> None:
+            errors[keys[done.key]] = done.error
+            finished(done)
+
+        with Workers(min(arrangement.workers, len(jobs)), bounds, arrangement.fresh) as engine:
+            engine(jobs, [jobs[0].config], note)
+        return [
+            _compare(key, Path(folder) / f"{key}.mcap", chains[key], arrangement, errors[key])
+            for key in keys.values()
+        ]
+
+
+def _compare(key: str, log: Path, expected: str, arrangement: Arrangement, error: str) -> Rerun:
+    chain = open_log(log, allow_plugins=True).result["chain"] if not error else ""
+    return Rerun(key, arrangement.name, chain, chain == expected, error)

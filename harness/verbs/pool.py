@@ -1,0 +1,98 @@
+"""What verbs share that run many episodes: the engine, and a bar that watches it."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import functools
+import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from harness.errors import InputError, unknown_name
+
+if TYPE_CHECKING:
+    from harness.study.file import Bounds
+    from harness.study.job import Done
+    from harness.study.study import Engine
+
+ENGINES = ("processes", "ray")
+
+
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """How many episodes at a time, and where."""
+    cores = os.cpu_count() or 1
+    parser.add_argument(
+        "--jobs", type=int, default=cores, metavar="N", help="processes, one a core"
+    )
+    parser.add_argument("--engine", default="processes", help=f"one of {', '.join(ENGINES)}")
+    parser.add_argument("--address", metavar="HOST:PORT", help="of a running Ray cluster")
+
+
+@contextlib.contextmanager
+def open_engine(options: argparse.Namespace, bounds: Bounds) -> Iterator[Engine]:
+    """The engine that the options ask for; its processes end with the block.
+
+    Raises:
+        InputError: There is none of that name, or it does not take these options.
+    """
+    if options.engine not in ENGINES:
+        raise unknown_name("engine", options.engine, ENGINES)
+    if options.jobs < 1:
+        raise InputError(f"--jobs {options.jobs}: expected at least 1")
+    if options.engine == "ray":
+        from harness.study.cluster import run_on_ray
+
+        yield functools.partial(
+            run_on_ray, workers=options.jobs, bounds=bounds, address=options.address
+        )
+        return
+    if options.address:
+        raise InputError("--address: only --engine ray has one")
+    from harness.study.processes import Workers
+
+    with Workers(options.jobs, bounds) as engine:
+        yield engine
+
+
+class Watch:
+    """A progress bar: episodes done, errors so far, time left."""
+
+    def __init__(self, console: Console, episodes: int | None, missing: int = 0) -> None:
+        """Count up to `episodes`, of which all but the missing are done; none for nobody knows."""
+        self._errors = 0
+        self._progress = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._task = self._progress.add_task("episodes", total=episodes)
+        self._progress.advance(self._task, 0 if episodes is None else episodes - missing)
+
+    def finished(self, done: Done) -> None:
+        """Count an episode."""
+        self._errors += bool(done.error)
+        told = f"episodes, {self._errors} errors" if self._errors else "episodes"
+        self._progress.update(self._task, advance=1, description=told)
+
+    def __enter__(self) -> Watch:
+        """Show it."""
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave it as it is."""
+        self._progress.stop()

@@ -1,0 +1,101 @@
+"""`wayproof search`: the worst that one perturbation can do within a budget of episodes."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from harness.config import from_document, override
+from harness.verbs.pool import Watch, add_engine, open_engine
+from harness.verbs.run import episode_name
+from harness.verbs.verb import LOGS, Document, Verb, add_settings
+
+if TYPE_CHECKING:
+    from harness.search.episodes import Found
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Search; exit code 1 where a failure was found."""
+    from harness.search.episodes import Search, search
+    from harness.search.hunt import NO_RATE
+    from harness.study.file import Bounds
+    from harness.study.store import Store
+
+    named = {"world": options.world, "robot": options.robot, "seed": options.seed}
+    config = override(from_document(named), [*options.set, "record=failures"])
+    asked = Search(
+        config,
+        options.perturb,
+        options.window,
+        options.greatest,
+        options.budget,
+        options.search_seed,
+    )
+    store = Store(options.out or LOGS / f"search-{episode_name(config)}")
+    with open_engine(options, Bounds()) as engine, Watch(console, None) as watch:
+        found = search(asked, store, engine, watch.finished)
+    print_found(console, found)
+    console.print(f"[bold]note[/]: {NO_RATE}", highlight=False, soft_wrap=True)
+    document = {**asdict(found), "rate": None, "note": NO_RATE, "folder": str(store.folder)}
+    return (1 if found.failing else 0), document
+
+
+def print_found(console: Console, found: Found) -> None:
+    """What was found, in two lines."""
+    if found.failing is None:
+        console.print(
+            f"no failure in {found.episodes} episodes; least clearance "
+            f"{found.nearest.robustness:.2f} m with {found.nearest.perturbation}",
+            highlight=False,
+            soft_wrap=True,
+        )
+        return
+    console.print(
+        f"[bold red]{found.outcome}[/] after {found.episodes} episodes: {found.reason}; "
+        f"log {found.log}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    if found.shortest is not None and found.shortest.perturbation.window is not None:
+        begin, end = found.shortest.perturbation.window
+        console.print(
+            f"shortest trigger: {begin:g} to {end:g} s, found in {found.cuts} more episodes; "
+            f"log {found.shortest_log}\n  --set 'perturbation={found.setting}'",
+            highlight=False,
+            soft_wrap=True,
+            markup=False,
+        )
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("world", metavar="WORLD", help="see 'wayproof list'; or a world file")
+    parser.add_argument("--robot", required=True, help="see 'wayproof list'; or a spec file")
+    parser.add_argument("--seed", required=True, type=int, help="of the episode")
+    parser.add_argument("--perturb", required=True, metavar="KIND[:MODE]", help="what may go wrong")
+    parser.add_argument(
+        "--window", type=float, default=2.0, metavar="S", help="how long it acts, s"
+    )
+    parser.add_argument(
+        "--greatest", type=float, default=5.0, metavar="SEVERITY", help="most that is tried"
+    )
+    parser.add_argument("--budget", type=int, default=100, metavar="N", help="most episodes")
+    parser.add_argument(
+        "--search-seed", type=int, default=0, metavar="N", help="of the choice of episodes"
+    )
+    add_settings(parser)
+    parser.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="default: logs/search-WORLD-ROBOT-SEED"
+    )
+    add_engine(parser)
+
+
+VERB = Verb(
+    help="when, where and how strongly a perturbation makes an episode fail",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof search warehouse --robot drone --seed 3 --perturb pose_jump --budget 100",
+)
