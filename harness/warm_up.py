@@ -9,15 +9,10 @@ from harness.robots import find_robot, warm_up_robot
 from models import rays, truth
 
 
-def warm_up_stack(config: Config) -> None:
-    """Compile what a replay runs, or load it from the cache."""
-    maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
-    planners.warm_up(config.planner, oriented=bool(find_robot(config).spec.discs))
-
-
 def warm_up(config: Config) -> None:
     """Compile what an episode runs, or load it from the cache."""
-    warm_up_stack(config)
+    maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
+    planners.warm_up(config.planner, oriented=bool(find_robot(config).spec.discs))
     rays.warm_up()
     truth.warm_up()
     warm_up_robot(config)

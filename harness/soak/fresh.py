@@ -16,6 +16,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+import maps
+import planners
 from harness.config import Config
 from harness.soak.child import in_child
 
@@ -49,10 +51,9 @@ class FreshReplays:
 
 
 def _serve(pipe: Connection, configs: Sequence[Config]) -> None:
-    from harness.warm_up import warm_up_stack
-
     for config in configs:
-        warm_up_stack(config)
+        maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
+        planners.warm_up(config.planner, oriented=True)
     while True:
         try:
             log, threads = pipe.recv()

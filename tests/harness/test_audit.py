@@ -10,6 +10,7 @@ from harness import audit as audits
 from harness.audit import audit, densely
 from harness.cli import main
 from harness.mission import Mission
+from harness.navigator import build_navigator
 from harness.reader import open_log
 from harness.schema import wayproof_pb2 as pb
 
@@ -47,7 +48,7 @@ def test_the_command_tells_what_broke(recorded, capsys):
 def checked(recorded):
     """Check one decision of a real log after something was done to it."""
     log = open_log(Path(recorded("warehouse", "quadruped", 1, SHORT).log))
-    navigator = audits.build_navigator(log.config, log.mission, log.beams)
+    navigator = build_navigator(log.config, log.mission, log.beams)
     body = audits._Body(log.config, log.mission, "forbid")
     committed, target = [], None
     for record in log.records():

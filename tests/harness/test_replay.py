@@ -7,15 +7,17 @@ import sys
 from pathlib import Path
 
 import pytest
+import zstandard
 
 from harness.ahead import Outrun, recompute_ahead
 from harness.audit import audit
 from harness.cli import main
 from harness.closed_loop import simulate_again
-from harness.container import Packet, walk
+from harness.container import Attachment, Metadata, Packet, walk
 from harness.decision import differences
 from harness.errors import InputError
 from harness.fork import fork
+from harness.log import FORMAT_VERSION, PACKED_SCENE
 from harness.log_copy import thin, write_copy
 from harness.reader import open_log, read_head, read_messages
 from harness.replay import replay
@@ -311,3 +313,25 @@ def test_the_audit_of_a_fork_reads_each_decision_with_its_own_settings(recorded,
     assert found.decisions == 21
     assert found.swept > 5
     assert found.violations == ()
+
+
+@pytest.mark.parametrize(
+    ("packed", "said"),
+    [(b"junk", "damaged"), (zstandard.compress(bytes(65 * 2**20)), "unpacks to 68157440 bytes")],
+)
+def test_a_packed_scene_is_not_believed(packed, said):
+    items = [Metadata("run", {"format_version": FORMAT_VERSION}), Attachment(PACKED_SCENE, packed)]
+    with pytest.raises(InputError, match=said):
+        read_head(iter(items), Path("a.mcap"), False)
+
+
+def test_a_log_of_decisions_keeps_guides_where_they_were_searched_for(recorded):
+    full = open_log(Path(recorded(*SHORT["quadruped"]).log))
+    small = open_log(Path(recorded(*SHORT["quadruped"], "record=decisions").log))
+    assert small.scene == full.scene
+    pairs = list(zip(small.decisions(), full.decisions(), strict=True))
+    kept = [bool(one.guide) for one, other in pairs if other.guide]
+    assert 2 <= sum(kept) < len(kept)
+    assert all(one.guide == other.guide for one, other in pairs if one.guide)
+    assert all(one.guide for one, other in pairs if other.planner and other.guide)
+    assert all(one.trajectory == other.trajectory for one, other in pairs)
