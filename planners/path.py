@@ -18,6 +18,8 @@ LEAST_BLEND_EDGES = 8
 LEAST_EDGE = 1e-6
 # A corner that turns by less shares its edges as if it turned by this [rad].
 LEAST_TURN = 0.05
+COSINE_BACK = -0.7
+"""A long body goes back at a corner that turns by more than 135 degrees."""
 SHARP_ANGLE = math.radians(50.0)
 SHARP_WINDOW = 0.3  # [m]
 
@@ -198,8 +200,8 @@ def _blend(space: FreeSpace, corner: Floats, length: float, spacing: float) -> F
     """Points of the largest free blend of a corner, shape (k, 3), or the corner itself."""
     at = corner[1]
     tangents = edge_tangents(corner)
-    backwards = space.discs and _dot(tangents[0], tangents[1]) < 0.0
-    if length < LEAST_EDGE or backwards:  # where a body goes back or turns about, it stands
+    backwards = space.discs and _dot(tangents[0], tangents[1]) < COSINE_BACK
+    if length < LEAST_EDGE or backwards:  # there it stands
         return corner[1:2].copy()
     for _ in range(BLEND_SHRINKINGS):
         start, end = at - length * tangents[0], at + length * tangents[1]
