@@ -118,7 +118,8 @@ class Episode:
         self._steps: deque[np.ndarray] = deque(maxlen=_steps_a_decision(scenario))
         timestep, steps = float(scene.model.opt.timestep), _steps_a_decision(scenario)
         self._ahead = SetpointsAhead(round(timestep * 1e9), steps)
-        self._estimate = Estimate(scenario.config, timestep, steps, start, heading)
+        legs = scenario.mission.motion == "ground"
+        self._estimate = Estimate(scenario.config, timestep, steps, start, heading, legs)
         self._interference = Interference(scenario.config, scene)
         sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
         self._streams = StreamHashes([*sensors, "pose", "latency", "world", CONTROL])

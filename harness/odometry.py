@@ -47,7 +47,13 @@ class Estimate:
     """
 
     def __init__(
-        self, config: Config, timestep: float, steps: int, position: Array, heading: float
+        self,
+        config: Config,
+        timestep: float,
+        steps: int,
+        position: Array,
+        heading: float,
+        legs: bool = False,
     ) -> None:
         """Start at the true position (3,) and heading.
 
@@ -57,12 +63,15 @@ class Estimate:
             steps: Physics steps that a trail reaches back.
             position: m.
             heading: rad.
+            legs: The body stands on legs, which tell its height.
         """
         self._config = config
         self._perturbation = config.perturbation or UNPERTURBED
         self._stride = max(1, round(1.0 / (config.odometry.rate * timestep)))
         period = self._stride * timestep
-        self._odometry = Odometry(config.odometry, config.seed, position, heading, period)
+        self._odometry = Odometry(
+            config.odometry, config.seed, position, heading, period, legs=legs
+        )
         self._period_ns = round(period * 1e9)
         self._due_ns = self._period_ns
         self._errors: deque[PoseError] = deque(maxlen=steps)

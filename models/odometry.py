@@ -46,6 +46,9 @@ class OdometryConfig:
             of ORB-SLAM (Mur-Artal and Tardos 2017, T-RO 33, RGB-D) on TUM's fr2 desk and of 1.3 cm
             of RGB-D SLAM (Endres et al. 2014, T-RO 30) on fr1 xyz are 0.5 and 0.8 cm an axis.
         turn_sigma: Standard deviation of its heading, rad; assumed: 1 cm at 5 m.
+        legs_sigma: Standard deviation of the bounded error of a walking robot's height, m: legs
+            measure it against the ground that they stand on, so it has no other error. Assumed:
+            a milliradian in each joint of legs of 0.4 m, and as much for the feet's give.
         correlation_time: In which the bounded error forgets all but 1/e of itself, s; assumed.
         jitter: Standard deviation of the white error of each estimate, on each axis, m.
         turn_jitter: Likewise of the heading, rad.
@@ -58,6 +61,7 @@ class OdometryConfig:
     turn_walk: float = 0.0
     sigma: float = 0.01
     turn_sigma: float = 0.002
+    legs_sigma: float = 0.001
     correlation_time: float = 5.0
     jitter: float = 0.0
     turn_jitter: float = 0.0
@@ -72,7 +76,7 @@ class OdometryConfig:
         self._check("correlation_time", 0.01, 3600.0, " s")
         for name in ("scale", "turn_scale"):
             self._check(name, 0.0, 0.5, "")
-        for name in ("walk", "sigma", "jitter"):
+        for name in ("walk", "sigma", "legs_sigma", "jitter"):
             self._check(name, 0.0, 5.0, " m")
         for name in ("turn_walk", "turn_sigma", "turn_jitter"):
             self._check(name, 0.0, 1.0, " rad")
@@ -105,7 +109,13 @@ class Odometry:
     """The error of an estimator that follows one body, estimate by estimate."""
 
     def __init__(
-        self, config: OdometryConfig, seed: int, position: Array, heading: float, period: float
+        self,
+        config: OdometryConfig,
+        seed: int,
+        position: Array,
+        heading: float,
+        period: float,
+        legs: bool = False,
     ) -> None:
         """Start at a place that is known but for the bounded error.
 
@@ -115,7 +125,9 @@ class Odometry:
             position: (3,) true, world, m.
             heading: True, rad.
             period: Time between two estimates, s.
+            legs: The body stands on legs, which tell its height.
         """
+        self._legs = legs
         self._config = config
         self._seed = seed
         self._sequence = 0
@@ -131,6 +143,9 @@ class Odometry:
         self._walk_spread = _spread(config.walk, config.turn_walk)
         self._jitter_spread = _spread(config.jitter, config.turn_jitter)
         spread = _spread(config.sigma, config.turn_sigma)
+        if legs:
+            self._walk_spread[Z] = self._jitter_spread[Z] = 0.0
+            spread[Z] = config.legs_sigma
         # Exact discrete form of a first-order Gauss-Markov process (Brown and Hwang, Introduction
         # to Random Signals and Applied Kalman Filtering, section 5.3).
         self._fresh_spread = math.sqrt(1.0 - self._decay**2) * spread
@@ -209,7 +224,9 @@ class Odometry:
         c, s = math.cos(self._reckoned[3]), math.sin(self._reckoned[3])
         x, y, z = step.tolist()
         believed: Array = scale * np.array([c * x - s * y, s * x + c * y, z])
-        self._reckoned[:3] += believed - step
+        self._reckoned[:2] += believed[:2] - step[:2]
+        if not self._legs:
+            self._reckoned[Z] += believed[Z] - step[Z]
         self._reckoned[3] += turn_scale * turn
         return believed
 
