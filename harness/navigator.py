@@ -24,8 +24,10 @@ from harness.labels import bound_version, make_layer, vote, widened
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.view import Choice, Memory, View
+from harness.width import decide_by_width
 from maps import MAPS, Costmap, VoxelMap
 from planners import Disc, FreeSpace, MotionLimits, Trajectory, hold
+from planners.body import blocked_at_or_below
 
 Array = NDArray[np.float64]
 
@@ -121,8 +123,7 @@ class Navigator:
         self.costmap.update(margin)
         version = bound_version(self.map.version(), self.labels)
         clock.append(time.perf_counter())
-        view = self._view(inputs)
-        choice, self._draft = decide(view, self._memory)
+        choice, self._draft, view = self._decide(self._view(inputs))
         clock.append(time.perf_counter())
         decision = self._record(inputs, view, choice, version, margin)
         _write_stages(decision.stages, sense_ms, clock)
@@ -212,6 +213,21 @@ class Navigator:
             behaviour=config.behaviour,
         )
 
+    def _decide(self, view: View) -> tuple[Choice, Memory, View]:
+        """The choice, the memory that it leaves, and the view that it was made on."""
+        if not view.admitted.discs:
+            return *decide(view, self._memory), view
+        return decide_by_width(view, self._widened(view), self._memory)
+
+    def _widened(self, view: View) -> View:
+        """The same for the disc about a long body."""
+        return replace(
+            view,
+            admitted=self._space(self.costmap.field(), wide=True),
+            known=self._space(self.costmap.clearance, wide=True),
+            passable=self._passable(wide=True),
+        )
+
     def _record(
         self, inputs: Inputs, view: View, choice: Choice, version: str, margin: float
     ) -> pb.Decision:
@@ -224,9 +240,9 @@ class Navigator:
             map_version=version,
             resolution_m=self.map.resolution,
             unknown_policy=self._config.map.unknown_policy,
-            inflation_radius_m=self.costmap.inflation_radius,
+            inflation_radius_m=self._inflation_radius(view),
             localization_margin_m=margin,
-            blocked_at_or_below=self.costmap.blocked_at_or_below,
+            blocked_at_or_below=view.admitted.blocked_at_or_below,
             position=inputs.pose.position.tolist(),
             quaternion=inputs.pose.quaternion.tolist(),
             position_sigma=inputs.pose.position_sigma,
@@ -248,6 +264,10 @@ class Navigator:
         decision.timestamp.FromNanoseconds(inputs.time_ns)
         return decision
 
+    def _inflation_radius(self, view: View) -> float:
+        """Of the disc or discs that the decision was made for, m."""
+        return self.costmap.inflation_radius + (0.0 if view.admitted.discs else self._slender)
+
     def _path_cost(self, view: View, guide: Array | None) -> float:
         weight = self._config.planner.clearance_weight
         return 0.0 if guide is None else view.passable.path_cost(guide, weight)
@@ -257,16 +277,25 @@ class Navigator:
         observed = self.map.observed_ns_at(path)
         return float(time_ns - max(int(observed.min()), 0)) * 1e-9
 
-    def _space(self, field: NDArray[np.uint16]) -> FreeSpace:
+    def _space(self, field: NDArray[np.uint16], wide: bool = False) -> FreeSpace:
+        """Free space for the body as it lies, or for the disc about it."""
         costmap = self.costmap
         return FreeSpace(
             field=field,
             origin=costmap.origin,
             resolution=costmap.resolution,
-            blocked_at_or_below=costmap.blocked_at_or_below,
+            blocked_at_or_below=self._threshold(wide),
             cost_by_distance=costs(costmap, self._body),
-            discs=self._discs(),
+            discs=() if wide else self._discs(),
         )
+
+    def _threshold(self, wide: bool) -> int:
+        """The largest forbidden squared distance, cells^2."""
+        costmap = self.costmap
+        if not wide:
+            return costmap.blocked_at_or_below
+        radius = self._body.circumscribed_radius + costmap.margin
+        return blocked_at_or_below(radius, costmap.resolution, flat=True)
 
     def _discs(self) -> tuple[Disc, ...]:
         """The discs that are checked at the heading; none if the body is one."""
@@ -274,15 +303,15 @@ class Navigator:
             return ()
         return self._body.discs(self.costmap.margin, self.costmap.resolution, flat=True)
 
-    def _passable(self) -> FreeSpace:
+    def _passable(self, wide: bool = False) -> FreeSpace:
         """Space not known to be blocked: distances to obstacles, an obstacle's edge where unknown.
 
         So a guide may cross the unknown, at `behaviour.unknown_cost`, and takes known space where
         it can.
         """
         costmap = self.costmap
-        edge = costmap.blocked_at_or_below + 1
-        space = self._space(costmap.presumed(edge))
+        edge = self._threshold(wide) + 1
+        space = self._space(costmap.presumed(edge), wide)
         table = space.cost_by_distance.copy()
         table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if space.discs else 0.0)
         return replace(space, cost_by_distance=table)

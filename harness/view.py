@@ -128,6 +128,7 @@ class Memory:
         visited: (n, 3) places that it has looked from.
         trail: (n, 3) where it came along, the latest last, no longer than a way back needs.
         backups: How often it has gone back on its trail.
+        slender: Whether the guide is for a long body as it lies, not for the disc about it.
     """
 
     trajectory: Trajectory
@@ -139,6 +140,7 @@ class Memory:
     visited: Array = field(default_factory=lambda: np.empty((0, 3)))
     trail: Array = field(default_factory=lambda: np.empty((0, 3)))
     backups: int = 0
+    slender: bool = False
 
 
 @dataclass(frozen=True)

@@ -165,9 +165,9 @@ class Costmap:
             edge: Squared distance, cells^2.
 
         Returns:
-            (nx, ny, nz), the same array at every call, written anew.
+            (nx, ny, nz), of a body that flies the same array at every call, written anew.
         """
-        if self._presumed is None:
+        if self._presumed is None or self.motion == "ground":
             self._presumed = np.empty(self.shape, np.uint16)
         flat = self._presumed.reshape(-1)
         fields = self.obstacle_clearance.reshape(-1), self.clearance.reshape(-1)

@@ -1,0 +1,58 @@
+"""How wide a long body is taken: as the disc about it where that leads on, else as it lies.
+
+Where the disc about a body fits, it turns as it likes, and plans and motions are those of a disc:
+fast, and with room to spare. Only where no such way leads on is the body planned for by its discs
+at their heading, through gaps in which it cannot turn.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from harness.behaviour import decide
+from harness.guide import heading_at
+from harness.view import Choice, Memory, View, length
+from planners import remaining
+
+
+def decide_by_width(slender: View, wide: View, memory: Memory) -> tuple[Choice, Memory, View]:
+    """Choose the next action as a disc, or if that leads nowhere as discs at their heading.
+
+    Args:
+        slender: The view for the body as it lies.
+        wide: The same for the disc about it.
+        memory: Of the last decision.
+
+    Returns:
+        The choice, the memory that it leaves, and the view that it was made on.
+    """
+    if memory.slender and not _widens(slender, wide, memory):
+        return *decide(slender, memory), slender
+    as_disc, after = decide(wide, replace(memory, slender=False))
+    if _leads_on(as_disc):
+        return as_disc, after, wide
+    as_it_lies, squeezed = decide(slender, replace(memory, slender=True))
+    if _leads_on(as_it_lies):
+        return as_it_lies, squeezed, slender
+    return as_disc, after, wide
+
+
+def _widens(slender: View, wide: View, memory: Memory) -> bool:
+    """Whether the rest of a way begun as discs is one for the disc about the body, too."""
+    if memory.guide is None:
+        return True
+    now = memory.trajectory.at(slender.effect_ns)
+    guide = remaining(memory.guide, now.arc_length)
+    if wide.passable.free_length(guide) < length(guide) - 1e-6:
+        return False
+    if not wide.admitted.is_free(now.position):
+        return False
+    return math.cos(heading_at(guide, 0.0) - now.heading) > 0.0  # not tail first
+
+
+def _leads_on(choice: Choice) -> bool:
+    """Whether the robot moves, turns or has arrived; who brakes first has to come to rest."""
+    if choice.label == "start_blocked" or choice.action == "abort":
+        return False
+    return choice.action != "stop_and_wait" or choice.trajectory.duration_s > 0.0
