@@ -42,7 +42,7 @@ def safe_scene(text: str) -> str:
     """
     if len(text) > GREATEST_TEXT:
         raise InputError(f"scene: {len(text)} characters, expected at most {GREATEST_TEXT}")
-    if "<!" in text.replace("<!--", ""):
+    if "<!" in text.replace("<!--", "").replace("<![CDATA[", ""):
         raise InputError("scene: a document type, expected plain MJCF")
     try:
         root = ElementTree.fromstring(text)
@@ -54,6 +54,10 @@ def safe_scene(text: str) -> str:
         if count >= MOST_ELEMENTS:
             raise InputError(f"scene: more than {MOST_ELEMENTS} elements")
         _check(element)
+        if element.tag == "text" and element.text:
+            # MuJoCo saves what holds quotes as CDATA, of which nothing is left after parsing.
+            element.set("data", element.text)
+            element.text = None
     return ElementTree.tostring(root, encoding="unicode")
 
 

@@ -1,5 +1,6 @@
 import re
 
+import mujoco
 import pytest
 
 from harness.errors import InputError
@@ -39,3 +40,14 @@ def test_our_own_scenes_pass():
 def test_what_reaches_outside_or_multiplies_is_refused(text, said):
     with pytest.raises(InputError, match=re.escape(said)):
         safe_scene(text)
+
+
+def test_text_that_mujoco_saves_as_cdata_is_read_again():
+    spec = mujoco.MjSpec()
+    spec.add_text(name="quoted", data='{"speed": [2.0]}')
+    spec.compile()
+    saved = spec.to_xml()
+    assert "CDATA" in saved
+    model = mujoco.MjModel.from_xml_string(safe_scene(saved))
+    first = model.text_adr[0]
+    assert model.text_data[first : first + model.text_size[0] - 1] == b'{"speed": [2.0]}'
