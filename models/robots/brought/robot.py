@@ -120,6 +120,7 @@ class BroughtRobot:
             max_yaw_rate=limits.yaw_rate,
             max_tilt=limits.tilt,
             mounts=file.mounts(),
+            discs=file.discs,
         )
 
     def mjcf(self) -> str:

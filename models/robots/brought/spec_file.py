@@ -93,6 +93,8 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         base: Body with the free joint.
         controller: `trot`, `geometric`, or `module:Class`.
         radius: Circumscribed radius about the base origin, m.
+        discs: Offset along the base's x axis and radius of discs that hold a body on the ground that
+            is longer than wide, as it walks ahead and turns, m; none for one disc of the radius.
         height: Top above the ground (ground) or full vertical extent (air), m.
         limits: What navigation may ask for.
         sensors: In the order in which their sweeps are integrated.
@@ -115,6 +117,7 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     height: float
     limits: Limits
     sensors: tuple[Sensor, ...]
+    discs: tuple[tuple[float, float], ...] = ()
     motion: Literal["ground", "air"] | None = None
     stance: float | None = None
     swing_height: float | None = None
@@ -148,7 +151,19 @@ def parse_spec(text: str) -> SpecFile:
     if not 0.0 <= spec.limits.step_height < spec.height:
         raise Unusable(f"limits.step_height: got {spec.limits.step_height:g}, expected 0 to height")
     _check_sensors(spec.sensors)
+    _check_discs(spec)
     return spec
+
+
+def _check_discs(spec: SpecFile) -> None:
+    for offset, radius in spec.discs:
+        if not (abs(offset) <= spec.radius and 0.0 < radius <= spec.radius):
+            raise Unusable(
+                f"discs: got offset {offset:g} m and radius {radius:g} m, "
+                f"expected each within the radius, {spec.radius:g} m"
+            )
+    if spec.discs and spec.controller == "geometric":
+        raise Unusable("discs: expected none for a robot that flies")
 
 
 def _check_name(name: str) -> None:
