@@ -20,7 +20,7 @@ def _spec(parameters: Parameters) -> RobotSpec:
 
     Radius: legs at full stride reached 0.440 m at up to 1.0 m/s and 1.0 rad/s; standing, 0.387 m.
     Discs: at these speeds, and not walking sideways, it reached 0.418 m behind, 0.34 m ahead and
-    0.199 m to the sides, and no point of it was farther than 0.233 m from the nearest centre.
+    0.199 m to the sides, and no point of it was farther than 0.236 m from the nearest centre.
     Height: the lidar's top bobs up to 7 mm above where it is in standing. Step height: well below
     what `wayproof bench robots` shows it to cross unseen.
     """
