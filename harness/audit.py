@@ -196,7 +196,14 @@ class _Body:
     def first_blocked(
         self, voxel_map: Representation, poses: Array, margin: float
     ) -> tuple[Array, str] | None:
-        """The first pose (4,) at which the body overlaps what it may not, and why."""
+        """The first pose (4,) at which the body overlaps what it may not, and why.
+
+        Where the disc about all of it has room it may lie as it likes.
+        """
+        if self.mission.discs:
+            about = max(abs(offset) + radius for offset, radius in self.mission.discs)
+            if self._first_overlap(voxel_map, poses[:, :3], about + margin) is None:
+                return None
         for offset, radius in self.mission.discs or ((0.0, self.mission.radius),):
             ahead = np.column_stack((np.cos(poses[:, 3]), np.sin(poses[:, 3])))
             track = poses[:, :3].copy()

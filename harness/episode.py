@@ -188,8 +188,9 @@ class Episode:
     def _decide(self) -> pb.Decision:
         """Sense, decide and log; the trajectory takes effect when its start time comes."""
         time_ns = self._now_ns()
-        self._streams.update(CONTROL, b"".join(self._asked))
-        self._asked.clear()
+        if self._asked:  # none at the start of a fork, whose state has them
+            self._streams.update(CONTROL, b"".join(self._asked))
+            self._asked.clear()
         mujoco.mj_kinematics(self._scene.model, self._data)
         sweeps, pose, sense_ms = self._sense(time_ns)
         inputs = inputs_from_messages(pose, sweeps)

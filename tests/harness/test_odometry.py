@@ -12,6 +12,7 @@ from mcap.writer import Writer
 
 from harness.config import Config, override
 from harness.episode import run_episode
+from harness.footprint import HEADING_TOLERANCE
 from harness.odometry import Estimate
 from harness.reader import open_log, read_messages
 from harness.replay import replay
@@ -197,7 +198,8 @@ def test_the_log_holds_the_believed_pose_and_the_margin_follows_its_sigma(record
     for decision in (m for m in messages if isinstance(m, pb.Decision)):
         assert decision.position == poses[decision.sequence].position
         assert decision.position_sigma == config.odometry.sigma
-        assert decision.localization_margin_m == config.map.inflation_margin + 2 * 0.01
+        margin = config.map.inflation_margin + 2 * 0.01
+        assert decision.localization_margin_m == margin + 0.245 * HEADING_TOLERANCE  # outmost disc
 
 
 def test_a_rolling_sweep_is_straightened_by_believed_poses(recorded):
@@ -294,3 +296,21 @@ def test_the_stack_names_neither_truth_nor_perturbation():
         names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
         assert not names & {"Truth", "truth", "Perturbation", "perturbation", "odometry"}, name
+
+
+def test_legs_measure_their_own_height():
+    """Of what walks only the legs' own error is left along z; the rest is as of what flies."""
+    config = OdometryConfig(walk=0.1, jitter=0.05, scale=0.1)
+    flying, walking = (
+        Odometry(config, 3, np.zeros(3), 0.0, PERIOD, legs=legs) for legs in (False, True)
+    )
+    errors = []
+    for step in range(500):
+        for one in (flying, walking):
+            one.advance(np.array([0.01 * step, 0.0, 0.02 * step]), 0.0)
+        assert walking.error.shift[:2] == flying.error.shift[:2]
+        assert walking.error.turn == flying.error.turn
+        errors.append((flying.error.shift[2], walking.error.shift[2]))
+    of_flying, of_walking = np.abs(errors).max(axis=0)
+    assert of_flying > 0.1
+    assert of_walking < 5 * config.legs_sigma
