@@ -10,6 +10,7 @@ import re
 import numpy as np
 import pytest
 
+from harness.audit import audit
 from harness.benchmarks import BENCHMARKS, barn, dodge
 from harness.benchmarks.trials import Finished, Trial, run_trial
 from harness.benchmarks.voxel_search import SQRT2, SQRT3, VoxelSearch, _length, _search
@@ -17,11 +18,12 @@ from harness.cli import main
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.reader import open_log
+from harness.reader import open_log, read_messages
 from harness.rebuild import rebuild
 from harness.replay import replay
 from harness.result import Result
 from harness.scenario import build
+from harness.schema import wayproof_pb2 as pb
 from models.imports import ImportOptions
 
 PILLAR = """<model name='p{n}'><static>1</static><pose frame=''>{x} {y} 0 0 0 0</pose>
@@ -293,3 +295,18 @@ def test_the_help_tells_the_defaults_that_count(capsys):
     for value in (own.height, own.resolution, own.scale, own.unknown):
         text = value if isinstance(value, str) else f"{value:g}"
         assert f"(default: {text})" in told
+
+
+def test_a_long_body_goes_through_a_gap_in_which_it_cannot_turn(tmp_path):
+    """As a disc where that leads on, as its discs in the gap; and the audit agrees."""
+    world = barn.read_barn(barn_folder(tmp_path, gap=1.0) / "world_7.world")
+    done = run_trial(Trial(world, barn.barn_config(world, 1), tmp_path / "a.mcap"))
+    assert done.result is not None
+    assert (done.result.outcome, done.result.collisions) == ("success", 0)
+    decisions = [m for m in read_messages(tmp_path / "a.mcap") if isinstance(m, pb.Decision)]
+    slender, wide = sorted({round(decision.inflation_radius_m, 6) for decision in decisions})
+    assert wide - slender == pytest.approx(0.245)
+    found = audit(tmp_path / "a.mcap")
+    assert found.violations == ()
+    assert found.swept > 50
+    assert replay(tmp_path / "a.mcap").identical
