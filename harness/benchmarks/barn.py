@@ -39,12 +39,15 @@ SPEED = 2.0  # m/s, of the reference
 FASTEST, SLOWEST = 2.0, 8.0  # times OT: clipped to these
 REACHED = 1.0  # m from the goal: there a trial is over
 LIMIT = 50.0  # s
-MARGIN = 0.025  # m, localization: the pose is exact, so this is for the map's cells
+MARGIN = 0.025  # m, for the map's cells: the pose is exact, as in the published simulation
 
 SETTINGS = (
     "map.resolution=0.04",
     f"map.inflation_margin={MARGIN}",
     "map.half_life=0",
+    "odometry.sigma=0",
+    "odometry.turn_sigma=0",
+    "odometry.legs_sigma=0",
     f"episode.time_limit={LIMIT:g}",
 )
 
