@@ -26,6 +26,8 @@ VERDICT_STYLES = {"held": "green", "failed": "bold red", "open": "yellow"}
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run a study, or go on with it."""
+    if options.worlds is not None:
+        return _published(options, console)
     from harness.study.file import plan_episodes, read_study
     from harness.study.store import Store, merge
     from harness.study.study import count_missing, run_study, shard
@@ -56,6 +58,17 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     certificate = _certify(options, console, study, planned, store)
     code = result.exit_code if certificate.identical else 1
     return code, {**document, "determinism": asdict(certificate)}
+
+
+def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """A published benchmark by its own protocol and scores: every world, so many seeds of each."""
+    from harness.bench import print_rows, run_stage
+    from harness.benchmarks import Files
+
+    files = Files("--worlds", options.worlds, options.out or LOGS)
+    rows = run_stage(options.file, options.repeats, seed=0, files=files)
+    print_rows(console, f"study {options.file}", rows)
+    return 0, {"rows": rows}
 
 
 def _certify(
@@ -126,7 +139,15 @@ def _told(one: ArmSummary) -> str:
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "file", metavar="FILE", help="a study in TOML, or the name of a packaged one"
+        "file",
+        metavar="FILE",
+        help="a study in TOML, or the name of a packaged one; with --worlds: barn, dodge",
+    )
+    parser.add_argument(
+        "--worlds", type=Path, metavar="DIR", help="a published benchmark's files, by its protocol"
+    )
+    parser.add_argument(
+        "--repeats", type=int, metavar="N", help="with --worlds: seeds of each world"
     )
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: logs/NAME")
     parser.add_argument("--shard", metavar="I/N", help="run the I-th of N parts alone")

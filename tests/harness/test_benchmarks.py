@@ -170,9 +170,10 @@ def test_truth_tells_which_worlds_are_open(tmp_path, gap, is_open):
     assert (barn.shortest_way(world) is not None) is is_open
 
 
-def test_a_closed_world_is_impossible_and_not_left_out(tmp_path, capsys):
+@pytest.mark.parametrize("verb", ["bench", "study"])
+def test_a_closed_world_is_impossible_and_not_left_out(tmp_path, capsys, verb):
     folder = str(barn_folder(tmp_path, gap=0.3))
-    assert main(["bench", "barn", "--worlds", folder, "--repeats", "2", "--json"]) == 0
+    assert main([verb, "barn", "--worlds", folder, "--repeats", "2", "--json"]) == 0
     *rows, summary = json.loads(capsys.readouterr().out)["rows"]
     assert [(row["outcome"], row["seed"]) for row in rows] == [("impossible", 0), ("impossible", 1)]
     assert (summary["episodes"], summary["impossible"], summary["success"]) == (2, 2, 0.0)
