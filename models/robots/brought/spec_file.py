@@ -93,8 +93,8 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         base: Body with the free joint.
         controller: `trot`, `geometric`, or `module:Class`.
         radius: Circumscribed radius about the base origin, m.
-        discs: Offset along the base's x axis and radius of discs that hold a long body on the ground
-            as it walks ahead and turns, m; none for one disc of the radius.
+        discs: Offset along the base's x axis and radius of discs that hold a long body as it walks
+            ahead and turns, m; none for one disc of the radius.
         height: Top above the ground (ground) or full vertical extent (air), m.
         limits: What navigation may ask for.
         sensors: In the order in which their sweeps are integrated.
