@@ -21,6 +21,7 @@ DROPPED_AT_ONCE = 64
 """A full pool drops this part of its bricks, so that looking for them costs little a sweep."""
 
 MAX_GONE = 1 << 16
+DIGEST_US = 2.0  # about, a brick
 EVERYWHERE = np.array([[-(1 << 40)] * 3 + [1 << 40] * 3])
 MODULUS = 1 << 128
 RECORD = np.dtype([("key", "<i4", 3), ("ticks", "<i8"), ("lanes", "<u8", 8)])  # without gaps
@@ -159,7 +160,7 @@ class Bricks:
         def digest(_: int, part: tuple[int, int]) -> None:
             update.digest_bricks(slots, part, self.eights, lanes, held)
 
-        team.share(digest, len(slots), parts_each=1)
+        team.share(digest, len(slots), 1, DIGEST_US)
         records = np.empty(len(slots), RECORD)
         records["key"], records["ticks"] = self.keys[slots], self.ticks[slots]
         records["lanes"] = lanes

@@ -16,7 +16,7 @@ from maps.sweep import Sweep
 from maps.team import Team
 
 MAX_WINDOW_WORDS = 1 << 26
-WORTH_SHARING = 1 << 18  # words
+BEAM_US, TARGET_US, WORD_US = 0.01, 0.3, 0.001  # about: to place, to carve, to gather
 NO_GUARD = -1
 
 SPREAD = np.argsort(
@@ -134,7 +134,7 @@ class SweepWindow:
                 )
                 parts[k, 1] = first + listed
 
-        self._team.share(place, size, parts_each=1)
+        self._team.share(place, size, 1, BEAM_US * count / size)
         if np.any(parts[:, 1] < parts[:, 0]):
             squared = (sweep.directions**2).sum(axis=1)
             strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
@@ -215,7 +215,7 @@ class SweepWindow:
                 self._free[member],
             )
 
-        self._team.share(carve, used)
+        self._team.share(carve, used, item_us=TARGET_US * count / max(used, 1))
         return self._collect(corner, shape)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:
@@ -261,10 +261,7 @@ class SweepWindow:
         def gather(_: int, rows: tuple[int, int]) -> None:
             update.gather(self._hits, self._free, shape, rows, touched)
 
-        if words * nx * ny < WORTH_SHARING:  # done before a second thread has woken up
-            gather(0, (0, len(touched)))
-        else:
-            self._team.share(gather, len(touched), parts_each=1)
+        self._team.share(gather, len(touched), 1, WORD_US * words * ny * bricks.EDGE)
         blocks = np.argwhere(touched)  # (k, 3)
         rows = blocks * np.array([bricks.EDGE, bricks.EDGE, 1])
         places = ((rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]).astype(np.int64)

@@ -26,6 +26,8 @@ from maps.team import Team
 
 __all__ = ["RayEnd", "VoxelMap"]
 
+UPDATE_US, FADE_US = 5.0, 9.0  # about, a brick
+
 
 class VoxelMap(VoxelQueries):
     """Cells over all space, each with the log-odds that it is occupied.
@@ -319,7 +321,7 @@ class VoxelMap(VoxelQueries):
                 updated,
             )
 
-        self._team.share(update, count, parts_each=2)
+        self._team.share(update, count, 2, UPDATE_US)
         bricks.observed_ns[known] = np.maximum(bricks.observed_ns[known], time_ns)
         bricks.dirty[slots[(changes & updates.CONTENT_CHANGED > 0) & (slots >= 0)]] = True
         turned = (changes & updates.STATES_CHANGED > 0) & (slots >= 0)
@@ -353,7 +355,7 @@ class VoxelMap(VoxelQueries):
                 (np.empty(64, np.uint8), eights.view(np.uint8), eights),
             )
 
-        self._team.share(fade, len(behind), parts_each=2)
+        self._team.share(fade, len(behind), 2, FADE_US)
         bricks.dirty[behind] = True
         bricks.stamps[behind[turned]] = self._stamp
         if not to_now:

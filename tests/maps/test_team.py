@@ -1,0 +1,60 @@
+import gc
+import threading
+
+import pytest
+
+from maps.team import WORTH_SHARING_US, Team
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("count", [0, 1, 7, 100])
+def test_every_item_is_done_once(threads, count):
+    team, done = Team(threads), [0] * count
+    for _ in range(3):
+
+        def work(member, part):
+            assert 0 <= member < threads
+            for item in range(*part):
+                done[item] += 1
+
+        team.share(work, count)
+    assert done == [3] * count
+
+
+def test_what_a_helper_raises_reaches_the_caller_and_the_team_goes_on():
+    team, met = Team(2), threading.Barrier(2, timeout=10)
+
+    def work(member, _):
+        met.wait()  # one part each
+        if member == 1:
+            raise ZeroDivisionError("a helper's")
+
+    with pytest.raises(ZeroDivisionError, match="a helper's"):
+        team.share(work, 2, parts_each=1)
+    done = []
+    team.share(lambda _, part: done.extend(range(*part)), 10)
+    assert sorted(done) == list(range(10))
+
+
+def test_little_work_is_not_shared():
+    team, members = Team(2), []
+    team.share(lambda member, part: members.append((member, part)), 10, 6, WORTH_SHARING_US / 11)
+    assert members == [(0, (0, 10))]
+
+
+def test_threads_end_with_their_team():
+    before = threading.active_count()
+    team = Team(4)
+    helpers = [helper._thread for helper in team._helpers]
+    assert threading.active_count() == before + 3
+    del team
+    gc.collect()
+    for helper in helpers:
+        helper.join(10)
+    assert not any(helper.is_alive() for helper in helpers)
+
+
+@pytest.mark.parametrize("threads", [0, 65])
+def test_a_team_of_no_size(threads):
+    with pytest.raises(ValueError, match="expected 1 to 64"):
+        Team(threads)
