@@ -70,22 +70,28 @@ def rate_at(plane: Plane, i: int, j: int) -> int:
 def costs_to_go(plane: Plane, ways: Ways, goal: int, targets: Longs) -> Integers:
     """Cost of the least disc from each node to the goal, shape (n,), at least until all targets.
 
-    Nodes farther than half as much again are told the cost at which the search ended.
+    Nodes farther than half as much again are told the cost at which the search ended. The queue is
+    one of buckets (Dial, CACM 1969): no step costs as much as there are of them.
     """
     rows, columns = plane.shape
+    rates = node_rates(plane)
     cost = np.full(rows * columns, UNKNOWN_COST, np.int32)
-    cost[goal] = 0
-    queue = [np.int64(goal)]
-    left, most = len(targets), UNKNOWN_COST
+    after, before = np.empty(rows * columns, np.int32), np.empty(rows * columns, np.int32)
+    head = np.full(int(ways.lengths.max()) * int(plane.rates.max()) + 1, NONE, np.int32)
     wanted = np.zeros(rows * columns, np.bool_)
     for target in targets:
         wanted[target] = True
-    half, last = plane.factor // 2, 0
-    while len(queue) > 0:
-        key = int(heapq.heappop(queue))
-        node, reached = key & ((1 << NODE_BITS) - 1), key >> NODE_BITS
-        if reached > cost[node]:
+    left, most, last = len(targets), UNKNOWN_COST, 0
+    cost[goal] = 0
+    insert(head, after, before, goal, 0)
+    opened, reached = 1, 0
+    while opened > 0:
+        node = int(head[reached % len(head)])
+        if node == NONE:
+            reached += 1
             continue
+        remove(head, after, before, node, reached)
+        opened -= 1
         last = reached
         if reached > most:
             break
@@ -95,23 +101,59 @@ def costs_to_go(plane: Plane, ways: Ways, goal: int, targets: Longs) -> Integers
             if left == 0:
                 most = reached + (reached >> 1)
         i, j = node // columns, node % columns
-        here = rate_at(plane, i * plane.factor + half, j * plane.factor + half)
         for way in range(WAYS):
             x, y = i + int(ways.steps[way, 0]), j + int(ways.steps[way, 1])
-            if x < 0 or y < 0 or x >= rows or y >= columns:
+            if x < 0 or y < 0 or x >= rows or y >= columns or rates[x, y] < 0:
                 continue
-            u, v = x * plane.factor + half, y * plane.factor + half
-            if plane.field[u, v] <= plane.threshold:
-                continue
-            found = reached + (int(ways.lengths[way]) * (here + rate_at(plane, u, v)) >> 1)
+            found = reached + (int(ways.lengths[way]) * int(rates[i, j] + rates[x, y]) >> 1)
             to = x * columns + y
             if found < cost[to]:
+                if cost[to] < UNKNOWN_COST:
+                    remove(head, after, before, to, int(cost[to]))
+                    opened -= 1
                 cost[to] = found
-                heapq.heappush(queue, np.int64((found << NODE_BITS) | to))
+                insert(head, after, before, to, found)
+                opened += 1
     if last > most:
         for node in range(len(cost)):
             cost[node] = min(cost[node], last)
     return cost
+
+
+@kernel
+def node_rates(plane: Plane) -> Integers:
+    """Cost per length at each node, shape (rows, columns); -1 where the least disc is not free."""
+    rows, columns = plane.shape
+    half = plane.factor // 2
+    rates = np.empty((rows, columns), np.int32)
+    for i in range(rows):
+        for j in range(columns):
+            u, v = i * plane.factor + half, j * plane.factor + half
+            free = plane.field[u, v] > plane.threshold
+            rates[i, j] = rate_at(plane, u, v) if free else NONE
+    return rates
+
+
+@kernel
+def insert(head: Integers, after: Integers, before: Integers, node: int, key: int) -> None:
+    """Put a node first into the bucket of its key."""
+    bucket = key % len(head)
+    first = head[bucket]
+    after[node], before[node] = first, NONE
+    if first >= 0:
+        before[first] = node
+    head[bucket] = node
+
+
+@kernel
+def remove(head: Integers, after: Integers, before: Integers, node: int, key: int) -> None:
+    """Take a node out of the bucket of its key."""
+    if before[node] >= 0:
+        after[before[node]] = after[node]
+    else:
+        head[key % len(head)] = after[node]
+    if after[node] >= 0:
+        before[after[node]] = before[node]
 
 
 @kernel

@@ -85,14 +85,22 @@ def to_subcells(grid: Grid, point: Point) -> tuple[bool, SubcellPoint]:
 
 
 @kernel
-def least_at_crossing(grid: Grid, i: int, j: int, k: int, di: int, dj: int, dk: int) -> int:
-    """Least field value of the cells that meet where a step crosses one or several faces."""
-    least = squared_distance(grid, i + di, j + dj, k + dk)
-    if abs(di) + abs(dj) + abs(dk) > 1:
-        for corner in range(1, 7):
-            along_i, along_j, along_k = corner & 1, (corner >> 1) & 1, corner >> 2
-            cell = i + along_i * di, j + along_j * dj, k + along_k * dk
-            least = min(least, squared_distance(grid, cell[0], cell[1], cell[2]))
+def inside_value(field: NDArray[np.uint16], i: int, j: int, k: int) -> int:
+    """Field value of a cell of the grid; as an unsigned index none is taken for one from behind."""
+    return int(field[np.uint64(i), np.uint64(j), np.uint64(k)])
+
+
+@kernel
+def least_at_corners(grid: Grid, i: int, j: int, k: int, di: int, dj: int, dk: int) -> int:
+    """Least field value of the cells that meet where a step crosses several faces, its ends apart.
+
+    A cell beside a step along two axes is one of its ends, which does no harm.
+    """
+    least = squared_distance(grid, i + di, j, k)
+    for corner in range(2, 7):
+        along_i, along_j, along_k = corner & 1, (corner >> 1) & 1, corner >> 2
+        cell = i + along_i * di, j + along_j * dj, k + along_k * dk
+        least = min(least, squared_distance(grid, cell[0], cell[1], cell[2]))
     return least
 
 
@@ -117,12 +125,16 @@ def walk(
         the least field value met, and the cost integrated over that share.
     """
     i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
+    last = end[0] >> SUBCELL_BITS, end[1] >> SUBCELL_BITS, end[2] >> SUBCELL_BITS
     # An axis crosses its next face at time next / span.
     faces_x, step_x, next_x, span_x = axis_steps(start[0], end[0])
     faces_y, step_y, next_y, span_y = axis_steps(start[1], end[1])
     faces_z, step_z, next_z, span_z = axis_steps(start[2], end[2])
-    furthest = len(grid.cost_by_distance) - 1
+    field, cost_by_distance = grid.field, grid.cost_by_distance
+    furthest = len(cost_by_distance) - 1
     value = squared_distance(grid, i, j, k)
+    # Between two cells of the grid there are no others.
+    contained = value != OUTSIDE and squared_distance(grid, last[0], last[1], last[2]) != OUTSIDE
     least, walked, cost = value, 0.0, 0.0
     if least <= threshold:
         return walked, least, cost
@@ -138,20 +150,26 @@ def walk(
         cross_y = faces_y > 0 and next_y * span == first * span_y
         cross_z = faces_z > 0 and next_z * span == first * span_z
         di, dj, dk = cross_x * step_x, cross_y * step_y, cross_z * step_z
-        rate = grid.cost_by_distance[min(value, furthest)]
-        least = min(least, least_at_crossing(grid, i, j, k, di, dj, dk))
+        rate = cost_by_distance[np.uint64(min(value, furthest))]
+        if contained:
+            value = inside_value(field, i + di, j + dj, k + dk)
+        else:
+            value = squared_distance(grid, i + di, j + dj, k + dk)
+        least = min(least, value)
+        if cross_x + cross_y + cross_z > 1:
+            least = min(least, least_at_corners(grid, i, j, k, di, dj, dk))
+        share = first / span
         if least <= threshold:
             # Before the last face too, if that is as near: rounding must not reach either.
             share = max((first - 2) / span, 0.0)
             return share, least, cost + (share - walked) * rate
-        cost += (first / span - walked) * rate
-        walked = first / span
+        cost += (share - walked) * rate
+        walked = share
         i, j, k = i + di, j + dj, k + dk
         faces_x, next_x = faces_x - cross_x, next_x + cross_x * SUBCELLS
         faces_y, next_y = faces_y - cross_y, next_y + cross_y * SUBCELLS
         faces_z, next_z = faces_z - cross_z, next_z + cross_z * SUBCELLS
-        value = squared_distance(grid, i, j, k)
-    return 1.0, least, cost + (1.0 - walked) * grid.cost_by_distance[min(value, furthest)]
+    return 1.0, least, cost + (1.0 - walked) * cost_by_distance[min(value, furthest)]
 
 
 @kernel
@@ -706,11 +724,17 @@ def cheaper(grid: Grid, discs: Discs, weight: float, poses: Floats, than: float)
     edges = len(poses) - 1
     for n in range(edges):
         cost += least_sweep_cost(pose_row(poses, n), pose_row(poses, n + 1))
-    for order in range(edges):  # the first edge last: what it was part of is free already
-        if cost >= than:
-            return False
-        a, b = pose_row(poses, (order + 1) % edges), pose_row(poses, (order + 1) % edges + 1)
-        cost += sweep_cost(grid, discs, weight, a, b) - least_sweep_cost(a, b)
+    # Every other edge is a turn on the spot, which takes long to check; the outer two are parts of
+    # edges that are free already.
+    for kind in range(3):
+        for n in range(edges):
+            outer = n == 0 or n == edges - 1
+            if kind != (2 if outer else n % 2):
+                continue
+            if cost >= than:
+                return False
+            a, b = pose_row(poses, n), pose_row(poses, n + 1)
+            cost += sweep_cost(grid, discs, weight, a, b) - least_sweep_cost(a, b)
     return cost < than
 
 
