@@ -402,6 +402,6 @@ def presume(
 ) -> None:
     """Distances to obstacles, at most `edge` where something not free is nearer than that."""
     most = np.uint16(edge)
-    for k in range(part[0], part[1]):
+    for k in range(np.uint64(part[0]), np.uint64(part[1])):  # unsigned: in whole vectors
         limit = most if to_not_free[k] < most else np.uint16(0xFFFF)
         presumed[k] = min(to_obstacles[k], limit)
