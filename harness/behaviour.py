@@ -321,7 +321,7 @@ def _look_from_elsewhere(
     if search is None or search.waypoints is None:
         back = way_back(view, memory, now)
         if back is not None:
-            return _back_up(view, memory, now, back, label, reason)
+            return _back_up(view, memory, now, back, reason)
         text = f"{reason}; no frontier in reach"
         memory = replace(memory, guide=None, on_errand=False)
         return Choice("stop_and_wait", text, label, memory.trajectory), memory
@@ -348,7 +348,7 @@ def _search_frontier(view: View, now: TrajectorySample, visited: Array, seed: in
 
 
 def _back_up(
-    view: View, memory: Memory, now: TrajectorySample, back: Array, label: Label, reason: str
+    view: View, memory: Memory, now: TrajectorySample, back: Array, reason: str
 ) -> tuple[Choice, Memory]:
     """Go back on the trail, to look from there."""
     memory = replace(

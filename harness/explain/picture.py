@@ -50,13 +50,13 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
         figure = Figure(figsize=(7.0, 6.4), layout="constrained", dpi=120)
         axes = figure.add_subplot()
         _draw_map(axes, navigator, moment)
-        _draw_truth(axes, case, navigator, moment)
+        _draw_truth(axes, case, moment)
         _draw_motion(axes, case, moment)
         for cell in card.blocking:
             axes.plot(*cell.place[:2], "x", color="#d1232a", ms=6, zorder=6)
         if case.contact is not None:
             axes.plot(*case.contact.position[:2], "*", color="#d1232a", ms=11, zorder=7)
-        _finish(axes, case, moment, card)
+        _finish(axes, moment, card)
         figure.savefig(target, metadata={"Software": None})
 
 
@@ -81,20 +81,14 @@ def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
     )
 
 
-def _draw_truth(axes: Axes, case: Case, navigator: Navigator, moment: Moment) -> None:
+def _draw_truth(axes: Axes, case: Case, moment: Moment) -> None:
     """Outlines of what truly stands in the slice, movers where they were."""
     case.space.place_movers(moment.truth)
     here = moment.true_position
-    low, high = (
-        (0.0, 0.0)
-        if case.mission.motion == "air"
-        else (
-            case.mission.step_height,
-            case.mission.height,
-        )
-    )
-    bottom = here[2] - 0.5 * FINE if case.mission.motion == "air" else low
-    layers = 1 if case.mission.motion == "air" else max(1, round((high - low) / FINE))
+    bottom, layers = here[2] - 0.5 * FINE, 1
+    if case.mission.motion == "ground":
+        bottom, top = case.mission.step_height, case.mission.height
+        layers = max(1, round((top - bottom) / FINE))
     count = round(2.0 * REACH / FINE)
     corner = np.array([here[0] - REACH, here[1] - REACH, bottom])
     solid = case.space.occupied(corner, (count, count, layers), FINE).any(axis=2)
@@ -124,7 +118,7 @@ def _line(axes: Axes, points: Array, **style: Any) -> None:
         axes.plot(points[:, 0], points[:, 1], **style)
 
 
-def _finish(axes: Axes, case: Case, moment: Moment, card: Card) -> None:
+def _finish(axes: Axes, moment: Moment, card: Card) -> None:
     x, y, _ = moment.true_position
     axes.set(
         xlim=(x - REACH, x + REACH),

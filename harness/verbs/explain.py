@@ -42,6 +42,7 @@ def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -
 
     case = read_case(log)
     moment_of(case, options.decision)
+    case = case.as_of(options.decision)
     navigator = case.navigator_at(options.decision)
     card = make_card(case, options.decision, navigator)
     print_card(console, card)
@@ -75,9 +76,9 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
             raise InputError(f"log '{log.path}': its sweeps were left out, so there is no map")
         last = len(case.moments) - 1
         number = last if finding is None else finding.decision
-        _draw(case, make_card(case, number), options.png, console)
+        _draw(case.as_of(number), make_card(case, number), options.png, console)
     if options.check:
-        document["checks"] = _check(log, finding, console, options.allow_plugins)
+        document["checks"] = _check(log, finding, console)
     return document
 
 
@@ -99,9 +100,7 @@ def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
     return case, find_cause(case), near_misses(case, SHOWN_MISSES)
 
 
-def _check(
-    log: Log, finding: Finding | None, console: Console, allow_plugins: bool
-) -> list[Document]:
+def _check(log: Log, finding: Finding | None, console: Console) -> list[Document]:
     from harness.cause.check import check
 
     if finding is None:
