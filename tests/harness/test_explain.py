@@ -101,7 +101,10 @@ def test_a_log_of_decisions_still_tells_its_cause(recorded, capsys):
     )
     assert result.cause == "latency"
     assert main(["explain", result.log]) == 0
-    assert "cause: latency" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "cause: latency" in text
+    x, y, z = list(open_log(Path(result.log)).truth())[-1].position
+    assert f"at decision {result.cause_decision}; at ({x:.2f}, {y:.2f}, {z:.2f})" in text
     assert main(["explain", result.log, "3"]) == 2
     assert "sweeps were left out" in capsys.readouterr().err
 
