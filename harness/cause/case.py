@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.audit import densely, points_of
+from harness.audit import densely
 from harness.cause.true_space import TrueSpace
 from harness.config import Config
+from harness.decision import path_of
 from harness.errors import InputError
 from harness.inputs import Inputs, inputs_from_messages
 from harness.mission import Mission
@@ -192,7 +193,7 @@ def _moments(log: Log) -> Iterator[Moment]:
 
 def off_path(trajectory: pb.Trajectory, believed: Array, axes: int) -> tuple[float, Array]:
     """How far a believed position (3,) is from a trajectory's path, m, and its nearest point."""
-    path = points_of(trajectory)
+    path = path_of(trajectory.path)
     if axes == 2:
         path[:, 2] = believed[2]
     places = densely(path, 0.02)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -54,10 +54,8 @@ STEP = 6.0
 """Log-odds that one mark carries a cell by, from either clamp across the middle."""
 
 POSE_PERTURBATIONS = ("pose_drift", "pose_jump")
-EXACT = OdometryConfig(
-    scale=0.0, turn_scale=0.0, walk=0.0, turn_walk=0.0,
-    sigma=0.0, turn_sigma=0.0, legs_sigma=0.0, jitter=0.0, turn_jitter=0.0,
-)  # fmt: skip
+ERRORS = {one.name for one in fields(OdometryConfig)} - {"rate", "correlation_time"}
+EXACT = OdometryConfig(**dict.fromkeys(ERRORS, 0.0))
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.audit import densely, points_of
+from harness.audit import densely
 from harness.cause import Case, Moment
+from harness.decision import path_of
 from harness.errors import InputError
 from harness.labels import bound_version
 from harness.navigator import Navigator
@@ -248,8 +249,8 @@ def _blocking(
 
 
 def _way(case: Case, moment: Moment) -> Array:
-    guide = np.array([(p.x, p.y, p.z) for p in moment.decision.guide]).reshape(-1, 3)
-    committed = points_of(moment.decision.trajectory)
+    guide = path_of(moment.decision.guide)
+    committed = path_of(moment.decision.trajectory.path)
     if len(guide) >= 2:
         return guide
     goal = np.array(case.mission.goal)
@@ -260,7 +261,7 @@ def _way(case: Case, moment: Moment) -> Array:
 
 def _evidence(navigator: Navigator, moment: Moment) -> tuple[Array, Array]:
     """Age (n,), s, and probability (n,) of what is known along the committed path."""
-    path = densely(points_of(moment.decision.trajectory), navigator.map.resolution)
+    path = densely(path_of(moment.decision.trajectory.path), navigator.map.resolution)
     observed = np.maximum(navigator.map.observed_ns_at(path), 0)
     ages = (moment.time_ns - observed) * 1e-9
     return ages, np.asarray(navigator.map.probability_at(path), float)

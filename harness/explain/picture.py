@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
-from harness.audit import points_of
 from harness.cause import Case, Moment
+from harness.decision import path_of
 from harness.explain.card import Card, moment_of
 from harness.navigator import Navigator
 from maps.states import FREE, OCCUPIED
@@ -102,9 +102,9 @@ def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
     after = [one.true_position for one in case.moments if one.time_ns >= moment.time_ns]
     _line(axes, np.array(before), color="#1f77d0", ls=":", label="true way so far")
     _line(axes, np.array(after), color="#9bbfe3", ls=":", label="true way after")
-    guide = np.array([(p.x, p.y, p.z) for p in moment.decision.guide]).reshape(-1, 3)
+    guide = path_of(moment.decision.guide)
     _line(axes, guide, color="#2a9d4a", ls="--", label="path to the goal")
-    committed = points_of(moment.decision.trajectory)
+    committed = path_of(moment.decision.trajectory.path)
     _line(axes, committed, color="#2a9d4a", lw=2.5, label="committed trajectory")
     body = dict(radius=case.mission.radius, fill=False)
     axes.add_patch(Circle(tuple(moment.true_position[:2]), color="#1f77d0", lw=1.5, **body))

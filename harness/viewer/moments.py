@@ -115,12 +115,6 @@ def ahead(items: Iterator[Item]) -> Iterator[Item]:
             yield item  # type: ignore[misc]
 
 
-def points_of(points: object) -> Array:
-    """Logged points as (n, 3) m."""
-    listed = [(point.x, point.y, point.z) for point in points]  # type: ignore[attr-defined]
-    return np.array(listed, np.float64).reshape(-1, 3)
-
-
 def standing_low(mission: Mission) -> tuple[float, float, float]:
     """Least corner of the space in which things stand in a body's way, m: not on what it steps."""
     x, y, z = mission.low
