@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,6 +132,10 @@ def _check(
     path = points_of(decision.trajectory)
     if decision.deadline_missed or not body.moves(decision.trajectory):
         return "", found
+    samples = len(decision.trajectory.arc_length), len(decision.trajectory.heading)
+    if body.mission.discs and (0 in samples or samples[0] != samples[1]):
+        text = f"{samples[0]} samples of the way, {samples[1]} of the heading"
+        return "swept", [*found, ("swept", text)]
     poses, margin = body.poses(decision), decision.localization_margin_m
     if decision.action == "recover":
         # It starts inside the inflation, so its way cannot be free; where it leads to must be.
@@ -171,21 +174,21 @@ class _Body:
     def poses(self, decision: pb.Decision) -> Array:
         """Where a trajectory leads: x, y, z and heading, (n, 4).
 
-        A body of discs is followed from the decision on, sample by sample as they are logged. A
-        round one is held against all of the path.
+        A body of discs is followed from the decision on, at the samples as they are logged and at
+        the corners of the path. A round one is held against all of the path.
         """
         trajectory = decision.trajectory
         path = points_of(trajectory)
-        count = min(len(trajectory.arc_length), len(trajectory.heading))
-        if not self.mission.discs or count == 0:
+        if not self.mission.discs:
             return np.column_stack((path, np.zeros(len(path))))
-        arcs = np.array(trajectory.arc_length[:count])
-        headings = np.array(trajectory.heading[:count])
+        arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
         late = decision.timestamp.ToNanoseconds() - trajectory.start.ToNanoseconds()
         first = max(math.floor(late * 1e-9 / trajectory.sample_period_s), 0)
         first = min(first, len(arcs) - 1)
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
         times = np.arange(float(first), len(arcs) - 1 + 1e-9, 1.0 / PARTS)
+        corners = lengths[(lengths > arcs[first]) & (lengths < arcs[-1])]
+        times = np.sort(np.append(times, np.interp(corners, arcs, np.arange(len(arcs)))))
         along = np.interp(times, np.arange(len(arcs)), arcs)
         places = [np.interp(along, lengths, path[:, axis]) for axis in range(3)]
         facing = np.interp(times, np.arange(len(arcs)), headings)
@@ -196,9 +199,17 @@ class _Body:
     def first_blocked(
         self, voxel_map: Representation, poses: Array, margin: float
     ) -> tuple[Array, str] | None:
-        """The first pose (4,) at which the body overlaps what it may not, and why.
+        """The first place of the body, or of one of its discs, that overlaps what it may not.
 
         Where the disc about all of it has room it may lie as it likes.
+
+        Args:
+            voxel_map: Of the decision.
+            poses: (n, 4) x, y, z, m, and heading, rad.
+            margin: Kept about the body, m.
+
+        Returns:
+            The place, and what it overlaps; None where there is none.
         """
         if self.mission.discs:
             about = max(abs(offset) + radius for offset, radius in self.mission.discs)
@@ -208,15 +219,19 @@ class _Body:
             ahead = np.column_stack((np.cos(poses[:, 3]), np.sin(poses[:, 3])))
             track = poses[:, :3].copy()
             track[:, :2] += offset * ahead
-            found = self._first_overlap(voxel_map, track, radius + margin)
+            slack = BESIDE if self.mission.discs else 0.0
+            found = self._first_overlap(voxel_map, track, radius + margin, slack)
             if found is not None:
                 return found
         return None
 
     def _first_overlap(
-        self, voxel_map: Representation, path: Array, radius: float
+        self, voxel_map: Representation, path: Array, radius: float, slack: float = 0.0
     ) -> tuple[Array, str] | None:
-        """The first place of a path at which a disc or ball overlaps what it may not, and why."""
+        """The first place of a path at which a disc or ball overlaps what it may not, and why.
+
+        With a slack [m] it does so only if it would that far beside as well.
+        """
         size = voxel_map.resolution
         axes = 2 if self._flat else 3
         # A surface lies anywhere in its cell: half a diagonal more.
@@ -237,21 +252,12 @@ class _Body:
             return "unknown" if self._policy == "forbid" and (here == UNKNOWN).any() else ""
 
         wrong = {tuple(cell): met(cell) for cell in np.unique(cells_of(places), axis=0)}
+        sides = np.array(list(itertools.product((-slack, slack), repeat=axes)))
         for place in places:
             state = wrong[tuple(cells_of(place))]
-            if state and not (self.mission.discs and self._free_beside(place, cells_of, met)):
+            if state and all(met(cells_of(place + side)) for side in sides):
                 return place, state
         return None
-
-    def _free_beside(
-        self,
-        place: Array,
-        cells_of: Callable[[Array], NDArray[np.int64]],
-        met: Callable[[NDArray[np.int64]], str],
-    ) -> bool:
-        """Whether a disc is free where it may be as well, as samples tell no more than that."""
-        sides = itertools.product((-BESIDE, BESIDE), repeat=2)
-        return any(not met(cells_of(place + np.array(side))) for side in sides)
 
     def _states(
         self, voxel_map: Representation, path: Array, reach: float

@@ -20,6 +20,7 @@ from harness.fit import (
     tail_first,
     to_where_it_turns,
     ways_to_face,
+    wrapped,
 )
 from harness.guide import ARRIVED, apart, heading_at, keep_or_replan_guide, place_for_goal
 from harness.stopping import clearest_stop
@@ -194,7 +195,7 @@ def _advance(
         return _set_out(view, memory, now, guide, end, blocked)
     if standing(now) and view.turns_in_place:
         target = heading_at(guide, min(0.2, 0.5 * length(guide)))
-        if abs(_wrapped(target - now.heading)) > view.behaviour.turn_first:
+        if abs(wrapped(target - now.heading)) > view.behaviour.turn_first:
             return _turn(view, memory, now, guide, target)
     choice = _follow(view, memory, now, guide, end, blocked, tail_first(view, now, guide))
     return choice or _keep_course(view, memory, now, before)
@@ -206,7 +207,7 @@ def _set_out(
     """From rest, nose first; where the body cannot turn about, as it stands, perhaps tail first."""
     ahead = heading_at(guide, min(0.1, 0.5 * length(guide)))
     for target, backwards in ways_to_face(view.admitted, now, ahead):
-        error = abs(_wrapped(target - now.heading))
+        error = abs(wrapped(target - now.heading))
         if error <= view.behaviour.turn_first:
             chosen = _follow(view, memory, now, guide, end, blocked, backwards)
             if chosen is not None:
@@ -286,9 +287,9 @@ def _turn(
     view: View, memory: Memory, now: TrajectorySample, guide: Array, target: float
 ) -> tuple[Choice, Memory]:
     trajectory = memory.trajectory
-    if now.at_rest or abs(_wrapped(target - _final_heading(trajectory))) > 0.2:
+    if now.at_rest or abs(wrapped(target - _final_heading(trajectory))) > 0.2:
         trajectory = turn_in_place(now.position, view.effect_ns, now.heading, target, view.limits)
-    reason = f"turning {np.degrees(_wrapped(target - now.heading)):.0f} degrees into the path"
+    reason = f"turning {np.degrees(wrapped(target - now.heading)):.0f} degrees into the path"
     choice = Choice("follow", reason, "none", trajectory, guide)
     return choice, replace(memory, trajectory=trajectory, guide=guide, rest_since_ns=-1)
 
@@ -321,7 +322,7 @@ def _look_from_elsewhere(
     if search is None or search.waypoints is None:
         back = way_back(view, memory, now)
         if back is not None:
-            return _back_up(view, memory, now, back, label, reason)
+            return _back_up(view, memory, now, back, reason)
         text = f"{reason}; no frontier in reach"
         memory = replace(memory, guide=None, on_errand=False)
         return Choice("stop_and_wait", text, label, memory.trajectory), memory
@@ -348,7 +349,7 @@ def _search_frontier(view: View, now: TrajectorySample, visited: Array, seed: in
 
 
 def _back_up(
-    view: View, memory: Memory, now: TrajectorySample, back: Array, label: Label, reason: str
+    view: View, memory: Memory, now: TrajectorySample, back: Array, reason: str
 ) -> tuple[Choice, Memory]:
     """Go back on the trail, to look from there."""
     memory = replace(
@@ -392,7 +393,3 @@ def _profile(
 
 def _final_heading(trajectory: Trajectory) -> float:
     return trajectory.at(trajectory.start_ns + round(trajectory.duration_s * 1e9)).heading
-
-
-def _wrapped(angle: float) -> float:
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)

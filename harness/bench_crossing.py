@@ -6,16 +6,12 @@ once without it: what the traffic costs is the time beyond that.
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from harness.bench_jobs import KeptRows, Progress, rows_of
+from harness.bench_jobs import KeptRows, Progress, rows_of, unlogged
 from harness.config import Config, override
-from harness.episode import run_episode
-from harness.scenario import build
-from harness.warm_up import warm_up
 from harness.worlds import find_world
 
 ROBOTS = ("quadruped", "drone")
@@ -119,13 +115,12 @@ def bench_crossing(
 
 def run_one(robot: str, way: str, seed: int) -> Row:
     """One episode, its log thrown away."""
-    config = override(Config("crossing", robot, seed), WAYS.get(way, ()))
-    warm_up(config)
+    settings = () if way == ALONE else WAYS[way]
+    config = override(Config("crossing", robot, seed), settings)
     world = find_world(config)
     if way == ALONE:
         world = replace(world, movers=())
-    with tempfile.TemporaryDirectory() as folder:
-        result = run_episode(build(config, world), Path(folder) / "episode.mcap")
+    result = unlogged(config, world)
     return Row(
         robot=robot,
         way=way,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -12,7 +13,13 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import msgspec
 
+from harness.config import Config
+from harness.episode import run_episode
 from harness.errors import InputError
+from harness.result import Result
+from harness.scenario import build
+from harness.warm_up import warm_up
+from models.worlds import World
 
 PROCESSES = 2
 
@@ -79,6 +86,18 @@ class KeptRows(Generic[Row]):
         if self._path is not None:
             with self._path.open("ab") as file:
                 file.write(msgspec.json.encode(row) + b"\n")
+
+
+def unlogged(config: Config, world: World | None = None) -> Result:
+    """Run one episode, and throw its log away.
+
+    Args:
+        config: Of the episode.
+        world: In place of the one that it names.
+    """
+    warm_up(config)
+    with tempfile.TemporaryDirectory() as folder:
+        return run_episode(build(config, world), Path(folder) / "episode.mcap")
 
 
 def rows_of(

@@ -7,18 +7,17 @@ thread. The last rows plan by default, so they are longer, keep farther away and
 
 from __future__ import annotations
 
-import heapq
 import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from harness.lazy_theta import reference_path, scratch_for
 from planners import (
     PLANNERS,
     Body,
@@ -36,7 +35,6 @@ from planners import (
     point_at,
     warm_up,
 )
-from planners.problem import shortcut_draws
 
 Array = NDArray[np.float64]
 Spaces = tuple[FreeSpace, FreeSpace]  # the body's, and that of its inscribed disc or ball
@@ -55,8 +53,6 @@ PEER_SHARE = 5
 """Every so many queries go to the other planners."""
 
 BLEND_LENGTH = 0.6  # m
-REFERENCE_SHORTCUTS = 1000
-_compiled = numba.njit(error_model="numpy")  # not cached: of use to the bench alone
 LIMITS = {
     "drone": MotionLimits(2.0, 4.0, 30.0, 4.0, 2.0),
     "quadruped": MotionLimits(0.8, 1.0, 6.0, 1.0, 1.2),
@@ -190,7 +186,7 @@ def make_queries(spaces: Spaces, count: int, seed: int) -> list[Query]:
     """Seeded pairs of free points 14 to 16 m apart that the reference finds a path between."""
     space, point = spaces
     rng = np.random.default_rng([seed, space.field.shape[2]])
-    scratch = _scratch(point)
+    scratch = scratch_for(point)
     queries: list[Query] = []
     while len(queries) < count:
         start, goal = (_random_point(rng, space) for _ in range(2))
@@ -205,7 +201,7 @@ def make_queries(spaces: Spaces, count: int, seed: int) -> list[Query]:
         if not (free and 14.0 <= math.dist(start, goal) <= 16.0):
             continue
         number = plan_seed(seed, "bench", len(queries))
-        reference, elapsed = _timed(_reference, point, start, goal, number, scratch)
+        reference, elapsed = _timed(reference_path, point, start, goal, number, scratch)
         if reference is not None:
             queries.append(Query(start, goal, heading, number, reference, elapsed))
     return queries
@@ -343,108 +339,3 @@ def _reference_row(robot: str, point: FreeSpace, queries: list[Query]) -> Row:
     lengths = [query.length for query in queries]
     plans = [Plan(query.reference, 0.0, query.length, 0.0, 1, "none") for query in queries]
     return _row(robot, "reference", point, plans, times, lengths)
-
-
-Scratch = tuple[Array, NDArray[np.int32], NDArray[np.uint8]]
-
-
-def _scratch(space: FreeSpace) -> Scratch:
-    cells = space.field.size
-    return np.empty(cells), np.empty(cells, np.int32), np.zeros(cells, np.uint8)
-
-
-def _reference(
-    space: FreeSpace, start: Array, goal: Array, seed: int, scratch: Scratch
-) -> Array | None:
-    """Lazy Theta* from cell to cell at full resolution, then shortcuts; shape (n, 3)."""
-    cells = [np.floor((p - space.origin) / space.resolution).astype(int) for p in (start, goal)]
-    first, last = (int(np.ravel_multi_index(tuple(cell), space.field.shape)) for cell in cells)
-    threshold = space.blocked_at_or_below
-    scratch[2][:] = 0
-    if not _lazy_theta(space.grid, threshold, first, last, *scratch):
-        return None
-    way = [last]
-    while way[-1] != first:
-        way.append(int(scratch[1][way[-1]]))
-    indices = np.stack(np.unravel_index(way[::-1], space.field.shape), axis=-1)
-    inner = space.origin + (indices + 0.5) * space.resolution
-    path = np.vstack((start, inner, goal))
-    draws = shortcut_draws(REFERENCE_SHORTCUTS, not space.flat, seed)
-    shortened: Array = kernels.shortcut(space.grid, threshold, 0.0, 0.0, path, draws)
-    return shortened
-
-
-@_compiled
-def _centre(grid: kernels.Grid, cell: int) -> kernels.Point:
-    """Centre of a cell by its flat index."""
-    _, ny, nz = grid.field.shape
-    x = grid.origin[0] + (cell // (ny * nz) + 0.5) * grid.resolution
-    y = grid.origin[1] + ((cell // nz) % ny + 0.5) * grid.resolution
-    return x, y, grid.origin[2] + (cell % nz + 0.5) * grid.resolution
-
-
-@_compiled
-def _lazy_theta(
-    grid: kernels.Grid,
-    threshold: int,
-    start: int,
-    goal: int,
-    cost: Array,
-    parent: NDArray[np.int32],
-    state: NDArray[np.uint8],
-) -> bool:
-    """Lazy Theta* (Nash, Koenig, Tovey, AAAI 2010, figure 5) on the cells of a grid.
-
-    Args:
-        grid: The field.
-        threshold: A cell is forbidden at or below it.
-        start: Flat index of a free cell.
-        goal: Flat index of a free cell.
-        cost: (n,) out, m, of the closed cells.
-        parent: (n,) out, flat indices.
-        state: (n,) 0 for new; 1 is open, 2 closed.
-    """
-    nx, ny, nz = grid.field.shape
-    flat_field = grid.field.reshape(-1)
-
-    target = _centre(grid, goal)
-    cost[start], parent[start], state[start] = 0.0, start, 1
-    queue = [(kernels.distance(_centre(grid, start), target), start)]
-    while len(queue) > 0:
-        _, cell = heapq.heappop(queue)
-        if state[cell] == 2:
-            continue
-        here = _centre(grid, cell)
-        i, j, k = cell // (ny * nz), (cell // nz) % ny, cell % nz
-        around = [
-            (u * ny + v) * nz + w
-            for u in range(max(i - 1, 0), min(i + 2, nx))
-            for v in range(max(j - 1, 0), min(j + 2, ny))
-            for w in range(max(k - 1, 0), min(k + 2, nz))
-        ]
-        if not kernels.edge_free(grid, threshold, _centre(grid, parent[cell]), here):
-            cost[cell] = np.inf
-            for other in around:
-                if state[other] == 2 and kernels.edge_free(
-                    grid, threshold, _centre(grid, other), here
-                ):
-                    through = cost[other] + kernels.distance(_centre(grid, other), here)
-                    if through < cost[cell]:
-                        cost[cell], parent[cell] = through, other
-            if cost[cell] == np.inf:  # reached past a blocked corner only
-                state[cell] = 0
-                continue
-        state[cell] = 2
-        if cell == goal:
-            return True
-        seen = parent[cell]
-        for other in around:
-            if state[other] == 2 or flat_field[other] <= threshold:
-                continue
-            through = cost[seen] + kernels.distance(_centre(grid, seen), _centre(grid, other))
-            if state[other] == 0 or through < cost[other]:
-                cost[other], parent[other], state[other] = through, seen, 1
-                heapq.heappush(
-                    queue, (through + kernels.distance(_centre(grid, other), target), other)
-                )
-    return False

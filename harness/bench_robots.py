@@ -25,6 +25,7 @@ from models.robots.quadrotor.parameters import Parameters, Smoothing
 from models.robots.quadruped import Quadruped
 from models.robots.quadruped import trials as walks
 from models.robots.quadruped import warm_up as warm_up_quadruped
+from models.robots.quadruped.ride import TIMESTEP, Plant, Ride
 
 NOISE = EstimateNoise()
 GUSTS = 6.0  # m/s, mean
@@ -187,9 +188,9 @@ def _timed(work: Callable[[], None]) -> float:
 
 def _walk_for_speed() -> None:
     rng = np.random.default_rng(0)
-    ride = walks.Ride(Quadruped(), walks.Plant(), None, SPEED_TIME, rng)
+    ride = Ride(Quadruped(), Plant(), None, SPEED_TIME, rng)
     command = np.array([0.8, 0.1, 0.3])
-    while ride.tick * walks.TIMESTEP < SPEED_TIME:
+    while ride.tick * TIMESTEP < SPEED_TIME:
         ride.walk(command)
 
 
@@ -209,13 +210,13 @@ def _commands(
 ) -> Run:
     """Random commands; friction and the payload's place on the back are drawn."""
     place = rng.uniform([-0.05, -0.03, 0.12], [0.05, 0.03, 0.14])
-    plant = walks.Plant(rng.uniform(*friction), payload, tuple(place.tolist()), delay)
+    plant = Plant(rng.uniform(*friction), payload, tuple(place.tolist()), delay)
     result = walks.follow_commands(Quadruped(), plant, noise, rng, speeds=speeds, kick=kick)
     return Run(result.fallen, errors=result.errors)
 
 
 def _terrain(rng: np.random.Generator, name: str) -> Run:
-    result = walks.cross_terrain(Quadruped(), walks.Plant(), NOISE, rng, name)
+    result = walks.cross_terrain(Quadruped(), Plant(), NOISE, rng, name)
     return Run(result.fallen, result.arrived)
 
 

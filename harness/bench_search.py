@@ -7,33 +7,25 @@ times as many; on two processes.
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
+from harness.bench_jobs import Progress, run_jobs
 from harness.search.hunt import hunt
 from harness.search.pole import SPACE, cross_pole_room, pole_room
 from harness.warm_up import warm_up
 
 BUDGET = 100
 RANDOM_BUDGET = 3 * BUDGET
-PROCESSES = 2
-
-Progress = Callable[[str], None]
 
 
 def bench_search(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
     """A row for each repeat, and one for all of them."""
     warm_up(pole_room(None).config)
-    rows = []
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
-        for row in pool.map(_repeat, range(seed, seed + repeats)):
-            progress(
-                f"seed {row['seed']}: {row['evolution']} by evolution, {row['random']} at random"
-            )
-            rows.append(row)
+    found = {}
+    for job, row in run_jobs([(each,) for each in range(seed, seed + repeats)], _repeat):
+        progress(f"seed {row['seed']}: {row['evolution']} by evolution, {row['random']} at random")
+        found[job] = row
+    rows = [found[job] for job in sorted(found)]
     return [*rows, _all(rows)]
 
 

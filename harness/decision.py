@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -132,6 +132,11 @@ def points(path: NDArray[np.float64] | None) -> list[pb.Point]:
     if path is None:
         return []
     return [pb.Point(x=x, y=y, z=z) for x, y, z in path.tolist()]
+
+
+def path_of(points: Iterable[pb.Point]) -> NDArray[np.float64]:
+    """Logged points as a path (n, 3), m."""
+    return np.array([(one.x, one.y, one.z) for one in points], np.float64).reshape(-1, 3)
 
 
 def thinned(path: NDArray[np.float64] | None) -> NDArray[np.float64] | None:

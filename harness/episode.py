@@ -25,6 +25,7 @@ from harness.log_copy import thin
 from harness.mujoco_warnings import tell_warnings
 from harness.navigator import Navigator, build_navigator
 from harness.odometry import Estimate
+from harness.relay import Stretch
 from harness.result import Outcome, Result
 from harness.scenario import Scenario, decision_period, sensor_info
 from harness.schema import wayproof_pb2 as pb
@@ -371,11 +372,10 @@ class Episode:
 
     def _case(self, result: Result, contact: Contact | None) -> Case:
         scenario = self._scenario
-        infos = [sensor_info(caster) for caster in self._scene.casters]
         return Case(
             config=scenario.config,
             mission=scenario.mission,
-            beams={info.name: beams_from_info(info) for info in infos},
+            runs=(stretch_of(scenario),),
             outcome=result.outcome,
             reason=result.reason,
             end_s=result.sim_time_s,
@@ -386,6 +386,13 @@ class Episode:
 
     def _now_ns(self) -> int:
         return round(float(self._data.time) * 1e9)
+
+
+def stretch_of(scenario: Scenario, begin: int = 0) -> Stretch:
+    """What a scenario's stack decides, from a decision on."""
+    infos = [sensor_info(caster) for caster in scenario.scene.casters]
+    beams = {info.name: beams_from_info(info) for info in infos}
+    return Stretch(begin, scenario.config, scenario.mission, beams)
 
 
 def arrival_ns(decision: pb.Decision, trajectory: Trajectory) -> int:

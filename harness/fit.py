@@ -29,7 +29,7 @@ def as_it_faces(view: View, believed: TrajectorySample, now: TrajectorySample) -
         believed: Where it is asked to be at the time of the view.
         now: Where it is asked to be at the time of effect.
     """
-    late = _wrapped(view.heading - believed.heading)
+    late = wrapped(view.heading - believed.heading)
     if not view.admitted.discs or abs(late) <= HEADING_TOLERANCE:
         return now
     if view.admitted.turnable(now.position[None])[0]:  # there it matters not how the body lies
@@ -67,7 +67,7 @@ def tail_first(view: View, now: TrajectorySample, path: Array) -> bool:
     """Whether the body moves along a path tail first."""
     if not view.admitted.discs or now.speed < 1e-3 or length(path) < 1e-6:
         return False
-    return abs(_wrapped(heading_at(path, 0.0) - now.heading)) > 0.5 * np.pi
+    return abs(wrapped(heading_at(path, 0.0) - now.heading)) > 0.5 * np.pi
 
 
 def ways_to_face(space: FreeSpace, now: TrajectorySample, ahead: float) -> list[tuple[float, bool]]:
@@ -79,7 +79,7 @@ def ways_to_face(space: FreeSpace, now: TrajectorySample, ahead: float) -> list[
     ways = [(ahead, False), (ahead + np.pi, True)]
     if space.turnable(now.position[None])[0]:
         return ways[:1]
-    ways.sort(key=lambda way: abs(_wrapped(way[0] - now.heading)))
+    ways.sort(key=lambda way: abs(wrapped(way[0] - now.heading)))
     return [way for way in ways if space.turn_free(now.position, now.heading, way[0])][:1]
 
 
@@ -103,5 +103,6 @@ def leads_away(space: FreeSpace, now: TrajectorySample, target: Array, heading: 
     return min(space.least_clearance(way) for way in ways) >= here - space.resolution
 
 
-def _wrapped(angle: float) -> float:
+def wrapped(angle: float) -> float:
+    """The same angle from -pi on, below pi, rad."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)

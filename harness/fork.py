@@ -8,15 +8,14 @@ from pathlib import Path
 
 from harness.config import Config, override, to_json
 from harness.container import walk
-from harness.episode import Episode, Observer, arrival_ns, settle_log
+from harness.episode import Episode, Observer, arrival_ns, settle_log, stretch_of
 from harness.errors import InputError
-from harness.inputs import beams_from_info
 from harness.log import LogWriter
 from harness.log_copy import time_of, topic_of
 from harness.navigator import Navigator
 from harness.reader import Log, before, fork_note, open_log, read_head, read_messages
 from harness.rebuild import rebuild
-from harness.relay import Relay, Stretch, stretches
+from harness.relay import Relay, stretches
 from harness.result import Result
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
@@ -88,9 +87,7 @@ def fork(
 
 def live_through(log: Log, at: int, scenario: Scenario) -> Past:
     """All stacks of a log, and one for a scenario, through every decision before the fork."""
-    infos = [sensor_info(caster) for caster in scenario.scene.casters]
-    beams = {info.name: beams_from_info(info) for info in infos}
-    relay = Relay([*stretches(log), Stretch(at, scenario.config, scenario.mission, beams)])
+    relay = Relay([*stretches(log), stretch_of(scenario, at)])
     trajectories, decisions = [], []
     state, reached = None, False
     for record in log.records():

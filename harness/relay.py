@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from harness.config import Config
-from harness.inputs import Beams
+from harness.inputs import Beams, Inputs
 from harness.mission import Mission
 from harness.navigator import Navigator, build_navigator
 from harness.reader import Log, Record
@@ -45,7 +45,7 @@ def stretches(log: Log) -> list[Stretch]:
 
 
 class Relay:
-    """One `step` for each record, by the stack whose turn it is.
+    """One `step` or `watch` for each record, by the stack whose turn it is.
 
     Attributes:
         stretch: Of the decision that comes next or was made last.
@@ -74,6 +74,17 @@ class Relay:
         for stack in self._waiting:
             guarded(f"decision {decision.sequence}", partial(stack.perceive, record.inputs))
         return decision
+
+    def watch(self, inputs: Inputs) -> Navigator:
+        """The stack whose turn it is, with its map as it decides on these inputs; nobody decides.
+
+        Raises:
+            InputError: The inputs are none that a map can take.
+        """
+        self.go_to(inputs.sequence)
+        for stack in (self.navigator, *self._waiting):
+            guarded(f"decision {inputs.sequence}", partial(stack.integrate, inputs))
+        return self.navigator
 
     def go_to(self, sequence: int) -> Navigator:
         """The stack that makes a decision, with all that the ones before it decided."""

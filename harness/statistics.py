@@ -40,10 +40,7 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Inter
     Raises:
         ValueError: No trials, or more successes than trials.
     """
-    if not 0 <= successes <= trials or trials == 0:
-        raise ValueError(f"got {successes} successes in {trials} trials, expected 0 to all of some")
-    bounds = stats.binomtest(successes, trials).proportion_ci(confidence, method="wilson")
-    return Interval(successes / trials, float(bounds.low), float(bounds.high))
+    return _rate(successes, trials, confidence, "wilson")
 
 
 def clopper_pearson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Interval:
@@ -52,9 +49,13 @@ def clopper_pearson(successes: int, trials: int, confidence: float = CONFIDENCE)
     Raises:
         ValueError: No trials, or more successes than trials.
     """
+    return _rate(successes, trials, confidence, "exact")
+
+
+def _rate(successes: int, trials: int, confidence: float, method: str) -> Interval:
     if not 0 <= successes <= trials or trials == 0:
         raise ValueError(f"got {successes} successes in {trials} trials, expected 0 to all of some")
-    bounds = stats.binomtest(successes, trials).proportion_ci(confidence, method="exact")
+    bounds = stats.binomtest(successes, trials).proportion_ci(confidence, method=method)
     return Interval(successes / trials, float(bounds.low), float(bounds.high))
 
 

@@ -27,15 +27,6 @@ from planners import Trajectory
 T = TypeVar("T")
 
 
-def navigator_of(log: Log) -> Navigator:
-    """A log's own stack, before its first decision.
-
-    Raises:
-        InputError: It cannot be made with these settings.
-    """
-    return guarded("the log's stack", lambda: build_navigator(log.config, log.mission, log.beams))
-
-
 def recompute(navigator: Navigator, record: Record) -> pb.Decision:
     """Decide on one record's inputs, with the delay that it had.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.config import Config, override
+from harness.decision import path_of
 from harness.errors import InputError
 from harness.reader import Log, open_log
 from harness.schema import wayproof_pb2 as pb
@@ -167,7 +168,7 @@ def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:
     """
     axes = 2 if flat else 3
     departure = _departure(old.trajectory, new.trajectory, axes)
-    first, second = _points(old.guide, axes), _points(new.guide, axes)
+    first, second = path_of(old.guide)[:, :axes], path_of(new.guide)[:, :axes]
     route = None if min(len(first), len(second)) == 0 else _route_difference(first, second)
     same_route = len(first) == len(second) == 0 or (route is not None and route <= SAME_PLACE)
     if (old.action, old.label) == (new.action, new.label) and departure <= SAME_PLACE:
@@ -198,7 +199,7 @@ def _departure(old: pb.Trajectory, new: pb.Trajectory, axes: int) -> float:
 
 def _places(trajectory: pb.Trajectory, times: Array, axes: int) -> Array:
     """Where a trajectory is at simulated times (n,), ns: (n, axes) m."""
-    path = _points(trajectory.path, axes)
+    path = path_of(trajectory.path)[:, :axes]
     samples = np.arange(len(trajectory.arc_length)) * trajectory.sample_period_s
     elapsed = (times - trajectory.start.ToNanoseconds()) * 1e-9
     arcs = np.interp(elapsed, samples, np.array(trajectory.arc_length))
@@ -222,7 +223,3 @@ def _route_difference(old: Array, new: Array) -> float:
 def _densely(route: Array) -> Array:
     total = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
     return _along(route, np.arange(0.0, total + SPACING, SPACING))
-
-
-def _points(points: Sequence[pb.Point], axes: int) -> Array:
-    return np.array([(p.x, p.y, p.z)[:axes] for p in points]).reshape(-1, axes)

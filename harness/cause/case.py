@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.audit import densely, points_of
+from harness.audit import densely
 from harness.cause.true_space import TrueSpace
 from harness.config import Config
+from harness.decision import path_of
 from harness.errors import InputError
-from harness.inputs import Beams, Inputs, inputs_from_messages
+from harness.inputs import Inputs, inputs_from_messages
 from harness.mission import Mission
-from harness.navigator import Navigator, build_navigator
+from harness.navigator import Navigator
 from harness.reader import Log, read_messages
+from harness.relay import Relay, Stretch, stretches
 from harness.scene_text import safe_scene
 from harness.schema import wayproof_pb2 as pb
 
@@ -92,7 +94,7 @@ class Case:
     Attributes:
         config: Settings.
         mission: What the stack was told.
-        beams: Sensors by name.
+        runs: Its stacks, in order; one if the log was never forked.
         outcome: How it ended.
         reason: In words.
         end_s: When, in simulated time.
@@ -103,7 +105,7 @@ class Case:
 
     config: Config
     mission: Mission
-    beams: Mapping[str, Beams]
+    runs: tuple[Stretch, ...]
     outcome: str
     reason: str
     end_s: float
@@ -125,11 +127,17 @@ class Case:
         ]
         return begun[-1] if begun else None
 
+    def as_of(self, number: int) -> Case:
+        """The case with the settings and the mission that a decision was made with."""
+        runs = tuple(run for run in self.runs if run.begin <= number)
+        return replace(self, config=runs[-1].config, mission=runs[-1].mission, runs=runs)
+
     def navigator_at(self, number: int) -> Navigator:
         """The stack's map and costmap as they were for one decision."""
-        navigator = build_navigator(self.config, self.mission, self.beams)
+        relay = Relay(self.as_of(number).runs)
         for moment in self.moments[: number + 1]:
-            navigator.integrate(moment.inputs)
+            relay.watch(moment.inputs)
+        navigator = relay.navigator
         navigator.costmap.update(self.moments[number].decision.localization_margin_m)
         return navigator
 
@@ -151,7 +159,7 @@ def read_case(log: Log) -> Case:
     return Case(
         config=log.config,
         mission=log.mission,
-        beams=log.beams,
+        runs=tuple(stretches(log)),
         outcome=log.result["outcome"],
         reason=log.result.get("reason", ""),
         end_s=float(log.result.get("sim_time_s", moments[-1].time_ns * 1e-9)),
@@ -185,7 +193,7 @@ def _moments(log: Log) -> Iterator[Moment]:
 
 def off_path(trajectory: pb.Trajectory, believed: Array, axes: int) -> tuple[float, Array]:
     """How far a believed position (3,) is from a trajectory's path, m, and its nearest point."""
-    path = points_of(trajectory)
+    path = path_of(trajectory.path)
     if axes == 2:
         path[:, 2] = believed[2]
     places = densely(path, 0.02)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +24,10 @@ from harness.errors import InputError
 from harness.fork import Past, live_through
 from harness.inputs import Inputs
 from harness.log import LogWriter
-from harness.navigator import Navigator, build_navigator
+from harness.navigator import Navigator
 from harness.reader import Log
 from harness.rebuild import rebuild
+from harness.relay import Relay
 from harness.result import Result
 from maps import Representation
 from models.beams import NO_RETURN
@@ -53,10 +54,8 @@ STEP = 6.0
 """Log-odds that one mark carries a cell by, from either clamp across the middle."""
 
 POSE_PERTURBATIONS = ("pose_drift", "pose_jump")
-EXACT = OdometryConfig(
-    scale=0.0, turn_scale=0.0, walk=0.0, turn_walk=0.0,
-    sigma=0.0, turn_sigma=0.0, jitter=0.0, turn_jitter=0.0,
-)  # fmt: skip
+ERRORS = {one.name for one in fields(OdometryConfig)} - {"rate", "correlation_time"}
+EXACT = OdometryConfig(**dict.fromkeys(ERRORS, 0.0))
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def check(log: Log, finding: Finding, remedies: Sequence[str] = ()) -> list[Chec
     earlier = BEFORE if touched else 0.0
     before_ns = case.moments[finding.decision].time_ns - round(earlier * 1e9)
     at = sum(moment.time_ns < before_ns for moment in case.moments)
-    log = log.as_of(at)
+    log, case = log.as_of(at), case.as_of(at)
     harm = ("collision", "fall", "out_of_bounds", "error")
     checks = []
     for name in remedies or REMEDIES:
@@ -115,9 +114,11 @@ def true_pose(log: Log, case: Case, at: int) -> Result:
         config = replace(config, perturbation=None)
 
     def inform(navigator: Navigator) -> Navigator:
-        informed = build_navigator(config, case.mission, case.beams)
+        *before, last = case.runs
+        relay = Relay([*before, replace(last, config=config)])
         for moment in case.moments[:at]:
-            informed.integrate(_truly_placed(moment))
+            relay.watch(_truly_placed(moment))
+        informed = relay.go_to(at)
         informed.adopt(navigator.memory, navigator.chain)
         return informed
 

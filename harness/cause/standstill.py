@@ -53,7 +53,7 @@ class StandstillFacts:
         ghosts: Cells mapped occupied that are truly free.
         ghost: Centre of the one nearest to the robot, m.
         way_without_ghosts: Whether there is a way in the map without them.
-        shortest_s: Time that the shortest way takes at full speed; none if nobody knows.
+        shortest_s: Time that the straight way takes at full speed.
         limit_s: Time limit.
         claimed: Whether the robot claimed the goal where it was not.
         pose_error: At the end, m.
@@ -80,7 +80,7 @@ class StandstillFacts:
     ghosts: int
     ghost: tuple[float, float, float]
     way_without_ghosts: bool
-    shortest_s: float | None
+    shortest_s: float
     limit_s: float
     claimed: bool
     pose_error: float
@@ -130,7 +130,7 @@ def impossible(facts: StandstillFacts) -> str | None:
             f"no way to the goal exists for a body of {facts.radius:.2f} m with its margin; the "
             f"widest lets {facts.true_widest:.2f} m pass"
         )
-    if facts.shortest_s is not None and facts.shortest_s > facts.limit_s:
+    if facts.shortest_s > facts.limit_s:
         return (
             f"the shortest way takes {facts.shortest_s:.1f} s at full speed, "
             f"the limit was {facts.limit_s:.1f} s"
@@ -252,7 +252,7 @@ def _is_late(case: Case, moment: Moment) -> bool:
     return moment.latency.delay_s > case.config.latency.expected + LATE
 
 
-def _shortest(case: Case) -> float | None:
+def _shortest(case: Case) -> float:
     """Least time for the straight way to the goal, s: nothing is faster."""
     axes = case.axes
     way = np.subtract(case.mission.goal, case.mission.start)[:axes]

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.audit import densely, points_of
+from harness.audit import densely
 from harness.cause import Case, Moment
+from harness.decision import path_of
 from harness.errors import InputError
 from harness.labels import bound_version
 from harness.navigator import Navigator
@@ -140,6 +141,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         InputError: There is no such decision.
     """
     moment = moment_of(case, number)
+    case = case.as_of(number)
     navigator = navigator or case.navigator_at(number)
     decision = moment.decision
     ages, probabilities = _evidence(navigator, moment)
@@ -195,9 +197,11 @@ def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[Bl
     The way is the guide from the end of the committed part on; without a guide the straight line
     to the goal. None if nothing closes it.
     """
-    costmap = navigator.costmap
-    field, limit, size = costmap.field(), costmap.blocked_at_or_below, costmap.resolution
-    way = densely(_way(case, moment, navigator), 0.5 * size)
+    costmap, decision = navigator.costmap, moment.decision
+    # Of the disc or discs that it was made for: a long body has two widths.
+    limit, radius = decision.blocked_at_or_below, decision.inflation_radius_m
+    field, size = costmap.field(), costmap.resolution
+    way = densely(_way(case, moment), 0.5 * size)
     cells = np.floor((way - costmap.origin) / size).astype(int)
     inside = ((cells >= 0) & (cells < costmap.shape)).all(axis=1)
     cells, way = cells[inside], way[inside]
@@ -211,7 +215,7 @@ def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[Bl
     centres = costmap.origin + (found + 0.5) * size
     gaps = np.linalg.norm(centres - place, axis=1)
     nearest = np.argsort(gaps, kind="stable")[:SHOWN_CELLS]
-    nearest = nearest[gaps[nearest] <= costmap.inflation_radius + size]
+    nearest = nearest[gaps[nearest] <= radius + size]
     here = np.array(moment.pose.position)
     return tuple(
         _blocking(case, moment, navigator, tuple(found[k].tolist()), centres[k], here)
@@ -244,9 +248,9 @@ def _blocking(
     )
 
 
-def _way(case: Case, moment: Moment, navigator: Navigator) -> Array:
-    guide = np.array([(p.x, p.y, p.z) for p in moment.decision.guide]).reshape(-1, 3)
-    committed = points_of(moment.decision.trajectory)
+def _way(case: Case, moment: Moment) -> Array:
+    guide = path_of(moment.decision.guide)
+    committed = path_of(moment.decision.trajectory.path)
     if len(guide) >= 2:
         return guide
     goal = np.array(case.mission.goal)
@@ -257,7 +261,7 @@ def _way(case: Case, moment: Moment, navigator: Navigator) -> Array:
 
 def _evidence(navigator: Navigator, moment: Moment) -> tuple[Array, Array]:
     """Age (n,), s, and probability (n,) of what is known along the committed path."""
-    path = densely(points_of(moment.decision.trajectory), navigator.map.resolution)
+    path = densely(path_of(moment.decision.trajectory.path), navigator.map.resolution)
     observed = np.maximum(navigator.map.observed_ns_at(path), 0)
     ages = (moment.time_ns - observed) * 1e-9
     return ages, np.asarray(navigator.map.probability_at(path), float)

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
-from harness.audit import points_of
 from harness.cause import Case, Moment
+from harness.decision import path_of
 from harness.explain.card import Card, moment_of
 from harness.navigator import Navigator
 from maps.states import FREE, OCCUPIED
@@ -50,13 +50,13 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
         figure = Figure(figsize=(7.0, 6.4), layout="constrained", dpi=120)
         axes = figure.add_subplot()
         _draw_map(axes, navigator, moment)
-        _draw_truth(axes, case, navigator, moment)
+        _draw_truth(axes, case, moment)
         _draw_motion(axes, case, moment)
         for cell in card.blocking:
             axes.plot(*cell.place[:2], "x", color="#d1232a", ms=6, zorder=6)
         if case.contact is not None:
             axes.plot(*case.contact.position[:2], "*", color="#d1232a", ms=11, zorder=7)
-        _finish(axes, case, moment, card)
+        _finish(axes, moment, card)
         figure.savefig(target, metadata={"Software": None})
 
 
@@ -81,20 +81,14 @@ def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
     )
 
 
-def _draw_truth(axes: Axes, case: Case, navigator: Navigator, moment: Moment) -> None:
+def _draw_truth(axes: Axes, case: Case, moment: Moment) -> None:
     """Outlines of what truly stands in the slice, movers where they were."""
     case.space.place_movers(moment.truth)
     here = moment.true_position
-    low, high = (
-        (0.0, 0.0)
-        if case.mission.motion == "air"
-        else (
-            case.mission.step_height,
-            case.mission.height,
-        )
-    )
-    bottom = here[2] - 0.5 * FINE if case.mission.motion == "air" else low
-    layers = 1 if case.mission.motion == "air" else max(1, round((high - low) / FINE))
+    bottom, layers = here[2] - 0.5 * FINE, 1
+    if case.mission.motion == "ground":
+        bottom, top = case.mission.step_height, case.mission.height
+        layers = max(1, round((top - bottom) / FINE))
     count = round(2.0 * REACH / FINE)
     corner = np.array([here[0] - REACH, here[1] - REACH, bottom])
     solid = case.space.occupied(corner, (count, count, layers), FINE).any(axis=2)
@@ -108,9 +102,9 @@ def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
     after = [one.true_position for one in case.moments if one.time_ns >= moment.time_ns]
     _line(axes, np.array(before), color="#1f77d0", ls=":", label="true way so far")
     _line(axes, np.array(after), color="#9bbfe3", ls=":", label="true way after")
-    guide = np.array([(p.x, p.y, p.z) for p in moment.decision.guide]).reshape(-1, 3)
+    guide = path_of(moment.decision.guide)
     _line(axes, guide, color="#2a9d4a", ls="--", label="path to the goal")
-    committed = points_of(moment.decision.trajectory)
+    committed = path_of(moment.decision.trajectory.path)
     _line(axes, committed, color="#2a9d4a", lw=2.5, label="committed trajectory")
     body = dict(radius=case.mission.radius, fill=False)
     axes.add_patch(Circle(tuple(moment.true_position[:2]), color="#1f77d0", lw=1.5, **body))
@@ -124,7 +118,7 @@ def _line(axes: Axes, points: Array, **style: Any) -> None:
         axes.plot(points[:, 0], points[:, 1], **style)
 
 
-def _finish(axes: Axes, case: Case, moment: Moment, card: Card) -> None:
+def _finish(axes: Axes, moment: Moment, card: Card) -> None:
     x, y, _ = moment.true_position
     axes.set(
         xlim=(x - REACH, x + REACH),

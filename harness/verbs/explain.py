@@ -42,6 +42,7 @@ def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -
 
     case = read_case(log)
     moment_of(case, options.decision)
+    case = case.as_of(options.decision)
     navigator = case.navigator_at(options.decision)
     card = make_card(case, options.decision, navigator)
     print_card(console, card)
@@ -75,33 +76,38 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
             raise InputError(f"log '{log.path}': its sweeps were left out, so there is no map")
         last = len(case.moments) - 1
         number = last if finding is None else finding.decision
-        _draw(case, make_card(case, number), options.png, console)
+        _draw(case.as_of(number), make_card(case, number), options.png, console)
     if options.check:
-        document["checks"] = _check(log, finding, console, options.allow_plugins)
+        document["checks"] = _check(log, finding, console)
     return document
 
 
 def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
     """The cause and the near misses; of a log without sweeps what its result says."""
-    from harness.cause import Finding, find_cause, near_misses, read_case
+    from harness.cause import find_cause, near_misses, read_case
 
     if log.record == "decisions":
-        cause = log.result.get("cause", "")
-        if not cause:
-            return None, None, []
-        number = int(log.result.get("cause_decision", "-1"))
-        place = (0.0, 0.0, 0.0)
-        for truth in log.truth():
-            x, y, z = truth.position
-            place = (x, y, z)
-        return None, Finding(cause, log.result.get("cause_evidence", ""), number, place), []
+        return None, _told_cause(log), []
     case = read_case(log)
     return case, find_cause(case), near_misses(case, SHOWN_MISSES)
 
 
-def _check(
-    log: Log, finding: Finding | None, console: Console, allow_plugins: bool
-) -> list[Document]:
+def _told_cause(log: Log) -> Finding | None:
+    """The cause that the run found, where what was touched is, or where the robot ended."""
+    from harness.cause import Contact, Finding
+
+    if not log.result.get("cause"):
+        return None
+    contact = Contact.from_text(log.result.get("contact", ""))
+    places = [contact.position] if contact else [(*truth.position,) for truth in log.truth()]
+    if not places:
+        raise InputError(f"log '{log.path}': no decisions in it")
+    x, y, z = places[-1]
+    told = log.result["cause_evidence"], int(log.result["cause_decision"])
+    return Finding(log.result["cause"], *told, (x, y, z))
+
+
+def _check(log: Log, finding: Finding | None, console: Console) -> list[Document]:
     from harness.cause.check import check
 
     if finding is None:

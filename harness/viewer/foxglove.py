@@ -15,12 +15,13 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
+from harness.decision import path_of
 from harness.errors import InputError
 from harness.log import check_folder, file_descriptor_set
 from harness.reader import Log, open_log
 from harness.schema import foxglove_pb2 as fox
 from harness.viewer.layer import COLOURS, kinds, layer_at
-from harness.viewer.moments import Moment, moments, points_of, standing_low
+from harness.viewer.moments import Moment, moments, standing_low
 from harness.viewer.tiles import Tiles
 
 WORLD, ROBOT, TRUTH = "world", "robot", "truth"
@@ -160,8 +161,8 @@ class _Artist:
         decision, mission = moment.decision, self._log.mission
         stamp = decision.timestamp
         plan = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="plan")
-        plan.lines.append(_line(points_of(decision.guide), 0.04, BLUE))
-        plan.lines.append(_line(points_of(decision.trajectory.path), 0.08, GREEN))
+        plan.lines.append(_line(path_of(decision.guide), 0.04, BLUE))
+        plan.lines.append(_line(path_of(decision.trajectory.path), 0.08, GREEN))
         plan.spheres.append(_sphere(mission.goal, 0.25, GREEN, 1.0))
         for place, colour in ((decision.position, BLUE), (moment.truth.position, RED)):
             plan.spheres.append(_sphere(tuple(place), 2.0 * mission.radius, colour, 0.4))

@@ -6,19 +6,19 @@ import os
 from collections import deque
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import Config
 from harness.errors import InputError
 from harness.inputs import Beams
 from harness.mission import Mission
-from harness.navigator import Navigator, build_navigator
+from harness.navigator import Navigator
 from harness.reader import Log, Record
+from harness.relay import Relay, stretches
 from harness.schema import wayproof_pb2 as pb
 from harness.twin import guarded
 from maps import Costmap, Representation
@@ -59,7 +59,8 @@ class Moment:
     @cached_property
     def costmap(self) -> Costmap:
         """That the decision rests on; brought up to date when it is first asked for."""
-        guarded(_what(self.record), lambda: self.navigator.inflate(self.record.inputs))
+        what = f"decision {self.decision.sequence}"
+        guarded(what, lambda: self.navigator.inflate(self.record.inputs))
         return self.navigator.costmap
 
     @property
@@ -95,23 +96,13 @@ def moments(log: Log) -> Iterator[Moment]:
         InputError: The log is damaged, or its sweeps were left out.
     """
     truths = {truth.sequence: truth for truth in log.truth()}
-    navigator, beams, at = _navigator("the log's stack", log, log.config, log.beams), log.beams, 0
-    if log.fork is not None:  # the new settings' map sees the first sweeps too, and then takes over
-        navigator.carry(log.fork.beams)
-        before = _navigator("the stack before the fork", log, log.fork.config, log.fork.beams)
-        at = log.fork.at
+    relay = Relay(stretches(log.on_threads(max(log.config.threads, THREADS))))
     for record in ahead(log.records()):
         sequence = record.decision.sequence
         if sequence not in truths:
             raise InputError(f"log '{log.path}': decision {sequence} without its truth")
-        shown, its_beams = navigator, beams
-        if log.fork is not None and sequence < at:
-            _integrate(before, record)
-            shown, its_beams = before, log.fork.beams
-        elif log.fork is not None and sequence == at:
-            navigator.carry(beams)
-        _integrate(navigator, record)
-        yield Moment(record, truths[sequence], its_beams, shown)
+        navigator = relay.watch(record.inputs)
+        yield Moment(record, truths[sequence], relay.stretch.beams, navigator)
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
@@ -122,25 +113,6 @@ def ahead(items: Iterator[Item]) -> Iterator[Item]:
         while (item := waiting.popleft().result()) is not end:
             waiting.append(reader.submit(next, items, end))
             yield item  # type: ignore[misc]
-
-
-def _navigator(what: str, log: Log, config: Config, beams: Mapping[str, Beams]) -> Navigator:
-    config = replace(config, threads=max(config.threads, THREADS))
-    return guarded(what, lambda: build_navigator(config, log.mission, beams))
-
-
-def _integrate(navigator: Navigator, record: Record) -> None:
-    guarded(_what(record), lambda: navigator.integrate(record.inputs))
-
-
-def _what(record: Record) -> str:
-    return f"decision {record.decision.sequence}"
-
-
-def points_of(points: object) -> Array:
-    """Logged points as (n, 3) m."""
-    listed = [(point.x, point.y, point.z) for point in points]  # type: ignore[attr-defined]
-    return np.array(listed, np.float64).reshape(-1, 3)
 
 
 def standing_low(mission: Mission) -> tuple[float, float, float]:

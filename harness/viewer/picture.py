@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from harness.decision import path_of
 from harness.errors import InputError
 from harness.reader import Log, open_log
 from harness.rebuild import rebuild
@@ -25,7 +26,7 @@ from harness.state import Simulation, restore_parts
 from harness.twin import guarded
 from harness.viewer.boxes import flat_boxes, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
-from harness.viewer.moments import Moment, moments, points_of, standing_low
+from harness.viewer.moments import Moment, moments, standing_low
 from harness.viewer.sight import geoms_in_front
 from maps import UNKNOWN
 
@@ -164,8 +165,8 @@ class Stage:
             self._add_box(middle, half, OCCUPIED_COLOUR)
         lift = np.array([0.0, 0.0, 0.05 if mission.motion == "ground" else 0.0])
         decision = moment.decision
-        self._add_line(points_of(decision.guide) + lift, 0.015, GUIDE)
-        self._add_line(points_of(decision.trajectory.path) + lift, 0.035, COMMITTED)
+        self._add_line(path_of(decision.guide) + lift, 0.015, GUIDE)
+        self._add_line(path_of(decision.trajectory.path) + lift, 0.035, COMMITTED)
         self._add_line(np.array(self._trail), 0.015, TRAIL)
 
     def _add_box(self, middle: Any, half: Any, colour: tuple[float, ...]) -> None:

@@ -12,10 +12,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from harness.decision import path_of
 from harness.reader import Log
 from harness.schema import wayproof_pb2 as pb
 from harness.viewer.layer import FRONTIER, INFLATED, kinds, layer_at
-from harness.viewer.moments import Moment, moments, points_of, standing_low
+from harness.viewer.moments import Moment, moments, standing_low
 from harness.viewer.rows import Rows
 from harness.viewer.tiles import Tiles
 from harness.viewer.words import describe
@@ -112,7 +113,7 @@ class _Artist:
     def _show_decision(self, moment: Moment) -> None:
         decision, pose, rows = moment.decision, moment.record.inputs.pose, self._rows
         rows.put("world/robot", rr.Transform3D, **_transform(pose.position, pose.quaternion))
-        guide, path = points_of(decision.guide), points_of(decision.trajectory.path)
+        guide, path = path_of(decision.guide), path_of(decision.trajectory.path)
         rows.put("world/guide", rr.LineStrips3D, strips=guide)
         rows.put("world/trajectory", rr.LineStrips3D, strips=path)
         rows.put("decision", rr.TextDocument, text=describe(decision))

@@ -9,10 +9,12 @@ import pytest
 from harness import audit as audits
 from harness.audit import audit, densely
 from harness.cli import main
+from harness.config import Config
 from harness.mission import Mission
 from harness.navigator import build_navigator
 from harness.reader import open_log
 from harness.schema import wayproof_pb2 as pb
+from maps import VoxelMap
 
 SHORT = "episode.time_limit=12"
 
@@ -57,10 +59,12 @@ def checked(recorded):
         path = audits.points_of(target.trajectory)
         arcs = target.trajectory.arc_length
         half = len(arcs) // 2  # it is moving there, at more than half a metre a second
-        if target.action == "follow" and min(len(path), len(arcs)) > 20:
+        if target.action in ("follow", "explore") and min(len(path), len(arcs)) > 20:
             if arcs[half] - arcs[half - 1] > 0.05:
                 break
         committed = [target.trajectory]
+    else:
+        raise AssertionError("no decision of the log is one to plant faults in")
 
     def check(change):
         changed = pb.Decision()
@@ -105,6 +109,14 @@ def too_fast(decision):
         samples[k] = 3.0 * arc
 
 
+def without_headings(decision):
+    del decision.trajectory.heading[:]
+
+
+def with_a_heading_less(decision):
+    del decision.trajectory.heading[-1]
+
+
 def from_elsewhere(decision):
     decision.trajectory.path[0].x += 0.3
 
@@ -120,6 +132,8 @@ def from_elsewhere(decision):
         (beyond_its_path, {"rest"}),
         (too_fast, {"limits", "rest"}),
         (from_elsewhere, {"joined"}),
+        (without_headings, {"swept"}),
+        (with_a_heading_less, {"swept"}),
     ],
 )
 def test_each_planted_fault_is_found(checked, change, rules):
@@ -148,6 +162,28 @@ def test_a_column_by_hand():
     states = np.array([[column for column, _ in columns.values()]], np.uint8)
     told = body._columns(states, -0.175, 0.1)
     assert told[0].tolist() == [expected for _, expected in columns.values()]
+
+
+def test_only_the_discs_of_a_long_body_have_slack():
+    """Free is x < 1; 0.295 m and half a diagonal of 10-cm cells are 3 cells from one's own."""
+    mission = Mission(
+        "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
+        (-3.0, -3.0, -0.2), (3.0, 3.0, 2.0), (0.0, 0.0, 0.3), 0.0, (0.5, 0.5, 0.3),
+        discs=((-0.1, 0.2), (0.1, 0.2)),
+    )  # fmt: skip
+    config = Config("empty", "quadruped", 1)
+    voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
+    voxel_map.mark_floor((-1.0, -1.0), (1.0, 1.0), 0)
+    voxel_map.mark_free((-1.0, -1.0, 0.0), (1.0, 1.0, 0.6), 0)
+    body = audits._Body(config, mission, "forbid")
+
+    def met(x, slack):
+        return body._first_overlap(voxel_map, np.array([[x, 0.05, 0.3]]), 0.295, slack)
+
+    assert met(0.695, 0.0) is None
+    assert met(0.705, 0.0)[1] == "unknown"
+    assert met(0.705, audits.BESIDE) is None
+    assert met(0.715, audits.BESIDE)[1] == "unknown"
 
 
 def test_points_lie_densely():

@@ -10,6 +10,7 @@ from harness.cause import read_case
 from harness.cause.confusion import run_planted
 from harness.cli import main
 from harness.explain import make_card, phases
+from harness.fork import fork
 from harness.reader import open_log
 from harness.schema import wayproof_pb2 as pb
 
@@ -60,6 +61,20 @@ def test_a_card_names_the_cells_in_the_way(stopped):
         assert cell.probability > 0.5
 
 
+def test_a_card_of_a_forked_log_has_the_settings_of_its_side(recorded, tmp_path):
+    log = Path(recorded("empty", "quadruped", 1, "episode.time_limit=1.5").log)
+    first, again = tmp_path / "first.mcap", tmp_path / "again.mcap"
+    fork(log, 6, ["map.resolution=0.08", "latency.plan=0.05"], first)
+    fork(first, 9, ["sensors.lidar=velodyne-vlp16", "goal=[3.0,3.0]"], again)
+    case = read_case(open_log(again))
+    cards = [make_card(case, number) for number in (5, 6, 8, 9, 11)]
+    assert all(card.version_holds for card in cards)
+    assert [card.resolution_m for card in cards] == [0.1, 0.08, 0.08, 0.08, 0.08]
+    delays = [card.expected_delay_s for card in cards]
+    assert delays == pytest.approx([0.05, 0.08, 0.08, 0.08, 0.08])
+    assert [case.as_of(n).mission.goal[:2] == (3.0, 3.0) for n in (8, 9)] == [False, True]
+
+
 def test_explain_prints_and_draws(stopped, tmp_path, capsys):
     assert main(["explain", str(stopped)]) == 0
     text = capsys.readouterr().out
@@ -86,7 +101,10 @@ def test_a_log_of_decisions_still_tells_its_cause(recorded, capsys):
     )
     assert result.cause == "latency"
     assert main(["explain", result.log]) == 0
-    assert "cause: latency" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "cause: latency" in text
+    x, y, z = list(open_log(Path(result.log)).truth())[-1].position
+    assert f"at decision {result.cause_decision}; at ({x:.2f}, {y:.2f}, {z:.2f})" in text
     assert main(["explain", result.log, "3"]) == 2
     assert "sweeps were left out" in capsys.readouterr().err
 

@@ -126,15 +126,21 @@ def test_what_is_made_ahead_comes_in_order_and_its_failure_at_its_place():
 
 
 def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
-    forked = tmp_path / "fork.mcap"
-    fork(log, 6, ["map.inflation_margin=0.2", "episode.time_limit=2"], forked)
-    radii = []
+    """And so is one that was forked again, each side with its lidar."""
+    first, forked = tmp_path / "first.mcap", tmp_path / "fork.mcap"
+    fork(log, 6, ["map.inflation_margin=0.2", "episode.time_limit=2"], first)
+    again = ["map.inflation_margin=0.3", "map.resolution=0.08", "sensors.lidar=velodyne-vlp16"]
+    fork(first, 9, again, forked)
+    radii, beams = [], []
     for moment in moments(open_log(forked)):
         assert moment.map.version() == moment.decision.map_version
         assert moment.costmap.inflation_radius == moment.decision.inflation_radius_m
         radii.append(moment.costmap.inflation_radius)
-    assert len(set(radii[:6])) == len(set(radii[6:])) == 1
-    assert radii[6] > radii[5]
+        beams.append(moment.beams["lidar"].table.beams)
+    for sides in (radii, beams):
+        assert len(set(sides[:6])) == len(set(sides[6:9])) == len(set(sides[9:])) == 1
+    assert radii[5] < radii[6] < radii[9]
+    assert beams[5] == beams[6] != beams[9]
 
 
 def test_hits_lie_on_what_is_there_and_are_thinned(log):

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from models.robots.brought import Unusable, read_robot
-from models.robots.brought.legged import foot_mass, scaled
+from models.robots.brought.legged_parameters import foot_mass, scaled
 from models.robots.brought.writing import farthest
 from models.robots.quadruped import Parameters, Quadruped
 from models.robots.quadruped.kinematics import foot_position, standing_joints

@@ -195,7 +195,11 @@ def test_spec_encloses_the_walking_body(model):
 
 
 def test_discs_hold_the_body_that_walks_ahead_and_turns(model):
-    """Every point of it lies, to 2 mm, in one of the spec's discs at the heading of the base."""
+    """Every point of it lies in one of the spec's discs at the heading of the base.
+
+    But for the millimetre by which the farthest point of all that were measured, 0.236 m from the
+    nearest centre, is outside of a disc of 0.235 m.
+    """
     ride, spec = Ride(model), QUADRUPED.spec
     base = model.body("robot_base").id
     assert [offset for offset, _ in spec.discs] == [-0.245, 0.0, 0.245]
@@ -209,7 +213,7 @@ def test_discs_hold_the_body_that_walks_ahead_and_turns(model):
                 np.hypot(*(points[:, :2] - ride.data.xpos[base][:2] - offset * ahead).T) - radius
                 for offset, radius in spec.discs
             ]
-            assert (np.min(reach, axis=0) + radii).max() <= 0.002, command
+            assert (np.min(reach, axis=0) + radii).max() <= 0.001, command
 
 
 def test_lidar_sits_on_top_in_front(model):

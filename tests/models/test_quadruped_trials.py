@@ -14,6 +14,7 @@ from models.robots.quadruped import trials as walks
 from models.robots.quadruped.gait import advance
 from models.robots.quadruped.horizon import look_ahead
 from models.robots.quadruped.parameters import Gait, Geometry, Prediction
+from models.robots.quadruped.ride import TIMESTEP, Plant, Ride
 from models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from models.robots.quadruped.torque import limit_torque
 from models.robots.terrain import COURSE_END, FIRST, TERRAINS, Block
@@ -33,7 +34,7 @@ def rng(number):
 
 
 def test_tracks_random_commands_with_a_noisy_estimate():
-    result = walks.follow_commands(ROBOT, walks.Plant(), NOISE, rng(0), 10.0)
+    result = walks.follow_commands(ROBOT, Plant(), NOISE, rng(0), 10.0)
     assert not result.fallen
     assert result.seconds == pytest.approx(10.0)
     assert (np.array(result.errors) < [0.07, 0.06, 0.03]).all()
@@ -42,10 +43,10 @@ def test_tracks_random_commands_with_a_noisy_estimate():
 @pytest.mark.parametrize(
     ("plant", "kick"),
     [
-        (walks.Plant(friction=0.4), 0.0),
-        (walks.Plant(payload=5.0), 0.0),
-        (walks.Plant(delay=0.006), 0.0),
-        (walks.Plant(), 1.0),
+        (Plant(friction=0.4), 0.0),
+        (Plant(payload=5.0), 0.0),
+        (Plant(delay=0.006), 0.0),
+        (Plant(), 1.0),
     ],
 )
 def test_stays_up_on_what_it_is_not_told(plant, kick):
@@ -56,7 +57,7 @@ def test_stays_up_on_what_it_is_not_told(plant, kick):
 
 @pytest.mark.parametrize("terrain", ["planks", "stairs", "rubble", "ramps"])
 def test_crosses_terrain_blindly(terrain):
-    result = walks.cross_terrain(ROBOT, walks.Plant(), NOISE, rng(2), terrain)
+    result = walks.cross_terrain(ROBOT, Plant(), NOISE, rng(2), terrain)
     assert result.arrived
     assert not result.fallen
 
@@ -75,7 +76,7 @@ def test_stops_stands_and_follows_a_path():
 
 
 def test_no_limit_of_torque_speed_or_joint_is_exceeded_at_any_tick():
-    ride = walks.Ride(ROBOT, walks.Plant(), NOISE, 10.0, rng(6))
+    ride = Ride(ROBOT, Plant(), NOISE, 10.0, rng(6))
     model, data, actuators = ride.model, ride.data, ROBOT.parameters.actuators
     speed = np.tile(actuators.speed, 4)
     torque = np.tile(actuators.torque, 4)
@@ -101,7 +102,7 @@ def test_no_limit_of_torque_speed_or_joint_is_exceeded_at_any_tick():
 
 def test_friction_is_the_floors():
     for friction in (0.4, 0.9):
-        ride = walks.Ride(ROBOT, walks.Plant(friction=friction), None, 1.0, rng(8))
+        ride = Ride(ROBOT, Plant(friction=friction), None, 1.0, rng(8))
         for _ in range(20):
             ride.walk(np.zeros(3))
         assert ride.data.ncon >= 4
@@ -110,15 +111,15 @@ def test_friction_is_the_floors():
 
 
 def test_a_payload_weighs_on_the_plant_but_not_in_the_controller():
-    light = walks.Ride(ROBOT, walks.Plant(), None, 1.0, rng(9))
-    heavy = walks.Ride(ROBOT, walks.Plant(payload=5.0), NOISE, 1.0, rng(9))
+    light = Ride(ROBOT, Plant(), None, 1.0, rng(9))
+    heavy = Ride(ROBOT, Plant(payload=5.0), NOISE, 1.0, rng(9))
     total = heavy.model.body_subtreemass[0] - light.model.body_subtreemass[0]
     assert total == pytest.approx(5.0)
     assert heavy.controller.body.mass == light.controller.body.mass
 
 
 def test_delay_postpones_torques_by_its_ticks():
-    ride = walks.Ride(ROBOT, walks.Plant(delay=0.006), None, 1.0, rng(9))
+    ride = Ride(ROBOT, Plant(delay=0.006), None, 1.0, rng(9))
     for _ in range(3):
         ride.walk(np.zeros(3))
         assert not ride.data.ctrl.any()
@@ -128,7 +129,7 @@ def test_delay_postpones_torques_by_its_ticks():
 
 @pytest.mark.parametrize("tilt", [0.0, 1.2])
 def test_a_body_on_the_floor_has_fallen_at_any_tilt(tilt):
-    ride = walks.Ride(ROBOT, walks.Plant(), None, 1.0, rng(10))
+    ride = Ride(ROBOT, Plant(), None, 1.0, rng(10))
     for _ in range(5):
         ride.walk(np.zeros(3))
     assert not ride.fallen
@@ -149,7 +150,7 @@ def test_errors_have_the_spread_and_memory_that_they_say():
 
 
 def test_an_exact_estimate_is_the_truth():
-    ride = walks.Ride(ROBOT, walks.Plant(), None, 1.0, rng(12))
+    ride = Ride(ROBOT, Plant(), None, 1.0, rng(12))
     for _ in range(100):
         ride.walk(np.array([0.5, 0.1, 0.3]))
     mujoco.mj_forward(ride.model, ride.data)
@@ -166,15 +167,13 @@ def test_an_exact_estimate_is_the_truth():
 
 
 def test_the_same_draw_walks_the_same_way():
-    once, again = (
-        walks.follow_commands(ROBOT, walks.Plant(), NOISE, rng(14), 1.0) for _ in range(2)
-    )
+    once, again = (walks.follow_commands(ROBOT, Plant(), NOISE, rng(14), 1.0) for _ in range(2))
     assert once == again
 
 
 def test_stride_average_takes_the_sway_out():
     ticks = np.arange(1000)
-    sway = np.sin(2.0 * np.pi * ticks * walks.TIMESTEP / walks.STRIDE)
+    sway = np.sin(2.0 * np.pi * ticks * TIMESTEP / walks.STRIDE)
     errors = np.column_stack([sway, 0.1 + sway, np.full(1000, -0.2)])
     np.testing.assert_allclose(walks.stride_rms(errors, 1000), [0.0, 0.1, 0.2], atol=1e-12)
 

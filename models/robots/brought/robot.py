@@ -11,7 +11,8 @@ from typing import Literal, NamedTuple
 import mujoco
 
 from models.robots import quadrotor, quadruped
-from models.robots.brought.legged import check_legged, legged_mjcf, legged_parameters
+from models.robots.brought.legged import check_legged, legged_mjcf
+from models.robots.brought.legged_parameters import legged_parameters
 from models.robots.brought.own_controller import kept_mjcf, load_controller
 from models.robots.brought.rotorcraft import (
     check_rotorcraft,
