@@ -48,7 +48,7 @@ class Row:
         episode_s: Processor time of the episode.
         logging_share: Of it, what encoding, packing, compressing and writing the log take, on both
             threads.
-        logging_wait_share: The part of that on the episode's own thread, of its wall time.
+        logging_own_share: The part of that on the episode's own thread, which waits for no other.
         replay_s: Processor time of the replay.
         replay_of_episode: Episode's processor time over the replay's.
         replay_of_simulated: Simulated time over the replay's processor time.
@@ -64,7 +64,7 @@ class Row:
     decisions_mb_per_min: float
     episode_s: float
     logging_share: float
-    logging_wait_share: float
+    logging_own_share: float
     replay_s: float
     replay_of_episode: float
     replay_of_simulated: float
@@ -109,7 +109,7 @@ def bench_log(robot: str, lidar: str) -> Row:
         decisions_mb_per_min=sizes["decisions"],
         episode_s=episode,
         logging_share=logging / episode,
-        logging_wait_share=own / result.wall_time_s,
+        logging_own_share=own / episode,
         replay_s=replayed,
         replay_of_episode=episode / replayed,
         replay_of_simulated=result.sim_time_s / replayed,

@@ -85,7 +85,7 @@ def _unpack_decision(decision: pb.Decision) -> None:
     trajectory.path.extend(points(_doubles(_sums(packed.path, 3))))
     trajectory.arc_length.extend((_sums(packed.arc_length, 1)[:, 0] * GRAIN).tolist())
     trajectory.heading.extend((_sums(packed.heading, 1)[:, 0] * GRAIN).tolist())
-    guide: Array = _sums(packed.guide, 3) * GRAIN
+    guide = _sums(packed.guide, 3).astype(np.float64) * GRAIN
     decision.guide.extend(points(guide))
     for name, text in zip(HASHES, hashes, strict=True):
         setattr(decision, name, text)
