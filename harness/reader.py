@@ -14,8 +14,9 @@ from harness.config import Config, from_json
 from harness.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
-from harness.log import FORMAT_VERSION, PACKED_SCENE, digest_name
+from harness.log import FORMAT_VERSION, PACKED_FORMAT_VERSION, PACKED_SCENE, digest_name
 from harness.mission import Mission
+from harness.packed import unpack
 from harness.schema import wayproof_pb2 as pb
 
 ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
@@ -254,8 +255,11 @@ def read_head(
     if "run" not in metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
     version = metadata["run"].get("format_version")
-    if version != FORMAT_VERSION:
-        raise InputError(f"log '{path}': format version {version}, expected {FORMAT_VERSION}")
+    if version not in (FORMAT_VERSION, PACKED_FORMAT_VERSION):
+        raise InputError(
+            f"log '{path}': format version {version}, "
+            f"expected {FORMAT_VERSION} or {PACKED_FORMAT_VERSION}"
+        )
     _unpack_scene(attachments, path)
     missing = [name for name in ATTACHMENTS if name not in attachments]
     if missing:
@@ -351,8 +355,10 @@ def decode(packet: Packet, path: Path) -> Message:
         InputError: It is no such message.
     """
     try:
-        return _MESSAGES[packet.schema].FromString(packet.data)
-    except DecodeError:
+        message = _MESSAGES[packet.schema].FromString(packet.data)
+        unpack(message)
+        return message
+    except (DecodeError, ValueError):
         raise InputError(
             f"log '{path}': damaged (a message of {packet.topic[:40]!r} at "
             f"{packet.time_ns * 1e-9:.1f} s cannot be decoded)"

@@ -6,9 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
-from harness.ahead import Outrun, recompute_ahead
 from harness.decision import Difference, differences
 from harness.errors import InputError
 from harness.reader import Log, Record, open_log
@@ -43,25 +41,13 @@ class Replay:
     wall_time_s: float
 
 
-class Compared(NamedTuple):
-    """The first difference with its number, how many decisions there are and differ, the chain."""
-
-    first: tuple[int, list[Difference]] | None
-    decisions: int
-    differing: int
-    chain: str
-
-
-def replay(
-    path: Path, allow_plugins: bool = False, threads: int | None = None, ahead: bool = False
-) -> Replay:
+def replay(path: Path, allow_plugins: bool = False, threads: int | None = None) -> Replay:
     """Recompute a log's decisions.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
         threads: In place of the log's own; no decision depends on them.
-        ahead: Whether a second thread takes the next inputs into the map meanwhile.
 
     Raises:
         InputError: The file is no finished log, holds no decision, or its sweeps were left out.
@@ -70,8 +56,16 @@ def replay(
     if threads is not None:
         log = log.on_threads(threads)
     began = time.perf_counter()
-    compared = _compare_ahead(log) if ahead and log.fork is None else None
-    first, decisions, differing, chain = compared or _compare(recomputations(log))
+    first: tuple[int, list[Difference]] | None = None
+    decisions = differing = 0
+    chain = ""
+    for record, recomputed in recomputations(log):
+        found = differences(record.decision, recomputed)
+        if found:
+            differing += 1
+            first = first or (record.decision.sequence, found)
+        decisions += 1
+        chain = recomputed.chain
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
     return Replay(
@@ -85,29 +79,6 @@ def replay(
         outcome=log.result["outcome"],
         wall_time_s=time.perf_counter() - began,
     )
-
-
-def _compare_ahead(log: Log) -> Compared | None:
-    """The faster way to compare, which only counts where it finds nothing that differs."""
-    try:
-        compared = _compare(recompute_ahead(log))
-    except Outrun:
-        return None
-    return None if compared.differing else compared
-
-
-def _compare(pairs: Iterator[tuple[Record, pb.Decision]]) -> Compared:
-    first: tuple[int, list[Difference]] | None = None
-    decisions = differing = 0
-    chain = ""
-    for record, recomputed in pairs:
-        found = differences(record.decision, recomputed)
-        if found:
-            differing += 1
-            first = first or (record.decision.sequence, found)
-        decisions += 1
-        chain = recomputed.chain
-    return Compared(first, decisions, differing, chain)
 
 
 def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:

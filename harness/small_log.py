@@ -1,7 +1,7 @@
 """A log as small as they come; `python -m harness.small_log FILE` writes it.
 
-One of each format version is committed with the tests, which open and replay it. When a change of
-this version decides otherwise, that of the current version is written anew.
+One of each format version is committed with the tests, which open it, and replay that of the
+current version. When a change decides otherwise, that one and its packed form are written anew.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from pathlib import Path
 
 from harness.config import Config, override
 from harness.episode import run_episode
-from harness.log import FORMAT_VERSION
+from harness.log import FORMAT_VERSION, PACKED_FORMAT_VERSION
+from harness.log_copy import thin
 from harness.scenario import build
 from harness.warm_up import warm_up
 
@@ -27,10 +28,21 @@ def small_log(path: Path) -> Path:
     return path
 
 
-def committed_name() -> str:
-    """Name of the committed log of the current format version."""
-    return f"format-{FORMAT_VERSION}.mcap"
+def committed_name(version: str = FORMAT_VERSION) -> str:
+    """Name of the committed log of a format version, by default the current one."""
+    return f"format-{version}.mcap"
+
+
+def write_committed() -> None:
+    """Write the log of the current format version and its packed form."""
+    full = small_log(COMMITTED / committed_name())
+    packed = full.with_name(committed_name(PACKED_FORMAT_VERSION))
+    packed.write_bytes(full.read_bytes())
+    thin(packed)
 
 
 if __name__ == "__main__":
-    print(small_log(Path(sys.argv[1]) if len(sys.argv) > 1 else COMMITTED / committed_name()))
+    if len(sys.argv) > 1:
+        print(small_log(Path(sys.argv[1])))
+    else:
+        write_committed()

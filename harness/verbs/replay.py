@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -57,8 +56,7 @@ def _check(options: argparse.Namespace) -> None:
 def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
     from harness.replay import replay
 
-    two = (os.cpu_count() or 1) > 1
-    replayed = replay(path, options.allow_plugins, options.threads, ahead=two)
+    replayed = replay(path, options.allow_plugins, options.threads)
     print_replay(console, replayed)
     return replayed.identical, asdict(replayed)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 import zstandard
 
-from harness.ahead import Outrun, recompute_ahead
 from harness.audit import audit
 from harness.cli import main
 from harness.closed_loop import simulate_again
@@ -72,26 +71,10 @@ def test_the_first_difference_is_named_value_by_value(recorded, tmp_path, capsys
         ("empty", "drone", 1, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=1"),
     ],
 )
-def test_a_map_that_runs_ahead_changes_nothing(recorded, case):
+def test_two_threads_replay_what_one_recorded(recorded, case):
     """The last one never decides in time, so what it had in mind stands in no log."""
-    log = open_log(Path(recorded(*case).log))
-    pairs = list(recompute_ahead(log))
-    assert len(pairs) == recorded(*case).decisions
-    assert all(differences(record.decision, again) == [] for record, again in pairs)
-    assert replay(log.path, threads=2, ahead=True).identical
-
-
-def test_a_map_that_ran_past_a_difference_is_made_again(recorded, tmp_path):
-    def move(message):
-        if isinstance(message, pb.Decision) and message.sequence == 7:
-            message.trajectory.path[0].x += 0.5
-
-    path = altered(Path(recorded(*SHORT["drone"]).log), tmp_path / "moved.mcap", move)
-    with pytest.raises(Outrun):
-        list(recompute_ahead(open_log(path)))
-    told = replay(path, ahead=True)
-    assert (told.differing, told.first_difference) == (1, 7)
-    assert told.differences == replay(path).differences
+    again = replay(Path(recorded(*case).log), threads=2)
+    assert (again.identical, again.decisions) == (True, recorded(*case).decisions)
 
 
 def test_a_bit_is_a_difference_and_a_measured_time_is_none():
