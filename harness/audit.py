@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.config import Config
+from harness.decision import path_of
 from harness.errors import InputError
 from harness.mission import Mission
 from harness.reader import open_log
@@ -129,7 +130,7 @@ def _check(
     found += _broken_limits(decision.trajectory, body.mission)
     if committed and not decision.deadline_missed:
         found += _broken_joint(decision.trajectory, committed[-1])
-    path = points_of(decision.trajectory)
+    path = path_of(decision.trajectory.path)
     if decision.deadline_missed or not body.moves(decision.trajectory):
         return "", found
     samples = len(decision.trajectory.arc_length), len(decision.trajectory.heading)
@@ -147,7 +148,7 @@ def _check(
         return "swept", found
     # A stop along a path that earlier maps admitted is all that is left when a new one does not.
     if decision.action == "stop_and_wait" and any(
-        _runs_along(path, points_of(earlier)) for earlier in committed
+        _runs_along(path, path_of(earlier.path)) for earlier in committed
     ):
         return "stop", found
     place, state = blocked
@@ -169,7 +170,7 @@ class _Body:
         """Whether the body leaves its place, or one that is checked at its heading turns there."""
         headings = trajectory.heading if self.mission.discs else ()
         turns = len(headings) > 0 and np.ptp(headings) > STILL
-        return bool(_length(points_of(trajectory)) >= SAME_PLACE or turns)
+        return bool(_length(path_of(trajectory.path)) >= SAME_PLACE or turns)
 
     def poses(self, decision: pb.Decision) -> Array:
         """Where a trajectory leads: x, y, z and heading, (n, 4).
@@ -178,7 +179,7 @@ class _Body:
         the corners of the path. A round one is held against all of the path.
         """
         trajectory = decision.trajectory
-        path = points_of(trajectory)
+        path = path_of(trajectory.path)
         if not self.mission.discs:
             return np.column_stack((path, np.zeros(len(path))))
         arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
@@ -317,7 +318,7 @@ def _broken_limits(trajectory: pb.Trajectory, mission: Mission) -> list[tuple[st
     stop = math.sqrt(2.0 * max(remaining, 0.0) * mission.max_acceleration)
     if speeds[-1] > max(REST, stop * LIMIT_SLACK):
         found.append(("rest", f"moves at {speeds[-1]:.2f} m/s when it ends"))
-    if arcs[-1] > _length(points_of(trajectory)) + SAME_PLACE:
+    if arcs[-1] > _length(path_of(trajectory.path)) + SAME_PLACE:
         found.append(("rest", "runs on beyond the end of its path"))
     if speeds.max() > mission.max_speed * LIMIT_SLACK:
         found.append(("limits", f"{speeds.max():.2f} m/s, {mission.max_speed:g} allowed"))
@@ -329,14 +330,14 @@ def _broken_limits(trajectory: pb.Trajectory, mission: Mission) -> list[tuple[st
 
 def _broken_joint(trajectory: pb.Trajectory, before: pb.Trajectory) -> list[tuple[str, str]]:
     """Whether a trajectory starts where the one before it is at that time."""
-    start = points_of(trajectory)[0]
+    start = path_of(trajectory.path)[0]
     late = (trajectory.start.ToNanoseconds() - before.start.ToNanoseconds()) * 1e-9
     arcs = np.array(before.arc_length)
     if len(arcs) == 0 or late < 0.0:
         return []
     times = np.arange(len(arcs)) * before.sample_period_s
     along = float(np.interp(late, times, arcs))
-    path = points_of(before)
+    path = path_of(before.path)
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     expected = np.array([np.interp(along, lengths, path[:, axis]) for axis in range(3)])
     off = float(np.linalg.norm(start - expected))
@@ -344,11 +345,6 @@ def _broken_joint(trajectory: pb.Trajectory, before: pb.Trajectory) -> list[tupl
     if off > 2.0 * SAME_PLACE:
         return [("joined", f"starts {off:.2f} m from where the trajectory before it is then")]
     return []
-
-
-def points_of(trajectory: pb.Trajectory) -> Array:
-    """The path of a logged trajectory, (n, 3)."""
-    return np.array([(p.x, p.y, p.z) for p in trajectory.path]).reshape(-1, 3)
 
 
 def densely(path: Array, spacing: float) -> Array:

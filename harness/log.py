@@ -43,10 +43,6 @@ FLUSH_PERIOD_NS = 1_000_000_000
 CHUNK, PACKED_CHUNK = 2**20, 2**24
 """Of what is compressed at once, bytes; a reader that seeks unpacks a whole one."""
 
-LEVEL, PACKED_LEVEL = 2, 19
-"""Of zstd. At 3, its own default, a log is a twelfth smaller and takes a third longer; the level of
-a packed log makes it a tenth smaller, in a twentieth of a second."""
-
 PACKED_SCENE = "scene.xml.zst"
 """The scene of a packed log; its digest is that of the text."""
 
@@ -91,9 +87,8 @@ class LogWriter:
         self.partial_path = path.with_name(path.name + ".partial")
         self.record = "full"
         self._file = _open_for_writing(self.partial_path)
-        chunk, level = (PACKED_CHUNK, PACKED_LEVEL) if packed else (CHUNK, LEVEL)
         library = f"wayproof {metadata.version('wayproof')}"
-        self._writer = McapFile(self._file, library, chunk, level)
+        self._writer = McapFile(self._file, library, PACKED_CHUNK if packed else CHUNK)
         self._packed = packed
         self._channels: dict[str, int] = {}
         self._count = 0
@@ -166,11 +161,6 @@ class LogWriter:
         self._writer.close()
         with contextlib.suppress(OSError):
             self._file.close()
-
-    def discard(self) -> None:
-        """Close and remove what was written."""
-        self.close()
-        self.partial_path.unlink(missing_ok=True)
 
     def __enter__(self) -> LogWriter:
         """Return the writer itself."""

@@ -10,6 +10,7 @@ from harness import audit as audits
 from harness.audit import audit, densely
 from harness.cli import main
 from harness.config import Config
+from harness.decision import path_of
 from harness.mission import Mission
 from harness.navigator import build_navigator
 from harness.reader import open_log
@@ -56,7 +57,7 @@ def checked(recorded):
     for record in log.records():
         version = navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
         target = record.decision
-        path = audits.points_of(target.trajectory)
+        path = path_of(target.trajectory.path)
         arcs = target.trajectory.arc_length
         half = len(arcs) // 2  # it is moving there, at more than half a metre a second
         if target.action in ("follow", "explore") and min(len(path), len(arcs)) > 20:

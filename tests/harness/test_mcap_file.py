@@ -1,23 +1,20 @@
-"""The writer of MCAP files: what the mcap package's own reader finds, and how it fails."""
+"""The writer of MCAP files: what a reader finds, and how it fails."""
 
 import io
 import threading
-import zlib
 
 import pytest
-import zstandard
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
-from harness.container import Packet, walk
 from harness.log import LogWriter
 from harness.mcap_file import McapFile
 from harness.schema import wayproof_pb2 as pb
 
 
-def written(chunk_size=200, level=2, flush=()):
+def written(chunk_size=200, flush=()):
     file = io.BytesIO()
-    writer = McapFile(file, "a writer", chunk_size, level)
+    writer = McapFile(file, "a writer", chunk_size)
     writer.add_metadata("run", {"a": "b"})
     writer.add_attachment("config.json", "application/json", b"{}")
     channels = [writer.add_channel(topic, "Some.Kind", b"schema") for topic in ("/one", "/two")]
@@ -55,25 +52,6 @@ def test_the_same_bytes_each_time():
     assert written(flush=(3, 7)) != written()
 
 
-def test_chunks_are_those_of_the_standard(tmp_path):
-    """Their sizes and checksums, read by the layout in the specification."""
-    path = tmp_path / "a.mcap"
-    path.write_bytes(written(chunk_size=500))
-    data = path.read_bytes()
-    place, sizes = 8, []
-    while data[place] != 0x0F:
-        length = int.from_bytes(data[place + 1 : place + 9], "little")
-        if data[place] == 0x06:
-            body = data[place + 9 : place + 9 + length]
-            assert body[28:36] == b"\x04\0\0\0zstd"
-            plain = zstandard.decompress(body[44:])
-            assert zlib.crc32(plain) == int.from_bytes(body[24:28], "little")
-            sizes.append(len(plain))
-        place += 9 + length
-    assert all(500 < size < 500 + 9 + 22 + 30 + 100 for size in sizes[:-1])
-    assert sum(isinstance(one, Packet) for one in walk(path)) == 40
-
-
 class Full(io.BytesIO):
     """A file that takes so many bytes."""
 
@@ -89,7 +67,7 @@ class Full(io.BytesIO):
 
 
 def test_what_the_thread_cannot_write_is_raised_by_the_next_call():
-    writer = McapFile(Full(200), "a writer", 100, 2)
+    writer = McapFile(Full(200), "a writer", 100)
     channel = writer.add_channel("/one", "Some.Kind", b"schema")
     writer.add_message(channel, 0, bytes(range(200)), 0)
     with pytest.raises(OSError, match="No space left"):
@@ -118,7 +96,7 @@ def test_an_instant_is_in_the_file_within_a_second(tmp_path, period_ms):
         found = [m.log_time for m in readable(log.partial_path)]
         oldest_lost = (max(found) if found else 0) + period
         assert k * period - oldest_lost <= max(1_000_000_000 - period, 0)
-    log.discard()
+    log.close()
 
 
 def readable(path):
