@@ -7,7 +7,16 @@ import pytest
 
 from docs.blocks import FENCED, Block, blocks, commands
 from harness.cli import verb_parsers
-from tests.docs.typist import ROOT, TARGETS, UNTYPED, Typist, hold_against_parser, hold_quote
+from tests.docs.typist import (
+    ROOT,
+    TARGETS,
+    UNTYPED,
+    Typist,
+    hold_against_parser,
+    hold_quote,
+    lines_of,
+    reason_against,
+)
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
 INDEX = ROOT / "docs/README.md"
@@ -58,17 +67,10 @@ def test_commands_in_the_prose_are_ours(page):
 
 def test_no_reason_stands_for_nothing():
     lines = [
-        line.strip()
-        for page in PAGES
-        for block in blocks(page.read_text())
-        for line in (
-            commands(block)
-            if block.kind in ("sh", "console")
-            else re.findall("run: (.+)", block.text)
-        )
+        line for page in PAGES for block in blocks(page.read_text()) for line in lines_of(block)
     ]
-    for form in UNTYPED:
-        assert any(re.fullmatch(form, line) for line in lines), form
+    given = {reason_against(line) for line in lines}
+    assert set(UNTYPED.values()) <= given
 
 
 def test_a_block_of_an_unknown_kind_is_refused():
