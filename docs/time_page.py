@@ -22,7 +22,10 @@ def main(page: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for block in blocks(page.read_text()):
             for command in commands(block) if block.kind == "sh" else ():
-                row(command, folder)
+                if command.startswith("export "):  # holds for what is typed after it
+                    os.environ.update([command.split()[1].split("=", 1)])
+                else:
+                    row(command, folder)
 
 
 def row(command: str, folder: str) -> None:
