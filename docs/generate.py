@@ -42,7 +42,7 @@ def cli() -> str:
     lines += [f"| [`{name}`](#{name}) | {cell(verb.help)} |" for name, verb in VERBS.items()]
     for name, parser in verb_parsers().items():
         lines += ["", f"## {name}", "", sentence(VERBS[name].help), ""]
-        lines += ["```console", f"$ {VERBS[name].example}", "```", ""]
+        lines += [*_typed(VERBS[name].example), ""]
         lines += ["| argument | default | is |", "|---|---|---|"]
         lines += [_argument(action) for action in _arguments(parser)]
         if lines[-1].startswith("|---"):
@@ -60,6 +60,8 @@ def config() -> str:
         "Any of them by `--set NAME=VALUE`, in a study's `[axes]` ",
     ]
     lines[-1] += "and in the `config.json` of a log, which holds all of them, resolved."
+    set_two = "--set map.resolution=0.2 --set planner.name=rrtconnect"
+    lines += ["", *_typed(f"wayproof run empty --robot drone --seed 1 {set_two}")]
     lines += ["", "## The episode", "", *_settings(Config, "")]
     for entry in dataclasses.fields(Config):
         section = entry.default_factory
@@ -93,11 +95,16 @@ def metrics() -> str:
         "`wayproof score LOG` works them out from the log alone; a ",
     ]
     lines[-1] += "study's gates name them."
+    lines += ["", *_typed("wayproof score logs/empty-drone-1.mcap")]
     lines += ["", "| metric | unit | better | is |", "|---|---|---|---|"]
     for name, metric in METRICS.items():
         told = cell(summary(metric.function))
         lines.append(f"| `{name}` | {metric.unit} | {better[metric.higher_is_better]} | {told} |")
     return "\n".join(lines) + "\n"
+
+
+def _typed(command: str) -> list[str]:
+    return ["```console", f"$ {command}", "```"]
 
 
 def _arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:

@@ -1,4 +1,4 @@
-"""Type the blocks of a page as they stand, in a fresh folder, and tell how long each line took.
+"""Type the `sh` blocks of a page as they stand, in a fresh folder, and time each command.
 
 Usage: python docs/time_page.py docs/get-started.md
 
@@ -6,7 +6,6 @@ Usage: python docs/time_page.py docs/get-started.md
 """
 
 import os
-import re
 import resource
 import subprocess
 import sys
@@ -14,29 +13,30 @@ import tempfile
 import time
 from pathlib import Path
 
-BLOCK = re.compile(r"^```sh(?: exit=\d)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
-HERE = re.compile(r"(cat > \S+ <<'END'\n.*?^END\n)", re.MULTILINE | re.DOTALL)
+from blocks import blocks, commands
 
 
 def main(page: Path) -> None:
-    """Run every line of every block; a row for each."""
-    blocks = BLOCK.findall(page.read_text())
+    """Run every command of every block; a row for each."""
     print(f"| typed | exit | s | processor s |\n|---|---|---|---|    load {os.getloadavg()[0]:.0f}")
     with tempfile.TemporaryDirectory() as folder:
-        for part in (part for block in blocks for part in HERE.split(block)):
-            for line in [part] if part.startswith("cat >") else part.splitlines():
-                row(line, folder)
+        for block in blocks(page.read_text()):
+            for command in commands(block) if block.kind == "sh" else ():
+                if command.startswith("export "):  # holds for what is typed after it
+                    os.environ.update([command.split()[1].split("=", 1)])
+                else:
+                    row(command, folder)
 
 
-def row(line: str, folder: str) -> None:
-    """Run one line, and tell."""
+def row(command: str, folder: str) -> None:
+    """Run one command, and tell."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     began = time.perf_counter()
-    ended = subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, check=False)
+    ended = subprocess.run(["bash", "-c", command], cwd=folder, capture_output=True, check=False)
     wall = time.perf_counter() - began
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    told = line.splitlines()[0]
+    told = command.splitlines()[0]
     print(f"| `{told}` | {ended.returncode} | {wall:.1f} | {used:.1f} |", flush=True)
 
 

@@ -1,8 +1,6 @@
-"""The pages say what holds: links lead somewhere, commands run, the reference is the code's."""
+"""The pages say what holds: links lead somewhere, the reference is the code's, the site builds."""
 
-import os
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -10,17 +8,12 @@ from pathlib import Path
 import pytest
 
 from docs import generate
-from harness.cli import main
+from docs.blocks import FENCED
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
-FENCED = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
-BLOCK = re.compile(r"^```sh(?: exit=(\d))?\n(.*?)^```", re.MULTILINE | re.DOTALL)
 REGISTRY = re.compile(r"pypi\.org|pythonhosted|npmjs|crates\.io|anaconda\.org")
-TUTORIALS = sorted(ROOT.glob("docs/tutorials/*.md"))
-FOUND = {**os.environ, "PYTHONPATH": str(ROOT)}
-HERE = re.compile(r"cat > (\S+) <<'END'\n(.*?)^END\n", re.MULTILINE | re.DOTALL)
 
 
 def anchors(page):
@@ -82,50 +75,6 @@ def test_attributes_are_read_over_several_lines():
 
     told = generate.attributes(Section)
     assert told == {"one": "The first, in two lines.", "two": "The `second`."}
-
-
-def run_block(block):
-    """Run a block's lines one by one, our command in this process; returns the last exit code."""
-    for name, text in HERE.findall(block):
-        Path(name).write_text(text)
-    code = 0
-    for line in HERE.sub("", block).splitlines():
-        program, *words = shlex.split(line)
-        if line == "export PYTHONPATH=.":
-            sys.path.insert(0, str(Path.cwd()))
-        elif program == "python":
-            code = subprocess.run([sys.executable, *words], env=FOUND, check=False).returncode
-        else:
-            assert program == "wayproof", f"cannot run: {line}"
-            code = main(words)
-        assert code in (0, 1), line
-    return code
-
-
-def run_page(page, capsys):
-    """Run every block of a page in this folder."""
-    blocks = BLOCK.findall(page.read_text())
-    assert blocks
-    for expected, block in blocks:
-        if "wayproof picture" in block:  # needs a driver chosen before the simulator is loaded
-            block = block.replace("wayproof picture", "# ").partition("# ")[0]
-        code = run_block(block)
-        told = capsys.readouterr()
-        assert code == int(expected or 0), f"{block}{told.out}{told.err}"
-
-
-def test_getting_started_works_as_it_stands(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    run_page(ROOT / "docs/get-started.md", capsys)
-    assert (tmp_path / "corridor.rrd").is_file()
-    assert (tmp_path / "logs/tiny").is_dir()
-
-
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_tutorials_work_as_they_stand(tmp_path, monkeypatch, capsys, page):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    run_page(page, capsys)
 
 
 def built(source, out):

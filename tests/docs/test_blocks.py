@@ -1,0 +1,119 @@
+"""Every block of every page runs, and what a page quotes is what was printed."""
+
+import re
+import sys
+
+import pytest
+
+from docs.blocks import FENCED, Block, blocks, commands
+from harness.cli import verb_parsers
+from tests.docs.typist import (
+    ROOT,
+    TARGETS,
+    UNTYPED,
+    Typist,
+    hold_against_parser,
+    hold_quote,
+    lines_of,
+    reason_against,
+)
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
+INDEX = ROOT / "docs/README.md"
+INLINE = re.compile(r"`((?:\.venv/bin/)?wayproof|python|pytest|make)\s([^`]+)`")
+
+
+@pytest.fixture(scope="session")
+def episodes(tmp_path_factory):
+    """Where the log of an episode is kept for all pages that ask for it."""
+    return tmp_path_factory.mktemp("episodes")
+
+
+def name_of(page):
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_block_runs(tmp_path, monkeypatch, episodes, page):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setenv("COLUMNS", "80")
+    text = page.read_text()
+    typist = Typist(text, episodes)
+    for block in blocks(text):
+        typist.type(block)
+    pictured = re.search(r"!\[[^\]]*\]\([^)]+\.(?:png|svg|gif)\)", text)
+    if page.parent != ROOT and page != INDEX:
+        assert typist.ran or pictured, "no picture, and no block that runs"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_commands_in_the_prose_are_ours(page):
+    for program, rest in INLINE.findall(FENCED.sub("", page.read_text())):
+        words = re.sub(r"[\[\]]", "", rest).split()
+        if program.endswith("wayproof"):
+            parser = verb_parsers()[words[0]]
+            known = {option for action in parser._actions for option in action.option_strings}
+            assert {re.split("=", word)[0] for word in words if word[:2] == "--"} <= known, rest
+        elif program == "make":
+            assert words[0] in TARGETS, rest
+        elif program == "python" and words[:2] != ["-m", "pytest"]:
+            hold_against_parser([program, *words])
+        for word in words:
+            assert (
+                not re.fullmatch(r"(?:tests|docs|harness)/\S+\.py", word) or (ROOT / word).is_file()
+            ), rest
+
+
+def test_no_reason_stands_for_nothing():
+    lines = [
+        line for page in PAGES for block in blocks(page.read_text()) for line in lines_of(block)
+    ]
+    given = {reason_against(line) for line in lines}
+    assert set(UNTYPED.values()) <= given
+
+
+def test_a_block_of_an_unknown_kind_is_refused():
+    for page in (
+        "```\nfree\n```\n",
+        "```bash\nls\n```\n",
+        "text\n\n    indented\n",
+        "- a\n  ```sh\n",
+    ):
+        with pytest.raises(ValueError, match="expected"):
+            blocks(page)
+
+
+def test_blocks_and_their_commands():
+    page = (
+        "```sh exit=1\ncat > a.toml <<'END'\nx = 1\nEND\nls a \\\n  b\n```\n```console\n$ ls\n```\n"
+    )
+    first, second = blocks(page)
+    assert first == Block("sh", {"exit": "1"}, "cat > a.toml <<'END'\nx = 1\nEND\nls a \\\n  b\n")
+    assert commands(first) == ["cat > a.toml <<'END'\nx = 1\nEND\n", "ls a    b"]
+    assert commands(second) == ["ls"]
+
+
+def test_a_quote_is_held_line_by_line():
+    told = "success: at rest; 6.7 s simulated in 5.9 s\nlog: a  chain: 0123456789abcdef\nlast\n"
+    hold_quote("success: at rest; 6.7 s simulated in 1.0 s\n last\n", told)
+    hold_quote("log: a ...\n", told)
+    for wrong in ("success: at rest; 6.8 s simulated in 5.9 s", "last\nlog: a ...", "more"):
+        with pytest.raises(AssertionError, match="the page quotes"):
+            hold_quote(wrong, told)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["wayproof", "bench", "no-such-stage"],
+        ["make", "nothing"],
+        ["python", "docs/none.py"],
+        ["python", "-m", "harness.none"],
+        ["rm", "-r"],
+    ],
+    ids=" ".join,
+)
+def test_a_command_that_is_none_is_found(words):
+    with pytest.raises(AssertionError):
+        hold_against_parser(words)
