@@ -66,7 +66,7 @@ def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
     states = costmap.state[:, :, layer]
     kinds = np.full(states.shape, 1)
     kinds[states == FREE] = 0
-    inflated = costmap.field()[:, :, layer] <= costmap.blocked_at_or_below
+    inflated = costmap.field()[:, :, layer] <= moment.decision.blocked_at_or_below
     kinds[inflated & (states == FREE)] = 2
     kinds[states == OCCUPIED] = 3
     low, (nx, ny) = costmap.origin, states.shape

@@ -135,7 +135,7 @@ class _Artist:
     def _changed_layer(self, moment: Moment) -> fox.Grid | None:
         costmap = moment.costmap
         layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-        told = kinds(costmap, layer)
+        told = kinds(costmap, layer, moment.record.decision.blocked_at_or_below)
         if self._layer is not None and np.array_equal(told, self._layer):
             return None
         self._layer = told

@@ -152,7 +152,7 @@ class Stage:
     def _lay_over(self, moment: Moment) -> None:
         costmap, mission = moment.costmap, self._log.mission
         layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-        told = kinds(costmap, layer)
+        told = kinds(costmap, layer, moment.record.decision.blocked_at_or_below)
         for kind, opacity in OVERLAY.items():
             middles, halves = flat_boxes(told == kind, costmap.origin, costmap.resolution)
             colour = (*(value / 255.0 for value in COLOURS[kind]), opacity)

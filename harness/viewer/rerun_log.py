@@ -139,7 +139,9 @@ class _Artist:
     def _show_layer(self, moment: Moment) -> None:
         """The layer that the robot moves in, if it is another than the one shown."""
         costmap = moment.costmap
-        told = kinds(costmap, layer_at(costmap, float(moment.record.inputs.pose.position[2])))
+        record = moment.record
+        layer = layer_at(costmap, float(record.inputs.pose.position[2]))
+        told = kinds(costmap, layer, record.decision.blocked_at_or_below)
         if self._layer is not None and np.array_equal(self._layer, told):
             return
         self._layer = told

@@ -47,17 +47,18 @@ def seen_map():
     return a_map, Costmap(config, a_map, LOW, HIGH, "air", 0.15, 0.2, 0.0)
 
 
-def test_kinds_are_those_of_each_cell_alone():
+@pytest.mark.parametrize("wider", [0, 9])
+def test_kinds_are_those_of_each_cell_alone(wider):
     _, costmap = seen_map()
-    layer = layer_at(costmap, 0.55)
-    told, states = kinds(costmap, layer), costmap.state[:, :, layer]
+    layer, limit = layer_at(costmap, 0.55), costmap.blocked_at_or_below + wider
+    told, states = kinds(costmap, layer, limit), costmap.state[:, :, layer]
     field = costmap.obstacle_clearance[:, :, layer]
     nx, ny = told.shape
     for x, y in np.ndindex(nx, ny):
         around = [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)]
         unknown = any(states[i, j] == UNKNOWN for i, j in around if 0 <= i < nx and 0 <= j < ny)
         expected = states[x, y]
-        if expected == FREE and field[x, y] <= costmap.blocked_at_or_below:
+        if expected == FREE and field[x, y] <= limit:
             expected = INFLATED
         elif expected == FREE and unknown:
             expected = FRONTIER
