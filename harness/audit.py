@@ -60,8 +60,8 @@ class Audit:
         policy: That paths were held against.
         decisions: Decisions looked at.
         swept: Of these, with a path that leads somewhere, checked cell by cell.
-        stops: Of the others, the ones that brake on a path that was admitted before, because what
-            it leads through no longer is.
+        stops: Of the others, the ones that brake because what the path before leads through is no
+            longer admitted: along that path, or off it where that keeps farther away.
         recoveries: Of the others, the ones that step out of the inflation; their ends are checked.
         violations: In order.
     """
@@ -146,15 +146,45 @@ def _check(
     blocked = body.first_blocked(voxel_map, poses, margin)
     if blocked is None:
         return "swept", found
-    # A stop along a path that earlier maps admitted is all that is left when a new one does not.
-    if decision.action == "stop_and_wait" and any(
-        _runs_along(path, path_of(earlier.path)) for earlier in committed
+    if decision.action == "stop_and_wait" and _is_last_resort(
+        path, poses, committed, voxel_map, body, margin
     ):
         return "stop", found
     place, state = blocked
     at = ", ".join(f"{value:.2f}" for value in place)
     text = f"action {decision.action}: the body at ({at}) would overlap {state} space"
     return "swept", [*found, ("swept", text)]
+
+
+def _is_last_resort(
+    path: Array,
+    poses: Array,
+    committed: list[pb.Trajectory],
+    voxel_map: Representation,
+    body: _Body,
+    margin: float,
+) -> bool:
+    """Whether a stop that is not free is all that is left.
+
+    It runs along a path that earlier maps admitted; or it leaves it, because this map does not
+    admit as much of that path either, and comes no nearer to what is in the way.
+    """
+    ways = [path_of(earlier.path) for earlier in committed]
+    if any(_runs_along(path, way) for way in ways):
+        return True
+    ahead = _rest_of(ways[-1], path[0], _length(path)) if ways else path[:0]
+    if len(ahead) < 2:
+        return False
+    steps = np.vstack((np.diff(ahead, axis=0), ahead[-1:] - ahead[-2:-1]))
+    straight_on = np.column_stack((ahead, np.arctan2(steps[:, 1], steps[:, 0])))
+    if body.first_blocked(voxel_map, straight_on, margin) is None:
+        return False
+    for nearer in np.arange(0.0, margin + body.mission.radius, 0.5 * voxel_map.resolution):
+        if body.first_blocked(voxel_map, poses, margin - nearer) is None:
+            return True
+        if body.first_blocked(voxel_map, straight_on, margin - nearer) is None:
+            return False
+    return True
 
 
 class _Body:
@@ -358,6 +388,14 @@ def densely(path: Array, spacing: float) -> Array:
 
 def _length(path: Array) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _rest_of(path: Array, start: Array, reach: float) -> Array:
+    """Of a path (n, 3) what follows the point nearest to a start, so far, m."""
+    points = densely(path, SAME_PLACE)
+    first = int(np.linalg.norm(points - start, axis=1).argmin())
+    lengths = np.cumsum(np.linalg.norm(np.diff(points[first:], axis=0), axis=1))
+    return points[first : first + 1 + int(np.searchsorted(lengths, reach)) + 1]
 
 
 def _runs_along(path: Array, earlier: Array) -> bool:
