@@ -197,23 +197,23 @@ def test_a_stop_leaves_the_way_only_where_that_is_blocked_and_comes_no_nearer():
     """Free is x < 1 and what is beside; a ball of 0.2 m flew along x."""
     mission = Mission(
         "air", 0.2, 0.2, 0.0, 2.0, 2.0, 10.0, 1.0,
-        (-3.0, -3.0, -3.0), (3.0, 3.0, 3.0), (0.0, 0.0, 0.0), 0.0, (2.0, 0.0, 0.0),
+        (-3.0, -3.0, -3.0), (3.0, 3.0, 3.0), (0.0, 0.0, 1.0), 0.0, (2.0, 0.0, 1.0),
     )  # fmt: skip
     config = Config("empty", "drone", 1)
     voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
-    voxel_map.mark_free((-2.0, -2.0, -2.0), (1.0, 2.0, 2.0), 0)
+    voxel_map.mark_free((-2.0, -2.0, -0.5), (1.0, 2.0, 2.5), 0)
     body = audits._Body(config, mission, "forbid")
 
     def is_last_resort(way, stop):
-        way, stop = (np.array([[0.2, 0.0, 0.0], *points]) for points in (way, stop))
+        way, stop = (np.array([[0.2, 0.0, 1.0], *points]) for points in (way, stop))
         before = pb.Trajectory(path=[pb.Point(x=x, y=y, z=z) for x, y, z in way])
         poses = np.column_stack((stop, np.zeros(len(stop))))
         return audits._is_last_resort(stop, poses, [before], voxel_map, body, 0.1)
 
-    ahead, short, aside = [(0.9, 0.0, 0.0)], [(0.5, 0.0, 0.0)], [(0.6, 0.3, 0.0), (0.75, 0.9, 0.0)]
-    beyond = [(0.6, 0.3, 0.0), (0.98, 0.6, 0.0)]
+    ahead, short, aside = [(0.9, 0.0, 1.0)], [(0.5, 0.0, 1.0)], [(0.6, 0.3, 1.0), (0.75, 0.9, 1.0)]
+    beyond = [(0.6, 0.3, 1.0), (0.98, 0.6, 1.0)]
     assert is_last_resort(ahead, aside)
-    assert is_last_resort(ahead, [(0.8, 0.0, 0.0)])  # along it
+    assert is_last_resort(ahead, [(0.8, 0.0, 1.0)])  # along it
     assert not is_last_resort(ahead, beyond)
     assert not is_last_resort(short, aside)
 
