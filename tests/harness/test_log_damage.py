@@ -130,7 +130,7 @@ def test_a_second_is_all_that_can_be_lost(tmp_path):
             one.time_ns for one in itertools.takewhile(lambda _: True, sound(log.partial_path))
         ]
         assert k * period - max(found, default=0) <= FLUSH_PERIOD_NS
-    log.discard()
+    log.close()
     assert list(tmp_path.iterdir()) == []
 
 
