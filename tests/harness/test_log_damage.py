@@ -131,7 +131,6 @@ def test_a_second_is_all_that_can_be_lost(tmp_path):
         ]
         assert k * period - max(found, default=0) <= FLUSH_PERIOD_NS
     log.close()
-    assert list(tmp_path.iterdir()) == []
 
 
 def sound(path):
