@@ -9,6 +9,9 @@ import msgspec
 
 from harness.errors import InputError
 
+LEAST = 1e-6
+"""Of a size or a limit: less is no robot's, and no trajectory can be worked out for it."""
+
 
 @dataclass(frozen=True)
 class Mission:
@@ -50,8 +53,8 @@ class Mission:
     def __post_init__(self) -> None:
         """Refuse bodies and areas that no robot has, before a map of that size is made."""
         for name in ("radius", "height", "max_speed", "max_acceleration", "max_jerk"):
-            if not 0.0 < getattr(self, name) <= 1e4:
-                raise ValueError(f"{name}: got {getattr(self, name):g}, expected above 0, to 1e4")
+            if not LEAST <= getattr(self, name) <= 1e4:
+                raise ValueError(f"{name}: got {getattr(self, name):g}, expected {LEAST:g} to 1e4")
         for offset, radius in self.discs:
             if not (abs(offset) <= 1e4 and 0.0 < radius <= 1e4):
                 raise ValueError(f"discs: got offset {offset:g} m and radius {radius:g} m")

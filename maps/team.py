@@ -24,7 +24,7 @@ class Team:
     """
 
     def __init__(self, threads: int) -> None:
-        """Start them; they end with the team.
+        """Know how many; they start with the first work that is worth it, and end with the team.
 
         Raises:
             ValueError: Not 1 to 64 threads.
@@ -32,9 +32,7 @@ class Team:
         if not 1 <= threads <= 64:
             raise ValueError(f"threads: got {threads}, expected 1 to 64")
         self.size = threads
-        self._helpers = [_Helper(member) for member in range(1, threads)]
-        for helper in self._helpers:
-            weakref.finalize(self, helper.dismiss)
+        self._helpers: list[_Helper] = []
 
     def share(
         self, work: Work, count: int, parts_each: int = PARTS, item_us: float = WORTH_SHARING_US
@@ -51,9 +49,13 @@ class Team:
         Raises:
             Exception: The first one that any part raised, once no thread works any more.
         """
-        if not self._helpers or count * item_us < WORTH_SHARING_US:
+        if self.size == 1 or count * item_us < WORTH_SHARING_US:
             work(0, (0, count))
             return
+        while len(self._helpers) < self.size - 1:
+            helper = _Helper(len(self._helpers) + 1)
+            weakref.finalize(self, helper.dismiss)
+            self._helpers.append(helper)
         parts = parts_each * self.size
         edges = [count * part // parts for part in range(parts + 1)]
         queue = itertools.count()

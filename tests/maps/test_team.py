@@ -44,6 +44,8 @@ def test_little_work_is_not_shared():
 
 def test_threads_end_with_their_team():
     team = Team(4)
+    assert team._helpers == []
+    team.share(lambda *_: None, 4)
     helpers = [helper._thread for helper in team._helpers]
     assert [helper.is_alive() for helper in helpers] == [True] * 3
     del team
