@@ -184,7 +184,7 @@ def _is_last_resort(
             return True
         if body.first_blocked(voxel_map, straight_on, margin - nearer) is None:
             return False
-    return True
+    return False  # its very middle goes where it may not: that is no stop to excuse
 
 
 class _Body:
