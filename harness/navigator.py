@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from harness.behaviour import decide
 from harness.config import Config
-from harness.decision import points, seal, thinned, trajectory_message
+from harness.decision import add_points, seal, thinned, trajectory_message
 from harness.errors import InputError
 from harness.footprint import HEADING_TOLERANCE, NARROWEST, body_of, costs, lever
 from harness.inputs import Beams, Inputs
@@ -83,6 +83,8 @@ class Navigator:
         self._goal = self._planning_point(np.array(mission.goal))
         self._memory = Memory(hold(start, 0, mission.start_heading))
         self._chain = ""
+        self._costs_of: Array | None = None
+        self._cost_by_distance = np.empty(0)
         self.informant: Callable[[Inputs], None] | None = None
 
     @property
@@ -257,10 +259,10 @@ class Navigator:
             action=choice.action,
             reason=choice.reason,
             label=choice.label,
-            guide=points(thinned(choice.guide)),
             trajectory=trajectory_message(choice.trajectory),
             committed_length_m=_length(path),
         )
+        add_points(decision, "guide", thinned(choice.guide))
         decision.timestamp.FromNanoseconds(inputs.time_ns)
         return decision
 
@@ -277,17 +279,26 @@ class Navigator:
         observed = self.map.observed_ns_at(path)
         return float(time_ns - max(int(observed.min()), 0)) * 1e-9
 
-    def _space(self, field: NDArray[np.uint16], wide: bool = False) -> FreeSpace:
-        """Free space for the body as it lies, or for the disc about it."""
+    def _space(
+        self, field: NDArray[np.uint16], wide: bool = False, table: Array | None = None
+    ) -> FreeSpace:
+        """Free space for the body as it lies, or for the disc about it, by default at its costs."""
         costmap = self.costmap
         return FreeSpace(
             field=field,
             origin=costmap.origin,
             resolution=costmap.resolution,
             blocked_at_or_below=self._threshold(wide),
-            cost_by_distance=costs(costmap, self._body),
+            cost_by_distance=self._costs() if table is None else table,
             discs=() if wide else self._discs(),
         )
+
+    def _costs(self) -> Array:
+        """By squared distance; worked out anew when the costmap's own have changed."""
+        if self._costs_of is not self.costmap.cost_table:
+            self._costs_of = self.costmap.cost_table
+            self._cost_by_distance = costs(self.costmap, self._body)
+        return self._cost_by_distance
 
     def _threshold(self, wide: bool) -> int:
         """The largest forbidden squared distance, cells^2."""
@@ -309,12 +320,11 @@ class Navigator:
         So a guide may cross the unknown, at `behaviour.unknown_cost`, and takes known space where
         it can.
         """
-        costmap = self.costmap
         edge = self._threshold(wide) + 1
-        space = self._space(costmap.presumed(edge), wide)
-        table = space.cost_by_distance.copy()
-        table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if space.discs else 0.0)
-        return replace(space, cost_by_distance=table)
+        slender = bool(self._mission.discs) and not wide
+        table = self._costs().copy()
+        table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if slender else 0.0)
+        return self._space(self.costmap.presumed(edge), wide, table)
 
     def _planning_point(self, position: Array) -> Array:
         """The point in the costmap's frame: ground robots plan in the plane of its one layer."""

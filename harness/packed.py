@@ -14,7 +14,7 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from harness.decision import GRAIN, points
+from harness.decision import GRAIN, add_points
 from harness.schema import wayproof_pb2 as pb
 
 Array = NDArray[np.float64]
@@ -82,11 +82,11 @@ def _pack_decision(decision: pb.Decision) -> pb.Decision:
 def _unpack_decision(decision: pb.Decision) -> None:
     packed, trajectory = decision.packed, decision.trajectory
     hashes = _texts(packed.hashes, len(HASHES), HASH_SIZE)
-    trajectory.path.extend(points(_doubles(_sums(packed.path, 3))))
+    add_points(trajectory, "path", _doubles(_sums(packed.path, 3)))
     trajectory.arc_length.extend((_sums(packed.arc_length, 1)[:, 0] * GRAIN).tolist())
     trajectory.heading.extend((_sums(packed.heading, 1)[:, 0] * GRAIN).tolist())
     guide = _sums(packed.guide, 3).astype(np.float64) * GRAIN
-    decision.guide.extend(points(guide))
+    add_points(decision, "guide", guide)
     for name, text in zip(HASHES, hashes, strict=True):
         setattr(decision, name, text)
     decision.ClearField("packed")

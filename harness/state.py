@@ -7,7 +7,6 @@ Every part that keeps something between physics steps is `Stateful` and stands i
 from __future__ import annotations
 
 import math
-import sys
 from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
@@ -23,6 +22,9 @@ Arrays = dict[str, NDArray[Any]]
 
 DTYPES = ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1")
 """Element types that a log may name; text of any other kind never reaches numpy."""
+
+LOGGED = {np.dtype(name): name for name in DTYPES}
+"""The names of these types; to ask a type for its own takes longer than to pack the array."""
 
 MOST_ELEMENTS = 1 << 24
 """In one array of a log."""
@@ -136,10 +138,11 @@ def restore_parts(parts: Mapping[str, Stateful], message: pb.State) -> None:
 
 
 def _pack(name: str, array: NDArray[Any]) -> pb.Array:
-    array = np.asarray(array)
-    if not array.dtype.isnative or sys.byteorder != "little":
-        array = array.astype(array.dtype.newbyteorder("<"))
-    return pb.Array(name=name, dtype=array.dtype.str, shape=array.shape, data=array.tobytes())
+    dtype = LOGGED.get(array.dtype)
+    if dtype is None:
+        dtype = array.dtype.newbyteorder("<").str
+        array = array.astype(dtype)
+    return pb.Array(name=name, dtype=dtype, shape=array.shape, data=array.tobytes())
 
 
 def _unpack(messages: Iterable[pb.Array]) -> Arrays:

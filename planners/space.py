@@ -83,7 +83,7 @@ class FreeSpace:
                 f"expected blocked_at_or_below, {self.blocked_at_or_below}"
             )
         costs = self.cost_by_distance[self.blocked_at_or_below + 1 :]
-        if len(costs) == 0 or not np.all(np.isfinite(costs) & (costs >= 0.0)):
+        if len(costs) == 0 or not (costs.min() >= 0.0 and costs.max() < math.inf):
             raise ValueError(
                 f"space.cost_by_distance: got {costs} above squared distance "
                 f"{self.blocked_at_or_below}, expected finite costs of 0 or more"

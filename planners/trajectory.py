@@ -4,7 +4,7 @@ import bisect
 import dataclasses
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -248,6 +248,7 @@ def hold(position: Floats, start_ns: int, heading: float) -> Trajectory:
     return Trajectory(start_ns, _single(position), profile.at_rest(0.0), profile.at_rest(heading))
 
 
+@lru_cache(maxsize=64)  # each decision asks several times for the same few
 def stopping_distance(speed: float, acceleration: float, limits: MotionLimits) -> float:
     """Length of the fastest jerk-limited stop [m]."""
     start = _feasible(0.0, speed, acceleration, limits)

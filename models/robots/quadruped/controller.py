@@ -81,6 +81,11 @@ class QuadrupedController:
         self._tracker = Tracker(self.parameters.tracking, self.parameters.gait.standing_speed)
         self.observation, self._observation = record(OBSERVATION)
         self.memory, self._memory = record(MEMORY)
+        # Views: to read a record's attribute takes as long as a kernel.
+        self._position, self._angles = (
+            self._observation[name][0] for name in ("position", "angles")
+        )
+        self._force = self._memory["force"][0]
         self._warm = np.zeros((2, self.parameters.prediction.steps, 4, 3))
 
     def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
@@ -122,8 +127,8 @@ class QuadrupedController:
             ValueError: The setpoint is not finite.
         """
         self._observe(data)
-        seen = self.observation
-        self._act(data, self._tracker.velocity_command(seen.position, seen.angles[2], setpoint))
+        yaw = float(self._angles[2])
+        self._act(data, self._tracker.velocity_command(self._position, yaw, setpoint))
 
     def walk(self, data: mujoco.MjData, velocity_command: Array) -> None:
         """Write the torques of one physics step; call before `mj_step`.
@@ -176,7 +181,7 @@ class QuadrupedController:
             self._lever,
         )
         solve_forces(p.prediction, slots, hessian, gradient, self._warm)
-        self.memory.force[:] = self._warm[0, 0]
+        self._force[:] = self._warm[0, 0]
 
     def _read_leg_inertia(self, data: mujoco.MjData) -> None:
         mujoco.mj_fullM(self._model, data, self._mass_matrix)
