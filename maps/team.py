@@ -47,15 +47,14 @@ class Team:
                 worth sharing, the caller does them alone.
 
         Raises:
+            ValueError: The system starts no more threads.
             Exception: The first one that any part raised, once no thread works any more.
         """
         if self.size == 1 or count * item_us < WORTH_SHARING_US:
             work(0, (0, count))
             return
         while len(self._helpers) < self.size - 1:
-            helper = _Helper(len(self._helpers) + 1)
-            weakref.finalize(self, helper.dismiss)
-            self._helpers.append(helper)
+            self._helpers.append(self._start_helper())
         parts = parts_each * self.size
         edges = [count * part // parts for part in range(parts + 1)]
         queue = itertools.count()
@@ -73,6 +72,16 @@ class Team:
         for error in errors:
             if error is not None:
                 raise error
+
+    def _start_helper(self) -> _Helper:
+        member = len(self._helpers) + 1
+        try:
+            helper = _Helper(member)
+        except RuntimeError:
+            here = f"expected at most {member}, more are refused here"
+            raise ValueError(f"threads: got {self.size}, {here}") from None
+        weakref.finalize(self, helper.dismiss)
+        return helper
 
 
 class _Helper:

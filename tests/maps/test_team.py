@@ -1,4 +1,7 @@
 import gc
+import re
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -59,3 +62,25 @@ def test_threads_end_with_their_team():
 def test_a_team_of_no_size(threads):
     with pytest.raises(ValueError, match="expected 1 to 64"):
         Team(threads)
+
+
+SHORT_OF_MEMORY = """
+import resource, threading
+from pathlib import Path
+from maps.team import Team
+threading.stack_size(64 << 20)
+mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (mapped + (1 << 30),) * 2)
+try:
+    Team(64).share(lambda member, part: None, 64)
+except ValueError as error:
+    print(error)
+"""
+
+
+def test_more_threads_than_the_system_starts_are_an_error_in_a_line():
+    """63 helpers of 64 MiB do not fit into 1 GiB."""
+    told = subprocess.run(
+        [sys.executable, "-c", SHORT_OF_MEMORY], capture_output=True, text=True, check=True
+    ).stdout
+    assert re.fullmatch(r"threads: got 64, expected at most \d+, more are refused here\n", told)
