@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from google.protobuf.message import Message
@@ -14,7 +14,9 @@ from harness.errors import InputError
 from harness.labels import decode_classes
 from harness.schema import wayproof_pb2 as pb
 from models.beams import (
+    DROPPED,
     LONGEST_RANGE,
+    NO_RETURN,
     BeamTable,
     directions,
     moment_offsets,
@@ -68,6 +70,11 @@ class PlacedSweep:
     directions: NDArray[np.float64]
     ranges_mm: NDArray[np.uint16]
     moments: NDArray[np.int32]
+
+    def without_silent(self) -> PlacedSweep:
+        """The same, but that beams without return tell nothing."""
+        silent = self.ranges_mm == NO_RETURN
+        return replace(self, ranges_mm=np.where(silent, DROPPED, self.ranges_mm))
 
 
 class Beams:

@@ -176,6 +176,8 @@ class Navigator:
         for sweep in inputs.sweeps:
             beams = self._beams[sweep.sensor]
             placed = beams.place(sweep, inputs.pose, inputs.sequence)
+            if self._config.map.no_return == "ignored":
+                placed = placed.without_silent()
             self.map.integrate(
                 placed.origins,
                 placed.directions,

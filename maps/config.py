@@ -12,6 +12,9 @@ SurfaceGuard = Literal["none", "floor"]
 """Which surfaces a beam spares that ends in them."""
 
 
+NoReturn = Literal["free", "ignored"]
+"""What a beam without return tells."""
+
 HOLDING = ("dynamic", "voxel")
 """Kinds of which cells can be spared from decay."""
 
@@ -35,6 +38,10 @@ class MapConfig:
             unseen would be held as well. Kinds `voxel` and `dynamic` only.
         decay_period: Time between two decay ticks, s of simulated time.
         minimum_range: Nearer returns are dropped, m: they are mostly the sensor's own housing.
+        no_return: What a beam tells that its sensor reports as without return: `free`, that there
+            is nothing up to the range limit, as for OctoMap; or `ignored`, nothing at all, as by
+            default for Nav2 (`inf_is_valid`). Where echoes get lost, the first makes holes in
+            floors and walls; the second leaves a ghost where only the void is behind.
         surface_guard: `floor`: a beam that ends in the floor's layer takes no evidence from that
             layer, as it would at grazing angles; `none`: it does.
         band_low: Lower end of the heights that a flat grid sees, m above the floor; above the noise
@@ -80,6 +87,7 @@ class MapConfig:
     hold_under_body: float = 0.0
     decay_period: float = 1.0
     minimum_range: float = 0.3
+    no_return: NoReturn = "free"
     surface_guard: SurfaceGuard = "floor"
     band_low: float = 0.05
     band_high: float = 2.0
@@ -127,6 +135,7 @@ class MapConfig:
         self._check("vacated_after", 1, 1000, " sweeps")
         self._check("static_after", 0.01, 1e6, " s")
         self._check("look_ahead", 0.0, 10.0, " s")
+        self._check_choice("no_return", get_args(NoReturn))
         self._check_choice("surface_guard", get_args(SurfaceGuard))
         self._check_choice("unknown_policy", get_args(UnknownPolicy))
 

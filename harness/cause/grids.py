@@ -8,6 +8,7 @@ from scipy import ndimage
 
 from harness.cause.case import Case
 from harness.navigator import Navigator
+from maps import FREE, states_in
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -65,6 +66,19 @@ def cell_of(navigator: Navigator, point: Array) -> tuple[int, ...]:
     costmap = navigator.costmap
     cell = np.floor((point - costmap.origin) / costmap.resolution).astype(int)
     return tuple(np.clip(cell, 0, np.array(costmap.shape) - 1).tolist())
+
+
+def holes_in_floor(case: Case, navigator: Navigator) -> Cells:
+    """Whether the map holds something under the floor z = 0 for free; nowhere in the air."""
+    costmap = navigator.costmap
+    if costmap.motion == "air":
+        return np.zeros(costmap.shape, np.bool_)
+    size = costmap.resolution
+    nx, ny, _ = costmap.shape
+    low = np.array([*costmap.origin[:2], case.mission.low[2]])
+    high = np.array([*(costmap.origin[:2] + size * np.array([nx, ny])), -0.5 * size])
+    states = states_in(navigator.map, low, high)
+    return np.asarray((states == FREE).any(axis=2))[:, :, None]
 
 
 def _outside_altitudes(

@@ -16,7 +16,15 @@ import numpy as np
 from harness.cause.case import Case, Moment, off_path
 from harness.cause.contact import LATE
 from harness.cause.finding import Finding
-from harness.cause.grids import Cells, cell_of, clearances, joined, true_occupancy, widest
+from harness.cause.grids import (
+    Cells,
+    cell_of,
+    clearances,
+    holes_in_floor,
+    joined,
+    true_occupancy,
+    widest,
+)
 from harness.navigator import Navigator
 from maps.states import OCCUPIED, UNKNOWN
 
@@ -51,6 +59,8 @@ class StandstillFacts:
         map_way: Whether there is through what the map does not hold for occupied.
         known_way: Whether there is through what it knows to be free.
         ghosts: Cells mapped occupied that are truly free.
+        holes: Of these, columns of a walking robot that are forbidden because the map holds what
+            lies under their floor for free.
         ghost: Centre of the one nearest to the robot, m.
         way_without_ghosts: Whether there is a way in the map without them.
         shortest_s: Time that the straight way takes at full speed.
@@ -78,6 +88,7 @@ class StandstillFacts:
     map_way: bool
     known_way: bool
     ghosts: int
+    holes: int
     ghost: tuple[float, float, float]
     way_without_ghosts: bool
     shortest_s: float
@@ -150,10 +161,12 @@ def ghost_obstacle(facts: StandstillFacts) -> str | None:
     if facts.map_way or not facts.ghosts or not facts.way_without_ghosts:
         return None
     x, y, z = facts.ghost
+    seen_through = (
+        f"{facts.holes} of them as beams went through their floor, " if facts.holes else ""
+    )
     return (
-        f"{facts.ghosts} cells mapped occupied are truly free, such as ({x:.2f}, {y:.2f}, "
-        f"{z:.2f}), "
-        "and without them the map has a way to the goal"
+        f"{facts.ghosts} cells mapped occupied are truly free, {seen_through}"
+        f"such as ({x:.2f}, {y:.2f}, {z:.2f}), and without them the map has a way to the goal"
     )
 
 
@@ -286,6 +299,7 @@ def _ways(case: Case, navigator: Navigator) -> dict[str, Any]:
         "map_way": joined(mapped > radius, believed, goal, reach),
         "known_way": joined(clearances(occupied | unknown, size) > radius, believed, goal, reach),
         "ghosts": int(ghosts.sum()),
+        "holes": int((ghosts & holes_in_floor(case, navigator)).sum()),
         "ghost": _nearest_cell(navigator, ghosts, believed),
         "way_without_ghosts": joined(without > radius, believed, goal, reach),
         "unknown": float(unknown.mean()),

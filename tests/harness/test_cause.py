@@ -28,7 +28,7 @@ TOUCH = ContactFacts(
 STILL = StandstillFacts(
     outcome="stuck", reason="", window=50, discarded=0.0, late=0.0, deadline=0.25, delay=0.05,
     off_path=0.0, worst_off_path=0.1, radius=0.5, true_widest=0.8, true_way=True,
-    way_with_movers=True, map_way=True, known_way=True, ghosts=0, ghost=(0.0, 0.0, 0.0),
+    way_with_movers=True, map_way=True, known_way=True, ghosts=0, holes=0, ghost=(0.0, 0.0, 0.0),
     way_without_ghosts=True, shortest_s=5.0, limit_s=60.0, claimed=False, pose_error=0.0,
     margin=0.1, iterations=1, unknown=0.2,
 )  # fmt: skip

@@ -449,3 +449,19 @@ def test_a_perturbed_log_names_what_is_off(pair):
     assert (message.amount, message.unit) == (1.0, "degrees")
     assert 2 * math.acos(message.displaced_quaternion[0]) == pytest.approx(math.radians(1.0))
     assert Path(pair("calibration:3")).exists()
+
+
+@pytest.mark.parametrize(
+    ("no_return", "outcome", "cause"),
+    [("free", "stuck", "ghost_obstacle"), ("ignored", "success", "")],
+)
+def test_what_silence_tells_decides_whether_lost_echoes_make_holes_in_the_floor(
+    tmp_path, no_return, outcome, cause
+):
+    config = override(
+        Config("empty", "quadruped", 0), [f"map.no_return={no_return}", "episode.stuck_after=6"]
+    )
+    lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))
+    result = run_episode(build(lossy), tmp_path / "lossy.mcap")
+    assert (result.outcome, result.cause) == (outcome, cause)
+    assert ("as beams went through their floor" in result.cause_evidence) == bool(cause)
