@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from harness.config import from_document
 from harness.verbs.run import episode_name, run_one
 from harness.verbs.verb import Document, Verb, add_log_folder
 
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Send both robots across and replay their logs."""
+    from harness.config import from_document
     from harness.replay import replay
 
     rows = []
