@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import NoReturn
 
 import msgspec
@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if arguments and not arguments[0].startswith("-") and arguments[0] not in VERBS:
             raise unknown_name("verb", arguments[0], VERBS)
-        options = parsers()[0].parse_args(arguments)
+        options = parsers(arguments[:1])[0].parse_args(arguments)
         code, document = VERBS[options.verb].run(options, console)
     except InputError as error:
         code, document = 2, {"error": str(error)}
@@ -55,8 +55,14 @@ def verb_parsers() -> dict[str, argparse.ArgumentParser]:
     return parsers()[1]
 
 
-def parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
-    """The parser of the whole command, and those of its verbs, by name."""
+def parsers(
+    whole: Container[str] = VERBS,
+) -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
+    """The parser of the whole command, and those of its verbs, by name.
+
+    Args:
+        whole: Verbs that get their options; what these are checked against is imported for them.
+    """
     parser = _Parser(
         prog="wayproof",
         description="Was the space that the robot entered proven safe, and if not, why did it go?",
@@ -73,7 +79,8 @@ def parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParse
             epilog=f"example:\n  {verb.example}",
             formatter_class=argparse.RawDescriptionHelpFormatter,  # keeps the example in one line
         )
-        verb.add_arguments(one)
+        if name in whole:
+            verb.add_arguments(one)
         one.add_argument("--json", action="store_true", help="one JSON document on stdout")
         each[name] = one
     return parser, each

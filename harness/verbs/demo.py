@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from harness.config import from_document
 from harness.verbs.run import episode_name, run_one
-from harness.verbs.verb import Document, Verb, add_log_folder
+from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
     from harness.replay import Replay
@@ -22,11 +21,13 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Send both robots across and replay their logs."""
+    from harness.config import from_document, override
     from harness.replay import replay
 
     rows = []
     for robot in ("quadruped", "drone"):
-        config = from_document({"world": "warehouse", "robot": robot, "seed": options.seed})
+        named = {"world": "warehouse", "robot": robot, "seed": options.seed}
+        config = override(from_document(named), options.set)
         result = run_one(config, options.logs / f"{episode_name(config)}.mcap", console)
         rows.append((robot, result, replay(Path(result.log))))
     print_demo(console, rows)
@@ -57,6 +58,7 @@ def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the warehouse (default: 0)")
+    add_settings(parser)
     add_log_folder(parser)
 
 

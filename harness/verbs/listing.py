@@ -6,13 +6,13 @@ import argparse
 
 from rich.console import Console
 
-from harness.config import setting_names
-from harness.perturbations import PERTURBATIONS
 from harness.verbs.verb import Document, Verb
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Tell what is registered."""
+    from harness.config import setting_names
+    from harness.perturbations import PERTURBATIONS
     from maps import MAPS
     from models.devices import DEVICES
     from models.robots import ROBOTS

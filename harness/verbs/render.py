@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from harness.config import Config
 from harness.errors import InputError
+
+if TYPE_CHECKING:
+    from harness.config import Config
 
 PERIOD = 0.2
 """Between frames, s of simulated time."""

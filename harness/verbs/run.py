@@ -13,18 +13,20 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.config import Config, from_document, override, to_json
 from harness.errors import InputError
-from harness.perturbations import perturbation_from
 from harness.verbs.render import check_render, render
 from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
+    from harness.config import Config
     from harness.result import Result
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run one episode."""
+    from harness.config import from_document, override
+    from harness.perturbations import perturbation_from
+
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), options.set)
     for name in ("goal", "start"):
@@ -45,6 +47,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def episode_name(config: Config) -> str:
     """`world-robot-seed`, and eight digits of the config's hash where anything was set."""
+    from harness.config import Config, to_json
+
     stem, robot = Path(config.world).stem, Path(config.robot).stem  # of files' paths
     name = f"{stem}-{robot}-{config.seed}"
     if config == Config(stem, robot, config.seed):

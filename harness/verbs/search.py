@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from harness.config import from_document, override
 from harness.verbs.pool import Watch, add_engine, open_engine
 from harness.verbs.run import episode_name
 from harness.verbs.verb import LOGS, Document, Verb, add_settings
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Search; exit code 1 where a failure was found."""
+    from harness.config import from_document, override
     from harness.search.episodes import Search, search
     from harness.search.hunt import NO_RATE
     from harness.study.file import Bounds

@@ -127,9 +127,9 @@ class _Artist:
             yield "/viz/sweep", _cloud(moment.hits(MOST_HITS), stamp)
         if now - self._cells_ns >= CELLS_PERIOD_NS:
             self._cells_ns = now
-            changed = dict(self._tiles.changed(moment.map))
-            if changed:
-                self._cells.update(changed)
+            tiles = self._tiles.changed(moment.map)
+            if tiles:
+                self._cells |= {tile.name: self._tiles.centres(tile) for tile in tiles}
                 yield "/viz/cells", _cloud(np.concatenate(list(self._cells.values())), stamp)
 
     def _changed_layer(self, moment: Moment) -> fox.Grid | None:

@@ -95,14 +95,22 @@ def moments(log: Log) -> Iterator[Moment]:
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
     """
-    truths = {truth.sequence: truth for truth in log.truth()}
+    records = ahead(_records_with_truth(log))
     relay = Relay(stretches(log.on_threads(max(log.config.threads, THREADS))))
-    for record in ahead(log.records()):
-        sequence = record.decision.sequence
-        if sequence not in truths:
-            raise InputError(f"log '{log.path}': decision {sequence} without its truth")
+    for record, truth in records:
         navigator = relay.watch(record.inputs)
-        yield Moment(record, truths[sequence], relay.stretch.beams, navigator)
+        yield Moment(record, truth, relay.stretch.beams, navigator)
+
+
+def _records_with_truth(log: Log) -> Iterator[tuple[Record, pb.Truth]]:
+    """Both in one go: each in an order of its own would take a pass before the first moment."""
+    truths = log.truth()
+    for record in log.records():
+        sequence = record.decision.sequence
+        truth = next((truth for truth in truths if truth.sequence == sequence), None)
+        if truth is None:
+            raise InputError(f"log '{log.path}': decision {sequence} without its truth")
+        yield record, truth
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:

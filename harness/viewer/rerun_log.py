@@ -15,20 +15,12 @@ from numpy.typing import NDArray
 from harness.decision import path_of
 from harness.reader import Log
 from harness.schema import wayproof_pb2 as pb
-from harness.viewer.layer import FRONTIER, INFLATED, kinds, layer_at
-from harness.viewer.moments import Moment, moments, standing_low
+from harness.viewer.layer import FRONTIER, INFLATED
 from harness.viewer.rows import Rows
-from harness.viewer.tiles import Tiles
+from harness.viewer.snapshots import Layer, Snapshot, tiles_of
+from harness.viewer.tiles import Tile
 from harness.viewer.words import describe
 from maps import FREE, OCCUPIED, UNKNOWN
-
-MOST_HITS = 3000
-"""Ends of beams that are shown of a sweep."""
-
-SWEEP_PERIOD_NS = LAYER_PERIOD_NS = 200_000_000
-CELLS_PERIOD_NS = 1_000_000_000
-"""Of simulated time, between sweeps, layers and looks for changed cells. Decisions are shown each
-time."""
 
 RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
 """Values that RViz's colours for maps show grey, white, black, orange and green."""
@@ -53,23 +45,13 @@ ACTIONS = {
 """Colour of each action on its lane."""
 
 
-def show_log(stream: rr.RecordingStream, log: Log, root: str) -> int:
-    """Send a whole log under one root of entities; returns the number of decisions.
-
-    Raises:
-        InputError: The log is damaged, or its sweeps were left out.
-    """
+def show_log(stream: rr.RecordingStream, log: Log, snapshots: Iterable[Snapshot], root: str) -> int:
+    """Send a whole log under one root of entities; returns the number of decisions."""
     _show_mission(stream, log, root)
     artist = _Artist(stream, log, root)
-    count = 0
-    moment = None
-    for moment in moments(log):
-        artist.show(moment)
-        count += 1
-    if moment is not None:
-        artist.finish(moment)
-        _show_end(stream, log, moment, root)
-    return count
+    for snapshot in snapshots:
+        artist.show(snapshot)
+    return artist.finish(log)
 
 
 class _Artist:
@@ -78,40 +60,45 @@ class _Artist:
     def __init__(self, stream: rr.RecordingStream, log: Log, root: str) -> None:
         self._stream, self._root = stream, root
         self._rows = Rows(stream, root)
-        self._tiles = Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
+        self._tiles = tiles_of(log)
         self._top = max(log.mission.high[2], 1.0)
+        self._half = np.array([0.5 * log.config.map.resolution], np.float32)
+        self._last: Snapshot | None = None
+        self._count = 0
         self._frame: object = None
         self._layer: NDArray[np.uint8] | None = None
         self._place: list[float] | None = None
-        self._layer_ns = self._swept_ns = self._cells_ns = -(10**12)
 
-    def show(self, moment: Moment) -> None:
-        """One moment."""
-        now = moment.time_ns
-        self._rows.begin(now, moment.decision.sequence)
+    def show(self, snapshot: Snapshot) -> None:
+        """One moment; of the one that was shown last, what is new."""
+        last, self._last = self._last, snapshot
+        if last is None or snapshot.decision.sequence != last.decision.sequence:
+            self._show_moment(snapshot)
+        if snapshot.layer is not None:
+            self._show_layer(snapshot.layer)
+        if snapshot.hits is not None:
+            hits = snapshot.hits.astype(np.float32)
+            self._rows.put_many("world/sweep", rr.Points3D, positions=hits)
+        if snapshot.tiles:
+            self._show_cells(snapshot.tiles)
+
+    def finish(self, log: Log) -> int:
+        """Send what is left, and how it ended; returns the number of moments."""
+        if self._last is not None:
+            self._rows.send()
+            _show_end(self._stream, log, self._last, self._root)
+        return self._count
+
+    def _show_moment(self, moment: Snapshot) -> None:
+        self._count += 1
+        self._rows.begin(moment.time_ns, moment.decision.sequence)
         self._show_decision(moment)
         self._show_truth(moment.truth)
         for name, value in curves(moment).items():
             self._rows.put(f"plots/{name}", rr.Scalars, scalars=value)
-        if now - self._layer_ns >= LAYER_PERIOD_NS:
-            self._layer_ns = now
-            self._show_layer(moment)
-        if now - self._swept_ns >= SWEEP_PERIOD_NS:
-            self._swept_ns = now
-            hits = moment.hits(MOST_HITS).astype(np.float32)
-            self._rows.put_many("world/sweep", rr.Points3D, positions=hits)
-        if now - self._cells_ns >= CELLS_PERIOD_NS:
-            self._cells_ns = now
-            self._show_cells(moment)
 
-    def finish(self, last: Moment) -> None:
-        """Layer and cells as they are at the end."""
-        self._show_layer(last)
-        self._show_cells(last)
-        self._rows.send()
-
-    def _show_decision(self, moment: Moment) -> None:
-        decision, pose, rows = moment.decision, moment.record.inputs.pose, self._rows
+    def _show_decision(self, moment: Snapshot) -> None:
+        decision, pose, rows = moment.decision, moment.pose, self._rows
         rows.put("world/robot", rr.Transform3D, **_transform(pose.position, pose.quaternion))
         guide, path = path_of(decision.guide), path_of(decision.trajectory.path)
         rows.put("world/guide", rr.LineStrips3D, strips=guide)
@@ -136,55 +123,53 @@ class _Artist:
             names = [mover.name for mover in present]
             self._rows.put_many("world/movers", rr.Points3D, positions=places, labels=names)
 
-    def _show_layer(self, moment: Moment) -> None:
-        """The layer that the robot moves in, if it is another than the one shown."""
-        costmap = moment.costmap
-        record = moment.record
-        layer = layer_at(costmap, float(record.inputs.pose.position[2]))
-        told = kinds(costmap, layer, record.decision.blocked_at_or_below)
-        if self._layer is not None and np.array_equal(self._layer, told):
+    def _show_layer(self, layer: Layer) -> None:
+        """A layer, if it is another than the one shown."""
+        if self._layer is not None and np.array_equal(self._layer, layer.kinds):
             return
-        self._layer = told
-        self._show_frame(moment)
-        image = _CODES[told].T[::-1]  # (ny, nx), the greatest y first
+        self._layer = layer.kinds
+        self._show_frame(layer)
+        image = _CODES[layer.kinds].T[::-1]  # (ny, nx), the greatest y first
         self._rows.put("world/layer", rr.GridMap, data=image.tobytes())
 
-    def _show_frame(self, moment: Moment) -> None:
+    def _show_frame(self, layer: Layer) -> None:
         """Where the layer lies: once, and again where a fork changes it."""
-        costmap = moment.costmap
-        width, height, _ = costmap.shape
-        frame = (width, height, costmap.resolution, *costmap.origin[:2])
-        if frame == self._frame:
+        width, height = layer.kinds.shape
+        corner = layer.corner.tolist()
+        frame = (width, height, layer.resolution, *corner)
+        if frame == self._frame or self._last is None:
             return
         self._frame = frame
-        self._stream.set_time("time", duration=np.timedelta64(moment.time_ns, "ns"))
-        self._stream.set_time("decision", sequence=moment.decision.sequence)
+        self._stream.set_time("time", duration=np.timedelta64(self._last.time_ns, "ns"))
+        self._stream.set_time("decision", sequence=self._last.decision.sequence)
         grid = rr.GridMap.from_fields(
             format=rr.components.ImageFormat(
                 width=width, height=height, color_model="L", channel_datatype="U8"
             ),
-            cell_size=costmap.resolution,
-            translation=[*costmap.origin[:2], 0.0],
+            cell_size=layer.resolution,
+            translation=[*corner, 0.0],
             colormap=rr.components.Colormap.RvizMap,
             opacity=0.9,
         )
         self._stream.log(f"{self._root}/world/layer", grid)
 
-    def _show_cells(self, moment: Moment) -> None:
-        half = np.array([0.5 * moment.map.resolution], np.float32)
-        for name, centres in self._tiles.changed(moment.map):
-            shade = (50 + 170 * np.clip(centres[:, 2] / self._top, 0.0, 1.0)).astype(np.uint32)
-            colours = (shade // 2) << 24 | shade << 16 | (255 - shade // 2) << 8 | 255
+    def _show_cells(self, tiles: list[Tile]) -> None:
+        each = [self._tiles.centres(tile).astype(np.float32) for tile in tiles]
+        heights = np.concatenate(each)[:, 2]
+        shade = (50 + 170 * np.clip(heights / self._top, 0.0, 1.0)).astype(np.uint32)
+        colours = (shade // 2) << 24 | shade << 16 | (255 - shade // 2) << 8 | 255
+        ends = np.cumsum([len(centres) for centres in each])
+        for tile, centres, shades in zip(tiles, each, np.split(colours, ends), strict=False):
             self._rows.put_many(
-                f"world/occupied/{name}",
+                f"world/occupied/{tile.name}",
                 rr.Points3D,
-                positions=centres.astype(np.float32),
-                colors=colours,
-                radii=half,
+                positions=centres,
+                colors=shades,
+                radii=self._half,
             )
 
 
-def curves(moment: Moment) -> dict[str, float]:
+def curves(moment: Snapshot) -> dict[str, float]:
     """What is plotted over simulated time, by the name of its curve."""
     decision, truth, stages = moment.decision, moment.truth, moment.decision.stages
     return {
@@ -233,7 +218,7 @@ def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
     stream.log(f"{root}/decision", markdown, static=True)
 
 
-def _show_end(stream: rr.RecordingStream, log: Log, last: Moment, root: str) -> None:
+def _show_end(stream: rr.RecordingStream, log: Log, last: Snapshot, root: str) -> None:
     """How the episode ended, at its end; a failure with its mark."""
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
     end_ns = round(float(log.result.get("sim_time_s", last.time_ns * 1e-9)) * 1e9)

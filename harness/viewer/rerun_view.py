@@ -16,6 +16,8 @@ from harness.errors import InputError
 from harness.log import check_folder
 from harness.reader import open_log
 from harness.viewer.layout import layout
+from harness.viewer.moments import ahead
+from harness.viewer.process import SnapshotProcess
 from harness.viewer.rerun_log import show_log
 
 ROOTS = ("log", "other")
@@ -44,18 +46,22 @@ class View:
     wall_time_s: float
 
 
-def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool = False) -> View:
+def view(
+    processes: Sequence[SnapshotProcess], saved: Path | None = None, allow_plugins: bool = False
+) -> View:
     """Show one log, or two side by side on one timeline.
 
     Args:
-        paths: The logs.
+        processes: For each log, the one that makes its maps again.
         saved: Where the recording goes; none to open a viewer.
         allow_plugins: Whether code that a log's config names may be imported.
 
     Raises:
-        InputError: A log cannot be read, there is no display, or the file cannot be written.
+        InputError: A log cannot be read, or its sweeps were left out; there is no display, or the
+            file cannot be written.
     """
     began = time.perf_counter()
+    paths = [process.path for process in processes]
     logs = dict(zip(ROOTS, (open_log(path, allow_plugins) for path in paths), strict=False))
     stream = rr.RecordingStream("wayproof", recording_id=" ".join(path.stem for path in paths))
     partial = None if saved is None else saved.with_name(f"{saved.name}.partial")
@@ -67,7 +73,10 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
         partial.parent.mkdir(parents=True, exist_ok=True)
         stream.save(partial, default_blueprint=layout(logs))
     try:
-        decisions = tuple(show_log(stream, log, root) for root, log in logs.items())
+        decisions = tuple(
+            show_log(stream, log, ahead(process.snapshots()), root)
+            for process, (root, log) in zip(processes, logs.items(), strict=True)
+        )
         _flush(stream)
         stream.disconnect()
     except BaseException:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,21 @@ from maps.columns import WORD_BITS, Window, unpack
 
 TILE = 32
 """Columns along each side of a tile."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One tile as a map had it; it stays so when the map goes on.
+
+    Attributes:
+        name: Of its place.
+        corner: (3,) of its first cell, m, world.
+        bits: (nx, ny, words) its occupied cells.
+    """
+
+    name: str
+    corner: NDArray[np.float64]
+    bits: NDArray[np.uint64]
 
 
 class Tiles:
@@ -28,22 +44,31 @@ class Tiles:
         nx, ny, nz = self._window.shape
         self._told = np.zeros((nx, ny, -(-nz // WORD_BITS)), np.uint64)
 
-    def changed(self, a_map: Representation) -> Iterator[tuple[str, NDArray[np.float64]]]:
-        """Each tile with a cell that changed: its name, and centres (n, 3) of all its cells, m."""
-        occupied, _ = a_map.columns(self._window.first, self._told.shape)
+    def changed(self, a_map: Representation) -> list[Tile]:
+        """The tiles with a cell that changed since the last time."""
+        window = self._window
+        occupied, _ = a_map.columns(window.first, self._told.shape)
         bits = np.ascontiguousarray(occupied)
         turned = (bits != self._told).any(axis=2)  # (nx, ny)
         self._told = bits
-        tiles = np.unique(np.argwhere(turned) // TILE, axis=0)
-        for x, y in tiles.tolist():
-            yield f"{x}_{y}", self._centres(x, y)
+        found = []
+        for x, y in np.unique(np.argwhere(turned) // TILE, axis=0).tolist():
+            part = bits[x * TILE : (x + 1) * TILE, y * TILE : (y + 1) * TILE]
+            corner = window.origin + window.resolution * TILE * np.array([x, y, 0])
+            found.append(Tile(f"{x}_{y}", corner, part))
+        return found
 
-    def _centres(self, x: int, y: int) -> NDArray[np.float64]:
+    def centres(self, tile: Tile) -> NDArray[np.float64]:
+        """Centres (n, 3) of a tile's occupied cells, m, world."""
         window = self._window
-        part = self._told[x * TILE : (x + 1) * TILE, y * TILE : (y + 1) * TILE]
-        corner = np.array([x * TILE, y * TILE, 0])
-        bits = unpack(part, window.shape[2])
-        places = np.flatnonzero(bits)  # ten times as fast as argwhere
-        cells = corner + np.stack(np.unravel_index(places, bits.shape), axis=1)
-        centres: NDArray[np.float64] = window.origin + (cells + 0.5) * window.resolution
+        cells = unpack(tile.bits, window.shape[2]).view(np.bool_)
+        middles = _middles(cells.shape)[np.flatnonzero(cells)]
+        centres: NDArray[np.float64] = window.resolution * middles + tile.corner
         return centres
+
+
+@lru_cache(maxsize=4)  # tiles on two edges of the window may be smaller
+def _middles(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Centres (n, 3) of all cells of a box, in cells."""
+    middles: NDArray[np.float64] = 0.5 + np.argwhere(np.ones(shape, np.bool_)).astype(np.float64)
+    return middles

@@ -45,6 +45,8 @@ def test_every_block_runs(tmp_path, monkeypatch, episodes, page):
     pictured = re.search(r"!\[[^\]]*\]\([^)]+\.(?:png|svg|gif)\)", text)
     if page.parent != ROOT and page != INDEX:
         assert typist.ran or pictured, "no picture, and no block that runs"
+    if typist.undrawn:
+        pytest.skip(f"all but {len(typist.undrawn)} pictures: {typist.undrawn[0]}")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

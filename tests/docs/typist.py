@@ -1,8 +1,8 @@
 """Types the blocks of a page, in order, in a folder of its own.
 
 `sh` blocks are typed whole. `console` blocks are typed on a small scale: episodes end early, a
-study has one seed. What is not typed even so stands in `UNTYPED` with the
-reason, and is held against the parser of its command.
+study has one seed, and `make` tells what it would do. What is not typed even so stands in `UNTYPED`
+with the reason, and is held against the parser of its command.
 
 `python -m tests.docs.typist docs/PAGE.md` writes what a page quotes anew, each line as the printed
 one that is most like it; what the page says of it is to be read again.
@@ -42,15 +42,17 @@ FOUND = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80"}
 TARGETS = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
 
 UNTYPED = {
-    r"make \w+": "`make demo` installs; the others are what CI is made of",
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
-    r"wayproof demo.*": "two whole warehouses and their replays: 15 s",
-    r"wayproof bench .*": "a minute to hours; tests/harness/test_bench*.py run the stages small",
+    r"wayproof bench loop .*": "whole episodes to their goals, 27 s; test_bench_episodes.py",
+    r"wayproof bench map .*": "100,000 rays into OctoMap too, over 20 s; test_bench_map.py",
+    r"wayproof bench plan .*": "a file of problems that is another's; test_benchmarks.py",
+    r"wayproof bench rays .*": "scenes to 1000 geoms and three peers' kernels; test_bench.py",
+    r"wayproof bench robots.*": "hundreds of trials at one repeat; test_bench_robots.py",
+    r"wayproof bench worlds .*": "an episode of each robot in ten worlds; test_bench_worlds.py",
+    r"wayproof bench crossing .*": "an episode of each of its rows; test_bench_crossing.py",
     r"wayproof study \S+ --check-determinism.*": "nine interpreters; test_study_determinism.py",
-    r"wayproof (search|critical|calibrate) .*": "dozens of episodes; test_search.py and the others",
-    r"wayproof study barn .*": "a minute; tests/harness/test_benchmarks.py runs a trial",
-    r"python docs/plot_maps\.py .*": "draws what `bench map` measured, into the pages",
+    r"wayproof study barn .*": "its trials have a length of their own; test_benchmarks.py",
     r"python docs/picture_view\.py .*": "starts Rerun's viewer, which needs a Vulkan driver",
 }
 """Commands that are held against their parser alone, and why."""
@@ -65,6 +67,56 @@ NOISE = re.compile(
 )
 """Wall times, sizes that hold them, and hashes, which are one machine's."""
 
+SMALLER = {
+    "critical": "--episodes 2 --jobs 1".split(),
+    "calibrate": "--seeds 2 --margins 0.02,0.1 --set episode.time_limit=0.5 --jobs 1".split(),
+    "demo": "--set episode.time_limit=0.5".split(),
+    "search": "--budget 3 --window 1 --jobs 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
+    " --set map.resolution=0.2".split(),
+}
+"""What else is typed for a verb on a small scale."""
+
+MAP_ROWS = (
+    [
+        {
+            "part": "speed",
+            "resolution_m": 0.1,
+            "range_m": 10.0,
+            "library": library,
+            "mode": "clamped",
+            "threads": 1,
+            "ms_per_sweep": ms,
+            "ms_p99": ms,
+            "ratio_vs_pyoctomap": ratio,
+            "map_mib": 1.0,
+        }
+        for library, ms, ratio in (("wayproof", 2.0, 4.0), ("pyoctomap", 8.0, 1.0))
+    ]
+    + [
+        {
+            "part": "ghosts",
+            "library": "wayproof",
+            "clamp_high": clamp,
+            "half_life_s": 0.0,
+            "unseen_s": 0.0,
+            "sweeps_to_free": sweeps,
+            "sweeps_by_formula": sweeps,
+        }
+        for clamp, sweeps in ((0.8, 4), (0.97, 9))
+    ]
+    + [
+        {
+            "part": "accuracy",
+            "resolution_m": 0.1,
+            "library": "wayproof",
+            "mode": "clamped",
+            "floor_columns_lost": 0.01,
+            "false_free": 0.02,
+        },
+    ]
+)
+"""A few rows such as `bench map` prints: made up, they go into a folder of their own."""
+
 LOG = re.compile(r"logs/([a-z]+)-([a-z]+)-(\d+)\.mcap(\.partial)?")
 
 
@@ -73,12 +125,14 @@ class Typist:
 
     Attributes:
         ran: How many blocks were really run or read.
+        undrawn: Why pictures that were asked for could not be drawn on this machine.
         told: What the last block that ran has printed.
     """
 
     def __init__(self, page, episodes):
         """Sit down in this folder; `episodes` holds the logs that any page has asked for."""
         self.ran = 0
+        self.undrawn = []
         self._page = page
         self._episodes = episodes
         self._names = {"__name__": "page"}
@@ -134,6 +188,10 @@ class Typist:
         program, *words = words
         if Path(program).name == "wayproof":
             code, told = self._type_ours(words)
+        elif program == "make":
+            code, told = dry_run(words)
+        elif words[0] == "docs/plot_maps.py":
+            code, told = plot_here(words)
         else:
             assert program == "python", f"cannot type: {line}"
             if "--count" in words and not self._whole:
@@ -141,6 +199,9 @@ class Typist:
             if (script := ROOT / words[0]).is_file():
                 words[0] = str(script)
             code, told = in_a_process(words)
+        if "no picture here" in told:
+            self.undrawn.append(told.strip())
+            code = 0
         self.told += told
         if out:
             Path(out).write_text(told)
@@ -155,6 +216,9 @@ class Typist:
                 words += ["--repeats", "1"]
             if "--movie" in words:
                 words += ["--period", "0.5"]
+            if verb == "critical":
+                words = [verb, smaller_study(words[1]), *words[2:]]
+            words = [*smaller_world(words), *SMALLER.get(verb, [])]
             if verb == "view" and "--save" not in words:
                 words += ["--save", "view.rrd"]  # opens no window
         if verb == "run":
@@ -252,6 +316,36 @@ def log_of(words):
     return options.logs / f"{episode_name(config)}.mcap"
 
 
+def smaller_world(words):
+    """A search begins with an episode that reaches the goal: soonest in the empty world."""
+    if words[0] != "search":
+        return words
+    at = words.index("--seed") + 1
+    return ["search", "empty", *words[2:at], "1", *words[at + 1 :]]
+
+
+def dry_run(words):
+    """Have make tell what it would do; what it would run is there."""
+    ended = subprocess.run(
+        ["make", "-n", *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    modules = re.findall(r"python -m (\S+)", ended.stdout)
+    missing = [name for name in modules if importlib.util.find_spec(name) is None]
+    assert not missing, f"make {words}: no module {missing}"
+    return ended.returncode, ended.stdout + ended.stderr
+
+
+def plot_here(words):
+    """Fill tables and draw pictures in this folder's copy of the pages."""
+    shutil.copy(ROOT / "docs/plot_maps.py", "docs")
+    shutil.copy(ROOT / "docs/maps.md", "docs")
+    Path(words[1]).write_text(json.dumps({"rows": MAP_ROWS}))
+    ended = in_a_process(words)
+    drawn = {"map-speed.svg", "map-ghosts.svg", "map-accuracy.svg"}
+    assert drawn <= {path.name for path in Path("docs").iterdir()}, ended
+    return ended
+
+
 def in_here(words):
     """Run our command in this process; returns its exit code and what it printed."""
     told = io.StringIO()
@@ -261,12 +355,10 @@ def in_here(words):
 
 
 def in_a_process(words):
-    """Run Python in one of its own; what cannot be drawn on this machine is not held against it."""
+    """Run Python in one of its own; returns its exit code and what it printed."""
     ended = subprocess.run(
         [sys.executable, *words], env=FOUND, capture_output=True, text=True, check=False
     )
-    if "no picture here" in ended.stderr:
-        return 0, ""
     return ended.returncode, ended.stdout + ended.stderr
 
 

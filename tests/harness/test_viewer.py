@@ -10,12 +10,15 @@ import pytest
 from PIL import Image
 
 from harness.cli import main
+from harness.errors import InputError
 from harness.fork import fork
 from harness.reader import open_log
 from harness.viewer.boxes import runs, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
 from harness.viewer.moments import ahead, moments
+from harness.viewer.process import SnapshotProcess
 from harness.viewer.sight import geoms_in_front
+from harness.viewer.snapshots import snapshots
 from harness.viewer.tiles import TILE, Tiles
 from harness.viewer.words import describe
 from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
@@ -84,12 +87,13 @@ def test_runs_by_hand():
 def test_tiles_tell_a_change_once_and_boxes_hold_the_same_cells():
     a_map, _ = seen_map()
     tiles = Tiles(LOW, HIGH, 0.1)
-    ((name, centres),) = list(tiles.changed(a_map))
-    assert name == "0_0"
+    (tile,) = tiles.changed(a_map)
+    centres = tiles.centres(tile)
+    assert tile.name == "0_0"
     assert TILE * 0.1 > 2.1
     np.testing.assert_allclose(centres, [[1.05, 2.05, centres[0, 2]]])
     assert abs(centres[0, 2] - 0.55) < 0.1
-    assert list(tiles.changed(a_map)) == []
+    assert tiles.changed(a_map) == []
     middles, halves = upright_boxes(a_map, LOW, HIGH)
     np.testing.assert_allclose(middles, centres)
     np.testing.assert_allclose(halves, [[0.05, 0.05, 0.05]])
@@ -302,3 +306,26 @@ def test_a_missing_encoder_is_told_before_the_episode(capsys, monkeypatch, tmp_p
     assert main([*RUN, "--render", "x.mp4"]) == 2
     assert "pip install av (the extra 'video'), or name a .gif" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_process_tells_the_same_snapshots(log):
+    with SnapshotProcess(log, allow_plugins=False) as process:
+        told = list(process.snapshots())
+    here = list(snapshots(open_log(log)))
+    assert len(told) == len(here) == int(open_log(log).result["decisions"]) + 1
+    for one, other in zip(told, here, strict=True):
+        assert (one.decision, one.truth) == (other.decision, other.truth)
+        assert (one.layer is None) == (other.layer is None)
+        if one.layer is not None:
+            np.testing.assert_array_equal(one.layer.kinds, other.layer.kinds)
+        assert [tile.name for tile in one.tiles] == [tile.name for tile in other.tiles]
+
+
+def test_a_process_tells_what_is_wrong_with_a_log_and_that_it_was_ended(tmp_path, log):
+    with SnapshotProcess(tmp_path / "none.mcap", allow_plugins=False) as process:
+        with pytest.raises(InputError, match="no such file"):
+            next(process.snapshots())
+    with SnapshotProcess(log, allow_plugins=False) as process:
+        process.end()
+        with pytest.raises(InputError, match="the process that makes its maps again ended, code"):
+            list(process.snapshots())

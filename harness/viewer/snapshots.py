@@ -1,0 +1,115 @@
+"""What is shown of each moment, with copies of the map: it goes on while they are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.inputs import Pose
+from harness.reader import Log
+from harness.schema import wayproof_pb2 as pb
+from harness.viewer.layer import kinds, layer_at
+from harness.viewer.moments import Moment, moments, standing_low
+from harness.viewer.tiles import Tile, Tiles
+
+MOST_HITS = 3000
+"""Ends of beams that are shown of a sweep."""
+
+SWEEP_PERIOD_NS = LAYER_PERIOD_NS = 200_000_000
+CELLS_PERIOD_NS = 1_000_000_000
+"""Of simulated time, between sweeps, layers and looks for changed cells."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """The layer that the robot moves in.
+
+    Attributes:
+        kinds: (nx, ny) of its cells, as `harness.viewer.layer` names them.
+        corner: (2,) of its first cell, m, world.
+        resolution: Edge of a cell, m.
+    """
+
+    kinds: NDArray[np.uint8]
+    corner: NDArray[np.float64]
+    resolution: float
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What is shown of one moment.
+
+    Attributes:
+        time_ns: Simulated time, ns.
+        pose: As it was believed.
+        decision: As it is logged.
+        truth: The simulator's.
+        layer: If it was looked at.
+        hits: (n, 3) ends of beams, m, world, if the sweep is shown.
+        tiles: Of the map, that changed since they were looked at before.
+    """
+
+    time_ns: int
+    pose: Pose
+    decision: pb.Decision
+    truth: pb.Truth
+    layer: Layer | None
+    hits: NDArray[np.float64] | None
+    tiles: list[Tile]
+
+
+def snapshots(log: Log) -> Iterator[Snapshot]:
+    """One of each moment of a log, in order; then the last one again, with layer and cells.
+
+    Raises:
+        InputError: The log is damaged, or its sweeps were left out.
+    """
+    tiles = tiles_of(log)
+    layer, sweep, cells = _Timer(LAYER_PERIOD_NS), _Timer(SWEEP_PERIOD_NS), _Timer(CELLS_PERIOD_NS)
+    moment = None
+    for moment in moments(log):
+        now = moment.time_ns
+        yield _snapshot(
+            moment,
+            _layer(moment) if layer.due(now) else None,
+            moment.hits(MOST_HITS) if sweep.due(now) else None,
+            tiles.changed(moment.map) if cells.due(now) else [],
+        )
+    if moment is not None:
+        yield _snapshot(moment, _layer(moment), None, tiles.changed(moment.map))
+
+
+def tiles_of(log: Log) -> Tiles:
+    """Those in which the occupied cells of a log's map are shown."""
+    return Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
+
+
+def _snapshot(
+    moment: Moment, layer: Layer | None, hits: NDArray[np.float64] | None, tiles: list[Tile]
+) -> Snapshot:
+    pose = moment.record.inputs.pose
+    return Snapshot(moment.time_ns, pose, moment.decision, moment.truth, layer, hits, tiles)
+
+
+def _layer(moment: Moment) -> Layer:
+    costmap, record = moment.costmap, moment.record
+    index = layer_at(costmap, float(record.inputs.pose.position[2]))
+    told = kinds(costmap, index, record.decision.blocked_at_or_below)
+    return Layer(told, costmap.origin[:2], costmap.resolution)
+
+
+class _Timer:
+    """Tells when a period is over."""
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._next_ns = 0
+
+    def due(self, now_ns: int) -> bool:
+        if now_ns < self._next_ns:
+            return False
+        self._next_ns = now_ns + self._period_ns
+        return True
