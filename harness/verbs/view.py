@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from rich.console import Console
 
 from harness.errors import InputError
 from harness.verbs.verb import Document, Verb
-from harness.viewer.process import SnapshotProcess
 
 ENDING = ".rrd"
 
@@ -21,13 +19,10 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.save is not None and options.save.suffix != ENDING:
         raise InputError(f"--save: got '{options.save}', expected a name that ends in {ENDING}")
     paths = [options.log] + ([options.compare] if options.compare else [])
-    with ExitStack() as stack, console.status("making the maps again"):
-        processes = [
-            stack.enter_context(SnapshotProcess(path, options.allow_plugins)) for path in paths
-        ]
-        from harness.viewer.rerun_view import view  # takes a while, in which they begin
+    with console.status("making the maps again"):
+        from harness.viewer.rerun_view import view  # Rerun is an extra, and takes a while to import
 
-        shown = view(processes, options.save, options.allow_plugins)
+        shown = view(paths, options.save, options.allow_plugins)
     where = f"{shown.saved}, {shown.megabytes:.1f} MB" if shown.saved else "in the viewer"
     console.print(
         f"{sum(shown.decisions)} decisions in {shown.wall_time_s:.1f} s: {where}",

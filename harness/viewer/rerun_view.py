@@ -17,8 +17,8 @@ from harness.log import check_folder
 from harness.reader import open_log
 from harness.viewer.layout import layout
 from harness.viewer.moments import ahead
-from harness.viewer.process import SnapshotProcess
 from harness.viewer.rerun_log import show_log
+from harness.viewer.snapshots import snapshots
 
 ROOTS = ("log", "other")
 
@@ -46,13 +46,11 @@ class View:
     wall_time_s: float
 
 
-def view(
-    processes: Sequence[SnapshotProcess], saved: Path | None = None, allow_plugins: bool = False
-) -> View:
+def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool = False) -> View:
     """Show one log, or two side by side on one timeline.
 
     Args:
-        processes: For each log, the one that makes its maps again.
+        paths: Of the logs.
         saved: Where the recording goes; none to open a viewer.
         allow_plugins: Whether code that a log's config names may be imported.
 
@@ -61,7 +59,6 @@ def view(
             file cannot be written.
     """
     began = time.perf_counter()
-    paths = [process.path for process in processes]
     logs = dict(zip(ROOTS, (open_log(path, allow_plugins) for path in paths), strict=False))
     stream = rr.RecordingStream("wayproof", recording_id=" ".join(path.stem for path in paths))
     partial = None if saved is None else saved.with_name(f"{saved.name}.partial")
@@ -74,8 +71,7 @@ def view(
         stream.save(partial, default_blueprint=layout(logs))
     try:
         decisions = tuple(
-            show_log(stream, log, ahead(process.snapshots()), root)
-            for process, (root, log) in zip(processes, logs.items(), strict=True)
+            show_log(stream, log, ahead(snapshots(log)), root) for root, log in logs.items()
         )
         _flush(stream)
         stream.disconnect()

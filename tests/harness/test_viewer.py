@@ -10,15 +10,12 @@ import pytest
 from PIL import Image
 
 from harness.cli import main
-from harness.errors import InputError
 from harness.fork import fork
 from harness.reader import open_log
 from harness.viewer.boxes import runs, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
 from harness.viewer.moments import ahead, moments
-from harness.viewer.process import SnapshotProcess
 from harness.viewer.sight import geoms_in_front
-from harness.viewer.snapshots import snapshots
 from harness.viewer.tiles import TILE, Tiles
 from harness.viewer.words import describe
 from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
@@ -306,26 +303,3 @@ def test_a_missing_encoder_is_told_before_the_episode(capsys, monkeypatch, tmp_p
     assert main([*RUN, "--render", "x.mp4"]) == 2
     assert "pip install av (the extra 'video'), or name a .gif" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-
-
-def test_a_process_tells_the_same_snapshots(log):
-    with SnapshotProcess(log, allow_plugins=False) as process:
-        told = list(process.snapshots())
-    here = list(snapshots(open_log(log)))
-    assert len(told) == len(here) == int(open_log(log).result["decisions"]) + 1
-    for one, other in zip(told, here, strict=True):
-        assert (one.decision, one.truth) == (other.decision, other.truth)
-        assert (one.layer is None) == (other.layer is None)
-        if one.layer is not None:
-            np.testing.assert_array_equal(one.layer.kinds, other.layer.kinds)
-        assert [tile.name for tile in one.tiles] == [tile.name for tile in other.tiles]
-
-
-def test_a_process_tells_what_is_wrong_with_a_log_and_that_it_was_ended(tmp_path, log):
-    with SnapshotProcess(tmp_path / "none.mcap", allow_plugins=False) as process:
-        with pytest.raises(InputError, match="no such file"):
-            next(process.snapshots())
-    with SnapshotProcess(log, allow_plugins=False) as process:
-        process.end()
-        with pytest.raises(InputError, match="the process that makes its maps again ended, code"):
-            list(process.snapshots())
