@@ -198,7 +198,7 @@ def remove(head: Integers, after: Integers, before: Integers, cell: int, key: in
 
 
 @kernel
-def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
+def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int = 0) -> bool:
     """Close cells in the order of their keys until a given one is closed.
 
     Args:
@@ -207,6 +207,8 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
         target: The cell that the search is drawn to, or -1: then all cells nearer to the goal are
             closed before it.
         budget: Most cells to close.
+        beyond: All cells whose keys are less than its cost and this are closed, too. From 1 on
+            these are all cells of all its cheapest ways.
 
     Returns:
         Whether the cell is closed; if not, the budget is spent or no cell is open.
@@ -220,7 +222,9 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
     mask, state, cost, via = lattice.mask, lattice.state, lattice.cost, lattice.via
     head, after, before = lattice.head, lattice.after, lattice.before
     key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
-    while opened > 0 and closed < budget and (state[until] != CLOSED or key < cost[until]):
+    while opened > 0 and closed < budget:
+        if state[until] == CLOSED and key >= cost[until] + beyond:
+            break
         cell = head[key % len(head)]
         while cell >= 0 and cost[cell] + estimate(shape, cell, target) != key:
             cell = after[cell]  # of a later round of the queue
@@ -315,20 +319,35 @@ def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
 
 
 @kernel
+def draw_to(lattice: Lattice, target: int) -> None:
+    """Queue the open cells anew, for a search that is drawn to another cell; -1 for none."""
+    shape, state, cost = lattice.shape, lattice.state, lattice.cost
+    head, after, before = lattice.head, lattice.after, lattice.before
+    head[:] = -1
+    least, opened = 0, 0
+    for cell in range(len(state)):
+        if state[cell] == OPEN:
+            key = cost[cell] + estimate(shape, cell, target)
+            insert(head, after, before, cell, key)
+            least = key if opened == 0 else min(least, key)
+            opened += 1
+    lattice.now[KEY], lattice.now[OPENED] = least, opened
+
+
+@kernel
 def repair(lattice: Lattice, changed: Integers) -> None:
     """Forget the costs-to-go that a change can have altered, and reopen the cells around them.
 
     A change alters steps to, from and past its cell only, so the costs of its neighbours are
     forgotten, and of all cells whose way leads over one that is. Those that are left are the costs
     of ways that still exist; ``spread`` finds the cheaper ones. The goal's cost is never forgotten.
+    The queue is to be made anew by ``draw_to``.
 
     Args:
-        lattice: Its search was not drawn to a target.
+        lattice: Its search.
         changed: Cells whose rate is another now.
     """
     offsets, state, cost, via = lattice.offsets, lattice.state, lattice.cost, lattice.via
-    head, after, before = lattice.head, lattice.after, lattice.before
-    key, opened = lattice.now[KEY], lattice.now[OPENED]
     forgotten = np.empty(len(state), np.int32)
     count, done = 0, 0
     for cell in changed:
@@ -336,9 +355,6 @@ def repair(lattice: Lattice, changed: Integers) -> None:
             near = cell if way < 0 else cell + offsets[way]
             if state[near] == FORGOTTEN or (state[near] != NEW and cost[near] == 0):
                 continue
-            if state[near] == OPEN:
-                remove(head, after, before, near, cost[near])
-                opened -= 1
             state[near] = FORGOTTEN
             forgotten[count] = near
             count += 1
@@ -353,9 +369,6 @@ def repair(lattice: Lattice, changed: Integers) -> None:
                 continue
             if cost[near] == 0:
                 continue
-            if state[near] == OPEN:
-                remove(head, after, before, near, cost[near])
-                opened -= 1
             state[near] = FORGOTTEN
             forgotten[count] = near
             count += 1
@@ -364,7 +377,4 @@ def repair(lattice: Lattice, changed: Integers) -> None:
             near = cell + offset
             if 0 <= near < len(state) and state[near] == CLOSED:
                 state[near] = OPEN
-                insert(head, after, before, near, cost[near])
-                key, opened = min(key, cost[near]), opened + 1
         state[cell] = NEW
-    lattice.now[KEY], lattice.now[OPENED] = key, opened

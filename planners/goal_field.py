@@ -66,7 +66,10 @@ class GoalField:
         entered = lattice.entry(grid, space, start) if self._goal_cell >= 0 else -1
         before = int(grid.now[_lattice_kernels.EXPANDED])
         budget = self.config.iterations * EXPANSIONS
-        if entered < 0 or not _lattice_kernels.spread(grid, entered, -1, budget):
+        target = entered if before > 0 else -1
+        if entered >= 0:
+            _lattice_kernels.draw_to(grid, target)
+        if entered < 0 or not _lattice_kernels.spread(grid, entered, target, budget, 1):
             if grid.now[_lattice_kernels.OPENED] > 0:
                 self._lattice = None  # the next plan has the whole budget, as a new object has
             return plan(space, start, self.goal, self.config, seed, heading)
