@@ -155,9 +155,15 @@ def estimate(shape: Longs, cell: int, target: int) -> int:
     if target < 0:
         return 0
     width, depth = shape[1], shape[2]
-    x = abs(cell // (width * depth) - target // (width * depth))
-    y = abs((cell // depth) % width - (target // depth) % width)
-    z = abs(cell % depth - target % depth)
+    x = cell // (width * depth) - target // (width * depth)
+    y = (cell // depth) % width - (target // depth) % width
+    return least_cost(x, y, cell % depth - target % depth)
+
+
+@kernel
+def least_cost(x: int, y: int, z: int) -> int:
+    """Of so many cells along the axes, if all are free."""
+    x, y, z = abs(x), abs(y), abs(z)
     most, least = max(x, y, z), min(x, y, z)
     middle = x + y + z - most - least
     length = STEPS[2] * least + STEPS[1] * (middle - least) + STEPS[0] * (most - middle)
@@ -293,6 +299,32 @@ def descend(lattice: Lattice, start: int) -> Integers:
         cells[count] = cell
         count += 1
     return cells[:count].copy()
+
+
+@kernel
+def bounds_to_go(lattice: Lattice, target: int, limit: int) -> Integers:
+    """About what it costs at least from each cell of a plane to the goal, shape (nodes,).
+
+    Cells of which a way from the target over them to the goal costs at most the limit are told
+    their cost-to-go, others what it has to be to cost more than that. So it is the same whatever
+    else is closed. Without the border, and halved: a step costs its length times the mean rate.
+
+    Args:
+        lattice: Of a plane, with all cells closed whose keys are up to the limit.
+        target: Cell that its search is drawn to.
+        limit: Cost.
+    """
+    shape, state, cost = lattice.shape, lattice.state, lattice.cost
+    rows, columns = shape[0] - 2, shape[1] - 2
+    x, y = target // (shape[1] * shape[2]) - 1, target // shape[2] % shape[1] - 1
+    bounds = np.empty(rows * columns, np.int32)
+    for i in range(rows):
+        for j in range(columns):
+            cell = ((i + 1) * shape[1] + j + 1) * shape[2] + 1
+            most = limit - least_cost(i - x, j - y, 0)
+            known = state[cell] == CLOSED and cost[cell] <= most
+            bounds[i * columns + j] = (cost[cell] if known else max(most, 0)) >> 1
+    return bounds
 
 
 @kernel

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from planners import _lattice_kernels, kernels, lattice
 from planners._lattice_kernels import Lattice
-from planners.field import EXPANSIONS, searched
+from planners.field import EXPANSIONS, searched, with_headings
 from planners.kernels import Floats
 from planners.problem import Plan, PlannerConfig, finish_path, plan
 from planners.space import FreeSpace
@@ -76,9 +76,14 @@ class GoalField:
         spent = int(grid.now[_lattice_kernels.EXPANDED]) - before
         path = lattice.way_down(grid, space, start, self.goal, entered)
         path = kernels.prune(costs.grid, space.blocked_at_or_below, weight, path)
-        return finish_path(
-            space, start, self.goal, self.config, seed, heading, path, 1 + spent // EXPANSIONS
-        )
+        poses = np.column_stack((path, np.zeros(len(path))))
+        if kind.oriented:
+            begin, end = (*start.tolist(), float(kernels.wrap(heading))), (*self.goal.tolist(), 0.0)
+            poses = with_headings(space, costs, path, begin, end, None, grid)
+        if poses is None:
+            return plan(space, start, self.goal, self.config, seed, heading)
+        used = 1 + spent // EXPANSIONS
+        return finish_path(space, start, self.goal, self.config, seed, heading, poses, used)
 
     def _follow(
         self, space: FreeSpace, weight: float, changed: tuple[Cells, Cells] | None
