@@ -579,12 +579,32 @@ def any_heading_free(grid: Grid, discs: Discs, path: Floats, first: int, last: i
         x, y, z = row(path, n)
         low = min(low[0], x), min(low[1], y), min(low[2], z)
         high = max(high[0], x), max(high[1], y), max(high[2], z)
-    return box_free(grid, discs.thresholds.max(), low, high, np.abs(discs.offsets).max())
+    return body_box_free(grid, discs, low, high)
+
+
+@kernel
+def body_box_free(grid: Grid, discs: Discs, low: Point, high: Point) -> bool:
+    """Whether a body is free at any heading while its reference point is in a box."""
+    threshold, reach = 0, 0.0
+    for n in range(len(discs.offsets)):
+        threshold = max(threshold, discs.thresholds[n])
+        reach = max(reach, abs(discs.offsets[n]))
+    return box_free(grid, threshold, low, high, reach)
+
+
+@kernel
+def turns_freely(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
+    """Whether a sweep is a turn on the spot, and seen to be free without walking it."""
+    if a[0] != b[0] or a[1] != b[1] or a[2] != b[2]:
+        return False
+    return body_box_free(grid, discs, a[:3], a[:3])
 
 
 @kernel
 def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
     """Whether a body is free all the way between two poses, the end first."""
+    if turns_freely(grid, discs, a, b):
+        return True
     if not step_cost(grid, discs, b, b)[0]:
         return False
     count = sweep_steps(a, b)
@@ -824,6 +844,8 @@ def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> flo
     cost = TURN_PRICE * turn
     if share == 0.0 and turn > LEAST_CORNER:
         cost += CORNER_PRICE
+    if turns_freely(grid, discs, a, b):
+        return cost  # what is near costs length
     for n in range(count):
         before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
         free, near = step_cost(grid, discs, before, after)
