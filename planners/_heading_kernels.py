@@ -23,6 +23,10 @@ UNKNOWN_COST = 2**30
 NODE_BITS = 24  # of a queue's key: the rest is the cost
 NONE = -1
 
+EAGERNESS = 4
+"""What is left counts a sixteenth more (Pohl, Machine Intelligence 1970): a detour that the
+least disc did not need is found without a look at all that costs as little."""
+
 FIRST_SLOTS = 1024
 
 Longs = NDArray[np.int64]
@@ -126,7 +130,7 @@ def search_states(
         node, way = state // WAYS, state % WAYS
         slot = slots[node]
         known = int(seen.cost[slot, way])
-        if whole > known + rest:
+        if whole > known + rest + (rest >> EAGERNESS):
             continue
         if node == goal:
             return unwind(ways, slots, columns, seen, state)
@@ -174,7 +178,8 @@ def search_states(
 @kernel
 def queue_state(queue: list[tuple[int, int, int]], cost: int, rest: int, state: int) -> None:
     """Open a state; of those of equal estimate the one nearer to the goal comes first."""
-    heapq.heappush(queue, (np.int64(cost + rest), np.int64(rest), np.int64(state)))
+    whole = cost + rest + (rest >> EAGERNESS)
+    heapq.heappush(queue, (np.int64(whole), np.int64(rest), np.int64(state)))
 
 
 @kernel

@@ -32,6 +32,7 @@ STEPS = (12, 17, 21)
 """Length of a step along one, two and three axes: 1, 2^0.5 and 3^0.5 to 1 %, in integers."""
 
 NEW, OPEN, CLOSED, FORGOTTEN = 0, 1, 2, 3
+UNKNOWN_KEY = 2**62
 KEY, OPENED, EXPANDED = 0, 1, 2  # places in Lattice.now
 
 Bytes = NDArray[np.uint8]
@@ -113,7 +114,9 @@ def block_mask(
     for u in range(x, x + factor[0]):
         for v in range(y, y + factor[1]):
             for w in range(z, z + factor[2]):
-                mask = (mask << 1) | int(field[u, v, w] > threshold)
+                # As unsigned indices none is taken for one from behind.
+                value = field[np.uint64(u), np.uint64(v), np.uint64(w)]
+                mask = (mask << 1) | int(value > threshold)
     return mask
 
 
@@ -351,19 +354,17 @@ def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
 
 
 @kernel
-def draw_to(lattice: Lattice, target: int) -> None:
-    """Queue the open cells anew, for a search that is drawn to another cell; -1 for none."""
-    shape, state, cost = lattice.shape, lattice.state, lattice.cost
+def draw_to(lattice: Lattice, target: int, cells: Longs) -> None:
+    """Queue all open cells anew, for a search that is drawn to another cell; -1 for none."""
+    shape, cost = lattice.shape, lattice.cost
     head, after, before = lattice.head, lattice.after, lattice.before
     head[:] = -1
-    least, opened = 0, 0
-    for cell in range(len(state)):
-        if state[cell] == OPEN:
-            key = cost[cell] + estimate(shape, cell, target)
-            insert(head, after, before, cell, key)
-            least = key if opened == 0 else min(least, key)
-            opened += 1
-    lattice.now[KEY], lattice.now[OPENED] = least, opened
+    least = UNKNOWN_KEY
+    for cell in cells:
+        key = cost[cell] + estimate(shape, cell, target)
+        insert(head, after, before, cell, key)
+        least = min(least, key)
+    lattice.now[KEY], lattice.now[OPENED] = least, len(cells)
 
 
 @kernel

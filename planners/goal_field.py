@@ -68,7 +68,7 @@ class GoalField:
         budget = self.config.iterations * EXPANSIONS
         target = entered if before > 0 else -1
         if entered >= 0:
-            _lattice_kernels.draw_to(grid, target)
+            lattice.draw_to(grid, target)
         if entered < 0 or not _lattice_kernels.spread(grid, entered, target, budget, 1):
             if grid.now[_lattice_kernels.OPENED] > 0:
                 self._lattice = None  # the next plan has the whole budget, as a new object has

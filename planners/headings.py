@@ -162,23 +162,15 @@ def _path_on(
 
 def _starts(space: FreeSpace, plane: Plane, ways: Ways, start: Pose) -> tuple[Longs, Longs]:
     """States that the start reaches by one free sweep, and their prices."""
+    nodes, angles = _nodes_about(space, plane, start), np.array(_angles())
+    places = np.array([_centre(space, plane, node) for node in nodes]).reshape(-1, 2)
+    nearest, free = kernels.free_headings(space.grid, space.shape, start, places, angles)
     states, prices = [], []
-    angles = _angles()
-    for node in _nodes_about(space, plane, start):
-        x, y = _centre(space, plane, node)
-        for way in range(WAYS):
-            for gear in (0.0, math.pi):
-                pose = (x, y, start[2], float(kernels.wrap(angles[way] + gear)))
-                turn = abs(float(kernels.wrap(pose[3] - start[3])))
-                if turn > 0.5 * math.pi + 1e-9 and gear > 0.0:
-                    continue  # nose first takes no longer
-                if not kernels.sweep_free(space.grid, space.shape, start, pose):
-                    continue
-                turns = round(turn / (2.0 * math.pi / WAYS))
-                states.append(node * WAYS + way)
-                prices.append(turns * ways.turn_price + (gear > 0.0) * ways.reversal_price)
-        if states:
-            break
+    for way, gear in np.argwhere(free).tolist():
+        turn = abs(float(kernels.wrap(angles[way] + gear * math.pi - start[3])))
+        turns = round(turn / (2.0 * math.pi / WAYS))
+        states.append(nodes[nearest] * WAYS + way)
+        prices.append(turns * ways.turn_price + gear * ways.reversal_price)
     return np.array(states, np.int64), np.array(prices, np.int64)
 
 
@@ -247,11 +239,12 @@ def _through(
     angles, poses, before = _angles(), [start], states[0]
     for turns, group in itertools.groupby(zip(states.tolist(), wide, strict=True), lambda s: s[1]):
         part = [state for state, _ in group]
-        points = [(*_centre(space, plane, state // WAYS), start[2]) for state in part]
+        points = [(*_centre(space, plane, state // WAYS), start[2]) for state in _bends(part, turns)]
         if turns:
             poses.append((*points[0], float(kernels.wrap(angles[part[0] % WAYS] + gear))))
-            points = list(dict.fromkeys(points if part[-1] != states[-1] else [*points, goal[:3]]))
-            track = np.array(points)
+            if part[-1] == states[-1]:
+                points.append(goal[:3])
+            track = np.array(list(dict.fromkeys(points)))
             if straight:
                 walked = space.grid, space.blocked_at_or_below, 1.0
                 track = kernels.fewest_corners(*walked, BEND_PRICE, kernels.prune(*walked, track))
@@ -269,6 +262,14 @@ def _through(
         poses.pop()  # it has nowhere to turn to
     poses.append((*goal[:3], poses[-1][3]))
     return np.array([pose for pose, _ in itertools.groupby(poses)], dtype=np.float64)
+
+
+def _bends(states: list[int], wide: bool) -> list[int]:
+    """Those of the states where the body can turn about at which it does, and both ends."""
+    if not wide:
+        return states
+    inner = [b for a, b in itertools.pairwise(states[:-1]) if a % WAYS != b % WAYS]
+    return [states[0], *inner, states[-1]]
 
 
 @functools.lru_cache(maxsize=1)

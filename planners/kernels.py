@@ -800,6 +800,37 @@ def straight_edge(
 
 
 @kernel
+def free_headings(
+    grid: Grid, discs: Discs, start: Pose, places: Floats, headings: Floats
+) -> tuple[int, NDArray[np.bool_]]:
+    """The first place that a sweep leads to, and at which headings it may end there.
+
+    Args:
+        grid: The distance field.
+        discs: The body's.
+        start: Of the sweeps.
+        places: Shape (n, 2) [m].
+        headings: Shape (m,) [rad].
+
+    Returns:
+        The place, and whether a heading is free nose first and tail first, shape (m, 2). Tail first
+        is left out where the body would turn by more than a quarter.
+    """
+    free = np.zeros((len(headings), 2), np.bool_)
+    for n in range(len(places)):
+        for m in range(len(headings)):
+            for gear in range(2):
+                there = wrap(headings[m] + gear * math.pi)
+                if gear == 1 and abs(wrap(there - start[3])) > 0.5 * math.pi + 1e-9:
+                    continue  # nose first takes no longer
+                pose = (places[n, 0], places[n, 1], start[2], there)
+                free[m, gear] = sweep_free(grid, discs, start, pose)
+        if free.any():
+            return n, free
+    return 0, free
+
+
+@kernel
 def nearest_pose(
     grid: Grid, discs: Discs, pose: Pose, radius: float, headings: Floats
 ) -> tuple[bool, Pose]:

@@ -189,10 +189,10 @@ def finish_path(
     """
     kind = state_space_for(config.state_space, space)
     begin = _pose(start, heading)
-    ends = _goal_poses(space, kind, begin, goal, None)
-    if kind.curved or not ends:
+    end = _pose(goal, poses[-1][3])
+    if kind.curved or not _fits(space, kind, end):
         return plan(space, start, goal, config, seed, heading)
-    query = Query(space, kind, begin, ends[0], config.turning_radius)
+    query = Query(space, kind, begin, end, config.turning_radius)
     poses = smoothed(query, poses, config, plan_seed(seed, "restart", 0))
     return _with_path(space, kind, poses, _cost(query, poses, config.clearance_weight), used)
 
