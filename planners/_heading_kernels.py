@@ -110,7 +110,7 @@ def search_states(
     half = plane.factor // 2
     slots = np.full(rows * columns, NONE, np.int32)  # where what is known of a node stands
     count, seen = 0, new_slots(FIRST_SLOTS)
-    queue = [(0, 0, 0)]  # estimate of the whole, of the rest, and a state
+    queue = [np.int64(0)]  # of estimates of the whole with the states that they are of
     queue.pop()
     for n in range(len(starts)):
         node, way = starts[n] // WAYS, starts[n] % WAYS
@@ -126,11 +126,12 @@ def search_states(
             seen.cost[slot, state], seen.by[slot, state] = prices[n], way
             queue_state(queue, int(prices[n]), int(to_go[node]), node * WAYS + state)
     while len(queue) > 0 and budget > 0:
-        whole, rest, state = heapq.heappop(queue)
+        key = heapq.heappop(queue)
+        state = key & ((1 << NODE_BITS) - 1)
         node, way = state // WAYS, state % WAYS
         slot = slots[node]
-        known = int(seen.cost[slot, way])
-        if whole > known + rest + (rest >> EAGERNESS):
+        known, rest = int(seen.cost[slot, way]), int(to_go[node])
+        if key >> NODE_BITS > known + rest + (rest >> EAGERNESS):
             continue
         if node == goal:
             return unwind(ways, slots, columns, seen, state)
@@ -176,10 +177,10 @@ def search_states(
 
 
 @kernel
-def queue_state(queue: list[tuple[int, int, int]], cost: int, rest: int, state: int) -> None:
-    """Open a state; of those of equal estimate the one nearer to the goal comes first."""
-    whole = cost + rest + (rest >> EAGERNESS)
-    heapq.heappush(queue, (np.int64(whole), np.int64(rest), np.int64(state)))
+def queue_state(queue: list[int], cost: int, rest: int, state: int) -> None:
+    """Open a state."""
+    whole = np.int64(cost + rest + (rest >> EAGERNESS))
+    heapq.heappush(queue, np.int64(whole << NODE_BITS | state))
 
 
 @kernel
