@@ -124,10 +124,11 @@ def search_states(
         state = 0 if seen.turns[slot] else way
         if prices[n] < seen.cost[slot, state]:
             seen.cost[slot, state], seen.by[slot, state] = prices[n], way
-            queue_state(queue, int(prices[n]), int(to_go[node]), node * WAYS + state)
+            key = key_of(prices[n], to_go[node], node * WAYS + state)
+            heapq.heappush(queue, key)
     while len(queue) > 0 and budget > 0:
         key = heapq.heappop(queue)
-        state = key & ((1 << NODE_BITS) - 1)
+        state = int(key & ((1 << NODE_BITS) - 1))
         node, way = state // WAYS, state % WAYS
         slot = slots[node]
         known, rest = int(seen.cost[slot, way]), int(to_go[node])
@@ -152,7 +153,7 @@ def search_states(
                     continue
                 seen.cost[slot, turned] = known + price
                 seen.via[slot, turned], seen.by[slot, turned] = state, turned
-                queue_state(queue, known + price, rest, node * WAYS + turned)
+                heapq.heappush(queue, key_of(known + price, rest, node * WAYS + turned))
         here = rate_at(plane, u, v)
         for ahead in range(0 if turns else way, WAYS if turns else way + 1):
             x, y = i + int(ways.steps[ahead, 0]), j + int(ways.steps[ahead, 1])
@@ -172,15 +173,14 @@ def search_states(
                 count += 1
             to = 0 if seen.turns[at] else ahead
             seen.cost[at, to], seen.via[at, to], seen.by[at, to] = found, state, ahead
-            queue_state(queue, found, int(to_go[other]), other * WAYS + to)
+            heapq.heappush(queue, key_of(found, to_go[other], other * WAYS + to))
     return np.empty(0, np.int64), np.empty(0, np.bool_)
 
 
 @kernel
-def queue_state(queue: list[int], cost: int, rest: int, state: int) -> None:
-    """Open a state."""
-    whole = np.int64(cost + rest + (rest >> EAGERNESS))
-    heapq.heappush(queue, np.int64(whole << NODE_BITS | state))
+def key_of(cost: int, rest: int, state: int) -> np.int64:
+    """What a state is queued by: an estimate of the whole cost, and the state."""
+    return np.int64((np.int64(cost + rest + (rest >> EAGERNESS)) << NODE_BITS) | state)
 
 
 @kernel
@@ -228,9 +228,9 @@ def unwind(
         slot, way = slots[node], at % WAYS
         turns, arrives = bool(seen.turns[slot]), int(seen.by[slot, way])
         if turns and leaves != NONE:
-            states.append(node * WAYS + leaves)
+            states.append(np.int64(node * WAYS + leaves))
             wide.append(turns)
-        states.append(node * WAYS + arrives)
+        states.append(np.int64(node * WAYS + arrives))
         wide.append(turns)
         before = int(seen.via[slot, way])
         leaves = arrives if before == NONE or before // WAYS != node else NONE

@@ -207,7 +207,7 @@ def remove(head: Integers, after: Integers, before: Integers, cell: int, key: in
 
 
 @kernel
-def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int = 0) -> bool:
+def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) -> bool:
     """Close cells in the order of their keys until a given one is closed.
 
     Args:

@@ -151,7 +151,7 @@ def lattice_path(
         while not found and grid.now[_lattice_kernels.OPENED] > 0:
             if until():
                 return None
-            found = _lattice_kernels.spread(grid, entered, entered, EXPANSIONS)
+            found = _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, 0)
         if found:
             path = lattice.way_down(grid, space, a, b, entered)
             return kernels.prune(space.grid, space.blocked_at_or_below, weight, path), grid

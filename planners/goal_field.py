@@ -23,7 +23,9 @@ class GoalField:
     same as that of a new ``GoalField``, bit by bit, whatever was planned before. When the map
     changes, the costs of all ways over what changed are forgotten, and the search goes on from the
     border of those (after Ramalingam and Reps, "An Incremental Algorithm for a Generalization of
-    the Shortest-Path Problem", Journal of Algorithms 1996).
+    the Shortest-Path Problem", Journal of Algorithms 1996). The first plan searches all around the
+    goal, so that much is known; later ones are drawn to the start, and close only cells of which a
+    way over them can be as cheap (as in D* Lite, Koenig and Likhachev, AAAI 2002).
 
     Attributes:
         goal: World frame [m], shape (3,).
@@ -76,7 +78,7 @@ class GoalField:
         spent = int(grid.now[_lattice_kernels.EXPANDED]) - before
         path = lattice.way_down(grid, space, start, self.goal, entered)
         path = kernels.prune(costs.grid, space.blocked_at_or_below, weight, path)
-        poses = np.column_stack((path, np.zeros(len(path))))
+        poses: Floats | None = np.column_stack((path, np.zeros(len(path))))
         if kind.oriented:
             begin, end = (*start.tolist(), float(kernels.wrap(heading))), (*self.goal.tolist(), 0.0)
             poses = with_headings(space, costs, path, begin, end, None, grid)

@@ -85,7 +85,7 @@ def _searched_lattice(space: FreeSpace, start: Pose, goal: Pose) -> Lattice | No
         a, b = (lattice.entry(grid, space, np.array(end[:3])) for end in (start, goal))
         if a >= 0 and b >= 0:
             lattice.open_goal(grid, b, a)
-            if _lattice_kernels.spread(grid, a, a, len(grid.state)):
+            if _lattice_kernels.spread(grid, a, a, len(grid.state), 0):
                 return grid
     return None
 
@@ -239,7 +239,9 @@ def _through(
     angles, poses, before = _angles(), [start], states[0]
     for turns, group in itertools.groupby(zip(states.tolist(), wide, strict=True), lambda s: s[1]):
         part = [state for state, _ in group]
-        points = [(*_centre(space, plane, state // WAYS), start[2]) for state in _bends(part, turns)]
+        points = [
+            (*_centre(space, plane, state // WAYS), start[2]) for state in _bends(part, turns)
+        ]
         if turns:
             poses.append((*points[0], float(kernels.wrap(angles[part[0] % WAYS] + gear))))
             if part[-1] == states[-1]:

@@ -594,7 +594,7 @@ def body_box_free(grid: Grid, discs: Discs, low: Point, high: Point) -> bool:
 
 @kernel
 def turns_freely(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
-    """Whether a sweep is a turn on the spot, and seen to be free without walking it."""
+    """Whether a sweep is a turn on the spot that is seen to be free without a walk."""
     if a[0] != b[0] or a[1] != b[1] or a[2] != b[2]:
         return False
     return body_box_free(grid, discs, a[:3], a[:3])
@@ -603,11 +603,14 @@ def turns_freely(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
 @kernel
 def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
     """Whether a body is free all the way between two poses, the end first."""
-    if turns_freely(grid, discs, a, b):
-        return True
+    count = sweep_steps(a, b)
+    if count > 1 and distance(a[:3], b[:3]) <= LONGEST_BOX:
+        low = min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2])
+        high = max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2])
+        if body_box_free(grid, discs, low, high):
+            return True
     if not step_cost(grid, discs, b, b)[0]:
         return False
-    count = sweep_steps(a, b)
     for n in range(count):
         before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
         if not step_cost(grid, discs, before, after)[0]:
@@ -698,7 +701,7 @@ def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
 
 @kernel
 def all_free(grid: Grid, discs: Discs, oriented: bool, path: Floats) -> bool:
-    """Whether a whole path, shape (n, 3), is free for a body that heads along it or for one disc."""
+    """Whether a whole path, shape (n, 3), is free for one disc or a body that heads along it."""
     if oriented:
         return bool(headed_free_length(grid, discs, path) > path_length(path) - LEAST_EDGE)
     return bool(walk_path(grid, discs.thresholds[0], 0.0, path)[1] > discs.thresholds[0])
