@@ -67,6 +67,7 @@ def turning_path(
     entered = lattice.entry(known, space, np.array(start[:3]))
     coarse = int(known.factor[0])
     beyond = round(BEYOND * 2 * FREE_RATE * LENGTHS[1] / (coarse * space.resolution))
+    lattice.draw_to(known, entered)
     _lattice_kernels.spread(known, entered, entered, budget, beyond + 1)
     limit = int(known.cost[entered]) + beyond
     bounds = _lattice_kernels.bounds_to_go(known, entered, limit)
