@@ -5,7 +5,8 @@ A node is the centre of every ``factor``-th grid cell along both axes; a state i
 ahead. What each disc's centre touches on a step or a turn are always the same cells relative to the
 node, so a check is a walk through a table. Costs are integers.
 
-A* (Hart, Nilsson, Raphael, IEEE TSSC 1968), drawn by the exact cost-to-go of the least disc.
+A* (Hart, Nilsson, Raphael, IEEE TSSC 1968), drawn by the costs-to-go of the least disc, which the
+search for its way found before.
 """
 
 import heapq
@@ -22,8 +23,15 @@ UNKNOWN_COST = 2**30
 NODE_BITS = 24  # of a queue's key: the rest is the cost
 NONE = -1
 
+EAGERNESS = 4
+"""What is left counts a sixteenth more (Pohl, Machine Intelligence 1970): a detour that the
+least disc did not need is found without a look at all that costs as little."""
+
+FIRST_SLOTS = 1024
+
 Longs = NDArray[np.int64]
 Integers = NDArray[np.int32]
+Bools = NDArray[np.bool_]
 
 
 class Ways(NamedTuple):
@@ -35,6 +43,7 @@ class Ways(NamedTuple):
     step_counts: Longs  # (16,)
     turn_cells: Longs  # (16, m, 2) that they touch on a turn to the next way to the left
     turn_counts: Longs  # (16,)
+    spin_cells: Longs  # (s, 2) that they touch on a whole turn
     turn_price: int
     reversal_price: int  # for going on tail first, or nose first again
 
@@ -47,6 +56,15 @@ class Plane(NamedTuple):
     rates: Integers  # (t,) cost per length by squared distance
     factor: int
     shape: tuple[int, int]  # nodes
+
+
+class Slots(NamedTuple):
+    """What is known of the nodes that were seen, in the order in which they were."""
+
+    cost: Integers  # (k, 16) to be in a state; only the first where the body can turn about
+    via: Integers  # (k, 16) state before it, NONE of a start
+    by: NDArray[np.uint8]  # (k, 16) way that it was reached by
+    turns: Bools  # (k,) whether the body can turn about
 
 
 @kernel
@@ -67,174 +85,154 @@ def rate_at(plane: Plane, i: int, j: int) -> int:
 
 
 @kernel
-def costs_to_go(plane: Plane, ways: Ways, goal: int, targets: Longs) -> Integers:
-    """Cost of the least disc from each node to the goal, shape (n,), at least until all targets.
-
-    Nodes farther than half as much again are told the cost at which the search ended. The queue is
-    one of buckets (Dial, CACM 1969): no step costs as much as there are of them.
-    """
-    rows, columns = plane.shape
-    rates = node_rates(plane)
-    cost = np.full(rows * columns, UNKNOWN_COST, np.int32)
-    after, before = np.empty(rows * columns, np.int32), np.empty(rows * columns, np.int32)
-    head = np.full(int(ways.lengths.max()) * int(plane.rates.max()) + 1, NONE, np.int32)
-    wanted = np.zeros(rows * columns, np.bool_)
-    for target in targets:
-        wanted[target] = True
-    left, most, last = len(targets), UNKNOWN_COST, 0
-    cost[goal] = 0
-    insert(head, after, before, goal, 0)
-    opened, reached = 1, 0
-    while opened > 0:
-        node = int(head[reached % len(head)])
-        if node == NONE:
-            reached += 1
-            continue
-        remove(head, after, before, node, reached)
-        opened -= 1
-        last = reached
-        if reached > most:
-            break
-        if wanted[node]:
-            left -= 1
-            wanted[node] = False
-            if left == 0:
-                most = reached + (reached >> 1)
-        i, j = node // columns, node % columns
-        for way in range(WAYS):
-            x, y = i + int(ways.steps[way, 0]), j + int(ways.steps[way, 1])
-            if x < 0 or y < 0 or x >= rows or y >= columns or rates[x, y] < 0:
-                continue
-            found = reached + (int(ways.lengths[way]) * int(rates[i, j] + rates[x, y]) >> 1)
-            to = x * columns + y
-            if found < cost[to]:
-                if cost[to] < UNKNOWN_COST:
-                    remove(head, after, before, to, int(cost[to]))
-                    opened -= 1
-                cost[to] = found
-                insert(head, after, before, to, found)
-                opened += 1
-    if last > most:
-        for node in range(len(cost)):
-            cost[node] = min(cost[node], last)
-    return cost
-
-
-@kernel
-def node_rates(plane: Plane) -> Integers:
-    """Cost per length at each node, shape (rows, columns); -1 where the least disc is not free."""
-    rows, columns = plane.shape
-    half = plane.factor // 2
-    rates = np.empty((rows, columns), np.int32)
-    for i in range(rows):
-        for j in range(columns):
-            u, v = i * plane.factor + half, j * plane.factor + half
-            free = plane.field[u, v] > plane.threshold
-            rates[i, j] = rate_at(plane, u, v) if free else NONE
-    return rates
-
-
-@kernel
-def insert(head: Integers, after: Integers, before: Integers, node: int, key: int) -> None:
-    """Put a node first into the bucket of its key."""
-    bucket = key % len(head)
-    first = head[bucket]
-    after[node], before[node] = first, NONE
-    if first >= 0:
-        before[first] = node
-    head[bucket] = node
-
-
-@kernel
-def remove(head: Integers, after: Integers, before: Integers, node: int, key: int) -> None:
-    """Take a node out of the bucket of its key."""
-    if before[node] >= 0:
-        after[before[node]] = after[node]
-    else:
-        head[key % len(head)] = after[node]
-    if after[node] >= 0:
-        before[after[node]] = before[node]
-
-
-@kernel
 def search_states(
     plane: Plane, ways: Ways, to_go: Integers, starts: Longs, prices: Longs, goal: int, budget: int
-) -> Longs:
+) -> tuple[Longs, Bools]:
     """States from a start to the goal's node, shape (n,), or none within the budget.
+
+    Where the body can turn about it turns free of charge, so such a node is one state, not 16: the
+    search goes straight down the costs-to-go there, and is wide only where the body is not free.
 
     Args:
         plane: Where.
         ways: How.
-        to_go: From ``costs_to_go``.
+        to_go: At least about what it costs from each node to the goal, shape (nodes,).
         starts: States, shape (s,): a node times 16 and a way.
         prices: What it costs to be in them, shape (s,).
         goal: Node.
         budget: States that may be closed.
+
+    Returns:
+        The states, and at which of them the body can turn about, shape (n,): such a node has two,
+        as the body comes and as it leaves.
     """
     rows, columns = plane.shape
-    cost = np.full(rows * columns * WAYS, UNKNOWN_COST, np.int32)
-    via = np.full(rows * columns * WAYS, NONE, np.int32)
-    queue = [np.int64(-1)]
+    half = plane.factor // 2
+    slots = np.full(rows * columns, NONE, np.int32)  # where what is known of a node stands
+    count, seen = 0, new_slots(FIRST_SLOTS)
+    queue = [np.int64(0)]  # of estimates of the whole with the states that they are of
     queue.pop()
     for n in range(len(starts)):
-        if prices[n] < cost[starts[n]] and to_go[starts[n] // WAYS] < UNKNOWN_COST:
-            cost[starts[n]] = prices[n]
-            key = (int(prices[n] + to_go[starts[n] // WAYS]) << NODE_BITS) | int(starts[n])
-            heapq.heappush(queue, np.int64(key))
-    half = plane.factor // 2
+        node, way = starts[n] // WAYS, starts[n] % WAYS
+        if slots[node] == NONE:
+            seen = with_room(seen, count)
+            i, j = node // columns, node % columns
+            open_slot(plane, ways, i * plane.factor + half, j * plane.factor + half, seen, count)
+            slots[node] = count
+            count += 1
+        slot = slots[node]
+        state = 0 if seen.turns[slot] else way
+        if prices[n] < seen.cost[slot, state]:
+            seen.cost[slot, state], seen.by[slot, state] = prices[n], way
+            key = key_of(prices[n], to_go[node], node * WAYS + state)
+            heapq.heappush(queue, key)
     while len(queue) > 0 and budget > 0:
-        key = int(heapq.heappop(queue))
-        state = key & ((1 << NODE_BITS) - 1)
+        key = heapq.heappop(queue)
+        state = int(key & ((1 << NODE_BITS) - 1))
         node, way = state // WAYS, state % WAYS
-        known = int(cost[state])
-        if key >> NODE_BITS > known + to_go[node]:
+        slot = slots[node]
+        known, rest = int(seen.cost[slot, way]), int(to_go[node])
+        if key >> NODE_BITS > known + rest + (rest >> EAGERNESS):
             continue
         if node == goal:
-            return unwind(via, state)
+            return unwind(ways, slots, columns, seen, state)
         budget -= 1
         i, j = node // columns, node % columns
         u, v = i * plane.factor + half, j * plane.factor + half
-        for move in range(4):
-            to, found = state, known
-            if move == 0:
-                x, y = i + int(ways.steps[way, 0]), j + int(ways.steps[way, 1])
-                if x < 0 or y < 0 or x >= rows or y >= columns:
+        turns = seen.turns[slot]
+        if not turns:
+            for move in range(3):
+                turned = (way + (WAYS // 2, 1, -1)[move]) % WAYS
+                price = ways.reversal_price if move == 0 else ways.turn_price
+                if known + price >= seen.cost[slot, turned]:
                     continue
-                if not cells_free(plane, u, v, ways.step_cells[way], int(ways.step_counts[way])):
+                swept = turned if move == 2 else way
+                if move > 0 and not cells_free(
+                    plane, u, v, ways.turn_cells[swept], int(ways.turn_counts[swept])
+                ):
                     continue
-                there = rate_at(plane, x * plane.factor + half, y * plane.factor + half)
-                to = (x * columns + y) * WAYS + way
-                found += int(ways.lengths[way]) * (rate_at(plane, u, v) + there) >> 1
-            elif move == 1:
-                to = node * WAYS + (way + WAYS // 2) % WAYS
-                found += ways.reversal_price
-            else:
-                turned = (way + 1) % WAYS if move == 2 else (way - 1) % WAYS
-                swept = way if move == 2 else turned
-                to = node * WAYS + turned
-                found += ways.turn_price
-                if found >= cost[to]:
-                    continue
-                count = int(ways.turn_counts[swept])
-                if not cells_free(plane, u, v, ways.turn_cells[swept], count):
-                    continue
-            if found < cost[to] and to_go[to // WAYS] < UNKNOWN_COST:
-                cost[to], via[to] = found, state
-                key = ((found + int(to_go[to // WAYS])) << NODE_BITS) | to
-                heapq.heappush(queue, np.int64(key))
-    return np.empty(0, np.int64)
+                seen.cost[slot, turned] = known + price
+                seen.via[slot, turned], seen.by[slot, turned] = state, turned
+                heapq.heappush(queue, key_of(known + price, rest, node * WAYS + turned))
+        here = rate_at(plane, u, v)
+        for ahead in range(0 if turns else way, WAYS if turns else way + 1):
+            x, y = i + int(ways.steps[ahead, 0]), j + int(ways.steps[ahead, 1])
+            if x < 0 or y < 0 or x >= rows or y >= columns:
+                continue
+            other, p, q = x * columns + y, x * plane.factor + half, y * plane.factor + half
+            found = known + (int(ways.lengths[ahead]) * (here + rate_at(plane, p, q)) >> 1)
+            at = slots[other]
+            if at != NONE and found >= seen.cost[at, 0 if seen.turns[at] else ahead]:
+                continue
+            if not cells_free(plane, u, v, ways.step_cells[ahead], int(ways.step_counts[ahead])):
+                continue
+            if at == NONE:
+                seen = with_room(seen, count)
+                open_slot(plane, ways, p, q, seen, count)
+                at, slots[other] = count, count
+                count += 1
+            to = 0 if seen.turns[at] else ahead
+            seen.cost[at, to], seen.via[at, to], seen.by[at, to] = found, state, ahead
+            heapq.heappush(queue, key_of(found, to_go[other], other * WAYS + to))
+    return np.empty(0, np.int64), np.empty(0, np.bool_)
 
 
 @kernel
-def unwind(via: Integers, state: int) -> Longs:
-    """The states that led to one, from the first."""
-    count, at = 1, state
-    while via[at] != NONE:
-        at = via[at]
-        count += 1
-    states = np.empty(count, np.int64)
-    at = state
-    for n in range(count - 1, -1, -1):
-        states[n] = at
-        at = via[at]
-    return states
+def key_of(cost: int, rest: int, state: int) -> np.int64:
+    """What a state is queued by: an estimate of the whole cost, and the state."""
+    return np.int64((np.int64(cost + rest + (rest >> EAGERNESS)) << NODE_BITS) | state)
+
+
+@kernel
+def new_slots(count: int) -> Slots:
+    """Room for what is known of so many nodes."""
+    return Slots(
+        np.full((count, WAYS), UNKNOWN_COST, np.int32),
+        np.full((count, WAYS), NONE, np.int32),
+        np.zeros((count, WAYS), np.uint8),
+        np.zeros(count, np.bool_),
+    )
+
+
+@kernel
+def with_room(seen: Slots, count: int) -> Slots:
+    """The same, twice as large if there is no room for one more node."""
+    if count < len(seen.turns):
+        return seen
+    larger = new_slots(2 * count)
+    larger.cost[:count], larger.via[:count] = seen.cost, seen.via
+    larger.by[:count], larger.turns[:count] = seen.by, seen.turns
+    return larger
+
+
+@kernel
+def open_slot(plane: Plane, ways: Ways, u: int, v: int, seen: Slots, slot: int) -> None:
+    """Look whether the body can turn about at a node in the middle of a grid cell."""
+    seen.turns[slot] = cells_free(plane, u, v, ways.spin_cells, len(ways.spin_cells))
+
+
+@kernel
+def unwind(
+    ways: Ways, slots: Integers, columns: int, seen: Slots, state: int
+) -> tuple[Longs, Bools]:
+    """The states that led to one, from the first, and at which of them the body can turn about.
+
+    There are two of such a node, as it comes and as it leaves.
+    """
+    states, wide = [np.int64(state)], [False]
+    states.pop()
+    wide.pop()
+    at, leaves = state, NONE
+    while at != NONE:
+        node = at // WAYS
+        slot, way = slots[node], at % WAYS
+        turns, arrives = bool(seen.turns[slot]), int(seen.by[slot, way])
+        if turns and leaves != NONE:
+            states.append(np.int64(node * WAYS + leaves))
+            wide.append(turns)
+        states.append(np.int64(node * WAYS + arrives))
+        wide.append(turns)
+        before = int(seen.via[slot, way])
+        leaves = arrives if before == NONE or before // WAYS != node else NONE
+        at = before
+    return np.array(states)[::-1].copy(), np.array(wide)[::-1].copy()

@@ -32,6 +32,7 @@ STEPS = (12, 17, 21)
 """Length of a step along one, two and three axes: 1, 2^0.5 and 3^0.5 to 1 %, in integers."""
 
 NEW, OPEN, CLOSED, FORGOTTEN = 0, 1, 2, 3
+UNKNOWN_KEY = 2**62
 KEY, OPENED, EXPANDED = 0, 1, 2  # places in Lattice.now
 
 Bytes = NDArray[np.uint8]
@@ -113,7 +114,9 @@ def block_mask(
     for u in range(x, x + factor[0]):
         for v in range(y, y + factor[1]):
             for w in range(z, z + factor[2]):
-                mask = (mask << 1) | int(field[u, v, w] > threshold)
+                # As unsigned indices none is taken for one from behind.
+                value = field[np.uint64(u), np.uint64(v), np.uint64(w)]
+                mask = (mask << 1) | int(value > threshold)
     return mask
 
 
@@ -155,9 +158,15 @@ def estimate(shape: Longs, cell: int, target: int) -> int:
     if target < 0:
         return 0
     width, depth = shape[1], shape[2]
-    x = abs(cell // (width * depth) - target // (width * depth))
-    y = abs((cell // depth) % width - (target // depth) % width)
-    z = abs(cell % depth - target % depth)
+    x = cell // (width * depth) - target // (width * depth)
+    y = (cell // depth) % width - (target // depth) % width
+    return least_cost(x, y, cell % depth - target % depth)
+
+
+@kernel
+def least_cost(x: int, y: int, z: int) -> int:
+    """Of so many cells along the axes, if all are free."""
+    x, y, z = abs(x), abs(y), abs(z)
     most, least = max(x, y, z), min(x, y, z)
     middle = x + y + z - most - least
     length = STEPS[2] * least + STEPS[1] * (middle - least) + STEPS[0] * (most - middle)
@@ -198,7 +207,7 @@ def remove(head: Integers, after: Integers, before: Integers, cell: int, key: in
 
 
 @kernel
-def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
+def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) -> bool:
     """Close cells in the order of their keys until a given one is closed.
 
     Args:
@@ -207,6 +216,8 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
         target: The cell that the search is drawn to, or -1: then all cells nearer to the goal are
             closed before it.
         budget: Most cells to close.
+        beyond: All cells whose keys are less than its cost and this are closed, too. From 1 on
+            these are all cells of all its cheapest ways.
 
     Returns:
         Whether the cell is closed; if not, the budget is spent or no cell is open.
@@ -220,7 +231,9 @@ def spread(lattice: Lattice, until: int, target: int, budget: int) -> bool:
     mask, state, cost, via = lattice.mask, lattice.state, lattice.cost, lattice.via
     head, after, before = lattice.head, lattice.after, lattice.before
     key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
-    while opened > 0 and closed < budget and (state[until] != CLOSED or key < cost[until]):
+    while opened > 0 and closed < budget:
+        if state[until] == CLOSED and key >= cost[until] + beyond:
+            break
         cell = head[key % len(head)]
         while cell >= 0 and cost[cell] + estimate(shape, cell, target) != key:
             cell = after[cell]  # of a later round of the queue
@@ -292,6 +305,32 @@ def descend(lattice: Lattice, start: int) -> Integers:
 
 
 @kernel
+def bounds_to_go(lattice: Lattice, target: int, limit: int) -> Integers:
+    """About what it costs at least from each cell of a plane to the goal, shape (nodes,).
+
+    Cells of which a way from the target over them to the goal costs at most the limit are told
+    their cost-to-go, others what it has to be to cost more than that. So it is the same whatever
+    else is closed. Without the border, and halved: a step costs its length times the mean rate.
+
+    Args:
+        lattice: Of a plane, with all cells closed whose keys are up to the limit.
+        target: Cell that its search is drawn to.
+        limit: Cost.
+    """
+    shape, state, cost = lattice.shape, lattice.state, lattice.cost
+    rows, columns = shape[0] - 2, shape[1] - 2
+    x, y = target // (shape[1] * shape[2]) - 1, target // shape[2] % shape[1] - 1
+    bounds = np.empty(rows * columns, np.int32)
+    for i in range(rows):
+        for j in range(columns):
+            cell = ((i + 1) * shape[1] + j + 1) * shape[2] + 1
+            most = limit - least_cost(i - x, j - y, 0)
+            known = state[cell] == CLOSED and cost[cell] <= most
+            bounds[i * columns + j] = (cost[cell] if known else max(most, 0)) >> 1
+    return bounds
+
+
+@kernel
 def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
     """Look again at the lattice cells of a box that were looked at before; tell which changed."""
     field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
@@ -315,20 +354,33 @@ def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
 
 
 @kernel
+def draw_to(lattice: Lattice, target: int, cells: Longs) -> None:
+    """Queue all open cells anew, for a search that is drawn to another cell; -1 for none."""
+    shape, cost = lattice.shape, lattice.cost
+    head, after, before = lattice.head, lattice.after, lattice.before
+    head[:] = -1
+    least = UNKNOWN_KEY
+    for cell in cells:
+        key = cost[cell] + estimate(shape, cell, target)
+        insert(head, after, before, cell, key)
+        least = min(least, key)
+    lattice.now[KEY], lattice.now[OPENED] = least, len(cells)
+
+
+@kernel
 def repair(lattice: Lattice, changed: Integers) -> None:
     """Forget the costs-to-go that a change can have altered, and reopen the cells around them.
 
     A change alters steps to, from and past its cell only, so the costs of its neighbours are
     forgotten, and of all cells whose way leads over one that is. Those that are left are the costs
     of ways that still exist; ``spread`` finds the cheaper ones. The goal's cost is never forgotten.
+    The queue is to be made anew by ``draw_to``.
 
     Args:
-        lattice: Its search was not drawn to a target.
+        lattice: Its search.
         changed: Cells whose rate is another now.
     """
     offsets, state, cost, via = lattice.offsets, lattice.state, lattice.cost, lattice.via
-    head, after, before = lattice.head, lattice.after, lattice.before
-    key, opened = lattice.now[KEY], lattice.now[OPENED]
     forgotten = np.empty(len(state), np.int32)
     count, done = 0, 0
     for cell in changed:
@@ -336,9 +388,6 @@ def repair(lattice: Lattice, changed: Integers) -> None:
             near = cell if way < 0 else cell + offsets[way]
             if state[near] == FORGOTTEN or (state[near] != NEW and cost[near] == 0):
                 continue
-            if state[near] == OPEN:
-                remove(head, after, before, near, cost[near])
-                opened -= 1
             state[near] = FORGOTTEN
             forgotten[count] = near
             count += 1
@@ -353,9 +402,6 @@ def repair(lattice: Lattice, changed: Integers) -> None:
                 continue
             if cost[near] == 0:
                 continue
-            if state[near] == OPEN:
-                remove(head, after, before, near, cost[near])
-                opened -= 1
             state[near] = FORGOTTEN
             forgotten[count] = near
             count += 1
@@ -364,7 +410,4 @@ def repair(lattice: Lattice, changed: Integers) -> None:
             near = cell + offset
             if 0 <= near < len(state) and state[near] == CLOSED:
                 state[near] = OPEN
-                insert(head, after, before, near, cost[near])
-                key, opened = min(key, cost[near]), opened + 1
         state[cell] = NEW
-    lattice.now[KEY], lattice.now[OPENED] = key, opened

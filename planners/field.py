@@ -6,7 +6,6 @@ It is written as an OMPL planner, so that it is chosen, bounded, logged and meas
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 
 import numpy as np
@@ -14,7 +13,8 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from planners import _lattice_kernels, kernels, lattice
-from planners.headings import reversible, turning_path
+from planners._lattice_kernels import Lattice
+from planners.headings import head_along, reversible, turning_path
 from planners.kernels import Floats, Pose
 from planners.space import FreeSpace
 from planners.state_spaces import StateSpace
@@ -35,7 +35,8 @@ class FieldPlanner(ob.Planner):  # type: ignore[misc]
     The search costs length and nearness to obstacles on lattices that grow finer until one has a
     way, so a gap that is closed on the coarse lattice is found on the grid itself. Its path is
     pulled straight where that costs no more. A body of discs heads along the path and turns in
-    place; where it has no room for that, places and headings are searched together.
+    place; where it has no room for that, places and headings are searched together, and at last
+    by RRT-Connect.
     """
 
     def __init__(self, information: ob.SpaceInformation, clearance_weight: float) -> None:
@@ -57,22 +58,18 @@ class FieldPlanner(ob.Planner):  # type: ignore[misc]
         start = kind.read(self.getPlannerInputStates().nextStart(), validity.z)
         goal = kind.read(definition.getGoal().getState(), validity.z)
         costs, weight = searched(space, kind, self._weight)
-        points = lattice_path(costs, start, goal, weight, until)
-        if points is None:
+        found = lattice_path(costs, start, goal, weight, until)
+        if found is None:
             return ob.PlannerStatus(False, False)
+        points, grid = found
         if not kind.oriented:
             self._add([(x, y, z, 0.0) for x, y, z in points.tolist()])
             return ob.PlannerStatus(True, False)
         end = None if validity.any_heading else goal
-        poses = head_along(points, start, end)
-        if kernels.poses_free(space.grid, space.shape, poses):
-            self._add(poses.tolist())
+        poses = with_headings(space, costs, points, start, goal, end, grid)
+        if poses is not None:
+            self._add([tuple(pose) for pose in poses.tolist()])
             return ob.PlannerStatus(True, False)
-        if end is None and space.flat and reversible(space):
-            found = turning_path(costs, start, goal, TURNS)
-            if found is not None:
-                self._add([tuple(pose) for pose in found.tolist()])
-            return ob.PlannerStatus(found is not None, False)
         sampling = og.RRTConnect(self.getSpaceInformation())
         sampling.setProblemDefinition(definition)
         sampling.setup()
@@ -107,13 +104,41 @@ def searched(space: FreeSpace, kind: StateSpace, weight: float) -> tuple[FreeSpa
     return dataclasses.replace(space, cost_by_distance=costs), 1.0
 
 
+def with_headings(
+    space: FreeSpace,
+    costs: FreeSpace,
+    points: Floats,
+    start: Pose,
+    goal: Pose,
+    end: Pose | None,
+    grid: Lattice,
+) -> Floats | None:
+    """Poses along a path of positions, or on another way where the body does not fit along it.
+
+    Args:
+        space: With the body's discs.
+        costs: The same, with the costs that positions were searched with.
+        points: The path, shape (n, 3) [m].
+        start: Where it begins.
+        goal: Place that it leads to.
+        end: Pose at the goal; None for any heading.
+        grid: The lattice that it was found on.
+    """
+    poses = head_along(points, start, end)
+    if kernels.poses_free(space.grid, space.shape, poses):
+        return poses
+    if end is None and space.flat and reversible(space):
+        return turning_path(costs, start, goal, TURNS, grid)
+    return None
+
+
 def lattice_path(
     space: FreeSpace,
     start: Pose,
     goal: Pose,
     weight: float,
     until: ob.PlannerTerminationCondition,
-) -> Floats | None:
+) -> tuple[Floats, Lattice] | None:
     """The cheapest way on the first lattice that has one, pulled straight, shape (n, 3) [m]."""
     a, b = np.array(start[:3]), np.array(goal[:3])
     for factor in lattice.factors(space):
@@ -126,26 +151,8 @@ def lattice_path(
         while not found and grid.now[_lattice_kernels.OPENED] > 0:
             if until():
                 return None
-            found = _lattice_kernels.spread(grid, entered, entered, EXPANSIONS)
+            found = _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, 0)
         if found:
             path = lattice.way_down(grid, space, a, b, entered)
-            return kernels.prune(space.grid, space.blocked_at_or_below, weight, path)
+            return kernels.prune(space.grid, space.blocked_at_or_below, weight, path), grid
     return None
-
-
-def head_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:
-    """Poses of a body that heads along a path and turns at its corners, shape (n, 4).
-
-    Args:
-        points: Shape (n, 3) [m].
-        start: Where it begins.
-        goal: Where it turns to at last; None for as it comes.
-    """
-    poses = [start]
-    for a, b in itertools.pairwise(points):
-        if b[0] == a[0] and b[1] == a[1]:
-            heading = poses[-1][3]  # straight up or down
-        else:
-            heading = float(kernels.heading_of(b[0] - a[0], b[1] - a[1]))
-        poses += [(*a, heading), (*b, heading)]
-    return np.array(poses if goal is None else [*poses, goal], dtype=np.float64)

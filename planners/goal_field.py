@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from planners import _lattice_kernels, kernels, lattice
 from planners._lattice_kernels import Lattice
-from planners.field import EXPANSIONS, searched
+from planners.field import EXPANSIONS, searched, with_headings
 from planners.kernels import Floats
 from planners.problem import Plan, PlannerConfig, finish_path, plan
 from planners.space import FreeSpace
@@ -23,7 +23,9 @@ class GoalField:
     same as that of a new ``GoalField``, bit by bit, whatever was planned before. When the map
     changes, the costs of all ways over what changed are forgotten, and the search goes on from the
     border of those (after Ramalingam and Reps, "An Incremental Algorithm for a Generalization of
-    the Shortest-Path Problem", Journal of Algorithms 1996).
+    the Shortest-Path Problem", Journal of Algorithms 1996). The first plan searches all around the
+    goal, so that much is known; later ones are drawn to the start, and close only cells of which a
+    way over them can be as cheap (as in D* Lite, Koenig and Likhachev, AAAI 2002).
 
     Attributes:
         goal: World frame [m], shape (3,).
@@ -66,16 +68,24 @@ class GoalField:
         entered = lattice.entry(grid, space, start) if self._goal_cell >= 0 else -1
         before = int(grid.now[_lattice_kernels.EXPANDED])
         budget = self.config.iterations * EXPANSIONS
-        if entered < 0 or not _lattice_kernels.spread(grid, entered, -1, budget):
+        target = entered if before > 0 else -1
+        if entered >= 0:
+            lattice.draw_to(grid, target)
+        if entered < 0 or not _lattice_kernels.spread(grid, entered, target, budget, 1):
             if grid.now[_lattice_kernels.OPENED] > 0:
                 self._lattice = None  # the next plan has the whole budget, as a new object has
             return plan(space, start, self.goal, self.config, seed, heading)
         spent = int(grid.now[_lattice_kernels.EXPANDED]) - before
         path = lattice.way_down(grid, space, start, self.goal, entered)
         path = kernels.prune(costs.grid, space.blocked_at_or_below, weight, path)
-        return finish_path(
-            space, start, self.goal, self.config, seed, heading, path, 1 + spent // EXPANSIONS
-        )
+        poses: Floats | None = np.column_stack((path, np.zeros(len(path))))
+        if kind.oriented:
+            begin, end = (*start.tolist(), float(kernels.wrap(heading))), (*self.goal.tolist(), 0.0)
+            poses = with_headings(space, costs, path, begin, end, None, grid)
+        if poses is None:
+            return plan(space, start, self.goal, self.config, seed, heading)
+        used = 1 + spent // EXPANSIONS
+        return finish_path(space, start, self.goal, self.config, seed, heading, poses, used)
 
     def _follow(
         self, space: FreeSpace, weight: float, changed: tuple[Cells, Cells] | None

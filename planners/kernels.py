@@ -35,6 +35,17 @@ CORNER_PRICE = 0.2
 LEAST_CORNER = 1e-3  # [rad]
 # What motion off the heading costs more than motion along it: sideways twice, backwards thrice.
 SIDEWAYS = 1.0
+# So many edges of a path are looked at together, but none that is longer than this [m].
+BOXES = (16, 4, 1)
+LONGEST_BOX = 1.0
+# Each shrinking halves a blend; after five the corner is taken as it is.
+BLEND_SHRINKINGS = 5
+# A blend has at least this many edges, so that its curvature can be read from its points.
+LEAST_BLEND_EDGES = 8
+# A shorter edge is what rounding leaves over, and its direction is noise [m].
+LEAST_EDGE = 1e-6
+# A long body goes back at a corner that turns by more than 135 degrees.
+COSINE_BACK = -0.7
 # A cost has to fall by more than its own rounding error before a path is changed [m].
 LEAST_GAIN = 1e-9
 
@@ -534,11 +545,72 @@ def sweep_steps(a: Pose, b: Pose) -> int:
 
 
 @kernel
-def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
-    """Whether a body is free all the way between two poses, both ends first."""
-    if not (step_cost(grid, discs, b, b)[0] and step_cost(grid, discs, a, a)[0]):
+def box_free(grid: Grid, threshold: int, low: Point, high: Point, reach: float) -> bool:
+    """Whether all cells of a box, wider by a reach [m] and a cell to each side, are free.
+
+    Then a body is free at any heading whose reference point moves in it. In height the box is wider
+    only if it has one.
+    """
+    near, first = to_subcells(grid, (low[0] - reach, low[1] - reach, low[2]))
+    also_near, last = to_subcells(grid, (high[0] + reach, high[1] + reach, high[2]))
+    if not (near and also_near):
         return False
+    rise = 1 if high[2] > low[2] else 0
+    i, j, k = first[0] >> SUBCELL_BITS, first[1] >> SUBCELL_BITS, first[2] >> SUBCELL_BITS
+    x, y, z = last[0] >> SUBCELL_BITS, last[1] >> SUBCELL_BITS, last[2] >> SUBCELL_BITS
+    i, j, k, x, y, z = i - 1, j - 1, k - rise, x + 1, y + 1, z + rise
+    nx, ny, nz = grid.field.shape
+    if i < 0 or j < 0 or k < 0 or x >= nx or y >= ny or z >= nz:
+        return False
+    for u in range(i, x + 1):
+        for v in range(j, y + 1):
+            for w in range(k, z + 1):
+                if inside_value(grid.field, u, v, w) <= threshold:
+                    return False
+    return True
+
+
+@kernel
+def any_heading_free(grid: Grid, discs: Discs, path: Floats, first: int, last: int) -> bool:
+    """Whether a box about some points of a path is free for each disc at any heading."""
+    x, y, z = row(path, first)
+    low, high = (x, y, z), (x, y, z)
+    for n in range(first + 1, last + 1):
+        x, y, z = row(path, n)
+        low = min(low[0], x), min(low[1], y), min(low[2], z)
+        high = max(high[0], x), max(high[1], y), max(high[2], z)
+    return body_box_free(grid, discs, low, high)
+
+
+@kernel
+def body_box_free(grid: Grid, discs: Discs, low: Point, high: Point) -> bool:
+    """Whether a body is free at any heading while its reference point is in a box."""
+    threshold, reach = 0, 0.0
+    for n in range(len(discs.offsets)):
+        threshold = max(threshold, discs.thresholds[n])
+        reach = max(reach, abs(discs.offsets[n]))
+    return box_free(grid, threshold, low, high, reach)
+
+
+@kernel
+def turns_freely(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
+    """Whether a sweep is a turn on the spot that is seen to be free without a walk."""
+    if a[0] != b[0] or a[1] != b[1] or a[2] != b[2]:
+        return False
+    return body_box_free(grid, discs, a[:3], a[:3])
+
+
+@kernel
+def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
+    """Whether a body is free all the way between two poses, the end first."""
     count = sweep_steps(a, b)
+    if count > 1 and distance(a[:3], b[:3]) <= LONGEST_BOX:
+        low = min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2])
+        high = max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2])
+        if body_box_free(grid, discs, low, high):
+            return True
+    if not step_cost(grid, discs, b, b)[0]:
+        return False
     for n in range(count):
         before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
         if not step_cost(grid, discs, before, after)[0]:
@@ -582,17 +654,36 @@ def poses_free_count(grid: Grid, discs: Discs, poses: Floats) -> int:
 
 
 @kernel
+def free_up_to(grid: Grid, discs: Discs, path: Floats, first: int) -> int:
+    """The point up to which a path's edges from another on are seen to be free at any heading."""
+    for edges in BOXES:
+        last = min(first + edges, len(path) - 1)
+        if distance(row(path, first), row(path, last)) <= LONGEST_BOX and any_heading_free(
+            grid, discs, path, first, last
+        ):
+            return last
+    return first
+
+
+@kernel
 def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
     """Length [m] of a path, shape (n, 3), before the edge that a body cannot head along.
 
-    It turns on the spot at each point: nose first, or where that is not free, tail first.
+    It turns on the spot at each point: nose first, or where that is not free, tail first. Where a
+    box about several edges is free they need no look of their own.
     """
-    length, heading, begun = 0.0, 0.0, False
+    length, heading, begun, known = 0.0, 0.0, False, 0
     for n in range(len(path) - 1):
         a, b = row(path, n), row(path, n + 1)
         if a[0] == b[0] and a[1] == b[1]:
             continue
         ahead = heading_of(b[0] - a[0], b[1] - a[1])
+        if n >= known:
+            known = free_up_to(grid, discs, path, n)
+        if n < known:
+            heading, begun = ahead, True
+            length += distance(a, b)
+            continue
         here = (a[0], a[1], a[2], heading)
         chosen = False
         for way in range(2):
@@ -606,6 +697,140 @@ def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
             return length
         length += distance(a, b)
     return length
+
+
+@kernel
+def all_free(grid: Grid, discs: Discs, oriented: bool, path: Floats) -> bool:
+    """Whether a whole path, shape (n, 3), is free for one disc or a body that heads along it."""
+    if oriented:
+        return bool(headed_free_length(grid, discs, path) > path_length(path) - LEAST_EDGE)
+    return bool(walk_path(grid, discs.thresholds[0], 0.0, path)[1] > discs.thresholds[0])
+
+
+@kernel
+def blended(
+    grid: Grid,
+    discs: Discs,
+    oriented: bool,
+    waypoints: Floats,
+    tangents: Floats,
+    reaches: Floats,
+    spacing: float,
+) -> Floats:
+    """Way points joined by straight edges, each corner by its largest free blend, shape (m, 3).
+
+    Args:
+        grid: The distance field.
+        discs: The body's.
+        oriented: Whether it heads along the path.
+        waypoints: Shape (n, 3) [m].
+        tangents: Unit directions before and after each corner, shape (n - 2, 2, 3).
+        reaches: Length that each blend may take of both edges [m], shape (n - 2,).
+        spacing: Largest distance between points [m].
+    """
+    pieces = [waypoints[:1].copy()]
+    last = row(waypoints, 0)
+    for n in range(1, len(waypoints)):
+        piece = waypoints[n : n + 1].copy()
+        if n < len(waypoints) - 1:
+            piece = blend(
+                grid, discs, oriented, piece, tangents[n - 1], float(reaches[n - 1]), spacing
+            )
+        first = row(piece, 0)
+        if distance(last, first) < LEAST_EDGE:
+            pieces[-1] = pieces[-1][:-1].copy()  # one blend begins where the other ends
+            pieces.append(piece)
+        else:
+            pieces.append(straight_edge(grid, discs, oriented, last, first, spacing))
+            pieces.append(piece[1:].copy())
+        last = row(piece, len(piece) - 1)
+    count = 0
+    for piece in pieces:
+        count += len(piece)
+    path = np.empty((count, 3))
+    for piece in pieces[::-1]:
+        path[count - len(piece) : count] = piece
+        count -= len(piece)
+    return path
+
+
+@kernel
+def blend(
+    grid: Grid,
+    discs: Discs,
+    oriented: bool,
+    corner: Floats,
+    tangents: Floats,
+    length: float,
+    spacing: float,
+) -> Floats:
+    """Points of the largest free blend of a corner, shape (k, 3), or the corner itself (1, 3)."""
+    before, at, after = row(tangents, 0), row(corner, 0), row(tangents, 1)
+    cosine = before[0] * after[0] + before[1] * after[1] + before[2] * after[2]
+    if length < LEAST_EDGE or (oriented and cosine < COSINE_BACK):  # there it stands
+        return corner
+    for _ in range(BLEND_SHRINKINGS):
+        edges = max(math.ceil(2.0 * length / spacing), LEAST_BLEND_EDGES)
+        points = np.empty((edges + 1, 3))
+        for n in range(edges + 1):
+            t = n * (1.0 / edges) if n < edges else 1.0
+            for i in range(3):
+                start, end = at[i] - length * before[i], at[i] + length * after[i]
+                points[n, i] = (1.0 - t) * (1.0 - t) * start + 2.0 * t * (1.0 - t) * at[i]
+                points[n, i] += t * t * end
+        if all_free(grid, discs, oriented, points):
+            return points
+        length *= 0.5
+    return corner
+
+
+@kernel
+def straight_edge(
+    grid: Grid, discs: Discs, oriented: bool, a: Point, b: Point, spacing: float
+) -> Floats:
+    """Points after ``a`` up to ``b``, at most ``spacing`` apart, shape (k, 3)."""
+    edges = max(math.ceil(distance(a, b) / spacing), 1)
+    points = np.empty((edges + 1, 3))
+    for n in range(edges + 1):
+        t = n * (1.0 / edges)
+        for i in range(3):
+            points[n, i] = a[i] + t * (b[i] - a[i])
+    points[0], points[edges] = a, b
+    # Rounded points can touch a cell that the edge itself just misses.
+    if all_free(grid, discs, oriented, points):
+        return points[1:].copy()
+    return points[edges:].copy()
+
+
+@kernel
+def free_headings(
+    grid: Grid, discs: Discs, start: Pose, places: Floats, headings: Floats
+) -> tuple[int, NDArray[np.bool_]]:
+    """The first place that a sweep leads to, and at which headings it may end there.
+
+    Args:
+        grid: The distance field.
+        discs: The body's.
+        start: Of the sweeps.
+        places: Shape (n, 2) [m].
+        headings: Shape (m,) [rad].
+
+    Returns:
+        The place, and whether a heading is free nose first and tail first, shape (m, 2). Tail first
+        is left out where the body would turn by more than a quarter.
+    """
+    free = np.zeros((len(headings), 2), np.bool_)
+    for n in range(len(places)):
+        for m in range(len(headings)):
+            for gear in range(2):
+                there = wrap(headings[m] + gear * math.pi)
+                if gear == 1 and abs(wrap(there - start[3])) > 0.5 * math.pi + 1e-9:
+                    continue  # nose first takes no longer
+                pose = (places[n, 0], places[n, 1], start[2], there)
+                free[m, gear] = sweep_free(grid, discs, start, pose)
+        if free.any():
+            return n, free
+    return 0, free
 
 
 @kernel
@@ -653,6 +878,8 @@ def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> flo
     cost = TURN_PRICE * turn
     if share == 0.0 and turn > LEAST_CORNER:
         cost += CORNER_PRICE
+    if turns_freely(grid, discs, a, b):
+        return cost  # what is near costs length
     for n in range(count):
         before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
         free, near = step_cost(grid, discs, before, after)

@@ -83,6 +83,11 @@ def open_goal(lattice: Lattice, goal: int, target: int = -1) -> None:
     kernels.put(lattice, goal, 0, key)
 
 
+def draw_to(lattice: Lattice, target: int) -> None:
+    """Draw a search to another cell, or to none if that is -1."""
+    kernels.draw_to(lattice, target, np.flatnonzero(lattice.state == kernels.OPEN))
+
+
 def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
     """The free lattice cell nearest to a point that it sees the centre of; -1 if there is none."""
     own = lattice_cell(lattice, space, point)
@@ -90,8 +95,8 @@ def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
         return -1
     cell = int(own @ _strides(lattice))
     if kernels.look(lattice, cell) > 0:
-        centre = centres(lattice, space, np.array([cell]))[0]
-        if space.edge_free(point, centre):
+        middle = (own - 1) * lattice.factor + lattice.factor // 2 + 0.5  # in grid cells
+        if space.edge_free(point, space.origin + middle * space.resolution):
             return cell
     rings = np.array([ENTRY_RINGS, ENTRY_RINGS, 0 if space.flat else ENTRY_RINGS])
     low, high = np.maximum(own - rings, 1), np.minimum(own + rings, lattice.shape - 2)

@@ -1,25 +1,17 @@
 """Geometry of polyline paths, shape (n, 3) [m]: corners blended, arc length, speed limits."""
 
-import itertools
 import math
 
 import numpy as np
 
+from planners import kernels
 from planners._jit import kernel
-from planners.kernels import Floats, edge_headings
+from planners.kernels import LEAST_EDGE, Floats, edge_headings
 from planners.space import FreeSpace
 
 SPACING = 0.05  # of a resampled path [m]
-# Each shrinking halves a blend; after five the corner is taken as it is.
-BLEND_SHRINKINGS = 5
-# A blend has at least this many edges, so that its curvature can be read from its points.
-LEAST_BLEND_EDGES = 8
-# A shorter edge is what rounding leaves over, and its direction is noise [m].
-LEAST_EDGE = 1e-6
 # A corner that turns by less shares its edges as if it turned by this [rad].
 LEAST_TURN = 0.05
-COSINE_BACK = -0.7
-"""A long body goes back at a corner that turns by more than 135 degrees."""
 SHARP_ANGLE = math.radians(50.0)
 SHARP_WINDOW = 0.3  # [m]
 
@@ -158,77 +150,32 @@ def blend_corners(
     Returns:
         Shape (m, 3) [m], with the ends of ``waypoints``; free if they are, edge by edge.
     """
+    waypoints = np.ascontiguousarray(waypoints, dtype=np.float64)
     reaches = _reaches(waypoints, blend_length)
+    tangents = np.empty((len(reaches), 2, 3))
+    for n in range(len(reaches)):
+        tangents[n] = edge_tangents(waypoints[n : n + 3])
+    body = space.grid, space.shape, bool(space.discs)
     # An edge cut short by its blends is rounded anew and can touch a cell that it just missed.
     for share in (1.0, 0.7, 0.4):
-        blends = [
-            _blend(space, waypoints[n - 1 : n + 2], share * reaches[n - 1], spacing)
-            for n in range(1, len(waypoints) - 1)
-        ]
-        path = _join(space, [waypoints[:1], *blends, waypoints[-1:]], spacing)
-        if _all_free(space, path):
+        path: Floats = kernels.blended(*body, waypoints, tangents, share * reaches, spacing)
+        if kernels.all_free(*body, path):
             return path
-    return _join(space, [point[None, :] for point in waypoints], spacing)
+    bare: Floats = kernels.blended(*body, waypoints, tangents, 0.0 * reaches, spacing)
+    return bare
 
 
-def _join(space: FreeSpace, pieces: list[Floats], spacing: float) -> Floats:
-    """Pieces of a path joined by resampled straight edges, shape (m, 3)."""
-    joined = [pieces[0]]
-    for before, after in itertools.pairwise(pieces):
-        if edge_lengths(np.vstack((before[-1], after[0])))[0] < LEAST_EDGE:
-            joined[-1] = joined[-1][:-1]  # one blend begins where the other ends
-            joined.append(after)
-            continue
-        joined += [_resample_edge(space, before[-1], after[0], spacing), after[1:]]
-    return np.vstack(joined)
-
-
-def _reaches(waypoints: Floats, blend_length: float) -> list[float]:
+def _reaches(waypoints: Floats, blend_length: float) -> Floats:
     """Length that each corner's blend may take of its edges [m], shape (n - 2,)."""
     lengths = edge_lengths(waypoints)
     turns = edge_lengths(edge_tangents(waypoints))  # (n - 2,) change of the tangent
     turns = np.concatenate(([0.0], np.maximum(turns, LEAST_TURN), [0.0]))  # the ends turn nowhere
     if len(waypoints) < 3:
-        return []
+        return np.empty(0)
     shares = turns[:-1] / np.maximum(turns[:-1] + turns[1:], LEAST_TURN)  # of the corner before
     before, after = lengths * (1.0 - shares), lengths * shares
-    reaches: list[float] = np.minimum(np.minimum(before[:-1], after[1:]), blend_length).tolist()
+    reaches: Floats = np.minimum(np.minimum(before[:-1], after[1:]), blend_length)
     return reaches
-
-
-def _blend(space: FreeSpace, corner: Floats, length: float, spacing: float) -> Floats:
-    """Points of the largest free blend of a corner, shape (k, 3), or the corner itself."""
-    at = corner[1]
-    tangents = edge_tangents(corner)
-    backwards = space.discs and _dot(tangents[0], tangents[1]) < COSINE_BACK
-    if length < LEAST_EDGE or backwards:  # there it stands
-        return corner[1:2].copy()
-    for _ in range(BLEND_SHRINKINGS):
-        start, end = at - length * tangents[0], at + length * tangents[1]
-        edges = max(math.ceil(2.0 * length / spacing), LEAST_BLEND_EDGES)
-        t = np.linspace(0.0, 1.0, edges + 1)[:, None]
-        points: Floats = (1.0 - t) * (1.0 - t) * start + 2.0 * t * (1.0 - t) * at + t * t * end
-        if _all_free(space, points):
-            return points
-        length *= 0.5
-    return corner[1:2].copy()
-
-
-def _all_free(space: FreeSpace, path: Floats) -> bool:
-    if space.discs:
-        return space.free_length(path) > float(arc_lengths(path)[-1]) - LEAST_EDGE
-    return math.isfinite(space.path_cost(path, 0.0))
-
-
-def _resample_edge(space: FreeSpace, a: Floats, b: Floats, spacing: float) -> Floats:
-    """Points after ``a`` up to ``b``, at most ``spacing`` apart, shape (k, 3)."""
-    edges = max(math.ceil(edge_lengths(np.vstack((a, b)))[0] / spacing), 1)
-    t = np.linspace(0.0, 1.0, edges + 1)[1:, None]
-    points: Floats = a + t * (b - a)
-    points[-1] = b
-    # Rounded points can touch a cell that the edge itself just misses.
-    free = _all_free(space, np.vstack((a, points)))
-    return points if free else points[-1:].copy()
 
 
 def speed_limits(path: Floats, lateral_acceleration: float, yaw_rate: float) -> Floats:

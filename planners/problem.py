@@ -7,7 +7,6 @@ from typing import Literal
 import numpy as np
 
 from planners import kernels
-from planners.field import head_along
 from planners.kernels import Floats, Pose
 from planners.sampling import PLANNERS, UNSEEDED, Budget, Query, planner_builder, search
 from planners.seeds import plan_seed
@@ -173,12 +172,10 @@ def finish_path(
     config: PlannerConfig,
     seed: int,
     heading: float,
-    path: Floats,
+    poses: Floats,
     used: int,
 ) -> Plan:
-    """Make a plan of a path of positions: head along it, cut it short, and tell its cost.
-
-    A body that has no room to head along it and to turn at its corners is planned for from anew.
+    """Make a plan of a path: cut it short, and tell its cost.
 
     Args:
         space: Where the path may run.
@@ -187,20 +184,15 @@ def finish_path(
         config: As for ``plan``.
         seed: As for ``plan``.
         heading: As for ``plan``.
-        path: From start to goal, shape (n, 3) [m], free edge by edge.
+        poses: From start to goal, shape (n, 4), free edge by edge.
         used: Turns of a planner's loop that it took.
     """
     kind = state_space_for(config.state_space, space)
     begin = _pose(start, heading)
-    ends = _goal_poses(space, kind, begin, goal, None)
-    if kind.curved or not ends:
+    end = _pose(goal, poses[-1][3])
+    if kind.curved or not _fits(space, kind, end):
         return plan(space, start, goal, config, seed, heading)
-    query = Query(space, kind, begin, ends[0], config.turning_radius)
-    poses = np.column_stack((path, np.zeros(len(path))))
-    if kind.oriented:
-        poses = head_along(path, begin, None)
-        if not kernels.poses_free(space.grid, space.shape, poses):
-            return plan(space, start, goal, config, seed, heading)
+    query = Query(space, kind, begin, end, config.turning_radius)
     poses = smoothed(query, poses, config, plan_seed(seed, "restart", 0))
     return _with_path(space, kind, poses, _cost(query, poses, config.clearance_weight), used)
 

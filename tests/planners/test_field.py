@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from planners import (
+    Body,
     FreeSpace,
     GoalField,
     PlannerConfig,
@@ -64,7 +65,7 @@ def test_costs_to_go_are_those_of_a_naive_search(shape, factor, repairable):
     grid, free = free_lattice(space, factor, repairable)
     goal = free[len(free) // 2]
     lattice.open_goal(grid, goal)
-    _lattice_kernels.spread(grid, 0, -1, 10**6)  # the border's cell is never closed
+    _lattice_kernels.spread(grid, 0, -1, 10**6, 0)  # the border's cell is never closed
     assert closed_costs(grid) == naive_costs(space, grid, free, goal)
 
 
@@ -73,11 +74,11 @@ def test_a_search_drawn_to_a_target_costs_the_same_and_looks_at_less():
     whole, free = free_lattice(space, 1)
     goal = free[10]
     lattice.open_goal(whole, goal)
-    _lattice_kernels.spread(whole, 0, -1, 10**6)
+    _lattice_kernels.spread(whole, 0, -1, 10**6, 0)
     for start in [cell for cell in free[::97] if whole.state[cell] == _lattice_kernels.CLOSED]:
         drawn, _ = free_lattice(space, 1)
         lattice.open_goal(drawn, goal, start)
-        assert _lattice_kernels.spread(drawn, start, start, 10**6)
+        assert _lattice_kernels.spread(drawn, start, start, 10**6, 0)
         assert drawn.cost[start] == whole.cost[start]
         assert drawn.now[2] <= whole.now[2]
         cells = _lattice_kernels.descend(drawn, start)
@@ -89,7 +90,7 @@ def test_a_straight_way_costs_its_length_by_hand():
     grid = lattice.make_lattice(space, 1, 0.0)
     start, goal = (lattice.entry(grid, space, point(space, x, 4.5)) for x in (2.5, 12.5))
     lattice.open_goal(grid, goal, start)
-    assert _lattice_kernels.spread(grid, start, start, 1000)
+    assert _lattice_kernels.spread(grid, start, start, 1000, 0)
     assert grid.cost[start] == 10 * 12 * (8 + 8)  # steps, their length, both cells' rates
     assert len(_lattice_kernels.descend(grid, start)) == 11
 
@@ -100,15 +101,18 @@ def test_compiled_lattice_kernels_equal_python():
     goal, start = pair[0][1][0], pair[0][1][-1]
     for (grid, _), python in zip(pair, (False, True), strict=True):
         lattice.open_goal(grid, goal)
-        spread, repair, look_again, descend = (
+        spread, repair, look_again, descend, draw_to = (
             getattr(_lattice_kernels, name).py_func if python else getattr(_lattice_kernels, name)
-            for name in ("spread", "repair", "look_again", "descend")
+            for name in ("spread", "repair", "look_again", "descend", "draw_to")
         )
-        assert spread(grid, start, -1, 10**6)
+        assert spread(grid, start, -1, 10**6, 0)
         space.grid.field[6:9, 4:8, 2:5] = 0
         changed = look_again(grid, np.ones(3, np.int64), grid.shape - 1)
         repair(grid, changed)
-        spread(grid, start, -1, 10**6)
+        opened = np.flatnonzero(grid.state == _lattice_kernels.OPEN)
+        draw_to(grid, start, opened)
+        assert grid.now[_lattice_kernels.OPENED] == len(opened) > 0
+        spread(grid, start, start, 10**6, 1)
         if grid.state[start] == _lattice_kernels.CLOSED:
             assert descend(grid, start)[-1] == goal
         space.grid.field[6:9, 4:8, 2:5] = 200
@@ -142,6 +146,55 @@ def put_box(space: FreeSpace, rng: np.random.Generator, boxes: list[np.ndarray])
     after = make_space(blocked)
     differ = np.argwhere(after.field != space.field)
     return after, (differ.min(axis=0), differ.max(axis=0) + 1)
+
+
+def test_all_cells_of_all_cheapest_ways_are_closed_when_drawn_on():
+    space = random_space(5, (40, 40, 1))
+    whole, free = free_lattice(space, 1)
+    lattice.open_goal(whole, free[10])
+    _lattice_kernels.spread(whole, 0, -1, 10**6, 0)
+    start = next(n for n in free[::-1] if whole.state[n] == _lattice_kernels.CLOSED)
+    drawn, _ = free_lattice(space, 1)
+    lattice.open_goal(drawn, free[10])
+    assert _lattice_kernels.spread(drawn, free[200], -1, 50, 0) is False
+    lattice.draw_to(drawn, start)  # what is open is kept
+    assert _lattice_kernels.spread(drawn, start, start, 10**6, 1)
+    onto = {start}
+    for cell in sorted(free, key=lambda n: -int(whole.cost[n])):
+        for offset, step in zip(whole.offsets.tolist(), whole.steps.tolist(), strict=True):
+            both = int(whole.rate[cell]) + int(whole.rate[cell + offset])
+            cost = int(whole.cost[cell]) - int(whole.cost[cell + offset])
+            if cell in onto and whole.rate[cell + offset] > 0 and cost == step * both:
+                if space.edge_free(*lattice.centres(whole, space, np.array([cell, cell + offset]))):
+                    onto.add(cell + offset)
+    assert len(onto) > 20
+    for cell in onto:
+        assert drawn.state[cell] == _lattice_kernels.CLOSED
+        assert drawn.cost[cell] == whole.cost[cell]
+    assert drawn.now[2] < whole.now[2]
+
+
+def test_a_long_body_is_replanned_for_as_anew():
+    rng = np.random.default_rng(3)
+    body = Body((-0.3, 0.0, 0.3), (0.2, 0.2, 0.2)).discs(0.0, 0.1, flat=True)
+    walls = np.zeros((60, 50, 1), dtype=bool)
+    walls[:25, 40] = walls[:25, 49] = True  # between them it cannot turn about
+    space, boxes, turned = make_space(walls), [], 0
+    kept = GoalField(point(space, 55.5, 5.5), PlannerConfig())
+    for step in range(30):
+        space, _ = put_box(space, rng, boxes)
+        both = make_space(walls | (space.field == 0))
+        long = dataclasses.replace(both, blocked_at_or_below=7, discs=body)
+        start, heading = point(space, 5.5 + 0.3 * step, 44.9), 0.4 * (step % 2)
+        again = kept.plan(long, start, seed=step + 1, heading=heading)
+        fresh = GoalField(kept.goal, PlannerConfig()).plan(long, start, step + 1, heading)
+        assert again.label == fresh.label
+        if again.waypoints is not None:
+            assert again.waypoints.tobytes() == fresh.waypoints.tobytes()
+            assert again.headings.tobytes() == fresh.headings.tobytes()
+            assert not long.turnable(start[None])[0]
+            turned += 1
+    assert turned > 8
 
 
 @pytest.mark.parametrize("shape", [(60, 50, 1), (30, 26, 16)])

@@ -1,11 +1,14 @@
 import dataclasses
+import heapq
+import itertools
 import math
 
 import numpy as np
 import pytest
 
-from planners import Body, FreeSpace, PlannerConfig, kernels, plan
+from planners import Body, FreeSpace, PlannerConfig, kernels, lattice, plan
 from planners import _heading_kernels as heading_kernels
+from planners import _lattice_kernels as lattice_kernels
 from planners.headings import LENGTHS, STEPS, _ways, reversible, turning_path
 from tests.planners.worlds import make_space, point
 
@@ -85,40 +88,40 @@ def test_tables_by_hand():
     assert ways.turn_counts.tolist() == [1] * 16  # the centre of the body stays
 
 
-def test_costs_to_go_equal_relaxation_until_nothing_changes():
+def test_bounds_are_costs_to_go_up_to_a_limit():
     rng = np.random.default_rng(1)
-    space = long_space(rng.random((14, 15, 1)) < 0.01)
-    rates = np.full(201, 8, np.int32)
-    rates[:40] = 16
-    plane = heading_kernels.Plane(
-        space.field[:, :, 0], space.blocked_at_or_below, rates, 1, (14, 15)
-    )
-    ways = _ways((0.0,), 1)
-    free = plane.field > plane.threshold
-    goal = int(np.flatnonzero(free.ravel())[5])
-    every = np.flatnonzero(free.ravel())
-    found = heading_kernels.costs_to_go(plane, ways, goal, every)
-    naive = np.full((14, 15), heading_kernels.UNKNOWN_COST)
-    naive.ravel()[goal] = 0
-    changed = True
-    while changed:
-        before = naive.copy()
-        for i, j in np.argwhere(free):
-            for (x, y), length in zip(STEPS, ways.lengths, strict=True):
-                u, v = i + x, j + y
-                if 0 <= u < 14 and 0 <= v < 15 and free[u, v]:
-                    pair = rates[plane.field[i, j]] + rates[plane.field[u, v]]
-                    naive[i, j] = min(naive[i, j], naive[u, v] + (int(length) * int(pair) >> 1))
-        changed = bool((naive != before).any())
-    reached = naive.ravel() < heading_kernels.UNKNOWN_COST
-    assert (found[reached & free.ravel()] == naive.ravel()[reached & free.ravel()]).all()
-    python = heading_kernels.costs_to_go.py_func(plane, ways, goal, every)
-    assert python.tobytes() == found.tobytes()
+    space = long_space(rng.random((24, 25, 1)) < 0.006)
+    grid = lattice.make_lattice(space, 1, 2.0)
+    free = [n for n in range(len(grid.rate)) if lattice_kernels.look(grid, n) > 0]
+    goal, start = free[5], free[-5]
+    lattice.open_goal(grid, goal)
+    lattice_kernels.spread(grid, 0, -1, 10**6, 0)  # the border's cell is never closed
+    exact = grid.cost.copy()
+    limit = int(exact[start]) + 500
+    drawn = lattice.make_lattice(space, 1, 2.0)
+    assert lattice_kernels.look(drawn, goal) > 0
+    lattice.open_goal(drawn, goal, start)
+    assert lattice_kernels.spread(drawn, start, start, 10**6, 501)
+    bounds = lattice_kernels.bounds_to_go(drawn, start, limit)
+    python = lattice_kernels.bounds_to_go.py_func(drawn, start, limit)
+    assert python.tobytes() == bounds.tobytes()
+    # Of what a search in all directions has closed as well, nothing else is told.
+    assert lattice_kernels.bounds_to_go(grid, start, limit).tobytes() == bounds.tobytes()
+    told = 0
+    for (i, j), bound in np.ndenumerate(bounds.reshape(24, 25)):
+        cell = ((i + 1) * 27 + j + 1) * 3 + 1
+        x, y = abs(i + 1 - start // 81), abs(j + 1 - start // 3 % 27)
+        least = 16 * (12 * max(x, y) + 5 * min(x, y))
+        reached = grid.state[cell] == lattice_kernels.CLOSED and exact[cell] + least <= limit
+        assert bound == (exact[cell] if reached else max(limit - least, 0)) // 2
+        told += reached
+    assert 50 < told < len(free)
 
 
-def test_compiled_search_equals_python(bend):
+def search_problem():
     blocked = np.zeros((24, 20, 1), dtype=bool)
     blocked[12, :10] = True
+    blocked[4:10, 3] = blocked[4:10, 13] = True
     space = long_space(blocked)
     rates = np.full(201, 8, np.int32)
     plane = heading_kernels.Plane(
@@ -126,14 +129,161 @@ def test_compiled_search_equals_python(bend):
     )
     ways = _ways(tuple(disc.offset / space.resolution for disc in space.discs), 1)
     ways = ways._replace(turn_price=40, reversal_price=900)
-    goal, starts = 18 * 20 + 8, np.array([(5 * 20 + 8) * 16])
-    to_go = heading_kernels.costs_to_go(plane, ways, goal, starts // 16)
-    arguments = plane, ways, to_go, starts, np.zeros(1, np.int64), goal, 10**6
-    states = heading_kernels.search_states(*arguments)
-    assert states[0] == starts[0]
-    assert states[-1] // 16 == goal
-    assert heading_kernels.search_states.py_func(*arguments).tobytes() == states.tobytes()
-    assert len(heading_kernels.search_states(*arguments[:-1], 3)) == 0
+    goal, starts = 18 * 20 + 8, np.array([(5 * 20 + 8) * 16, (5 * 20 + 8) * 16 + 8])
+    # Bounds of nothing: the search is one in all directions, and exact.
+    to_go = np.zeros(24 * 20, np.int32)
+    return plane, ways, to_go, starts, np.array([0, 900]), goal, 10**6
+
+
+def test_compiled_search_equals_python():
+    arguments = search_problem()
+    states, wide = heading_kernels.search_states(*arguments)
+    assert states[0] == arguments[3][0]
+    assert states[-1] // 16 == arguments[5]
+    assert not wide[0]
+    assert wide[-1]
+    python = heading_kernels.search_states.py_func(*arguments)
+    assert python[0].tobytes() == states.tobytes()
+    assert python[1].tobytes() == wide.tobytes()
+    assert len(heading_kernels.search_states(*arguments[:-1], 3)[0]) == 0
+
+
+def moves(plane, ways, state):
+    """All moves from a state, (state, cost), and whether the body turns about freely there."""
+    node, way = divmod(state, 16)
+    i, j = divmod(node, plane.shape[1])
+
+    def fits(cells):
+        at = cells + np.array((i, j))
+        inside = ((at >= 0) & (at < plane.shape)).all()
+        return bool(inside) and bool((plane.field[tuple(at.T)] > plane.threshold).all())
+
+    turned = [fits(ways.turn_cells[n, : ways.turn_counts[n]]) for n in range(16)]
+    wide = all(turned)
+    found = [(node * 16 + (way + 8) % 16, 0 if wide else ways.reversal_price)]
+    for n, to in ((way, (way + 1) % 16), ((way - 1) % 16, (way - 1) % 16)):
+        if turned[n]:
+            found.append((node * 16 + to, 0 if wide else ways.turn_price))
+    if fits(ways.step_cells[way, : ways.step_counts[way]]):
+        x, y = np.array((i, j)) + ways.steps[way]
+        if 0 <= x < plane.shape[0] and 0 <= y < plane.shape[1]:
+            found.append(((x * plane.shape[1] + y) * 16 + way, 8 * int(ways.lengths[way])))
+    return found, wide
+
+
+def test_a_search_without_bounds_costs_what_a_naive_one_does():
+    plane, ways, to_go, starts, prices, goal, budget = search_problem()
+    costs, queue = {}, [(int(p), int(s)) for p, s in zip(prices, starts, strict=True)]
+    while queue:
+        cost, state = heapq.heappop(queue)
+        if state in costs:
+            continue
+        costs[state] = cost
+        if state // 16 == goal:
+            break
+        for to, price in moves(plane, ways, state)[0]:
+            heapq.heappush(queue, (cost + price, int(to)))
+    states, wide = heading_kernels.search_states(plane, ways, to_go, starts, prices, goal, budget)
+    total = int(prices[starts.tolist().index(states[0])])
+    for a, b, turns in zip(states[:-1].tolist(), states[1:].tolist(), wide[:-1], strict=True):
+        assert bool(moves(plane, ways, a)[1]) == turns
+        if turns and a // 16 == b // 16:
+            continue
+        total += dict(moves(plane, ways, a)[0])[b]
+    assert total == cost
+    assert not wide.all()
+
+
+def test_the_first_place_that_sweeps_lead_to(bend):
+    start = (*point(bend, 12.5, 14.5).tolist(), 0.3)
+    places = np.array([point(bend, x, y)[:2] for x, y in ((12.5, 11.5), (13.5, 14.5))])
+    headings = np.arange(16) * math.pi / 8.0
+    place, free = kernels.free_headings(bend.grid, bend.shape, start, places, headings)
+    python = kernels.free_headings.py_func(bend.grid, bend.shape, start, places, headings)
+    assert python[0] == place == 1
+    assert python[1].tobytes() == free.tobytes()
+    for (m, gear), one in np.ndenumerate(free):
+        there = kernels.wrap(headings[m] + gear * math.pi)
+        near = gear == 0 or abs(kernels.wrap(there - 0.3)) <= 0.5 * math.pi
+        pose = np.array([*places[1], start[2], there])
+        assert one == (near and bend.sweep_free(np.array(start), pose))
+    assert 0 < free.sum() < 16
+
+
+def naive_headed_length(space: FreeSpace, path: np.ndarray) -> float:
+    """Every step of every sweep looked at, in Python."""
+    length, heading = 0.0, None
+    for a, b in itertools.pairwise(path):
+        ahead = kernels.heading_of(b[0] - a[0], b[1] - a[1])
+        for facing in (ahead, ahead + math.pi):
+            poses = np.array([[*a, facing], [*b, facing]])
+            if heading is not None:
+                poses = np.vstack(([[*a, heading]], poses))
+            if space.free_sweep_length(poses) >= math.dist(a, b) - 1e-9 and _turns(space, poses):
+                heading = facing
+                break
+        else:
+            return length
+        length += math.dist(a, b)
+    return length
+
+
+def _turns(space: FreeSpace, poses: np.ndarray) -> bool:
+    share = np.linspace(0.0, 1.0, 200)
+    turn = kernels.wrap(poses[1, 3] - poses[0, 3])
+    if len(poses) == 2:
+        return space.pose_free(poses[0, :3], poses[0, 3])
+    return all(space.pose_free(poses[0, :3], poses[0, 3] + s * turn) for s in share)
+
+
+def test_edges_in_free_boxes_are_free_one_by_one():
+    partly = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        space = long_space(rng.random((60, 60, 1)) < 0.006)
+        corners = np.array([point(space, x, y) for x, y in rng.uniform(8.0, 52.0, size=(5, 2))])
+        t = np.linspace(0.0, 1.0, 20)[:-1, None]
+        path = np.vstack([a + t * (b - a) for a, b in itertools.pairwise(corners)])
+        found = space.free_length(path)
+        assert found == kernels.headed_free_length.py_func(space.grid, space.shape, path)
+        assert found == pytest.approx(naive_headed_length(space, path), abs=1e-9)
+        partly += 0.0 < found < 1.0
+        low, high = tuple(path[:4].min(axis=0)), tuple(path[:4].max(axis=0))
+        box = kernels.box_free(space.grid, 7, low, high, 0.3)
+        reach = np.array([0.3, 0.3, 0.0])
+        first = np.floor((np.array(low) - reach - space.origin) / 0.1).astype(int)
+        last = np.floor((np.array(high) + reach - space.origin) / 0.1).astype(int)
+        cells = space.field[first[0] - 1 : last[0] + 2, first[1] - 1 : last[1] + 2]
+        assert box == bool((cells > 7).all())
+        assert kernels.box_free.py_func(space.grid, 7, low, high, 0.3) == box
+    assert partly > 0
+
+
+def test_a_box_that_leaves_the_grid_is_not_free(bend):
+    empty = make_space(np.zeros((20, 20, 1), dtype=bool))
+    middle = tuple(point(empty, 10, 10).tolist())
+    assert kernels.box_free(empty.grid, 4, middle, middle, 0.8)
+    assert not kernels.box_free(empty.grid, 4, middle, middle, 1.0)
+    assert not kernels.box_free(empty.grid, 4, (math.nan, 0.0, 0.0), middle, 0.1)
+
+
+def slanted_lane() -> FreeSpace:
+    """A dead end at 11 degrees, too narrow for the headings that a search has."""
+    x, y = np.meshgrid(np.arange(120) + 0.5, np.arange(60) + 0.5, indexing="ij")
+    off = np.abs((y - 20.0) * math.cos(0.19) - (x - 5.0) * math.sin(0.19))
+    return long_space(((off > 3.1) & (x < 45))[:, :, None])
+
+
+def test_where_no_heading_of_the_search_fits_others_are_drawn():
+    space = slanted_lane()
+    start, goal = point(space, 16.0, 20.0 + 11.0 * math.tan(0.19)), point(space, 100.5, 30.5)
+    assert space.pose_free(start, 0.19)
+    assert turning_path(space, (*start, 0.19), (*goal, 0.0), 10**6) is None
+    found = plan(space, start, goal, PlannerConfig(), seed=1, heading=0.19)
+    assert found.label == "none"
+    assert space.free_poses(np.column_stack((found.waypoints, found.headings))) == len(
+        found.waypoints
+    )
 
 
 def test_poses_are_counted_up_to_the_first_that_does_not_fit(bend):

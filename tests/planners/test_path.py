@@ -8,6 +8,7 @@ from planners import (
     arc_lengths,
     blend_corners,
     first_stop,
+    kernels,
     point_at,
     project,
     remaining,
@@ -15,6 +16,7 @@ from planners import (
     tangent_at,
     truncate,
 )
+from planners.path import edge_tangents
 from tests.planners.worlds import make_space, point
 
 ELL = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.0, 4.0, 1.0]])
@@ -86,6 +88,22 @@ def test_a_blocked_blend_shrinks_and_at_last_leaves_the_corner():
     # A parabola passes its corner at half the distance from the corner to its chord: d / sqrt(8).
     assert nearest[0] == pytest.approx(1.0 / math.sqrt(8.0), abs=1e-3)
     assert 0.02 < nearest[1] < nearest[0] / 1.9  # smaller, but not the bare corner
+
+
+@pytest.mark.parametrize("oriented", [False, True])
+def test_compiled_blends_equal_python(oriented):
+    rng = np.random.default_rng(4)
+    space = make_space(rng.random((40, 40, 1)) < 0.006)
+    waypoints = np.array([point(space, x, y) for x, y in ((5, 5), (20, 8), (22, 8), (30, 30))])
+    tangents = np.stack([edge_tangents(waypoints[n : n + 3]) for n in range(2)])
+    arguments = (space.grid, space.shape, oriented, waypoints, tangents, np.array([0.6, 0.1]), 0.05)
+    found = kernels.blended(*arguments)
+    assert kernels.blended.py_func(*arguments).tobytes() == found.tobytes()
+    free = kernels.all_free(space.grid, space.shape, oriented, found)
+    assert kernels.all_free.py_func(space.grid, space.shape, oriented, found) == free
+    bare = kernels.blended(*arguments[:5], np.zeros(2), 0.05)
+    assert all((bare == at).all(axis=1).any() for at in waypoints)
+    assert not (found == waypoints[1]).all(axis=1).any()
 
 
 def test_corners_share_an_edge_by_how_far_each_turns(room):
