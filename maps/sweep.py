@@ -95,12 +95,15 @@ def prepare_sweep(
     """Check the arguments of a sweep, apart from the length of its directions.
 
     Raises:
-        ValueError: Wrong shapes or types, an origin that is not finite and within 1000 km, moments
-            outside the origins, or a range limit that is not within 0 to 2047 cells.
+        ValueError: Wrong shapes or types, an origin that is not finite and within 1000 km or too
+            many of them, moments outside the origins, or a range limit that is not within 0 to
+            2047 cells.
     """
     starts = np.array(origins, np.float64, ndmin=2)
     if starts.ndim != 2 or starts.shape[1] != 3:
         raise ValueError(f"origins: got shape {np.shape(origins)}, expected (3,) or (m, 3)")
+    if len(starts) > beams.MAX_ORIGINS:
+        raise ValueError(f"origins: got {len(starts)}, expected at most {beams.MAX_ORIGINS}")
     strange = ~np.all(np.abs(starts) <= MAX_COORDINATE, axis=1)
     if strange.any():
         raise ValueError(
@@ -121,12 +124,12 @@ def prepare_sweep(
         moments = np.empty(0, np.int32)
     else:
         named = moments.dtype.kind in "iu" and moments.shape == ranges_mm.shape
-        if not named or np.any((moments < 0) | (moments >= len(starts))):
+        if not named or not _within(moments, len(starts)):
             raise ValueError(
                 f"moments: got {moments.dtype} {moments.shape}, "
                 f"expected whole numbers {ranges_mm.shape} in 0 to {len(starts) - 1}"
             )
-        if np.any(np.diff(moments) < 0):
+        if np.any(moments[1:] < moments[:-1]):
             order = np.argsort(moments, kind="stable")
     return Sweep(
         starts,
@@ -136,6 +139,11 @@ def prepare_sweep(
         (round(minimum_range * 1000), round(range_limit * 1000)),
         resolution,
     )
+
+
+def _within(indices: NDArray[np.integer], count: int) -> bool:
+    """Whether indices (n,) are those of so many items."""
+    return len(indices) == 0 or bool(indices.min() >= 0 and indices.max() < count)
 
 
 def _plain(array: NDArray[Any], dtype: type[Any]) -> NDArray[Any]:
