@@ -2,9 +2,9 @@
 
 Cells are marked in a dense window around the sweep: a word of 64 bits is 64 cells of a column along
 z. A target is such a word with the cells that beams end in. Where a beam ends is one number: its
-origin, whether it met something, and the cell, from the origin's own one. Columns belong to stripes
-along x, so that threads list targets side by side. All kernels that call each other live in this
-file because a cached kernel is not recompiled when another file changes.
+origin, whether it met something, and the cell, from the origin's own one. Columns lie in even or in
+odd stripes along x, so that two threads can list targets side by side. All kernels that call each
+other live in this file because a cached kernel is not recompiled when another file changes.
 
 The beams are defined in integers, cell by cell:
 
@@ -67,30 +67,29 @@ SECTORS = 4096
 WEDGE = 64  # sectors; their borders lie on the diagonals
 WEDGES = SECTORS // WEDGE
 
-ONE = np.uint64(1)
+ONE, TWO = np.uint64(1), np.uint64(2)
 
 
 @kernel
 def locate(
     origin: tuple[float, float, float],  # m
-    own: tuple[int, int, int],  # its cell
-    group: int,  # its index
-    directions: NDArray[np.float64],  # (n, 3) unit
+    directions: NDArray[np.float64],  # (3 n,) unit vectors
     ranges_mm: NDArray[np.uint16],  # (n,)
     limits_mm: tuple[int, int],  # nearest and farthest return
     scale: float,  # sub-cells a metre
-    cells: NDArray[np.int64],  # (5, CHUNK) out: x, y, z, fate and end
+    cells: NDArray[np.int64],  # (4, CHUNK) out: x, y, z and fate
 ) -> bool:
     """The cell that each beam ends in; the origin's own of one that tells nothing.
 
-    Without branches, so that beams are worked out in vectors. Tells if all are of unit length.
+    Without branches, so that beams are worked out in vectors, and directions in one row: of rows of
+    an array the compiler does not know how far apart they are. Tells if all are of unit length.
     """
     x, y, z = origin
     nearest, farthest = limits_mm
-    first_x, first_y, first_z = own[0] - HALF_SPAN, own[1] - HALF_SPAN, own[2] - HALF_SPAN
     strange = 0
-    for i in range(ranges_mm.shape[0]):
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+    for i in range(np.uint64(ranges_mm.shape[0])):
+        at = np.uint64(3) * i
+        dx, dy, dz = directions[at], directions[at + ONE], directions[at + TWO]
         strange |= not abs(dx * dx + dy * dy + dz * dz - 1.0) < UNIT_TOLERANCE  # also NaN
         millimetres = int(ranges_mm[i])
         clears = (millimetres == NO_RETURN_MM) | (millimetres > farthest)
@@ -99,19 +98,16 @@ def locate(
         fate = DROPPED if millimetres == DROPPED_MM else fate
         reach = int(farthest) if clears else millimetres
         length = (reach if fate <= CLEARED else int(np.int64(0))) / 1000.0
-        to_x = int(np.floor((x + dx * length) * scale)) >> SUBCELL_BITS
-        to_y = int(np.floor((y + dy * length) * scale)) >> SUBCELL_BITS
-        to_z = (int(np.floor((z + dz * length) * scale)) + FLOOR_SUBCELLS) >> SUBCELL_BITS
-        cells[0, i], cells[1, i], cells[2, i], cells[3, i] = to_x, to_y, to_z, fate
-        end = (to_x - first_x) << (2 * CELL_BITS) | (to_y - first_y) << CELL_BITS | (to_z - first_z)
-        end |= fate << FATE_BIT | group << ORIGIN_BIT
-        cells[4, i] = end if fate <= CLEARED else NO_END
+        cells[0, i] = int(np.floor((x + dx * length) * scale)) >> SUBCELL_BITS
+        cells[1, i] = int(np.floor((y + dy * length) * scale)) >> SUBCELL_BITS
+        height = int(np.floor((z + dz * length) * scale)) + FLOOR_SUBCELLS
+        cells[2, i], cells[3, i] = height >> SUBCELL_BITS, fate
     return strange == 0
 
 
 @kernel
 def widen(cells: NDArray[np.int64], n: int, box: NDArray[np.int64]) -> None:
-    """Widen a box (2, 3) so that it holds the first cells of (5, CHUNK)."""
+    """Widen a box (2, 3) so that it holds the first cells of (4, CHUNK)."""
     for axis in range(3):
         low, high = box[0, axis], box[1, axis]
         for i in range(n):
@@ -120,21 +116,42 @@ def widen(cells: NDArray[np.int64], n: int, box: NDArray[np.int64]) -> None:
 
 
 @kernel
-def list_ends(
-    cells: NDArray[np.int64],  # (5, CHUNK)
+def pack(
+    cells: NDArray[np.int64],  # (4, CHUNK)
     n: int,  # of them
-    ends: NDArray[np.int64],  # (stripes, k) out
+    own: tuple[int, int, int],  # cell of the origin
+    group: int,  # its index
+    packed: NDArray[np.int64],  # (CHUNK,) out
+) -> None:
+    """Make one number of each end; that of none for a beam that tells nothing."""
+    x, y, z = own[0] - HALF_SPAN, own[1] - HALF_SPAN, own[2] - HALF_SPAN
+    origin = group << ORIGIN_BIT
+    for i in range(n):
+        end = origin | cells[3, i] << FATE_BIT | (cells[0, i] - x) << (2 * CELL_BITS)
+        end |= (cells[1, i] - y) << CELL_BITS | (cells[2, i] - z)
+        packed[i] = end if cells[3, i] <= CLEARED else NO_END
+
+
+@kernel
+def list_ends(
+    cells: NDArray[np.int64],  # (4, CHUNK)
+    packed: NDArray[np.int64],  # (CHUNK,)
+    n: int,  # of them
+    ends: NDArray[np.int64],  # (stripes, k) out, of one stripe or of two
     listed: NDArray[np.int64],  # (stripes,) in, out: so far
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
 ) -> None:
-    """List the beams that tell anything by stripe, successive ones to one cell once."""
+    """List the beams that tell anything, successive ones to one cell once."""
     last, mask = int(NO_END), ends.shape[0] - 1
+    even, odd = listed[0], listed[mask]
     for i in range(n):
         # Without a branch: which beams end in a cell of their own cannot be foreseen.
-        end, stripe = cells[4, i], (cells[0, i] >> STRIPE_BITS) & mask
-        ends[stripe, listed[stripe]] = end
-        listed[stripe] += (end != last) & (end != NO_END)
+        end, stripe = packed[i], (cells[0, i] >> STRIPE_BITS) & mask
+        ends[stripe, odd if stripe != 0 else even] = end
+        told = (end != last) & (end != NO_END)
+        even, odd = even + (told & (stripe == 0)), odd + (told & (stripe != 0))
         last = end
+    listed[mask], listed[0] = odd, even
     returned = cleared = dropped = 0
     for i in range(n):
         returned += cells[3, i] == RETURNED
@@ -151,7 +168,7 @@ def place_ends(
     origins: NDArray[np.float64],  # (m, 3) m
     sensors: NDArray[np.int64],  # (m, 3) sub-cells that they lie in
     groups: NDArray[np.int64],  # (m + 1,) first beam of each origin, and the end
-    directions: NDArray[np.float64],  # (n, 3) unit
+    directions: NDArray[np.float64],  # (3 n,) unit vectors
     ranges_mm: NDArray[np.uint16],  # (n,)
     limits_mm: tuple[int, int],  # nearest and farthest return
     resolution: float,
@@ -160,11 +177,10 @@ def place_ends(
     listed: NDArray[np.int64],  # (stripes,) in, out: number of ends
     box: NDArray[np.int64],  # (2, 3) least and greatest cell, widened to hold the ends
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
-    cells: NDArray[np.int64],  # (5, CHUNK) scratch
+    cells: NDArray[np.int64],  # (4, CHUNK) scratch
+    packed: NDArray[np.int64],  # (CHUNK,) scratch
 ) -> bool:
-    """Find where beams end, and list those that tell anything.
-
-    The number of stripes is a power of two.
+    """Find where beams end, and list those that tell anything: together, or by even and odd stripe.
 
     Returns:
         Whether all directions are of unit length.
@@ -177,11 +193,12 @@ def place_ends(
         end = min(groups[k + 1], beams[1])
         for first in range(max(groups[k], beams[0]), end, CHUNK):
             last = min(first + CHUNK, end)
-            some = directions[first:last], ranges_mm[first:last]
-            if not locate(origin, own, k, *some, limits_mm, scale, cells):
+            some = directions[3 * first : 3 * last], ranges_mm[first:last]
+            if not locate(origin, *some, limits_mm, scale, cells):
                 return False
             widen(cells, last - first, box)
-            list_ends(cells, last - first, ends, listed, counts)
+            pack(cells, last - first, own, k, packed)
+            list_ends(cells, packed, last - first, ends, listed, counts)
     return True
 
 

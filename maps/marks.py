@@ -117,13 +117,12 @@ class SweepWindow:
             ValueError: A direction is not of unit length, or the beams span too much space.
         """
         count, size = len(sweep.ranges_mm), self._team.size
-        # Threads list targets by stripes; their number is a power of two.
-        stripes = 1 << (size.bit_length() - 1) if self._team.helps(count, END_US) else 1
+        stripes = 2 if self._team.helps(count, END_US) else 1  # even and odd ones, or all
         each = -(-count // size)
         if len(self._ends) < size * stripes * each:
             self._ends = np.empty(size * stripes * each, np.int64)
         ends = self._ends[: size * stripes * each].reshape(size, stripes, each)
-        groups, sensors = sweep.groups, sweep.sensors
+        groups, sensors, directions = sweep.groups, sweep.sensors, sweep.directions.reshape(-1)
         boxes, counts = np.empty((size, 2, 3), np.int64), np.zeros((size, 4), np.int64)
         cells = sensors >> beams.SUBCELL_BITS
         boxes[:, 0], boxes[:, 1] = cells.min(axis=0), cells.max(axis=0)
@@ -135,7 +134,7 @@ class SweepWindow:
                     sweep.origins,
                     sensors,
                     groups,
-                    sweep.directions,
+                    directions,
                     sweep.ranges_mm,
                     sweep.limits_mm,
                     sweep.resolution,
@@ -144,7 +143,8 @@ class SweepWindow:
                     listed[k],
                     boxes[k],
                     counts[k],
-                    np.empty((5, beams.CHUNK), np.int64),
+                    np.empty((4, beams.CHUNK), np.int64),
+                    np.empty(beams.CHUNK, np.int64),
                 )
 
         self._team.share(place, size, 1, BEAM_US * count / size)
