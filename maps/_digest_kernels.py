@@ -118,6 +118,19 @@ def list_lanes(
 
 
 @kernel
+def list_all_lanes(
+    slots: NDArray[np.int64],  # (k,)
+    part: tuple[int, int],
+    eights: NDArray[np.uint64],  # (slots, n, 8)
+    lanes: NDArray[np.uint64],  # (k, 8) out
+    held: NDArray[np.bool_],  # (k,) out: whether any cell is not 0
+) -> None:
+    """The same of some bricks."""
+    for i in range(part[0], part[1]):
+        held[i] = list_lanes(eights, slots[i], lanes[i])
+
+
+@kernel
 def digest_bricks(
     slots: NDArray[np.int64],  # (k,)
     part: tuple[int, int],

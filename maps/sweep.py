@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ class Sweep:
     limits_mm: tuple[int, int]
     resolution: float
 
-    @property
+    @cached_property
     def sensors(self) -> NDArray[np.int64]:
         """(m, 3) sub-cells that beams start in."""
         scaled = self.origins * (beams.SUBCELLS / self.resolution)
@@ -124,12 +125,13 @@ def prepare_sweep(
         moments = np.empty(0, np.int32)
     else:
         named = moments.dtype.kind in "iu" and moments.shape == ranges_mm.shape
-        if not named or not _within(moments, len(starts)):
+        least, most = _range(moments) if named else (-1, -1)
+        if not 0 <= least <= most < len(starts):
             raise ValueError(
                 f"moments: got {moments.dtype} {moments.shape}, "
                 f"expected whole numbers {ranges_mm.shape} in 0 to {len(starts) - 1}"
             )
-        if np.any(moments[1:] < moments[:-1]):
+        if least < most and (moments[1:] < moments[:-1]).any():
             order = np.argsort(moments, kind="stable")
     return Sweep(
         starts,
@@ -141,11 +143,13 @@ def prepare_sweep(
     )
 
 
-def _within(indices: NDArray[np.integer], count: int) -> bool:
-    """Whether indices (n,) are those of so many items."""
-    return len(indices) == 0 or bool(indices.min() >= 0 and indices.max() < count)
+def _range(indices: NDArray[np.integer]) -> tuple[int, int]:
+    """Least and greatest of some indices (n,); 0 if there are none."""
+    return (int(indices.min()), int(indices.max())) if len(indices) else (0, 0)
 
 
 def _plain(array: NDArray[Any], dtype: type[Any]) -> NDArray[Any]:
     """The array, or a copy: to the compiler a read-only one, as a log yields, is another type."""
+    if array.dtype == dtype and array.flags.carray:
+        return array
     return np.require(array, dtype, ["C", "W", "A"])
