@@ -158,25 +158,6 @@ def write_block(
 
 
 @kernel
-def write_columns(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
-    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
-    settled: NDArray[np.uint64],  # (slots, COLUMNS)
-    low: tuple[int, int, int],  # cell
-    occupied: NDArray[np.uint64],  # (nx, ny, words) out, zero before
-    free: NDArray[np.uint64],  # (nx, ny, words) out, zero before
-) -> None:
-    """Write the states of a window of cells, whose bottom may lie anywhere in a brick."""
-    nx, ny, _ = occupied.shape
-    held = (heads, links, keys, eights, settled)
-    for bx in range(low[0] >> EDGE_BITS, ((low[0] + nx - 1) >> EDGE_BITS) + 1):
-        for by in range(low[1] >> EDGE_BITS, ((low[1] + ny - 1) >> EDGE_BITS) + 1):
-            write_block(*held, (bx, by), low, occupied, free)
-
-
-@kernel
 def rewrite_columns(
     heads: NDArray[np.int32],
     links: NDArray[np.int32],

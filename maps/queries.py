@@ -84,23 +84,11 @@ class VoxelQueries:
             Occupied and free cells, (nx, ny, words) each: bit k of word w is the cell
             low_z + 64 w + k. One that is neither is unknown.
         """
-        occupied, free = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
+        occupied, free = np.empty(shape, np.uint64), np.empty(shape, np.uint64)
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
-        bricks = self._bricks
-
-        def write(_: int, rows: tuple[int, int]) -> None:
-            part, corner = slice(*rows), (x + rows[0], y, z)
-            kernels.write_columns(
-                *bricks.directory,
-                bricks.eights,
-                bricks.settled,
-                corner,
-                occupied[part],
-                free[part],
-            )
-
         if occupied.size:
-            self._team.share(write, shape[0], parts_each=3)
+            whole = np.array([[x, y, z, x + shape[0], y + shape[1], z + 64 * shape[2]]])
+            self.rewrite_columns((x, y, z), whole, occupied, free)
         return occupied, free
 
     def rewrite_columns(
@@ -123,7 +111,7 @@ class VoxelQueries:
         first = np.clip(boxes[:, :2], low, high) >> kernels.EDGE_BITS
         end = (np.clip(boxes[:, 3:5], low, high) + kernels.EDGE - 1) >> kernels.EDGE_BITS
         extent = end - first
-        if np.any(extent > 1):  # one box of all space
+        if np.any(extent > 1):  # one box of everything
             first = np.argwhere(np.ones(extent.max(axis=0), np.bool_)) + first.min(axis=0)
             extent = np.ones_like(first)
         blocks = first[np.all(extent > 0, axis=1)]

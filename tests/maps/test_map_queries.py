@@ -107,6 +107,8 @@ def test_columns_written_where_they_changed_are_those_written_whole(run, low, mo
     threads = 2 if run == "compiled" else 1
     voxel_map = VoxelMap(MapConfig(half_life=1.0, memory_mib=4), threads)
     occupied, free = np.zeros((2, 37, 40, 1), np.uint64)
+    cells = np.stack(np.indices((37, 40, 64)), axis=-1).reshape(-1, 3) + np.array(low)
+    points = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
     stamp, wholes = 0, set()
     for k in range(8):
         directions = rng.normal(size=(60, 3))
@@ -120,13 +122,17 @@ def test_columns_written_where_they_changed_are_those_written_whole(run, low, mo
         boxes, stamp = voxel_map.changed(stamp)
         with np.errstate(over="ignore"):
             voxel_map.rewrite_columns(low, boxes, occupied, free)
-        whole = voxel_map.columns(low, (37, 40, 1))
-        np.testing.assert_array_equal(occupied, whole[0])
-        np.testing.assert_array_equal(free, whole[1])
+        states = voxel_map.state_at(points).reshape(37, 40, 64)
+        for state, told in ((OCCUPIED, occupied), (FREE, free)):
+            bits = np.packbits(states == state, axis=2, bitorder="little").view(np.uint64)
+            np.testing.assert_array_equal(told, bits)
         wholes.add(free.tobytes())
     assert len(wholes) > 5
-    occupied[:], free[:] = 1, 1
     voxel_map.integrate((0.5, 1.5, 0.9), directions, ranges_mm, 2.0, 10**11)
+    occupied[:], free[:] = 1, 1
     with np.errstate(over="ignore"):
         voxel_map.rewrite_columns(low, EVERYWHERE, occupied, free)
-    np.testing.assert_array_equal(free, voxel_map.columns(low, (37, 40, 1))[1])
+        whole = voxel_map.columns(low, (37, 40, 1))
+    np.testing.assert_array_equal([occupied, free], whole)
+    bits = np.packbits(voxel_map.state_at(points).reshape(37, 40, 64) == FREE, axis=2)
+    assert np.unpackbits(free.view(np.uint8)).sum() == np.unpackbits(bits).sum() > 0
