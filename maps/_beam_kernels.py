@@ -1,8 +1,10 @@
 """Compiled kernels of a sweep: where its beams end, and which cells they cross.
 
 Cells are marked in a dense window around the sweep: a word of 64 bits is 64 cells of a column along
-z. A target is such a word with the cells that beams end in. All kernels that call each other live
-in this file because a cached kernel is not recompiled when another file changes.
+z. A target is such a word with the cells that beams end in. Where a beam ends is one number: its
+origin, whether it met something, and the cell, from the origin's own one. Columns lie in even or in
+odd stripes along x, so that two threads can list targets side by side. All kernels that call each
+other live in this file because a cached kernel is not recompiled when another file changes.
 
 The beams are defined in integers, cell by cell:
 
@@ -40,6 +42,17 @@ FLOOR_SUBCELLS = 3 * SUBCELLS // 4  # the plane z = 0 lies this high in its laye
 MAX_BEAM_CELLS = 2047
 UNIT_TOLERANCE = 1e-6
 
+# An end, from its lowest bits up: z, y, x from the origin's cell, fate, origin.
+CELL_BITS = 13
+HALF_SPAN = 1 << (CELL_BITS - 1)  # more than a beam is long
+CELL_MASK = (1 << CELL_BITS) - 1
+FATE_BIT = 3 * CELL_BITS
+ORIGIN_BIT = FATE_BIT + 1
+MAX_ORIGINS = 1 << (63 - ORIGIN_BIT)
+NO_END = -1
+
+STRIPE_BITS = 3  # columns along x that belong together
+
 CHUNK = 256  # beams that are worked out together, in whole vectors
 
 # Flags of a column.
@@ -54,47 +67,47 @@ SECTORS = 4096
 WEDGE = 64  # sectors; their borders lie on the diagonals
 WEDGES = SECTORS // WEDGE
 
-ONE = np.uint64(1)
+ONE, TWO = np.uint64(1), np.uint64(2)
 
 
 @kernel
 def locate(
     origin: tuple[float, float, float],  # m
-    directions: NDArray[np.float64],  # (n, 3) unit
+    directions: NDArray[np.float64],  # (3 n,) unit vectors
     ranges_mm: NDArray[np.uint16],  # (n,)
     limits_mm: tuple[int, int],  # nearest and farthest return
     scale: float,  # sub-cells a metre
-    cells: NDArray[np.int64],  # (3, CHUNK) out
-    fates: NDArray[np.int64],  # (CHUNK,) out
+    cells: NDArray[np.int64],  # (4, CHUNK) out: x, y, z and fate
 ) -> bool:
     """The cell that each beam ends in; the origin's own of one that tells nothing.
 
-    Without branches, so that beams are worked out in vectors. Tells if all are of unit length.
+    Without branches, so that beams are worked out in vectors, and directions in one row: of rows of
+    an array the compiler does not know how far apart they are. Tells if all are of unit length.
     """
     x, y, z = origin
     nearest, farthest = limits_mm
     strange = 0
-    for i in range(ranges_mm.shape[0]):
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+    for i in range(np.uint64(ranges_mm.shape[0])):
+        at = np.uint64(3) * i
+        dx, dy, dz = directions[at], directions[at + ONE], directions[at + TWO]
         strange |= not abs(dx * dx + dy * dy + dz * dz - 1.0) < UNIT_TOLERANCE  # also NaN
         millimetres = int(ranges_mm[i])
         clears = (millimetres == NO_RETURN_MM) | (millimetres > farthest)
         fate = CLEARED if clears else RETURNED
         fate = TOO_NEAR if millimetres < nearest else fate
         fate = DROPPED if millimetres == DROPPED_MM else fate
-        fates[i] = fate
         reach = int(farthest) if clears else millimetres
         length = (reach if fate <= CLEARED else int(np.int64(0))) / 1000.0
         cells[0, i] = int(np.floor((x + dx * length) * scale)) >> SUBCELL_BITS
         cells[1, i] = int(np.floor((y + dy * length) * scale)) >> SUBCELL_BITS
         height = int(np.floor((z + dz * length) * scale)) + FLOOR_SUBCELLS
-        cells[2, i] = height >> SUBCELL_BITS
+        cells[2, i], cells[3, i] = height >> SUBCELL_BITS, fate
     return strange == 0
 
 
 @kernel
 def widen(cells: NDArray[np.int64], n: int, box: NDArray[np.int64]) -> None:
-    """Widen a box (2, 3) so that it holds the first cells of (3, CHUNK)."""
+    """Widen a box (2, 3) so that it holds the first cells of (4, CHUNK)."""
     for axis in range(3):
         low, high = box[0, axis], box[1, axis]
         for i in range(n):
@@ -103,74 +116,101 @@ def widen(cells: NDArray[np.int64], n: int, box: NDArray[np.int64]) -> None:
 
 
 @kernel
-def list_ends(
-    cells: NDArray[np.int64],  # (3, CHUNK)
-    fates: NDArray[np.int64],  # (CHUNK,)
+def pack(
+    cells: NDArray[np.int64],  # (4, CHUNK)
     n: int,  # of them
-    group: int,
-    ends: NDArray[np.int32],  # (k, 5) out
-    listed: int,  # so far
-    counts: NDArray[np.int64],  # (4,) in, out: beams by fate
-) -> int:
-    """List the beams that tell anything, successive ones to one cell once.
+    own: tuple[int, int, int],  # cell of the origin
+    group: int,  # its index
+    packed: NDArray[np.int64],  # (CHUNK,) out
+) -> None:
+    """Make one number of each end; that of none for a beam that tells nothing."""
+    x, y, z = own[0] - HALF_SPAN, own[1] - HALF_SPAN, own[2] - HALF_SPAN
+    origin = group << ORIGIN_BIT
+    for i in range(n):
+        end = origin | cells[3, i] << FATE_BIT | (cells[0, i] - x) << (2 * CELL_BITS)
+        end |= (cells[1, i] - y) << CELL_BITS | (cells[2, i] - z)
+        packed[i] = end if cells[3, i] <= CLEARED else NO_END
 
-    Returns:
-        Number of beams listed with these.
-    """
-    returned = cleared = dropped = 0
-    last_x, last_y, last_z, last_fate = cells[0, 0], cells[1, 0], cells[2, 0], int(DROPPED)
+
+@kernel
+def list_ends(
+    cells: NDArray[np.int64],  # (4, CHUNK)
+    packed: NDArray[np.int64],  # (CHUNK,)
+    n: int,  # of them
+    ends: NDArray[np.int64],  # (stripes, k) out, of one stripe or of two
+    listed: NDArray[np.int64],  # (stripes,) in, out: so far
+    counts: NDArray[np.int64],  # (4,) in, out: beams by fate
+) -> None:
+    """List the beams that tell anything, successive ones to one cell once."""
+    last, mask = int(NO_END), ends.shape[0] - 1
+    even, odd = listed[0], listed[mask]
     for i in range(n):
-        x, y, z, fate = cells[0, i], cells[1, i], cells[2, i], fates[i]
-        other = (x ^ last_x) | (y ^ last_y) | (z ^ last_z) | (fate ^ last_fate)
         # Without a branch: which beams end in a cell of their own cannot be foreseen.
-        ends[listed, 0], ends[listed, 1], ends[listed, 2] = x, y, z
-        ends[listed, 3], ends[listed, 4] = fate, group
-        listed += (other != 0) & (fate <= CLEARED)
-        last_x, last_y, last_z, last_fate = x, y, z, fate
+        end, stripe = packed[i], (cells[0, i] >> STRIPE_BITS) & mask
+        ends[stripe, odd if stripe != 0 else even] = end
+        told = (end != last) & (end != NO_END)
+        even, odd = even + (told & (stripe == 0)), odd + (told & (stripe != 0))
+        last = end
+    listed[mask], listed[0] = odd, even
+    returned = cleared = dropped = 0
     for i in range(n):
-        returned += fates[i] == RETURNED
-        cleared += fates[i] == CLEARED
-        dropped += fates[i] == DROPPED
+        returned += cells[3, i] == RETURNED
+        cleared += cells[3, i] == CLEARED
+        dropped += cells[3, i] == DROPPED
     counts[RETURNED] += returned
     counts[CLEARED] += cleared
     counts[DROPPED] += dropped
     counts[TOO_NEAR] += n - returned - cleared - dropped
-    return listed
 
 
 @kernel
 def place_ends(
     origins: NDArray[np.float64],  # (m, 3) m
+    sensors: NDArray[np.int64],  # (m, 3) sub-cells that they lie in
     groups: NDArray[np.int64],  # (m + 1,) first beam of each origin, and the end
-    directions: NDArray[np.float64],  # (n, 3) unit
+    directions: NDArray[np.float64],  # (3 n,) unit vectors
     ranges_mm: NDArray[np.uint16],  # (n,)
     limits_mm: tuple[int, int],  # nearest and farthest return
     resolution: float,
     beams: tuple[int, int],  # first and one past the last to look at
-    ends: NDArray[np.int32],  # (k, 5) out: cell, fate and origin of beams, k of them or fewer
+    ends: NDArray[np.int64],  # (stripes, k) out: of k beams or fewer
+    listed: NDArray[np.int64],  # (stripes,) in, out: number of ends
     box: NDArray[np.int64],  # (2, 3) least and greatest cell, widened to hold the ends
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
-    cells: NDArray[np.int64],  # (3, CHUNK) scratch
-    fates: NDArray[np.int64],  # (CHUNK,) scratch
-) -> int:
-    """Find where beams end, and list those that tell anything.
+    cells: NDArray[np.int64],  # (4, CHUNK) scratch
+    packed: NDArray[np.int64],  # (CHUNK,) scratch
+) -> bool:
+    """Find where beams end, and list those that tell anything: together, or by even and odd stripe.
 
     Returns:
-        Number of ends listed; -1 if a direction is not of unit length.
+        Whether all directions are of unit length.
     """
     scale = SUBCELLS / resolution
-    listed = int(np.int64(0))  # a plain 0 would be compiled for itself
     for k in range(origins.shape[0]):
         origin = (origins[k, 0], origins[k, 1], origins[k, 2])
+        x, y, z = sensors[k, 0], sensors[k, 1], sensors[k, 2]
+        own = (x >> SUBCELL_BITS, y >> SUBCELL_BITS, z >> SUBCELL_BITS)
         end = min(groups[k + 1], beams[1])
         for first in range(max(groups[k], beams[0]), end, CHUNK):
             last = min(first + CHUNK, end)
-            beams_here = directions[first:last], ranges_mm[first:last]
-            if not locate(origin, *beams_here, limits_mm, scale, cells, fates):
-                return -1
+            some = directions[3 * first : 3 * last], ranges_mm[first:last]
+            if not locate(origin, *some, limits_mm, scale, cells):
+                return False
             widen(cells, last - first, box)
-            listed = list_ends(cells, fates, last - first, k, ends, listed, counts)
-    return listed
+            pack(cells, last - first, own, k, packed)
+            list_ends(cells, packed, last - first, ends, listed, counts)
+    return True
+
+
+@kernel
+def rank_of(x: int, y: int, sensor: tuple[int, int], places: NDArray[np.int64]) -> int:
+    """Where a column stands in the order in which targets are carved: by its direction."""
+    along = HALVES * x + SUBCELLS - sensor[0]
+    across = HALVES * y + SUBCELLS - sensor[1]
+    slope = across / (abs(along) + abs(across))  # both odd
+    quarters = 1.0 + slope if along > 0 else 3.0 - slope  # 0 to 4
+    sector = int(quarters * (SECTORS / 4.0)) % SECTORS
+    return int(sector // WEDGE * WEDGE + places[sector % WEDGE])
 
 
 @kernel
@@ -192,18 +232,23 @@ def write_target(
 def list_columns(
     columns: NDArray[np.int32],  # (k,)
     group: int,
+    sensor: tuple[int, int],
+    places: NDArray[np.int64],
     guarded_layer: int,  # -1: none
     shape: tuple[int, int, int],
     aims: NDArray[np.uint64],  # (nx * ny * words,) zero after
     flags: NDArray[np.uint8],  # (nx * ny,) zero after
     targets: NDArray[np.int32],  # (n, 5) out
     bits: NDArray[np.uint64],  # (n,) out
+    ranks: NDArray[np.int32],  # (n,) out
     count: int,  # of the targets so far
 ) -> int:
     """List the words of columns that beams end in; return the number of targets with these."""
     _, ny, words = shape
     for j in range(columns.shape[0]):
         column = int(columns[j])
+        x, y = column // ny, column % ny
+        rank = rank_of(x, y, sensor, places)
         grazed = flags[column] & GRAZED != 0
         flags[column] = 0
         for word in range(words):
@@ -215,35 +260,33 @@ def list_columns(
                 sparing = SPARING if ends & guarded == 0 else 0
                 ends |= guarded
             if ends != 0:
-                write_target(targets, count, column // ny, column % ny, group, 64 * word, sparing)
-                bits[count] = ends
+                write_target(targets, count, x, y, group, 64 * word, sparing)
+                bits[count], ranks[count] = ends, rank
                 count += 1
     return count
 
 
 @kernel
 def list_targets(
-    ends: NDArray[np.int32],  # (n, 5) cell, fate, origin
-    parts: NDArray[np.int64],  # (p, 2) first and one past the last of those listed
+    ends: NDArray[np.int64],
+    parts: NDArray[np.int64],  # (p, 2) first and one past the last of those of one stripe
     sensors: NDArray[np.int64],  # (m, 3) 1/1024 of a cell, from the window's corner
-    corner: tuple[int, int, int],  # cell at the window's corner
     box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
     guarded_layer: int,  # from the window's bottom; -1: none
     shape: tuple[int, int, int],  # (nx, ny, words)
+    places: NDArray[np.int64],  # (WEDGE,) of a wedge's sectors, in which to carve them
     hits: NDArray[np.uint64],  # (nx * ny * words,) out
     aims: NDArray[np.uint64],  # (nx * ny * words,) zero before and after
     flags: NDArray[np.uint8],  # (nx * ny,) zero before and after
     columns: NDArray[np.int32],  # (n,) scratch
     targets: NDArray[np.int32],  # (n, 5) out: x, y, sensor position, least cell of the word, flags
     bits: NDArray[np.uint64],  # (n,) out: the cells of the word that beams end in
+    ranks: NDArray[np.int32],  # (n,) out: by direction
     groups: NDArray[np.int64],  # (m + 1,) out: first target of each sensor position, and the end
-) -> int:
+) -> None:
     """Mark the cells that are hit, and list the words of cells that beams end in.
 
     Ends outside the box are listed singly: there are no masks for them.
-
-    Returns:
-        Number of targets.
     """
     _, ny, words = shape
     x0, y0, z0, x1, y1, z1 = box
@@ -251,6 +294,9 @@ def list_targets(
     at = parts[0, 0]
     for k in range(sensors.shape[0]):
         groups[k] = count
+        sensor = (sensors[k, 0], sensors[k, 1])
+        first_x, first_y = (sensor[0] >> HALVES_BITS) - HALF_SPAN, sensor[1] >> HALVES_BITS
+        first_y, first_z = first_y - HALF_SPAN, (sensors[k, 2] >> HALVES_BITS) - HALF_SPAN
         guarded = guarded_layer if sensors[k, 2] >> HALVES_BITS > guarded_layer else -1
         listed = 0
         while part < parts.shape[0]:
@@ -258,16 +304,17 @@ def list_targets(
                 part += 1
                 at = parts[min(part, parts.shape[0] - 1), 0]
                 continue
-            if ends[at, 4] != k:
+            end = ends[at]
+            if end >> ORIGIN_BIT != k:
                 break
-            x, y, z = int(ends[at, 0]), int(ends[at, 1]), int(ends[at, 2])
-            x, y, z = x - corner[0], y - corner[1], z - corner[2]
-            returned = ends[at, 3] == RETURNED
+            x = (end >> (2 * CELL_BITS) & CELL_MASK) + first_x
+            y, z = (end >> CELL_BITS & CELL_MASK) + first_y, (end & CELL_MASK) + first_z
+            returned = end >> FATE_BIT & 1 == RETURNED
             at += 1
             grazing = returned and z == guarded
             if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
                 write_target(targets, count, x, y, k, z, OUTSIDE | (SPARING if grazing else 0))
-                bits[count] = ONE
+                bits[count], ranks[count] = ONE, rank_of(x, y, sensor, places)
                 count += 1
                 continue
             column = x * ny + y
@@ -280,19 +327,29 @@ def list_targets(
                 columns[listed] = column
                 listed += 1
             flags[column] |= LISTED | GRAZED if grazing else LISTED
-        count = list_columns(columns[:listed], k, guarded, shape, aims, flags, targets, bits, count)
+        count = list_columns(
+            columns[:listed],
+            k,
+            sensor,
+            places,
+            guarded,
+            shape,
+            aims,
+            flags,
+            targets,
+            bits,
+            ranks,
+            count,
+        )
     groups[sensors.shape[0]] = count
-    return count
 
 
 @kernel
 def order_targets(
-    targets: NDArray[np.int32],  # (n, 5)
-    groups: NDArray[np.int64],  # (m + 1,) first target of each sensor position, and the end
-    sensors: NDArray[np.int64],  # (m, 3)
-    places: NDArray[np.int64],  # (WEDGE,) of a wedge's sectors, in which to carve them
+    ranks: NDArray[np.int32],  # (n,)
+    firsts: NDArray[np.int64],  # (stripes,) first target of each
+    groups: NDArray[np.int64],  # (stripes, m + 1) from there, as of `list_targets`
     starts: NDArray[np.int64],  # (SECTORS + 1,) scratch
-    ranks: NDArray[np.int32],  # (n,) scratch
     order: NDArray[np.int32],  # (n,) out
     wedges: NDArray[np.int64],  # (k, 3) out: first target, one past the last, sensor position
 ) -> int:
@@ -303,28 +360,26 @@ def order_targets(
     Returns:
         Number of wedges that hold any.
     """
-    count = 0
-    for k in range(sensors.shape[0]):
+    count = ordered = int(np.int64(0))
+    for k in range(groups.shape[1] - 1):
         for sector in range(SECTORS + 1):
             starts[sector] = 0
-        starts[0] = groups[k]
-        for i in range(groups[k], groups[k + 1]):
-            along = HALVES * int(targets[i, 0]) + SUBCELLS - sensors[k, 0]
-            across = HALVES * int(targets[i, 1]) + SUBCELLS - sensors[k, 1]
-            slope = across / (abs(along) + abs(across))  # both odd
-            quarters = 1.0 + slope if along > 0 else 3.0 - slope  # 0 to 4
-            sector = int(quarters * (SECTORS / 4.0)) % SECTORS
-            rank = sector // WEDGE * WEDGE + places[sector % WEDGE]
-            ranks[i] = rank
-            starts[rank + 1] += 1
+        starts[0] = ordered
+        for stripe in range(firsts.shape[0]):
+            first = firsts[stripe]
+            for i in range(first + groups[stripe, k], first + groups[stripe, k + 1]):
+                starts[ranks[i] + 1] += 1
         for sector in range(SECTORS):
             starts[sector + 1] += starts[sector]
+        ordered = starts[SECTORS]
         for wedge in range(WEDGES):
             first, end = starts[wedge * WEDGE], starts[(wedge + 1) * WEDGE]
             if end > first:
                 wedges[count, 0], wedges[count, 1], wedges[count, 2] = first, end, k
                 count += 1
-        for i in range(groups[k], groups[k + 1]):
-            order[starts[ranks[i]]] = i
-            starts[ranks[i]] += 1
+        for stripe in range(firsts.shape[0]):
+            first = firsts[stripe]
+            for i in range(first + groups[stripe, k], first + groups[stripe, k + 1]):
+                order[starts[ranks[i]]] = i
+                starts[ranks[i]] += 1
     return count

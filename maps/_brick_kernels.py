@@ -123,38 +123,64 @@ def column_states(
 
 
 @kernel
-def write_columns(
+def write_block(
     heads: NDArray[np.int32],
     links: NDArray[np.int32],
     keys: NDArray[np.int32],
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
+    block: tuple[Integer, Integer],  # index of the bricks along x and y
     low: tuple[int, int, int],  # cell
     occupied: NDArray[np.uint64],  # (nx, ny, words) out, zero before
     free: NDArray[np.uint64],  # (nx, ny, words) out, zero before
 ) -> None:
-    """Write the states of a window of cells, whose bottom may lie anywhere in a brick."""
+    """Write the states of the columns of a window that lie in bricks above each other."""
     nx, ny, words = occupied.shape
+    bx, by = block
     bottom = low[2] + BELOW_FLOOR
     first_z, shift = bottom >> 6, np.uint64(bottom & 63)
     back = np.uint64(64) - shift
-    for bx in range(low[0] >> EDGE_BITS, ((low[0] + nx - 1) >> EDGE_BITS) + 1):
-        for by in range(low[1] >> EDGE_BITS, ((low[1] + ny - 1) >> EDGE_BITS) + 1):
-            for k in range(words + (1 if shift != 0 else 0)):
-                slot = find(heads, links, keys, bx, by, first_z + k)
-                if slot < 0:
-                    continue
-                for x in range(max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)):
-                    for y in range(max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)):
-                        column = (x - bx * EDGE) * EDGE + y - by * EDGE
-                        held, clear = column_states(eights[slot, column], settled[slot, column])
-                        i, j = x - low[0], y - low[1]
-                        if k < words:
-                            occupied[i, j, k] |= held >> shift
-                            free[i, j, k] |= clear >> shift
-                        if k > 0 and shift != 0:
-                            occupied[i, j, k - 1] |= held << back
-                            free[i, j, k - 1] |= clear << back
+    for k in range(words + (1 if shift != 0 else 0)):
+        slot = find(heads, links, keys, bx, by, first_z + k)
+        if slot < 0:
+            continue
+        for x in range(max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)):
+            for y in range(max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)):
+                column = (x - bx * EDGE) * EDGE + y - by * EDGE
+                held, clear = column_states(eights[slot, column], settled[slot, column])
+                i, j = x - low[0], y - low[1]
+                if k < words:
+                    occupied[i, j, k] |= held >> shift
+                    free[i, j, k] |= clear >> shift
+                if k > 0 and shift != 0:
+                    occupied[i, j, k - 1] |= held << back
+                    free[i, j, k - 1] |= clear << back
+
+
+@kernel
+def rewrite_columns(
+    heads: NDArray[np.int32],
+    links: NDArray[np.int32],
+    keys: NDArray[np.int32],
+    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    settled: NDArray[np.uint64],  # (slots, COLUMNS)
+    blocks: NDArray[np.int64],  # (k, 2) indices of bricks along x and y
+    part: tuple[int, int],  # first and one past the last of them to write
+    low: tuple[int, int, int],  # cell
+    occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
+    free: NDArray[np.uint64],  # (nx, ny, words) in, out
+) -> None:
+    """Write the states of some columns of a window anew."""
+    nx, ny, words = occupied.shape
+    held = (heads, links, keys, eights, settled)
+    for n in range(part[0], part[1]):
+        bx, by = blocks[n, 0], blocks[n, 1]
+        for x in range(max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)):
+            for y in range(max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)):
+                for word in range(words):
+                    occupied[x - low[0], y - low[1], word] = 0
+                    free[x - low[0], y - low[1], word] = 0
+        write_block(*held, (bx, by), low, occupied, free)
 
 
 @kernel

@@ -323,20 +323,30 @@ def border_distance(position: int, cells: int, reach: int) -> int:
 
 
 @kernel
-def bound_row(
-    result: NDArray[np.uint16],
-    at: int,  # of the row in it
-    border: NDArray[np.uint16],  # (nz,) squared distance to what lies outside along z
-    across: int,  # and along x and y
-    squared: NDArray[np.uint16],  # out from a place on
-    to: int,
-) -> int:
-    """Write a row of the field, not beyond its border; return the greatest element."""
-    source, target = np.uint64(at), np.uint64(to)
-    most, greatest = np.uint16(across), np.uint16(0)
-    for z in range(np.uint64(border.shape[0])):
-        least = min(result[source + z], min(border[z], most))
-        squared[target + z] = least
+def list_bounds(
+    rows: tuple[int, int],  # first and one past the last of a block
+    shape: tuple[int, int, int],
+    reach: int,
+    row_cells: int,
+    bounds: NDArray[np.uint16],  # (block_rows * row_cells,) out
+) -> None:
+    """Squared distances along y and z to what lies outside; 0 where a block has no cells."""
+    _, ny, nz = shape
+    fill(bounds, 0)
+    for y in range(rows[0], min(rows[1], ny)):
+        across, first = border_distance(y, ny, reach), (y - rows[0]) * row_cells
+        for z in range(nz):
+            least = min(border_distance(z, nz, reach), across)
+            bounds[first + z] = least * least
+
+
+@kernel
+def bound(result: NDArray[np.uint16], bounds: NDArray[np.uint16], most: int) -> int:
+    """Cut a block off at its border, and at one value; return the greatest element."""
+    limit, greatest = np.uint16(most), np.uint16(0)
+    for k in range(np.uint64(result.shape[0])):
+        least = min(result[k], min(bounds[k], limit))
+        result[k] = least
         greatest = max(greatest, least)
     return int(greatest)
 
@@ -354,7 +364,7 @@ def update_field(
     farthest: NDArray[np.uint16],  # (blocks, nx) in, out: greatest value of each block of the field
     squared: NDArray[np.uint16],  # (nx * ny * nz,) out
     result: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
-    border: NDArray[np.uint16],  # (nz,) scratch
+    bounds: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
     reached: NDArray[np.uint16],  # (nx,) scratch
 ) -> None:
     """The squared distance where changes may reach, from the sections of the planes around.
@@ -365,11 +375,10 @@ def update_field(
     """
     nx, ny, nz = shape
     blocks, cells = nearest.shape[0], result.shape[0]
-    for z in range(nz):
-        border[z] = border_distance(z, nz, reach) ** 2
     for b in range(part[0], part[1]):
         if not spread_changes(least_change[b], reach, reached):
             continue
+        list_bounds((b * block_rows, (b + 1) * block_rows), shape, reach, row_cells, bounds)
         for x in range(nx):
             if reached[x] > farthest[b, x]:
                 continue
@@ -384,12 +393,11 @@ def update_field(
                 if least + j * j < greatest:
                     greatest = lower(result, sections, place, blocks * cells, j, reach)
                 j += 4
-            within = int(np.int64(0))
+            farthest[b, x] = bound(result, bounds, border_distance(x, nx, reach) ** 2)
             for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):
-                across = min(border_distance(x, nx, reach), border_distance(y, ny, reach))
-                row, to = (y - b * block_rows) * row_cells, (x * ny + y) * nz
-                within = max(within, bound_row(result, row, border, across * across, squared, to))
-            farthest[b, x] = within
+                row, to = np.uint64((y - b * block_rows) * row_cells), np.uint64((x * ny + y) * nz)
+                for z in range(np.uint64(nz)):
+                    squared[to + z] = result[row + z]
 
 
 @kernel

@@ -133,7 +133,7 @@ class DistanceField:
 
     def _update_field(self, part: tuple[int, int]) -> None:
         """Recompute some rows of blocks where the changes of the sections reach."""
-        nx, _, nz = self.shape
+        cells = self._block_rows * self._row_cells
         kernels.update_field(
             part,
             self.shape,
@@ -145,9 +145,9 @@ class DistanceField:
             self._least_change,
             self._farthest,
             self.squared.reshape(-1),
-            np.empty(self._block_rows * self._row_cells, np.uint16),
-            np.empty(nz, np.uint16),
-            np.empty(nx, np.uint16),
+            np.empty(cells, np.uint16),
+            np.empty(cells, np.uint16),
+            np.empty(self.shape[0], np.uint16),
         )
 
 

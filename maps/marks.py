@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +17,13 @@ from maps.sweep import Sweep
 from maps.team import Team
 
 MAX_WINDOW_WORDS = 1 << 26
-BEAM_US, TARGET_US, WORD_US = 0.01, 0.3, 0.001  # about: to place, to carve, to gather
+BEAM_US, END_US, TARGET_US, WORD_US = 0.01, 0.008, 0.3, 0.001
+"""About: to place a beam, to list an end, to carve a target, to gather a word."""
+
 NO_GUARD = -1
+
+BELOW_FLOOR = np.array([0, 0, bricks.BELOW_FLOOR])
+BRICK_BITS = np.array([bricks.EDGE_BITS, bricks.EDGE_BITS, 6])  # of a cell's place in its brick
 
 SPREAD = np.argsort(
     [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64]
@@ -58,16 +64,20 @@ class Placed:
     """Where the beams of a sweep end.
 
     Attributes:
-        ends: (n, 5) cell, fate and origin of those that tell anything; used again for each sweep.
-        parts: (p, 2) first and one past the last of those that are listed.
+        ends: Of those that tell anything, as the kernels pack them; used again for each sweep.
+        parts: (stripes, p, 2) first and one past the last of those that are listed.
         counts: (4,) beams by fate.
         box: (2, 3) least and greatest cell of all beams within the bounds.
+        corner: (3,) least cell of the whole bricks around that box.
+        shape: Their (nx, ny, words).
     """
 
-    ends: NDArray[np.int32]
+    ends: NDArray[np.int64]
     parts: NDArray[np.int64]
     counts: NDArray[np.int64]
     box: NDArray[np.int64]
+    corner: NDArray[np.int64]
+    shape: tuple[int, int, int]
 
 
 class SweepWindow:
@@ -89,10 +99,10 @@ class SweepWindow:
         self._hits = np.zeros(0, np.uint64)
         self._aims = np.zeros(0, np.uint64)
         self._flags = np.zeros(0, np.uint8)
-        self._ends = np.empty((0, 5), np.int32)
+        self._ends = np.empty(0, np.int64)
         self._free = np.zeros((team.size, 0), np.uint64)
         self._targets, self._bits = np.empty((0, 5), np.int32), np.empty(0, np.uint64)
-        self._columns, self._order = np.empty(0, np.int32), np.empty(0, np.int32)
+        self._columns, self._ranks, self._order = np.empty((3, 0), np.int32)
 
     @property
     def nbytes(self) -> int:
@@ -107,48 +117,53 @@ class SweepWindow:
             ValueError: A direction is not of unit length, or the beams span too much space.
         """
         count, size = len(sweep.ranges_mm), self._team.size
-        if len(self._ends) < count:
-            self._ends = np.empty((count, 5), np.int32)
-        ends, groups = self._ends, sweep.groups
-        cells = sweep.sensors >> beams.SUBCELL_BITS
+        stripes = 2 if self._team.helps(count, END_US) else 1  # even and odd ones, or all
+        each = -(-count // size)
+        if len(self._ends) < size * stripes * each:
+            self._ends = np.empty(size * stripes * each, np.int64)
+        ends = self._ends[: size * stripes * each].reshape(size, stripes, each)
+        groups, sensors, directions = sweep.groups, sweep.sensors, sweep.directions.reshape(-1)
         boxes, counts = np.empty((size, 2, 3), np.int64), np.zeros((size, 4), np.int64)
+        cells = sensors >> beams.SUBCELL_BITS
         boxes[:, 0], boxes[:, 1] = cells.min(axis=0), cells.max(axis=0)
-        parts = np.array([[count * k // size, count * (k + 1) // size] for k in range(size)])
+        listed, whole = np.zeros((size, stripes), np.int64), [True] * size
 
         def place(_: int, some: tuple[int, int]) -> None:
             for k in range(*some):
-                first, end = (int(beam) for beam in parts[k])
-                listed = beams.place_ends(
+                whole[k] = beams.place_ends(
                     sweep.origins,
+                    sensors,
                     groups,
-                    sweep.directions,
+                    directions,
                     sweep.ranges_mm,
                     sweep.limits_mm,
                     sweep.resolution,
-                    (first, end),
-                    ends[first:end],
+                    (each * k, each * (k + 1)),
+                    ends[k],
+                    listed[k],
                     boxes[k],
                     counts[k],
-                    np.empty((3, beams.CHUNK), np.int64),
+                    np.empty((4, beams.CHUNK), np.int64),
                     np.empty(beams.CHUNK, np.int64),
                 )
-                parts[k, 1] = first + listed
 
         self._team.share(place, size, 1, BEAM_US * count / size)
-        if np.any(parts[:, 1] < parts[:, 0]):
+        if not all(whole):
             squared = (sweep.directions**2).sum(axis=1)
             strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
             raise ValueError(
                 f"directions: got {sweep.directions[strange][0]}, expected unit length"
             )
         box = self._clip(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
-        _, shape = _window(box)
-        if np.prod(shape) > MAX_WINDOW_WORDS:
+        corner, shape = _window(box)
+        if math.prod(shape) > MAX_WINDOW_WORDS:
             raise ValueError(
-                f"beams: got {64 * np.prod(shape)} cells around them, "
+                f"beams: got {64 * math.prod(shape)} cells around them, "
                 f"expected at most {64 * MAX_WINDOW_WORDS}: a shorter range or coarser cells"
             )
-        return Placed(ends, parts, counts.sum(axis=0), box)
+        first = each * np.arange(size * stripes).reshape(size, stripes).T
+        parts = np.stack([first, first + listed.T], axis=2)
+        return Placed(self._ends, parts, counts.sum(axis=0), box, corner, shape)
 
     def carve(self, sweep: Sweep, placed: Placed, guard: bool) -> Marks:
         """Mark the cells that the beams hit and cross.
@@ -158,43 +173,49 @@ class SweepWindow:
             placed: Where they end.
             guard: Whether a beam that ends in the floor's layer spares that layer.
         """
-        box = placed.box
-        corner, shape = _window(box)
+        corner, shape = placed.corner, placed.shape
         nx, ny, words = shape
         self._reserve(nx * ny, words)
         layer = FLOOR_LAYER - int(corner[2])
         guarded = layer if guard and 0 <= layer < 64 * words else NO_GUARD
         sensors = 2 * (sweep.sensors - (corner << beams.SUBCELL_BITS)) + 1
-        x, y, z = (int(cell) for cell in corner)
-        x0, y0, z0, x1, y1, z1 = (int(cell) for cell in (box - corner).reshape(-1))
-        within, most = (
-            (x0, y0, z0, x1, y1, z1),
-            int((placed.parts[:, 1] - placed.parts[:, 0]).sum()),
-        )
-        if len(self._bits) < most:  # new memory would be cleared anew by the system
-            self._targets, self._bits = np.empty((most, 5), np.int32), np.empty(most, np.uint64)
-            self._columns, self._order = np.empty(most, np.int32), np.empty(most, np.int32)
-        targets, bits, columns, order = self._targets, self._bits, self._columns, self._order
-        groups = np.empty(len(sensors) + 1, np.int64)
-        count = beams.list_targets(
-            placed.ends,
-            placed.parts,
-            sensors,
-            (x, y, z),
-            within,
-            guarded,
-            shape,
-            self._hits,
-            self._aims,
-            self._flags,
-            columns,
-            targets,
-            bits,
-            groups,
-        )
+        x0, y0, z0, x1, y1, z1 = (placed.box - corner).ravel().tolist()
+        within = x0, y0, z0, x1, y1, z1
+        most = (placed.parts[:, :, 1] - placed.parts[:, :, 0]).sum(axis=1)
+        edges = [0, *np.cumsum(most).tolist()]  # of the targets of each stripe
+        if len(self._bits) < edges[-1]:  # new memory would be cleared anew by the system
+            self._targets = np.empty((edges[-1], 5), np.int32)
+            self._bits = np.empty(edges[-1], np.uint64)
+            self._columns, self._ranks, self._order = np.empty((3, edges[-1]), np.int32)
+        targets, bits, order = self._targets, self._bits, self._order
+        groups = np.empty((len(most), len(sensors) + 1), np.int64)
+
+        def list_targets(_: int, stripes: tuple[int, int]) -> None:
+            for k in range(*stripes):
+                own = slice(edges[k], edges[k + 1])
+                beams.list_targets(
+                    placed.ends,
+                    placed.parts[k],
+                    sensors,
+                    within,
+                    guarded,
+                    shape,
+                    SPREAD,
+                    self._hits,
+                    self._aims,
+                    self._flags,
+                    self._columns[own],
+                    targets[own],
+                    bits[own],
+                    self._ranks[own],
+                    groups[k],
+                )
+
+        self._team.share(list_targets, len(most), 1, END_US * edges[-1] / len(most))
+        count = int(groups[:, -1].sum())
         wedges = np.empty((min(count, beams.WEDGES * len(sensors)), 3), np.int64)
-        starts = np.empty(beams.SECTORS + 1, np.int64)
-        used = beams.order_targets(targets, groups, sensors, SPREAD, starts, columns, order, wedges)
+        starts, firsts = np.empty(beams.SECTORS + 1, np.int64), np.array(edges[:-1])
+        used = beams.order_targets(self._ranks, firsts, groups, starts, order, wedges)
 
         def carve(member: int, part: tuple[int, int]) -> None:
             # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
@@ -271,8 +292,8 @@ class SweepWindow:
 
 def brick_of(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Indices of the bricks that cells (..., 3) lie in."""
-    x, y, z = cells[..., 0], cells[..., 1], cells[..., 2] + bricks.BELOW_FLOOR
-    return np.stack([x >> bricks.EDGE_BITS, y >> bricks.EDGE_BITS, z >> 6], axis=-1)
+    found: NDArray[np.int64] = (cells + BELOW_FLOOR) >> BRICK_BITS
+    return found
 
 
 def brick_cells(keys: NDArray[np.integer]) -> NDArray[np.int64]:

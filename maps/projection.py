@@ -11,6 +11,7 @@ from maps import _column_kernels as kernels
 from maps import _label_kernels as labels
 from maps.class_margins import ClassMargins
 from maps.columns import WORD_BITS, ColumnMap, Window, layer_bits
+from maps.queries import VoxelQueries
 
 ROUNDING = 1e-6  # of a cell
 
@@ -98,6 +99,16 @@ class Airspace(Projection):
         self.shape = self.rows = (*window.shape[:2], end - first)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
         super().__init__(window.layers(first, end))
+
+    def read(self, voxel_map: ColumnMap) -> Columns | None:
+        """The same; a voxel map writes what changed where it is kept."""
+        if not isinstance(voxel_map, VoxelQueries):
+            return super().read(voxel_map)
+        boxes, self._stamp = voxel_map.changed(self._stamp)
+        box = self._window.columns_within(boxes)
+        if box is not None:
+            voxel_map.rewrite_columns(self._window.first, boxes, self.occupied, self.free)
+        return box
 
     def _take(
         self,

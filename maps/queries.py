@@ -19,6 +19,8 @@ from maps.marks import brick_cells, unpack_bits
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.team import Team
 
+BLOCK_US = 4.0  # about, to write the columns of a brick
+
 
 @dataclass(frozen=True)
 class RayEnd:
@@ -82,24 +84,53 @@ class VoxelQueries:
             Occupied and free cells, (nx, ny, words) each: bit k of word w is the cell
             low_z + 64 w + k. One that is neither is unknown.
         """
-        occupied, free = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
+        occupied, free = np.empty(shape, np.uint64), np.empty(shape, np.uint64)
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
-        bricks = self._bricks
+        if occupied.size:
+            whole = np.array([[x, y, z, x + shape[0], y + shape[1], z + 64 * shape[2]]])
+            self.rewrite_columns((x, y, z), whole, occupied, free)
+        return occupied, free
 
-        def write(_: int, rows: tuple[int, int]) -> None:
-            part, corner = slice(*rows), (x + rows[0], y, z)
-            kernels.write_columns(
+    def rewrite_columns(
+        self,
+        low_cell: tuple[int, int, int],
+        boxes: NDArray[np.int64],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Write the states of a window of cells anew where they changed.
+
+        Args:
+            low_cell: Least cell of the window.
+            boxes: (k, 6) where, as `changed` tells; columns of bricks above and below are included.
+            occupied: (nx, ny, words) what `columns` told before; brought up to date.
+            free: (nx, ny, words) likewise.
+        """
+        low = np.array(low_cell[:2])
+        high = low + occupied.shape[:2]
+        first = np.clip(boxes[:, :2], low, high) >> kernels.EDGE_BITS
+        end = (np.clip(boxes[:, 3:5], low, high) + kernels.EDGE - 1) >> kernels.EDGE_BITS
+        extent = end - first
+        if np.any(extent > 1):  # one box of everything
+            first = np.argwhere(np.ones(extent.max(axis=0), np.bool_)) + first.min(axis=0)
+            extent = np.ones_like(first)
+        blocks = first[np.all(extent > 0, axis=1)]
+        _, once = np.unique((blocks[:, 0] << 32) + blocks[:, 1], return_index=True)
+        blocks, bricks = blocks[once], self._bricks
+
+        def write(_: int, part: tuple[int, int]) -> None:
+            kernels.rewrite_columns(
                 *bricks.directory,
                 bricks.eights,
                 bricks.settled,
-                corner,
-                occupied[part],
-                free[part],
+                blocks,
+                part,
+                low_cell,
+                occupied,
+                free,
             )
 
-        if occupied.size:
-            self._team.share(write, shape[0], parts_each=1)
-        return occupied, free
+        self._team.share(write, len(blocks), 3, BLOCK_US)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ class Sweep:
     limits_mm: tuple[int, int]
     resolution: float
 
-    @property
+    @cached_property
     def sensors(self) -> NDArray[np.int64]:
         """(m, 3) sub-cells that beams start in."""
         scaled = self.origins * (beams.SUBCELLS / self.resolution)
@@ -95,12 +96,15 @@ def prepare_sweep(
     """Check the arguments of a sweep, apart from the length of its directions.
 
     Raises:
-        ValueError: Wrong shapes or types, an origin that is not finite and within 1000 km, moments
-            outside the origins, or a range limit that is not within 0 to 2047 cells.
+        ValueError: Wrong shapes or types, an origin that is not finite and within 1000 km or too
+            many of them, moments outside the origins, or a range limit that is not within 0 to
+            2047 cells.
     """
     starts = np.array(origins, np.float64, ndmin=2)
     if starts.ndim != 2 or starts.shape[1] != 3:
         raise ValueError(f"origins: got shape {np.shape(origins)}, expected (3,) or (m, 3)")
+    if len(starts) > beams.MAX_ORIGINS:
+        raise ValueError(f"origins: got {len(starts)}, expected at most {beams.MAX_ORIGINS}")
     strange = ~np.all(np.abs(starts) <= MAX_COORDINATE, axis=1)
     if strange.any():
         raise ValueError(
@@ -121,12 +125,13 @@ def prepare_sweep(
         moments = np.empty(0, np.int32)
     else:
         named = moments.dtype.kind in "iu" and moments.shape == ranges_mm.shape
-        if not named or np.any((moments < 0) | (moments >= len(starts))):
+        least, most = _range(moments) if named else (-1, -1)
+        if not 0 <= least <= most < len(starts):
             raise ValueError(
                 f"moments: got {moments.dtype} {moments.shape}, "
                 f"expected whole numbers {ranges_mm.shape} in 0 to {len(starts) - 1}"
             )
-        if np.any(np.diff(moments) < 0):
+        if least < most and (moments[1:] < moments[:-1]).any():
             order = np.argsort(moments, kind="stable")
     return Sweep(
         starts,
@@ -138,6 +143,13 @@ def prepare_sweep(
     )
 
 
+def _range(indices: NDArray[np.integer]) -> tuple[int, int]:
+    """Least and greatest of some indices (n,); 0 if there are none."""
+    return (int(indices.min()), int(indices.max())) if len(indices) else (0, 0)
+
+
 def _plain(array: NDArray[Any], dtype: type[Any]) -> NDArray[Any]:
     """The array, or a copy: to the compiler a read-only one, as a log yields, is another type."""
+    if array.dtype == dtype and array.flags.carray:
+        return array
     return np.require(array, dtype, ["C", "W", "A"])

@@ -34,6 +34,10 @@ class Team:
         self.size = threads
         self._helpers: list[_Helper] = []
 
+    def helps(self, count: int, item_us: float) -> bool:
+        """Whether so many items, microseconds each, are worth sharing."""
+        return self.size > 1 and count * item_us >= WORTH_SHARING_US
+
     def share(
         self, work: Work, count: int, parts_each: int = PARTS, item_us: float = WORTH_SHARING_US
     ) -> None:
@@ -50,7 +54,7 @@ class Team:
             ValueError: The system starts no more threads.
             Exception: The first one that any part raised, once no thread works any more.
         """
-        if self.size == 1 or count * item_us < WORTH_SHARING_US:
+        if not self.helps(count, item_us):
             work(0, (0, count))
             return
         while len(self._helpers) < self.size - 1:

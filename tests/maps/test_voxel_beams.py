@@ -134,29 +134,47 @@ def test_a_thousand_sweeps_equal_the_definition_cell_by_cell(threads):
     assert sweeps >= (1000 if threads == 1 else 100)
 
 
+def packed(cell, own, fate, origin):
+    """An end as the kernels write it."""
+    x, y, z = (int(a) - int(b) + kernels.HALF_SPAN for a, b in zip(cell, own, strict=True))
+    return x << 26 | y << 13 | z | fate << 39 | origin << 40
+
+
+def unpacked(end, own):
+    """Cell, fate and origin of one."""
+    cell = [end >> shift & 8191 for shift in (26, 13, 0)]
+    cell = [a + int(b) - kernels.HALF_SPAN for a, b in zip(cell, own[end >> 40], strict=True)]
+    return [*cell, end >> 39 & 1, end >> 40]
+
+
 def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
     """Cells of the free marks for beams to the given ends, and those of the hits."""
-    listed, kernel = np.zeros((len(ends), 5), np.int32), (lambda name: KERNELS[name])
-    listed[:, :3], listed[:, 3] = ends, kernels.RETURNED if hit else kernels.CLEARED
+    own, kernel = [h // HALVES for h in sensor], lambda name: KERNELS[name]
     if run == "python":
         kernel = lambda name: KERNELS[name].py_func  # noqa: E731
     nx, ny, words = shape
     box = box or (0, 0, 0, nx - 1, ny - 1, 64 * words - 1)
     hits, free, aims = (np.zeros(nx * ny * words, np.uint64) for _ in range(3))
-    flags, (columns, order) = np.zeros(nx * ny, np.uint8), np.empty((2, len(ends)), np.int32)
+    flags, (columns, ranks, order) = np.zeros(nx * ny, np.uint8), np.empty((3, len(ends)), np.int32)
     targets, bits = np.empty((len(ends), 5), np.int32), np.empty(len(ends), np.uint64)
-    parts, groups = np.array([[0, 2], [2, 2], [2, len(ends)]]), np.empty(2, np.int64)
-    wedges, sensors, corner = np.empty((len(ends), 3), np.int64), np.array([sensor]), (0, 0, 0)
-    starts = np.empty(kernels.SECTORS + 1, np.int64)
-    scratch = (hits, aims, flags, columns, targets, bits, groups)
+    wedges, sensors = np.empty((len(ends), 3), np.int64), np.array([sensor])
+    starts, fate = np.empty(kernels.SECTORS + 1, np.int64), 0 if hit else 1
+    stripes = [[], []]
+    for end in ends:
+        stripes[end[0] >> kernels.STRIPE_BITS & 1].append(packed(end, own, fate, 0))
+    firsts, groups = np.array([0, len(stripes[0])]), np.empty((2, 2), np.int64)
     with np.errstate(over="ignore"):
-        count = kernel("list_targets")(
-            listed, parts, sensors, corner, box, guarded, shape, *scratch
-        )
-        some = kernel("order_targets")(
-            targets, groups, sensors, SPREAD, starts, columns, order, wedges
-        )
-        assert sorted(order[:count]) == list(range(count))
+        for first, listed, group in zip(firsts, stripes, groups, strict=True):
+            half, some = len(listed) // 2, slice(first, first + len(listed))
+            parts = np.array([[0, half], [half, half], [half, len(listed)]])
+            kernel("list_targets")(
+                *(np.array(listed, np.int64), parts, sensors, box, guarded, shape, SPREAD),
+                *(hits, aims, flags, columns[some], targets[some], bits[some], ranks[some], group),
+            )
+        count = int(groups[:, 1].sum())
+        some = kernel("order_targets")(ranks, firsts, groups, starts, order, wedges)
+        held = [f + i for f, group in zip(firsts, groups, strict=True) for i in range(group[1])]
+        assert sorted(order[:count]) == held
         assert wedges[:some, 0].tolist() == [0, *wedges[: some - 1, 1]]
         of_beams = (targets, bits, order, wedges, (0, some), sensors, box, guarded)
         scratch = tuple(np.empty(carving.MAX_STEPS + 1, np.int64) for _ in range(5))
@@ -257,19 +275,22 @@ def test_the_longest_beam_does_not_overflow():
 def test_place_ends(run):
     directions = np.repeat([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], 3, axis=0)
     ranges_mm = np.array([0, 100, 1000, 65535, 2001, 2000], np.uint16)
-    ends, counts = np.zeros((6, 5), np.int32), np.zeros(4, np.int64)
+    ends, counts, listed = np.zeros((1, 6), np.int64), np.zeros(4, np.int64), np.zeros(1, np.int64)
     box = np.array([[0, 1, 3], [0, 1, 3]])
     origin, groups = np.array([[0.05, 0.15, 0.25]]), np.array([0, 6])
-    args = (origin, groups, directions, ranges_mm, (300, 2000), 0.1, (0, 6), ends, box, counts)
-    args += np.empty((3, kernels.CHUNK), np.int64), np.empty(kernels.CHUNK, np.int64)
+    sensor, own = np.array([[256, 768, 1664]]), [[0, 1, 3]]
+    args = (origin, sensor, groups, directions.reshape(-1), ranges_mm, (300, 2000), 0.1, (0, 6))
+    args += ends, listed, box, counts, np.empty((4, kernels.CHUNK), np.int64)
+    args += (np.empty(kernels.CHUNK, np.int64),)
     # -1.75 m is 16.75 cells below the floor's layer; two beams that only clear end there.
     told = [[10, 1, 3, 0, 0], [0, 1, -17, 1, 0], [0, 1, -17, 0, 0]]
-    assert run(*args) == 3
-    assert ends[:3].tolist() == told
+    assert run(*args)
+    assert listed.tolist() == [3]
+    assert [unpacked(end, own) for end in ends[0, :3].tolist()] == told
     assert counts.tolist() == [2, 2, 1, 1]
     assert box.tolist() == [[0, 1, -17], [10, 1, 3]]
     directions[4, 1] = 1e-2
-    assert run(*args) == -1
+    assert not run(*args)
 
 
 @pytest.mark.parametrize("run", [kernels.place_ends, kernels.place_ends.py_func])
@@ -283,22 +304,28 @@ def test_place_ends_of_many_origins_in_parts(run):
     cells = (scaled.astype(int) + np.array([0, 0, 384])) // 512
     fates = np.where(ranges_mm > 3000, 1, 0)
     rows = np.column_stack([cells, fates, moments])[ranges_mm >= 300]
-    counts, listed = np.zeros(4, np.int64), []
-    scratch = np.empty((3, kernels.CHUNK), np.int64), np.empty(kernels.CHUNK, np.int64)
+    sensors = np.floor(origins * (512 / 0.1)).astype(int) + np.array([0, 0, 384])
+    counts, told = np.zeros(4, np.int64), []
     for part in ((0, 350), (350, 700)):
-        ends, box = np.zeros((350, 5), np.int32), np.zeros((2, 3), np.int64)
-        count = run(
-            *(origins, groups, directions, ranges_mm, (300, 3000), 0.1, part, ends, box, counts),
-            *scratch,
+        ends, box = np.zeros((2, 350), np.int64), np.zeros((2, 3), np.int64)
+        listed = np.zeros(2, np.int64)
+        assert run(
+            *(origins, sensors, groups, directions.reshape(-1), ranges_mm, (300, 3000), 0.1),
+            *(part, ends, listed, box, counts, np.empty((4, kernels.CHUNK), np.int64)),
+            np.empty(kernels.CHUNK, np.int64),
         )
-        listed += ends[:count].tolist()
-        assert np.all((ends[:count, :3] >= box[0]) & (ends[:count, :3] <= box[1]))
+        for stripe, count in enumerate(listed):
+            some = [unpacked(end, sensors // 512) for end in ends[stripe, :count].tolist()]
+            assert {row[0] // 8 % 2 for row in some} <= {stripe}
+            assert [row[4] for row in some] == sorted(row[4] for row in some)
+            assert all(np.all((box[0] <= r[:3]) & (r[:3] <= box[1])) for r in some)
+            told += some
     other = np.any(np.diff(rows, axis=0) != 0, axis=1)
-    assert {tuple(row) for row in listed} == {tuple(row) for row in rows.tolist()}
-    assert len(listed) >= 1 + np.count_nonzero(other)
-    told = np.count_nonzero(fates[ranges_mm >= 300] == 0), np.count_nonzero(fates)
+    assert {tuple(row) for row in told} == {tuple(row) for row in rows.tolist()}
+    assert len(told) >= 1 + np.count_nonzero(other)
+    fated = np.count_nonzero(fates[ranges_mm >= 300] == 0), np.count_nonzero(fates)
     dropped = np.count_nonzero(ranges_mm == 0)
-    assert counts.tolist() == [*told, dropped, 700 - sum(told) - dropped]
+    assert counts.tolist() == [*fated, dropped, 700 - sum(fated) - dropped]
 
 
 @pytest.mark.parametrize("run", [carving.next_run, carving.next_run.py_func])
