@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from maps import _digest_kernels as version
+from maps import _update_kernels as kernels
 from maps.team import Team
 
 MEBIBYTE = 1 << 20
@@ -140,7 +140,7 @@ class Blocks:
 
         def digest(_: int, part: tuple[int, int]) -> None:
             for layer, sums, any_held in zip(words, lanes, held, strict=True):
-                version.list_all_lanes(slots, part, layer, sums, any_held)
+                kernels.digest_bricks(slots, part, layer, sums, any_held)
 
         team.share(digest, len(slots), parts_each=1)
         for i, slot in enumerate(slots.tolist()):
