@@ -33,6 +33,7 @@ from harness.setpoints import SetpointsAhead
 from harness.state import Simulation, Stateful, StepPoses, restore_parts, state_message
 from harness.streams import CONTROL, StreamHashes
 from models.poses import Trail
+from models.robots import Setpoint
 from models.sensors import ROBOT_GROUP, Caster
 from models.truth import Truth
 from models.worlds import Traffic
@@ -316,7 +317,7 @@ class Episode:
         self._estimate.advance(now_ns, pose[:3], pose[3:])
         planned = self._ahead.at(self._following, now_ns)
         setpoint = self._estimate.setpoint(planned, pose[:3])
-        self._asked.append(setpoint.position.tobytes() + struct.pack("<d", setpoint.heading))
+        self._asked.append(_as_bytes(setpoint))
         self._scene.controller.follow(self._data, setpoint)
         self._steps.append(pose)
         self._estimate.remember()
@@ -386,6 +387,12 @@ class Episode:
 
     def _now_ns(self) -> int:
         return round(float(self._data.time) * 1e9)
+
+
+def _as_bytes(setpoint: Setpoint) -> bytes:
+    """All of it: where two trajectories begin alike, they may ask for other speeds already."""
+    turning = struct.pack("<2d", setpoint.heading, setpoint.yaw_rate)
+    return setpoint.position.tobytes() + setpoint.velocity.tobytes() + turning
 
 
 def stretch_of(scenario: Scenario, begin: int = 0) -> Stretch:
