@@ -20,7 +20,15 @@ CHAPTERS = {
     "Begin": ["get-started", "concepts", "seeing", "comparison", "measured"],
     "Tutorials": [
         f"tutorials/{name}"
-        for name in ("planner", "sensor", "robot", "pose-drift", "why-it-failed", "gate")
+        for name in (
+            "planner",
+            "sensor",
+            "robot",
+            "pose-drift",
+            "why-it-failed",
+            "lost-echoes",
+            "gate",
+        )
     ],
     "What there is": [
         *("robots", "sensors", "worlds", "imports", "maps", "representations", "moving"),
