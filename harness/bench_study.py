@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -29,6 +29,9 @@ Progress = Callable[[str], None]
 
 LEAST = 4
 """Episodes of `study`."""
+
+ROUNDS = 3
+"""In each of which every engine has its turn."""
 
 PARTS = 10
 """Of a large study, each told by itself."""
@@ -46,7 +49,10 @@ def brief_study(episodes: int, first: int, seconds: float) -> StudyFile:
 
 
 def bench_study(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
-    """Episodes an hour on each engine; `repeats` of them, of 10 s simulated, on each.
+    """Episodes an hour on each engine; `repeats` of them, of 10 s simulated, in each round.
+
+    Engines take turns, so that a machine whose speed changes meanwhile does not favour one. Only
+    episodes after the first of each worker count: starting comes once a study.
 
     Raises:
         InputError: Too few episodes to time.
@@ -63,19 +69,29 @@ def bench_study(repeats: int, seed: int, progress: Progress) -> list[dict[str, A
     }
     if importlib.util.find_spec("ray") is not None:
         engines["two workers of Ray"] = functools.partial(run_on_ray, workers=2, bounds=bounds)
-    rows: list[dict[str, Any]] = []
-    for name, engine in engines.items():
-        progress(f"{name}: {repeats} episodes")
-        workers = 1 if name == "one process" else 2
-        rows.append(_timed(name, engine, workers, brief_study(repeats, seed, 10.0)))
+    runs: dict[str, list[Run]] = {name: [] for name in engines}
+    for turn in range(ROUNDS):
+        for name, engine in engines.items():
+            progress(f"{name}: {repeats} episodes, round {turn + 1} of {ROUNDS}")
+            workers = 1 if name == "one process" else 2
+            runs[name].append(_timed(engine, workers, brief_study(repeats, seed, 10.0)))
+    rows = [_told(name, done) for name, done in runs.items()]
     for row in rows:
         row["ratio_to_one"] = row["episodes_per_hour"] / rows[0]["episodes_per_hour"]
         row["ratio_to_two"] = row["episodes_per_hour"] / rows[1]["episodes_per_hour"]
     return rows
 
 
-def _timed(name: str, engine: Engine, workers: int, study: StudyFile) -> dict[str, Any]:
-    """From when every worker has ended one to the last end: starting comes once a study."""
+class Run(NamedTuple):
+    """One study on one engine; steady is from when every worker has ended one to the last end."""
+
+    errors: int
+    to_first_s: float
+    steady_episodes: int
+    steady_s: float
+
+
+def _timed(engine: Engine, workers: int, study: StudyFile) -> Run:
     ends: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
@@ -88,12 +104,17 @@ def _timed(name: str, engine: Engine, workers: int, study: StudyFile) -> dict[st
             lambda done: ends.append(time.perf_counter()),
         )
     steady = ends[-1] - ends[workers - 1]
+    return Run(result.errors, ends[0] - began, len(ends) - workers, steady)
+
+
+def _told(name: str, runs: list[Run]) -> dict[str, Any]:
+    episodes, seconds = sum(run.steady_episodes for run in runs), sum(run.steady_s for run in runs)
     return {
         "engine": name,
-        "episodes": result.episodes,
-        "errors": result.errors,
-        "to_first_s": ends[0] - began,
-        "episodes_per_hour": 3600.0 * (len(ends) - workers) / steady,
+        "episodes": episodes,
+        "errors": sum(run.errors for run in runs),
+        "to_first_s": min(run.to_first_s for run in runs),
+        "episodes_per_hour": 3600.0 * episodes / seconds,
     }
 
 
