@@ -43,13 +43,24 @@ class Space:
         return bounds
 
     def inside(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points (n, parameters) brought within the bounds; a direction goes round."""
+        """Points (n, parameters) thrown back from the bounds; a direction goes round.
+
+        Cut off at the bounds instead, many would lie right on them.
+        """
         low, high = np.array(list(self.parameters.values())).T
-        kept = np.clip(points, low, high)
+        folded = (points - low) % (2.0 * (high - low))
+        kept = low + np.minimum(folded, 2.0 * (high - low) - folded)
         for column, name in enumerate(self.parameters):
             if name == "direction":
                 kept[:, column] = (points[:, column] + 180.0) % 360.0 - 180.0
-        return kept
+        return np.asarray(kept)
+
+    def apart(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+        """How far two points (parameters,) are apart, in parts of the space, at most."""
+        low, high = np.array(list(self.parameters.values())).T
+        parts = np.abs(one - other) / (high - low)
+        around = np.array([name == "direction" for name in self.parameters])
+        return float(np.where(around, np.minimum(parts, 1.0 - parts), parts).max())
 
     def perturbation(self, point: Sequence[float]) -> AnyPerturbation:
         """The perturbation at a point, in whole hundredths of a second, severity and degree."""
