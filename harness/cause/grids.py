@@ -69,9 +69,12 @@ def cell_of(navigator: Navigator, point: Array) -> tuple[int, ...]:
 
 
 def holes_in_floor(case: Case, navigator: Navigator) -> Cells:
-    """Whether the map holds something under the floor z = 0 for free; nowhere in the air."""
+    """Whether the map holds something under the floor z = 0 for free: that forbids a column.
+
+    Nowhere in the air, nor where floors may slope: there the floor is none of z = 0.
+    """
     costmap = navigator.costmap
-    if costmap.motion == "air":
+    if costmap.motion == "air" or case.config.map.max_slope > 0.0:
         return np.zeros(costmap.shape, np.bool_)
     size = costmap.resolution
     nx, ny, _ = costmap.shape

@@ -114,9 +114,8 @@ def _evolve(space: Space, ledger: _Ledger, seed: int) -> None:
     The step grows while some of the offspring are better than their parent and shrinks while none
     is. When it has become small, the search starts anew, by turns at the best place of the
     hypercube that it has not been near to yet, and about the best of all with half the step: the
-    way to a failure may lead away from what looked best at first. Of differential evolution in
-    scipy, the best setting of 24 found an analytic pole of 0.09 % of the space within 100 episodes
-    for 57 of 60 seeds, this for all of them.
+    way to a failure may lead away from what looked best at first. A box of 0.17 % of the space it
+    found within 100 episodes for all of 60 seeds.
     """
     rng = np.random.default_rng(seed)
     low, high = np.array(list(space.parameters.values())).T
