@@ -23,6 +23,22 @@ def scratch() -> Path | None:
 
 
 @dataclass(frozen=True)
+class Kill:
+    """When a child is to be killed: a moment after it has told so much.
+
+    A moment of wall time alone would come before everything, or after it, whenever the machine
+    does other things besides.
+
+    Attributes:
+        lines: Told before it; 0 is the start.
+        then_s: From there on.
+    """
+
+    lines: int
+    then_s: float
+
+
+@dataclass(frozen=True)
 class Ended:
     """How a child ended.
 
@@ -42,21 +58,21 @@ class Ended:
 def in_child(
     work: Callable[[Callable[[str], None]], None],
     silence_s: float,
-    kill_after_s: float | None = None,
+    kill: Kill | None = None,
 ) -> Ended:
     """Do something in a forked child.
 
     Args:
         work: What to do; it is given a function that tells the parent one line.
         silence_s: The child is ended when it has told nothing for so long.
-        kill_after_s: SIGKILL so long after its first line, if at all.
+        kill: When it gets SIGKILL, if at all.
     """
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
         _work(work, reading, writing)
     os.close(writing)
-    text, overdue = _listen(reading, child, silence_s, kill_after_s)
+    text, overdue = _listen(reading, child, silence_s, kill)
     os.close(reading)
     _, status, usage = os.wait4(child, 0)
     lines = tuple(text.decode(errors="replace").splitlines())
@@ -79,11 +95,10 @@ def _work(work: Callable[[Callable[[str], None]], None], reading: int, writing: 
     os._exit(code)
 
 
-def _listen(
-    reading: int, child: int, silence_s: float, kill_after_s: float | None
-) -> tuple[bytes, bool]:
-    text, kill_at = b"", None
+def _listen(reading: int, child: int, silence_s: float, kill: Kill | None) -> tuple[bytes, bool]:
+    text = b""
     last = time.monotonic()
+    kill_at = last + kill.then_s if kill is not None and kill.lines == 0 else None
     while True:
         now = time.monotonic()
         wait = last + silence_s - now
@@ -95,8 +110,9 @@ def _listen(
             piece = os.read(reading, 65536)
             if not piece:
                 return text, False
-            if not text and kill_after_s is not None:
-                kill_at = now + kill_after_s
+            before, after = text.count(b"\n"), (text + piece).count(b"\n")
+            if kill is not None and before < kill.lines <= after:
+                kill_at = now + kill.then_s
             text, last = text + piece, now
         if kill_at is not None and now >= kill_at:
             os.kill(child, signal.SIGKILL)

@@ -20,7 +20,7 @@ from harness.recover import recover
 from harness.replay import replay
 from harness.scenario import Scenario, build
 from harness.schema import wayproof_pb2 as pb
-from harness.soak.child import in_child, scratch
+from harness.soak.child import Kill, in_child, scratch
 from harness.warm_up import warm_up
 
 EPISODES = (("empty", "drone"), ("corridor", "quadruped"))
@@ -58,7 +58,7 @@ class Killed:
 
 
 def soak_kill(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Killed:
-    """Kill episodes with SIGKILL, each at a random moment, and open what they leave.
+    """Kill episodes with SIGKILL, each a random moment after a random decision of it.
 
     Args:
         count: Episodes.
@@ -70,17 +70,18 @@ def soak_kill(count: int, seed: int, progress: Callable[[str], None], first: int
     for world, robot in EPISODES:
         config = override(Config(world, robot, seed), SETTINGS)
         warm_up(config)
-        scenarios.append((build(config), _duration(config)))
+        scenarios.append((build(config), *_whole(config)))
     tally = dict.fromkeys(
         ("killed", "finished", "before_first", "recovered", "told", "lost", "checked"), 0
     )
     failures: list[str] = []
     for trial in range(first, first + count):
         rng = np.random.default_rng((seed, trial))
-        scenario, lasts = scenarios[trial % len(scenarios)]
+        scenario, decisions, lasts = scenarios[trial % len(scenarios)]
+        kill = Kill(int(rng.integers(decisions + 1)), float(rng.uniform(0.0, lasts / decisions)))
         with tempfile.TemporaryDirectory(dir=scratch()) as folder:
             path = Path(folder) / "killed.mcap"
-            _kill_one(scenario, path, float(rng.uniform(0.0, 1.2 * lasts)), trial, tally, failures)
+            _kill_one(scenario, path, kill, trial, tally, failures)
         if (trial + 1) % 20 == 0:
             progress(f"kill: up to {trial + 1}, {len(failures)} failures")
     return Killed(
@@ -96,18 +97,18 @@ def soak_kill(count: int, seed: int, progress: Callable[[str], None], first: int
     )
 
 
-def _duration(config: Config) -> float:
-    """Wall time of one episode, s."""
+def _whole(config: Config) -> tuple[int, float]:
+    """Decisions of one episode, and its wall time, s."""
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         began = time.perf_counter()
-        run_episode(build(config), Path(folder) / "whole.mcap")
-        return time.perf_counter() - began
+        result = run_episode(build(config), Path(folder) / "whole.mcap")
+        return result.decisions, time.perf_counter() - began
 
 
 def _kill_one(
     scenario: Scenario,
     path: Path,
-    after_s: float,
+    kill: Kill,
     trial: int,
     tally: dict[str, int],
     failures: list[str],
@@ -118,7 +119,7 @@ def _kill_one(
 
         run_episode(scenario, path, note)
 
-    ended = in_child(work, SILENCE_S, after_s)
+    ended = in_child(work, SILENCE_S, kill)
     told = [line.split() for line in ended.lines if len(line.split()) == 3]
     if any(line.startswith("traceback") for line in ended.lines) or ended.overdue:
         failures.append(f"trial {trial}: {ended.lines[-1]}")

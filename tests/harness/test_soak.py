@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from harness.errors import InputError
 from harness.reader import open_log
 from harness.small_log import COMMITTED, committed_name
-from harness.soak.child import in_child
+from harness.soak.child import Kill, in_child
 from harness.soak.episodes import soak_episodes
 from harness.soak.fuzz import KINDS, MOST_MEMORY_MIB, run_case
 from harness.soak.kill import soak_kill
@@ -22,6 +22,7 @@ def test_killed_episodes_leave_what_was_flushed():
     found = soak_kill(5, 0, print)
     assert found.failures == ()
     assert found.killed + found.finished == 5
+    assert found.killed > 0
 
 
 def test_random_episodes_come_again():
@@ -95,5 +96,7 @@ def test_a_child_that_hangs_or_breaks_is_told_of():
     assert (hung.code, hung.overdue, hung.lines) == (-9, True, ("begun",))
     assert broken.code == 1
     assert "ZeroDivisionError" in broken.lines[-1]
-    killed = in_child(hang, 20.0, kill_after_s=0.2)
-    assert (killed.code, killed.overdue) == (-9, False)
+    for kill in (Kill(0, 0.2), Kill(1, 0.0)):
+        killed = in_child(hang, 20.0, kill)
+        assert (killed.code, killed.overdue) == (-9, False)
+    assert killed.lines == ("begun",)
