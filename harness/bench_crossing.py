@@ -41,6 +41,7 @@ class Row:
         time_s: Simulated time.
         clearance_m: Least true distance to anything but the floor.
         reason: In words.
+        cause: Of what was no success or a near miss, with its evidence; empty if there is none.
     """
 
     robot: str
@@ -52,6 +53,7 @@ class Row:
     time_s: float
     clearance_m: float
     reason: str
+    cause: str
 
     @property
     def job(self) -> tuple[str, str, int]:
@@ -131,6 +133,7 @@ def run_one(robot: str, way: str, seed: int) -> Row:
         time_s=result.sim_time_s,
         clearance_m=result.min_clearance_m,
         reason=result.reason,
+        cause=f"{result.cause}: {result.cause_evidence}" if result.cause else "",
     )
 
 

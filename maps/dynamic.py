@@ -158,15 +158,20 @@ class DynamicMap(VoxelMap):
         states[claimed] = OCCUPIED
         return states
 
-    def columns(
-        self, low_cell: ArrayLike, shape: tuple[int, int, int]
-    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The states of a window of cells, a bit each, as `VoxelMap.columns` tells them."""
-        occupied, free = super().columns(low_cell, shape)
-        x, y, z = (int(cell) for cell in np.ravel(low_cell))
-        kernels.lay_over((x, y, z), self._overlay.vacated, True, occupied, free)
-        kernels.lay_over((x, y, z), self._overlay.claimed, False, free, occupied)
-        return occupied, free
+    def rewrite_columns(
+        self,
+        low_cell: tuple[int, int, int],
+        boxes: NDArray[np.int64],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Write the states of a window anew where they changed, as `VoxelMap.rewrite_columns` does.
+
+        Where they did not, the overlay is what it was before, and stands there already.
+        """
+        super().rewrite_columns(low_cell, boxes, occupied, free)
+        kernels.lay_over(low_cell, self._overlay.vacated, True, occupied, free)
+        kernels.lay_over(low_cell, self._overlay.claimed, False, free, occupied)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
@@ -265,10 +270,13 @@ class DynamicMap(VoxelMap):
 
     def _read_free(self, keys: NDArray[np.int64]) -> NDArray[np.uint64]:
         """The free cells (k, 256) of bricks (k, 3) by the lasting evidence."""
-        free = np.empty((len(keys), BRICK_SHAPE[0] * BRICK_SHAPE[1]), np.uint64)
-        for i, corner in enumerate(brick_cells(keys)):
-            free[i] = super().columns(corner, BRICK_SHAPE)[1].reshape(-1)
-        return free
+        corners = brick_cells(keys)
+        free = np.empty((len(keys), *BRICK_SHAPE), np.uint64)
+        occupied = np.empty_like(free[:1])
+        for i, box in enumerate(np.hstack([corners, brick_cells(keys + 1)])):
+            x, y, z = (int(cell) for cell in box[:3])
+            super().rewrite_columns((x, y, z), box[None], occupied[0], free[i])
+        return free.reshape(len(keys), BRICK_SHAPE[0] * BRICK_SHAPE[1])
 
     def _learn_free(self) -> None:
         """Bring the confident space up to date with what changed in the lasting evidence."""

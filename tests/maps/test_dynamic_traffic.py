@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from maps import MAPS, OCCUPIED, UNKNOWN, Costmap, DynamicMap, MapConfig
+from maps.columns import Window
 from maps.motion import POINTS
+from maps.projection import Airspace
 
 TENTH = 100_000_000  # ns
 
@@ -179,8 +181,9 @@ def test_the_same_bytes_for_any_threads_and_on_repetition():
         np.testing.assert_array_equal(columns[0], other)
 
 
-def test_every_change_is_told():
+def test_every_change_is_told_and_both_kinds_of_body_are_told_of_it():
     window = ((-64, -64, -8), (128, 128, 1))
+    airspace = Airspace(Window(0.1, (-64, -64, -8), (128, 128, 64)), -np.inf, np.inf)
     last = {"now": 0, "columns": np.zeros((2, 128, 128, 1), np.uint64), "moved": 0}
 
     def check(voxel_map, k):
@@ -189,6 +192,8 @@ def test_every_change_is_told():
         differ = np.argwhere((columns ^ last["columns"]).any(axis=(0, 3))) - 64
         inside = (differ[:, None] >= boxes[:, :2]) & (differ[:, None] < boxes[:, 3:5])
         assert inside.all(axis=2).any(axis=1).all()
+        airspace.read(voxel_map)
+        np.testing.assert_array_equal((airspace.occupied, airspace.free), columns)
         last["columns"] = columns
         last["moved"] += len(differ) if k > 20 else 0
 

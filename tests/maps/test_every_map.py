@@ -63,6 +63,13 @@ def bits(a_map):
     return (occupied * OCCUPIED + free * FREE)[:, :, : SHAPE[2]]
 
 
+def assert_obstacles(costmap, a_map):
+    """They are the cells that the map says are occupied, one by one, and some are."""
+    places = costmap.origin + (np.stack(np.indices(costmap.shape), axis=-1) + 0.5) * 0.1
+    told = a_map.state_at(places.reshape(-1, 3)).reshape(costmap.shape) == OCCUPIED
+    np.testing.assert_array_equal(costmap.obstacle_clearance == 0, told)
+
+
 @every_map
 @pytest.mark.parametrize(
     ("change", "message"),
@@ -195,9 +202,10 @@ def test_every_way_to_ask_gives_one_answer(kind):
 
 
 @every_map
-def test_every_change_is_told_and_a_costmap_follows(kind):
+@pytest.mark.parametrize("motion", ["ground", "air"])
+def test_every_change_is_told_and_a_costmap_follows(kind, motion):
     a_map = make(kind, half_life=0.0 if kind == "octomap" else 2.0)
-    body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), "ground", 0.15, 0.4, 0.1
+    body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), motion, 0.15, 0.4, 0.1
     following, now, before = Costmap(a_map.config, a_map, *body), 0, np.zeros(SHAPE, np.uint8)
     for k in range(8):
         if k < 4:
@@ -216,6 +224,8 @@ def test_every_change_is_told_and_a_costmap_follows(kind):
         anew = Costmap(a_map.config, a_map, *body)
         assert (following.clearance == anew.clearance).all()
         assert (following.obstacle_clearance == anew.obstacle_clearance).all()
+        if motion == "air":
+            assert_obstacles(following, a_map)
     assert len(a_map.changed(now)[0]) == 0
 
 
