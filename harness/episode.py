@@ -167,6 +167,8 @@ class Episode:
         self._sequence = len(decisions)
         if state is not None:
             restore_parts(self.parts, state)
+            if self._traffic is not None:  # moved on after the step that MuJoCo's state begins with
+                self._traffic.show(self._data)
         self._on_the_way.extend(trajectories)  # the ones that began leave the queue by themselves
         self._misses = sum(decision.deadline_missed for decision in decisions)
         self._positions = [np.array(truth.position) for truth in truths]

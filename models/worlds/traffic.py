@@ -66,9 +66,14 @@ class Traffic:
             present = self._is_present(number, time_ns, place, (x, y))
             if present and mover.speed and not self._is_blocked(mover, place, (x, y)):
                 self.moving_ns[number] += step_ns
-                place = mover.place(self.moving_ns[number])
             self.present[number] = present
-            data.mocap_pos[self._mocap[number]] = place.position if present else AWAY
+        self.show(data)
+
+    def show(self, data: mujoco.MjData) -> None:
+        """Put every mover where it is now; one that does not exist, away."""
+        for number, mover in enumerate(self._movers):
+            place = mover.place(self.moving_ns[number])
+            data.mocap_pos[self._mocap[number]] = place.position if self.present[number] else AWAY
             data.mocap_quat[self._mocap[number]] = _quaternion(place.yaw)
 
     def state(self) -> dict[str, NDArray[np.int64]]:
@@ -79,7 +84,7 @@ class Traffic:
         }
 
     def restore(self, state: dict[str, NDArray[np.int64]]) -> None:
-        """Go on from what `state` returned; where the movers are is part of MuJoCo's state."""
+        """Go on from what `state` returned; `show` puts the movers there."""
         self.moving_ns = [int(value) for value in state["moving_ns"]]
         self.present = [bool(value) for value in state["present"]]
 

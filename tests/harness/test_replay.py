@@ -144,6 +144,17 @@ def test_a_fork_without_a_change_ends_alike(recorded, tmp_path, robot, at):
     assert replay(Path(forked.log)).identical
 
 
+@pytest.mark.parametrize(
+    ("world", "robot", "at"), [("crossing", "drone", 10), ("ghosts", "quadruped", 15)]
+)
+def test_a_fork_amid_what_moves_ends_alike(recorded, tmp_path, world, robot, at):
+    result = recorded(world, robot, 4, "episode.time_limit=2")
+    assert any(one.movers for one in open_log(Path(result.log)).truth())
+    forked = fork(Path(result.log), at, (), tmp_path / "fork.mcap")
+    assert forked.chain == result.chain
+    assert packets(Path(forked.log)) == packets(Path(result.log))
+
+
 def packets(path):
     """Every message but those of the sensors' tables and the measured times, in file order."""
     found = []
