@@ -10,6 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 import numpy as np
@@ -19,12 +20,14 @@ from harness.config import Config, override
 from harness.episode import run_episode
 from harness.errors import InputError
 from harness.fork import fork
+from harness.navigator import build_navigator
 from harness.perturbations import PERTURBATIONS, perturbation_from
 from harness.result import Result
 from harness.scenario import Scenario, build
 from harness.soak.child import scratch
 from harness.soak.fresh import FreshReplays, replay_by_command
 from harness.warm_up import warm_up
+from maps import MAPS, MapConfig, UnknownPolicy
 from models.robots import ROBOTS
 from models.worlds import WORLDS
 from planners import PLANNERS
@@ -42,7 +45,7 @@ class Trial:
 
     Attributes:
         trial: Its number.
-        episode: World, robot, seed, planner and perturbation.
+        episode: World, robot, seed, map, policy, planner and perturbation.
         refused: Random settings before it that are no episode.
         outcome: How it ended.
         decisions: Made in it.
@@ -175,25 +178,31 @@ def run_trial(number: int, seed: int) -> Trial:
 
 
 def random_config(rng: np.random.Generator) -> Config:
-    """World, robot, planner, perturbation and seed by chance; every fourth one unperturbed."""
+    """World, robot, map, planner, perturbation and seed by chance; every fourth unperturbed."""
     world, robot = (str(rng.choice(sorted(names))) for names in (WORLDS, ROBOTS))
+    kind = str(rng.choice(sorted(MAPS))) if rng.integers(2) else MapConfig().kind
     settings = (
+        f"map.kind={kind}",
+        *(["map.half_life=0"] if kind == "octomap" else []),  # it does not fade
+        f"map.unknown_policy={rng.choice(get_args(UnknownPolicy))}",
         f"planner.name={rng.choice(sorted(PLANNERS))}",
         f"map.inflation_margin={rng.uniform(0.02, 0.15):.3f}",
         f"episode.time_limit={TIME_LIMIT_S}",
     )
     config = override(Config(world, robot, int(rng.integers(2**31))), settings)
-    kind = f"{rng.choice(sorted(PERTURBATIONS))}:{rng.integers(1, 6)}"
+    perturbation = f"{rng.choice(sorted(PERTURBATIONS))}:{rng.integers(1, 6)}"
     if rng.integers(4) == 0:
         return config
-    return replace(config, perturbation=perturbation_from(kind))
+    return replace(config, perturbation=perturbation_from(perturbation))
 
 
 def _draw(rng: np.random.Generator) -> tuple[Scenario, int]:
     """The first of random scenarios that is one, and how many before it were refused."""
     for refused in range(MOST_DRAWS):
         try:
-            return build(random_config(rng)), refused
+            scenario = build(random_config(rng))
+            build_navigator(scenario.config, scenario.mission, {})
+            return scenario, refused
         except InputError:
             continue
     raise RuntimeError(f"{MOST_DRAWS} random settings refused")
@@ -204,7 +213,8 @@ def _told(config: Config) -> str:
     perturbed = "none"
     if perturbation is not None:
         perturbed = f"{perturbation.kind}:{perturbation.severity}"
-    return f"{config.world} {config.robot} {config.seed} {config.planner.name} {perturbed}"
+    stack = f"{config.map.kind} {config.map.unknown_policy} {config.planner.name}"
+    return f"{config.world} {config.robot} {config.seed} {stack} {perturbed}"
 
 
 def _replays(path: Path, number: int) -> list[str]:
