@@ -74,6 +74,16 @@ class ClassMargins:
         """The occupied and the free cells of a box: those of the map, as they are."""
         return self._map.columns(low_cell, shape)
 
+    def rewrite_columns(
+        self,
+        low_cell: tuple[int, int, int],
+        boxes: NDArray[np.int64],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Write the columns of a window anew where they changed: those of the map, as they are."""
+        self._map.rewrite_columns(low_cell, boxes, occupied, free)
+
     def grown(
         self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
     ) -> NDArray[np.uint64]:

@@ -164,9 +164,20 @@ class DynamicMap(VoxelMap):
         """The states of a window of cells, a bit each, as `VoxelMap.columns` tells them."""
         occupied, free = super().columns(low_cell, shape)
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
-        kernels.lay_over((x, y, z), self._overlay.vacated, True, occupied, free)
-        kernels.lay_over((x, y, z), self._overlay.claimed, False, free, occupied)
+        self._lay_over((x, y, z), occupied, free)
         return occupied, free
+
+    def rewrite_columns(
+        self,
+        low_cell: tuple[int, int, int],
+        boxes: NDArray[np.int64],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Write the states of a window of cells anew, as `VoxelMap.rewrite_columns` does."""
+        super().rewrite_columns(low_cell, boxes, occupied, free)
+        # Where nothing changed it lies over them already, and once more changes nothing.
+        self._lay_over(low_cell, occupied, free)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
@@ -258,6 +269,16 @@ class DynamicMap(VoxelMap):
         sightings = self._sightings
         left = sightings.crossings >= self.config.vacated_after
         return centres(sightings.cells[sightings.moves & ~left], self.resolution)
+
+    def _lay_over(
+        self,
+        low_cell: tuple[int, int, int],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Lay what moved away and what may come over the states of a window of cells."""
+        kernels.lay_over(low_cell, self._overlay.vacated, True, occupied, free)
+        kernels.lay_over(low_cell, self._overlay.claimed, False, free, occupied)
 
     def _evidence(self) -> NDArray[np.float64]:
         """Of the cells that something was met in: a sweep that crosses one lowers it."""

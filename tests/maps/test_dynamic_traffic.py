@@ -182,6 +182,7 @@ def test_the_same_bytes_for_any_threads_and_on_repetition():
 def test_every_change_is_told():
     window = ((-64, -64, -8), (128, 128, 1))
     last = {"now": 0, "columns": np.zeros((2, 128, 128, 1), np.uint64), "moved": 0}
+    followed = np.zeros((2, 128, 128, 1), np.uint64)
 
     def check(voxel_map, k):
         boxes, last["now"] = voxel_map.changed(last["now"])
@@ -189,6 +190,8 @@ def test_every_change_is_told():
         differ = np.argwhere((columns ^ last["columns"]).any(axis=(0, 3))) - 64
         inside = (differ[:, None] >= boxes[:, :2]) & (differ[:, None] < boxes[:, 3:5])
         assert inside.all(axis=2).any(axis=1).all()
+        voxel_map.rewrite_columns(window[0], boxes, *followed)
+        np.testing.assert_array_equal(followed, columns)
         last["columns"] = columns
         last["moved"] += len(differ) if k > 20 else 0
 

@@ -195,9 +195,10 @@ def test_every_way_to_ask_gives_one_answer(kind):
 
 
 @every_map
-def test_every_change_is_told_and_a_costmap_follows(kind):
+@pytest.mark.parametrize("motion", ["ground", "air"])
+def test_every_change_is_told_and_a_costmap_follows(kind, motion):
     a_map = make(kind, half_life=0.0 if kind == "octomap" else 2.0)
-    body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), "ground", 0.15, 0.4, 0.1
+    body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), motion, 0.15, 0.4, 0.1
     following, now, before = Costmap(a_map.config, a_map, *body), 0, np.zeros(SHAPE, np.uint8)
     for k in range(8):
         if k < 4:
