@@ -62,7 +62,8 @@ def find_all(
 ) -> None:
     """Find the slots of bricks."""
     for i in range(wanted.shape[0]):
-        x, y, z = int(wanted[i, 0]), int(wanted[i, 1]), int(wanted[i, 2])
+        # In numba an int of 32 bits stays one, and all that takes it is compiled once more.
+        x, y, z = np.int64(wanted[i, 0]), np.int64(wanted[i, 1]), np.int64(wanted[i, 2])
         slots[i] = find(heads, links, keys, x, y, z)
 
 
@@ -76,7 +77,7 @@ def enter(
     """Enter bricks into the directory."""
     for i in range(slots.shape[0]):
         slot = slots[i]
-        x, y, z = int(keys[slot, 0]), int(keys[slot, 1]), int(keys[slot, 2])
+        x, y, z = np.int64(keys[slot, 0]), np.int64(keys[slot, 1]), np.int64(keys[slot, 2])
         bucket = bucket_of(x, y, z, heads.shape[0])
         links[slot] = heads[bucket]
         heads[bucket] = slot
@@ -92,7 +93,7 @@ def strike_out(
     """Take bricks out of the directory."""
     for i in range(slots.shape[0]):
         slot = slots[i]
-        x, y, z = int(keys[slot, 0]), int(keys[slot, 1]), int(keys[slot, 2])
+        x, y, z = np.int64(keys[slot, 0]), np.int64(keys[slot, 1]), np.int64(keys[slot, 2])
         bucket = bucket_of(x, y, z, heads.shape[0])
         at = np.int64(heads[bucket])
         if at == slot:
