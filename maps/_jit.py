@@ -4,10 +4,8 @@ import numba
 
 # error_model="numpy" leaves division without a branch; nogil lets Python's own threads run kernels
 # side by side. No fastmath: it would let the compiler reorder arithmetic, and two machines could
-# then build two maps. Without the wrapper that C would call, a tenth less time to compile.
-kernel = numba.njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)
+# then build two maps.
+kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 
 # A call costs some nanoseconds an argument: for what is called for each column, put in its place.
-inlined = numba.njit(
-    cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True, forceinline=True
-)
+inlined = numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps import _label_kernels as kernels
-from maps.columns import WORD_BITS
+from maps.columns import WORD_BITS, ColumnMap
 from maps.grid import centres
 from maps.representation import Representation
 from maps.semantic import SemanticLayer
@@ -18,7 +18,7 @@ from maps.states import OCCUPIED
 ROUNDING = 1e-6  # of a squared cell
 
 
-class ClassMargins:
+class ClassMargins(ColumnMap):
     """A map, and what of it a body has to keep out of besides.
 
     That is all that lies within m, centre to centre, of an occupied cell that the layer labels with
@@ -73,16 +73,6 @@ class ClassMargins:
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
         """The occupied and the free cells of a box: those of the map, as they are."""
         return self._map.columns(low_cell, shape)
-
-    def rewrite_columns(
-        self,
-        low_cell: tuple[int, int, int],
-        boxes: NDArray[np.int64],
-        occupied: NDArray[np.uint64],
-        free: NDArray[np.uint64],
-    ) -> None:
-        """Write the columns of a window anew where they changed: those of the map, as they are."""
-        self._map.rewrite_columns(low_cell, boxes, occupied, free)
 
     def grown(
         self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]

@@ -40,6 +40,8 @@ class ColumnMap(Protocol):
     ) -> None:
         """Write the columns of a window anew where they changed.
 
+        Of a map that derives from this they are those of the least rectangle that holds all boxes.
+
         Args:
             low_cell: Least cell of the window.
             boxes: (k, 6) where, as `changed` tells.

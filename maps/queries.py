@@ -118,15 +118,16 @@ class VoxelQueries:
         """Write the columns of the bricks that lie in boxes."""
         low = np.array(low_cell[:2])
         high = low + occupied.shape[:2]
-        first = np.clip(boxes[:, :2], low, high) >> kernels.EDGE_BITS
-        end = (np.clip(boxes[:, 3:5], low, high) + kernels.EDGE - 1) >> kernels.EDGE_BITS
+        corner = low >> kernels.EDGE_BITS
+        first = (np.clip(boxes[:, :2], low, high) >> kernels.EDGE_BITS) - corner
+        end = ((np.clip(boxes[:, 3:5], low, high) - 1) >> kernels.EDGE_BITS) + 1 - corner
+        touched = np.zeros(((high - 1) >> kernels.EDGE_BITS) + 1 - corner, np.bool_)
         extent = end - first
-        if np.any(extent > 1):  # one box of everything
-            first = np.argwhere(np.ones(extent.max(axis=0), np.bool_)) + first.min(axis=0)
-            extent = np.ones_like(first)
-        blocks = first[np.all(extent > 0, axis=1)]
-        _, once = np.unique((blocks[:, 0] << 32) + blocks[:, 1], return_index=True)
-        blocks, bricks = blocks[once], self._bricks
+        touched[tuple(first[np.all(extent == 1, axis=1)].T)] = True
+        wide = np.any(extent > 1, axis=1)
+        for (x0, y0), (x1, y1) in zip(first[wide], end[wide], strict=True):
+            touched[x0:x1, y0:y1] = True
+        blocks, bricks = np.argwhere(touched) + corner, self._bricks
 
         def write(_: int, part: tuple[int, int]) -> None:
             kernels.rewrite_columns(
