@@ -62,7 +62,8 @@ def find_all(
 ) -> None:
     """Find the slots of bricks."""
     for i in range(wanted.shape[0]):
-        x, y, z = int(wanted[i, 0]), int(wanted[i, 1]), int(wanted[i, 2])
+        # In numba an int of 32 bits stays one, and all that takes it is compiled once more.
+        x, y, z = np.int64(wanted[i, 0]), np.int64(wanted[i, 1]), np.int64(wanted[i, 2])
         slots[i] = find(heads, links, keys, x, y, z)
 
 
@@ -76,7 +77,7 @@ def enter(
     """Enter bricks into the directory."""
     for i in range(slots.shape[0]):
         slot = slots[i]
-        x, y, z = int(keys[slot, 0]), int(keys[slot, 1]), int(keys[slot, 2])
+        x, y, z = np.int64(keys[slot, 0]), np.int64(keys[slot, 1]), np.int64(keys[slot, 2])
         bucket = bucket_of(x, y, z, heads.shape[0])
         links[slot] = heads[bucket]
         heads[bucket] = slot
@@ -92,7 +93,7 @@ def strike_out(
     """Take bricks out of the directory."""
     for i in range(slots.shape[0]):
         slot = slots[i]
-        x, y, z = int(keys[slot, 0]), int(keys[slot, 1]), int(keys[slot, 2])
+        x, y, z = np.int64(keys[slot, 0]), np.int64(keys[slot, 1]), np.int64(keys[slot, 2])
         bucket = bucket_of(x, y, z, heads.shape[0])
         at = np.int64(heads[bucket])
         if at == slot:
@@ -131,12 +132,19 @@ def write_block(
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
     block: tuple[Integer, Integer],  # index of the bricks along x and y
     low: tuple[int, int, int],  # cell
-    occupied: NDArray[np.uint64],  # (nx, ny, words) out, zero before
-    free: NDArray[np.uint64],  # (nx, ny, words) out, zero before
+    occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
+    free: NDArray[np.uint64],  # (nx, ny, words) in, out
 ) -> None:
-    """Write the states of the columns of a window that lie in bricks above each other."""
+    """Write anew the states of the columns of a window that lie in bricks above each other."""
     nx, ny, words = occupied.shape
     bx, by = block
+    first_x, end_x = max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)
+    first_y, end_y = max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)
+    for x in range(first_x - low[0], end_x - low[0]):
+        for y in range(first_y - low[1], end_y - low[1]):
+            for word in range(words):
+                occupied[x, y, word] = 0
+                free[x, y, word] = 0
     bottom = low[2] + BELOW_FLOOR
     first_z, shift = bottom >> 6, np.uint64(bottom & 63)
     back = np.uint64(64) - shift
@@ -144,8 +152,8 @@ def write_block(
         slot = find(heads, links, keys, bx, by, first_z + k)
         if slot < 0:
             continue
-        for x in range(max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)):
-            for y in range(max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)):
+        for x in range(first_x, end_x):
+            for y in range(first_y, end_y):
                 column = (x - bx * EDGE) * EDGE + y - by * EDGE
                 held, clear = column_states(eights[slot, column], settled[slot, column])
                 i, j = x - low[0], y - low[1]
@@ -171,16 +179,9 @@ def rewrite_columns(
     free: NDArray[np.uint64],  # (nx, ny, words) in, out
 ) -> None:
     """Write the states of some columns of a window anew."""
-    nx, ny, words = occupied.shape
     held = (heads, links, keys, eights, settled)
     for n in range(part[0], part[1]):
-        bx, by = blocks[n, 0], blocks[n, 1]
-        for x in range(max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)):
-            for y in range(max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)):
-                for word in range(words):
-                    occupied[x - low[0], y - low[1], word] = 0
-                    free[x - low[0], y - low[1], word] = 0
-        write_block(*held, (bx, by), low, occupied, free)
+        write_block(*held, (blocks[n, 0], blocks[n, 1]), low, occupied, free)
 
 
 @kernel

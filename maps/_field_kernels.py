@@ -241,7 +241,7 @@ def update_sections(
     known: NDArray[np.uint64],  # (nx, ny, words) in, out
     distances: NDArray[np.uint8],  # (nx * blocks * block_rows * row_cells,) along z, in, out
     holds_any: NDArray[np.bool_],  # (nx, blocks) whether any cell is blocked, in, out
-    sections: NDArray[np.uint16],  # ((around + nx + around) * blocks * cells,) in, out
+    sections: NDArray[np.uint16],  # (blocks * (around + nx + around) * cells,) in, out
     farthest: NDArray[np.uint16],  # (nx, blocks) in, out: greatest value of each block of them
     nearest: NDArray[np.uint16],  # (blocks, around + nx + around) out: least value
     least_change: NDArray[np.uint16],  # (blocks, nx) out: least value that came or went
@@ -287,9 +287,9 @@ def update_sections(
                 greatest = lower(result, along, first, row_cells, j, reach)
                 j += 4
             farthest[x, b] = greatest
-            at = ((planes_around(reach) + x) * blocks + b) * cells
-            least, least_change[b, x] = note_result(result, sections, at)
-            nearest[b, planes_around(reach) + x] = least
+            plane = planes_around(reach) + x
+            at = (b * nearest.shape[1] + plane) * cells
+            nearest[b, plane], least_change[b, x] = note_result(result, sections, at)
 
 
 @kernel
@@ -355,7 +355,7 @@ def bound(result: NDArray[np.uint16], bounds: NDArray[np.uint16], most: int) -> 
 def update_field(
     part: tuple[int, int],  # first and one past the last block along y
     shape: tuple[int, int, int],  # (nx, ny, nz)
-    sections: NDArray[np.uint16],  # ((around + nx + around) * blocks * cells,)
+    sections: NDArray[np.uint16],  # (blocks * (around + nx + around) * cells,)
     nearest: NDArray[np.uint16],  # (blocks, around + nx + around)
     reach: int,
     block_rows: int,
@@ -374,7 +374,7 @@ def update_field(
     planes that they look at.
     """
     nx, ny, nz = shape
-    blocks, cells = nearest.shape[0], result.shape[0]
+    cells = result.shape[0]
     for b in range(part[0], part[1]):
         if not spread_changes(least_change[b], reach, reached):
             continue
@@ -383,7 +383,7 @@ def update_field(
             if reached[x] > farthest[b, x]:
                 continue
             at = planes_around(reach) + x
-            place = (at * blocks + b) * cells
+            place = (b * nearest.shape[1] + at) * cells
             greatest = copy_block(result, sections, place)
             j = int(np.int64(1))  # a plain 1 would be compiled for itself
             while j < reach and j * j < greatest:
@@ -391,7 +391,7 @@ def update_field(
                 for far in range(j, j + 4):
                     least = min(least, min(nearest[b, at - far], nearest[b, at + far]))
                 if least + j * j < greatest:
-                    greatest = lower(result, sections, place, blocks * cells, j, reach)
+                    greatest = lower(result, sections, place, cells, j, reach)
                 j += 4
             farthest[b, x] = bound(result, bounds, border_distance(x, nx, reach) ** 2)
             for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from maps import _block_kernels as kernels
 from maps import _decay_kernels as decay
 from maps.blocks import Blocks
-from maps.columns import Window
+from maps.columns import ColumnMap, Window
 from maps.config import MapConfig
 from maps.ends import Ends
 from maps.evidence import MOST, tick_losses
@@ -25,7 +25,7 @@ CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Least cell (3,) of a box, and one past the greatest."""
 
 
-class BlockMap:
+class BlockMap(ColumnMap):
     """What a representation that keeps its cells in `Blocks` does whatever these hold.
 
     One layer holds the evidence of each cell, of which decay takes; where it is 0 the cell is

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps import _label_kernels as kernels
-from maps.columns import WORD_BITS
+from maps.columns import WORD_BITS, ColumnMap
 from maps.grid import centres
 from maps.representation import Representation
 from maps.semantic import SemanticLayer
@@ -18,7 +18,7 @@ from maps.states import OCCUPIED
 ROUNDING = 1e-6  # of a squared cell
 
 
-class ClassMargins:
+class ClassMargins(ColumnMap):
     """A map, and what of it a body has to keep out of besides.
 
     That is all that lies within m, centre to centre, of an occupied cell that the layer labels with

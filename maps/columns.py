@@ -16,7 +16,10 @@ MAX_CELLS = 200_000_000
 
 
 class ColumnMap(Protocol):
-    """What is asked of a map: the bits of its columns, and where they changed."""
+    """What is asked of a map: the bits of its columns, and where they changed.
+
+    A map that derives from it need not tell how to bring columns up to date.
+    """
 
     resolution: float
 
@@ -27,6 +30,31 @@ class ColumnMap(Protocol):
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Boxes (k, 6) of cells whose states changed since a stamp (0: all), and a new stamp."""
+
+    def rewrite_columns(
+        self,
+        low_cell: tuple[int, int, int],
+        boxes: NDArray[np.int64],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Write the columns of a window anew where they changed.
+
+        Of a map that derives from this they are those of the least rectangle that holds all boxes.
+
+        Args:
+            low_cell: Least cell of the window.
+            boxes: (k, 6) where, as `changed` tells.
+            occupied: (nx, ny, words) what `columns` told before; brought up to date.
+            free: (nx, ny, words) likewise.
+        """
+        nx, ny, words = occupied.shape
+        window = Window(self.resolution, low_cell, (nx, ny, WORD_BITS * words))
+        if (box := window.columns_within(boxes)) is not None:
+            x, y = box
+            low = low_cell[0] + x.start, low_cell[1] + y.start, low_cell[2]
+            shape = x.stop - x.start, y.stop - y.start, words
+            occupied[x, y], free[x, y] = self.columns(low, shape)
 
 
 @dataclass(frozen=True)

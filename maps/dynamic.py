@@ -158,6 +158,15 @@ class DynamicMap(VoxelMap):
         states[claimed] = OCCUPIED
         return states
 
+    def columns(
+        self, low_cell: ArrayLike, shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The states of a window of cells, a bit each, as `VoxelMap.columns` tells them."""
+        occupied, free = super().columns(low_cell, shape)
+        x, y, z = (int(cell) for cell in np.ravel(low_cell))
+        self._lay_over((x, y, z), occupied, free)
+        return occupied, free
+
     def rewrite_columns(
         self,
         low_cell: tuple[int, int, int],
@@ -165,13 +174,10 @@ class DynamicMap(VoxelMap):
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
     ) -> None:
-        """Write the states of a window anew where they changed, as `VoxelMap.rewrite_columns` does.
-
-        Where they did not, the overlay is what it was before, and stands there already.
-        """
+        """Write the states of a window of cells anew, as `VoxelMap.rewrite_columns` does."""
         super().rewrite_columns(low_cell, boxes, occupied, free)
-        kernels.lay_over(low_cell, self._overlay.vacated, True, occupied, free)
-        kernels.lay_over(low_cell, self._overlay.claimed, False, free, occupied)
+        # Where nothing changed it lies over them already, and once more changes nothing.
+        self._lay_over(low_cell, occupied, free)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
@@ -264,19 +270,26 @@ class DynamicMap(VoxelMap):
         left = sightings.crossings >= self.config.vacated_after
         return centres(sightings.cells[sightings.moves & ~left], self.resolution)
 
+    def _lay_over(
+        self,
+        low_cell: tuple[int, int, int],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Lay what moved away and what may come over the states of a window of cells."""
+        kernels.lay_over(low_cell, self._overlay.vacated, True, occupied, free)
+        kernels.lay_over(low_cell, self._overlay.claimed, False, free, occupied)
+
     def _evidence(self) -> NDArray[np.float64]:
         """Of the cells that something was met in: a sweep that crosses one lowers it."""
         return self.probability_at(centres(self._sightings.cells, self.resolution))
 
     def _read_free(self, keys: NDArray[np.int64]) -> NDArray[np.uint64]:
         """The free cells (k, 256) of bricks (k, 3) by the lasting evidence."""
-        corners = brick_cells(keys)
-        free = np.empty((len(keys), *BRICK_SHAPE), np.uint64)
-        occupied = np.empty_like(free[:1])
-        for i, box in enumerate(np.hstack([corners, brick_cells(keys + 1)])):
-            x, y, z = (int(cell) for cell in box[:3])
-            super().rewrite_columns((x, y, z), box[None], occupied[0], free[i])
-        return free.reshape(len(keys), BRICK_SHAPE[0] * BRICK_SHAPE[1])
+        free = np.empty((len(keys), BRICK_SHAPE[0] * BRICK_SHAPE[1]), np.uint64)
+        for i, corner in enumerate(brick_cells(keys)):
+            free[i] = super().columns(corner, BRICK_SHAPE)[1].reshape(-1)
+        return free
 
     def _learn_free(self) -> None:
         """Bring the confident space up to date with what changed in the lasting evidence."""

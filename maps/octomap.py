@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maps._jit import kernel
 from maps.cell_sets import ball_cells, box_cells, floor_cells
-from maps.columns import WORD_BITS
+from maps.columns import WORD_BITS, ColumnMap
 from maps.config import MapConfig
 from maps.ends import Lengths
 from maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
@@ -34,7 +34,7 @@ DISCRETIZE = (
 )
 
 
-class OctoMap:
+class OctoMap(ColumnMap):
     """A map of log-odds in an octree (Hornung et al. 2013, "OctoMap", Autonomous Robots 34).
 
     Sweeps go through OctoMap's own `insertPointCloud`: as in VoxelMap, each cell is updated once a

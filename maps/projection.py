@@ -11,7 +11,6 @@ from maps import _column_kernels as kernels
 from maps import _label_kernels as labels
 from maps.class_margins import ClassMargins
 from maps.columns import WORD_BITS, ColumnMap, Window, layer_bits
-from maps.queries import VoxelQueries
 
 ROUNDING = 1e-6  # of a cell
 
@@ -53,12 +52,15 @@ class Projection:
         box = self._window.columns_within(boxes)
         if box is None:
             return None
-        x, y = box
-        first_x, first_y, first_z = self._window.first
-        low = first_x + x.start, first_y + y.start, first_z
-        shape = x.stop - x.start, y.stop - y.start, self._words
+        low, shape = self._part(*box)
         grown = voxel_map.grown(low, shape) if isinstance(voxel_map, ClassMargins) else None
-        return self._take(*voxel_map.columns(low, shape), grown, x, y)
+        return self._take(*voxel_map.columns(low, shape), grown, *box)
+
+    def _part(self, x: slice, y: slice) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+        """Least cell and size (nx, ny, words) of a box of columns."""
+        first_x, first_y, first_z = self._window.first
+        shape = x.stop - x.start, y.stop - y.start, self._words
+        return (first_x + x.start, first_y + y.start, first_z), shape
 
     def _take(
         self,
@@ -101,28 +103,20 @@ class Airspace(Projection):
         super().__init__(window.layers(first, end))
 
     def read(self, voxel_map: ColumnMap) -> Columns | None:
-        """The same; a voxel map writes what changed where it is kept."""
-        if not isinstance(voxel_map, VoxelQueries):
-            return super().read(voxel_map)
+        """The same; the map writes what changed where it is kept."""
         boxes, self._stamp = voxel_map.changed(self._stamp)
         box = self._window.columns_within(boxes)
         if box is not None:
             voxel_map.rewrite_columns(self._window.first, boxes, self.occupied, self.free)
+            self._keep_out(voxel_map, *box)
         return box
 
-    def _take(
-        self,
-        occupied: NDArray[np.uint64],
-        free: NDArray[np.uint64],
-        grown: NDArray[np.uint64] | None,
-        x: slice,
-        y: slice,
-    ) -> Columns:
-        self.occupied[x, y], self.free[x, y] = occupied, free
-        if grown is not None:
+    def _keep_out(self, voxel_map: ColumnMap, x: slice, y: slice) -> None:
+        """Block what of a box of columns is too near to things that ask for a margin."""
+        if isinstance(voxel_map, ClassMargins):
+            grown = voxel_map.grown(*self._part(x, y))
             self.occupied[x, y] |= grown
             self.free[x, y] &= ~grown
-        return x, y
 
 
 class Ground(Projection):

@@ -88,7 +88,7 @@ class VoxelQueries:
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
         if occupied.size:
             whole = np.array([[x, y, z, x + shape[0], y + shape[1], z + 64 * shape[2]]])
-            self.rewrite_columns((x, y, z), whole, occupied, free)
+            self._write_columns((x, y, z), whole, occupied, free)
         return occupied, free
 
     def rewrite_columns(
@@ -106,17 +106,28 @@ class VoxelQueries:
             occupied: (nx, ny, words) what `columns` told before; brought up to date.
             free: (nx, ny, words) likewise.
         """
+        self._write_columns(low_cell, boxes, occupied, free)
+
+    def _write_columns(
+        self,
+        low_cell: tuple[int, int, int],
+        boxes: NDArray[np.int64],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Write the columns of the bricks that lie in boxes."""
         low = np.array(low_cell[:2])
         high = low + occupied.shape[:2]
-        first = np.clip(boxes[:, :2], low, high) >> kernels.EDGE_BITS
-        end = (np.clip(boxes[:, 3:5], low, high) + kernels.EDGE - 1) >> kernels.EDGE_BITS
+        corner = low >> kernels.EDGE_BITS
+        first = (np.clip(boxes[:, :2], low, high) >> kernels.EDGE_BITS) - corner
+        end = ((np.clip(boxes[:, 3:5], low, high) - 1) >> kernels.EDGE_BITS) + 1 - corner
+        touched = np.zeros(((high - 1) >> kernels.EDGE_BITS) + 1 - corner, np.bool_)
         extent = end - first
-        if np.any(extent > 1):  # one box of everything
-            first = np.argwhere(np.ones(extent.max(axis=0), np.bool_)) + first.min(axis=0)
-            extent = np.ones_like(first)
-        blocks = first[np.all(extent > 0, axis=1)]
-        _, once = np.unique((blocks[:, 0] << 32) + blocks[:, 1], return_index=True)
-        blocks, bricks = blocks[once], self._bricks
+        touched[tuple(first[np.all(extent == 1, axis=1)].T)] = True
+        wide = np.any(extent > 1, axis=1)
+        for (x0, y0), (x1, y1) in zip(first[wide], end[wide], strict=True):
+            touched[x0:x1, y0:y1] = True
+        blocks, bricks = np.argwhere(touched) + corner, self._bricks
 
         def write(_: int, part: tuple[int, int]) -> None:
             kernels.rewrite_columns(

@@ -5,12 +5,13 @@ import pytest
 
 from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig
 from maps import _column_kernels as kernels
+from maps.columns import ColumnMap
 
 LOW, HIGH = (0.0, 0.0, -0.375), (3.0, 2.0, 1.125)  # layers of 0.1 m; the floor's is layer 3
 FLOOR, BODY = 3, slice(5, 8)  # band of a body between 0.15 and 0.4 m: 0.125 to 0.425 m
 
 
-class DenseMap:
+class DenseMap(ColumnMap):
     """States of a box of cells of the map; what lies outside it is unknown.
 
     Cell (i, j, k) of the box is cell `first` + (i, j, k) of the map.

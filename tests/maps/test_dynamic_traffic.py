@@ -185,6 +185,7 @@ def test_every_change_is_told_and_both_kinds_of_body_are_told_of_it():
     window = ((-64, -64, -8), (128, 128, 1))
     airspace = Airspace(Window(0.1, (-64, -64, -8), (128, 128, 64)), -np.inf, np.inf)
     last = {"now": 0, "columns": np.zeros((2, 128, 128, 1), np.uint64), "moved": 0}
+    followed = np.zeros((2, 128, 128, 1), np.uint64)
 
     def check(voxel_map, k):
         boxes, last["now"] = voxel_map.changed(last["now"])
@@ -194,6 +195,8 @@ def test_every_change_is_told_and_both_kinds_of_body_are_told_of_it():
         assert inside.all(axis=2).any(axis=1).all()
         airspace.read(voxel_map)
         np.testing.assert_array_equal((airspace.occupied, airspace.free), columns)
+        voxel_map.rewrite_columns(window[0], boxes, *followed)
+        np.testing.assert_array_equal(followed, columns)
         last["columns"] = columns
         last["moved"] += len(differ) if k > 20 else 0
 

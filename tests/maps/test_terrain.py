@@ -7,7 +7,7 @@ import pytest
 
 from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
 from maps import _terrain_kernels as kernels
-from maps.columns import Window
+from maps.columns import ColumnMap, Window
 from maps.terrain import BASELINE, Terrain, rises
 
 FLOOR, LAYERS, SIZE = 4, 40, (40, 24)
@@ -15,7 +15,7 @@ LOW, HIGH = (0.0, 0.0, -0.475), (4.0, 2.4, 3.525)  # cells of 0.1 m, the floor's
 ACROSS = np.arange(SIZE[0])[:, None] + 0.0 * np.arange(SIZE[1])  # 0.1 m
 
 
-class Cells:
+class Cells(ColumnMap):
     """A map of states (nx, ny, layers), from layer -4 on."""
 
     resolution = 0.1
