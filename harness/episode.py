@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import struct
 import time
@@ -73,7 +74,11 @@ def run_episode(
             log.write(f"/sensor/{info.name}/info", info, 0)
         episode = Episode(scenario, navigator, log, observe)
         episode.delays.update(delays or {})
-        result = episode.run()
+        gc.freeze()  # to look for garbage in all that is loaded takes as long as ten decisions
+        try:
+            result = episode.run()
+        finally:
+            gc.unfreeze()
     return settle_log(result, kept)
 
 

@@ -131,7 +131,9 @@ class Beams:
 
 def turn(rotations: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Vectors (k, 3) turned by each rotation (m, 3, 3), element by element: (m, k, 3)."""
-    return np.stack([rotate(R, vectors) for R in rotations])
+    along = rotations[:, None] * vectors[None, :, None]  # (m, k, 3, 3)
+    turned: NDArray[np.float64] = along[..., 0] + along[..., 1] + along[..., 2]
+    return turned
 
 
 @dataclass(frozen=True)

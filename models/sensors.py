@@ -22,7 +22,15 @@ from models.beams import (
     rotate,
 )
 from models.classes import UNKNOWN_CLASS, class_of_geoms
-from models.devices import Device, Mount, Rangefinder, SensorConfig, measure, stream
+from models.devices import (
+    Device,
+    Mount,
+    Rangefinder,
+    RangeNoise,
+    SensorConfig,
+    measure,
+    stream,
+)
 from models.poses import Trail
 from models.rays import Pattern, TileCaster, cut_grid, cut_scattered
 
@@ -136,7 +144,7 @@ class SweepCaster:
         origins, rotations = self._poses(data, trail)
         fades = self.mount.device.noise.grazing > 0.0  # only then normals are worth their time
         hits = self._engine.cast(data, self._firing, origins, rotations, normals=fades)
-        rng = stream(seed, f"sensor/{self.mount.name}", sequence)
+        rng = _draws(self.mount, seed, sequence)
         incidence = _incidence(hits, self._firing, rotations) if fades else None
         beams = self._firing.directions
         return measure(self.mount.device, hits.distance, incidence, beams, rng), hits.geom_id
@@ -233,6 +241,13 @@ ENGINES: dict[str, type[TileEngine] | type[MujocoEngine]] = {
 """Ray engines by name."""
 
 
+def _draws(mount: Mount, seed: int, sequence: int) -> np.random.Generator | None:
+    """The random numbers of one sweep; none for an ideal device, which draws none."""
+    if mount.device.noise == RangeNoise():
+        return None
+    return stream(seed, f"sensor/{mount.name}", sequence)
+
+
 class RangefinderCaster:
     """Reads one `<rangefinder>` of the model as a sweep of one beam."""
 
@@ -258,7 +273,7 @@ class RangefinderCaster:
         del trail  # one beam, one instant
         mujoco.mj_sensorPos(self._model, data)
         distance = data.sensordata[self._address : self._address + 1]
-        rng = stream(seed, f"sensor/{self.mount.name}", sequence)
+        rng = _draws(self.mount, seed, sequence)
         return measure(self.mount.device, distance, None, self._directions, rng)
 
     def cast_labelled(

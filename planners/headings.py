@@ -237,42 +237,42 @@ def _through(
     straight: bool,
 ) -> Floats:
     """The path through states, pulled straight where the body can turn about if so asked."""
-    angles, poses, before = _angles(), [start], states[0]
-    for turns, group in itertools.groupby(zip(states.tolist(), wide, strict=True), lambda s: s[1]):
-        part = [state for state, _ in group]
-        points = [
-            (*_centre(space, plane, state // WAYS), start[2]) for state in _bends(part, turns)
-        ]
+    angles, poses, before = _angles(), [start], int(states[0])
+    cuts = np.flatnonzero(wide[1:] != wide[:-1]) + 1
+    for begin, end in itertools.pairwise((0, *cuts.tolist(), len(states))):
+        turns, part = bool(wide[begin]), states[begin:end]
         if turns:
-            poses.append((*points[0], float(kernels.wrap(angles[part[0] % WAYS] + gear))))
-            if part[-1] == states[-1]:
+            part = _bends(part)
+        points = [(*_centre(space, plane, state // WAYS), start[2]) for state in part.tolist()]
+        first, last = int(part[0]), int(part[-1])
+        if turns:
+            poses.append((*points[0], float(kernels.wrap(angles[first % WAYS] + gear))))
+            if end == len(states):
                 points.append(goal[:3])
             track = np.array(list(dict.fromkeys(points)))
             if straight:
                 walked = space.grid, space.blocked_at_or_below, 1.0
                 track = kernels.fewest_corners(*walked, BEND_PRICE, kernels.prune(*walked, track))
             poses += head_along(track, poses.pop(), None).tolist()
-            poses.append((*points[-1], angles[part[-1] % WAYS]))
+            poses.append((*points[-1], angles[last % WAYS]))
             gear = 0.0
         else:
-            for state, point in zip(part, points, strict=True):
+            for state, point in zip(part.tolist(), points, strict=True):
                 if (before - state) % WAYS == WAYS // 2 and before // WAYS == state // WAYS:
                     gear = math.pi - gear
                 poses.append((*point, float(kernels.wrap(angles[state % WAYS] + gear))))
                 before = state
-        before = part[-1]
+        before = last
     if turns:
         poses.pop()  # it has nowhere to turn to
     poses.append((*goal[:3], poses[-1][3]))
     return np.array([pose for pose, _ in itertools.groupby(poses)], dtype=np.float64)
 
 
-def _bends(states: list[int], wide: bool) -> list[int]:
-    """Those of the states where the body can turn about at which it does, and both ends."""
-    if not wide:
-        return states
-    inner = [b for a, b in itertools.pairwise(states[:-1]) if a % WAYS != b % WAYS]
-    return [states[0], *inner, states[-1]]
+def _bends(states: Longs) -> Longs:
+    """Those of the states at which the way turns, and both ends."""
+    inner = states[1:-1]
+    return np.concatenate((states[:1], inner[inner % WAYS != states[:-2] % WAYS], states[-1:]))
 
 
 @functools.lru_cache(maxsize=1)

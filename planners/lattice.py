@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planners import _lattice_kernels as kernels
-from planners._lattice_kernels import FREE_RATE, LARGEST_RATE, STEPS, Lattice
+from planners._lattice_kernels import FREE_RATE, LARGEST_FACTOR, LARGEST_RATE, STEPS, Lattice
 from planners.kernels import Floats
 from planners.space import FreeSpace
 
@@ -17,9 +17,6 @@ Cell = tuple[int, int, int]
 
 SPACING_ABOVE_GROUND = 0.2  # [m]
 SPACING_ON_GROUND = 0.1  # [m]
-
-LARGEST_FACTOR = 4
-"""Grid cells to a lattice cell: the 64 cells of a block have a bit each."""
 
 ENTRY_RINGS = 2
 """How far from its own lattice cell a point may enter the lattice, in cells."""

@@ -107,6 +107,24 @@ class Leg(NamedTuple):
 
 def solve(start: State, target: State, speed: float | None, limits: AxisLimits) -> Leg:
     """Fastest motion to a target state, or with no ``speed`` limit just to its velocity."""
+    steps = _solved(start, target, speed, limits)
+    brake = steps.brake
+    pieces = [
+        *zip(brake.t, brake.p, brake.v, brake.a, brake.j, strict=True),
+        *zip(steps.t, steps.p, steps.v, steps.a, steps.j, strict=False),
+    ]
+    used = [piece for piece in pieces if piece[0] > 0.0]
+    end = State(steps.p[-1] if speed is None else target.position, target.velocity, 0.0)
+    return Leg(
+        [t for t, *_ in used],
+        [State(p, v, a) for _, p, v, a, _ in used],
+        [j for *_, j in used],
+        end,
+    )
+
+
+def _solved(start: State, target: State, speed: float | None, limits: AxisLimits) -> ruckig.Profile:
+    """What ruckig makes of it."""
     wanted = ruckig.InputParameter(1)
     wanted.current_position = [start.position]
     wanted.current_velocity = [start.velocity]
@@ -124,25 +142,18 @@ def solve(start: State, target: State, speed: float | None, limits: AxisLimits) 
     result = ruckig.Ruckig(1).calculate(wanted, found)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise RuntimeError(f"ruckig: {result} from {start} to {target}, speed {speed}, {limits}")
-    steps = found.profiles[0][0]
-    brake = steps.brake
-    pieces = [
-        *zip(brake.t, brake.p, brake.v, brake.a, brake.j, strict=True),
-        *zip(steps.t, steps.p, steps.v, steps.a, steps.j, strict=False),
-    ]
-    used = [piece for piece in pieces if piece[0] > 0.0]
-    end = State(steps.p[-1] if speed is None else target.position, target.velocity, 0.0)
-    return Leg(
-        [t for t, *_ in used],
-        [State(p, v, a) for _, p, v, a, _ in used],
-        [j for *_, j in used],
-        end,
-    )
+    return found.profiles[0][0]
 
 
 def change_speed(start: State, velocity: float, limits: AxisLimits) -> Leg:
     """Fastest change to a velocity held without acceleration."""
     return solve(start, State(0.0, velocity, 0.0), None, limits)
+
+
+def change_length(start: State, velocity: float, limits: AxisLimits) -> float:
+    """How far `change_speed` leads."""
+    steps = _solved(start, State(0.0, velocity, 0.0), None, limits)
+    return float(steps.p[-1]) - start.position
 
 
 def join(legs: Sequence[Leg]) -> Profile:

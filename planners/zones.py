@@ -6,7 +6,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from planners._jit import kernel
-from planners.profile import AxisLimits, Leg, Profile, State, change_speed, join, solve
+from planners.profile import (
+    AxisLimits,
+    Leg,
+    Profile,
+    State,
+    change_length,
+    change_speed,
+    join,
+    solve,
+)
 
 # Lengths are cut by this before speeds are fitted into them, so that rounding never asks ruckig
 # for a speed that is just out of reach [m].
@@ -79,7 +88,7 @@ def _first_leaving(start: State, length: float, speed: float, limits: AxisLimits
     """Largest speed up to ``speed`` that can be held after ``length``; None if it is too short."""
 
     def covered(velocity: float) -> float:
-        return change_speed(start, velocity, limits).end.position - start.position
+        return change_length(start, velocity, limits)
 
     room = length - SLACK
     if covered(speed) <= room:
@@ -98,7 +107,7 @@ def _calm_speed(start: State, zones: Sequence[Zone], limits: AxisLimits) -> floa
     speed = settled_velocity(start, limits)
     begin = 0.0
     for zone in zones:
-        if change_speed(start, speed, limits).end.position - start.position < begin:
+        if change_length(start, speed, limits) < begin:
             break
         speed = min(speed, zone.speed)
         begin += zone.length

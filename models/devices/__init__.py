@@ -18,7 +18,7 @@ from models.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 from models.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
 from models.devices.intel_realsense_d435 import INTEL_REALSENSE_D435
 from models.devices.livox_mid360 import LIVOX_MID360
-from models.devices.measure import measure, stream
+from models.devices.measure import measure, stream, warm_up
 from models.devices.noise import RangeNoise
 from models.devices.ouster_os1_64 import OUSTER_OS1_64
 from models.devices.rangefinder import Rangefinder
@@ -53,4 +53,5 @@ __all__ = [
     "evenly",
     "measure",
     "stream",
+    "warm_up",
 ]

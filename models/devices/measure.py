@@ -8,9 +8,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from models.beams import DROPPED, NO_RETURN, quantise
+from models._jit import kernel
+from models.beams import DROPPED, MILLIMETRES, NO_RETURN
 from models.devices.device import Device
 from models.devices.noise import RangeNoise
+
+NONE_LOST = np.zeros(0, np.bool_)
 
 
 def stream(seed: int, name: str, sequence: int) -> np.random.Generator:
@@ -31,7 +34,7 @@ def measure(
     distance: NDArray[np.float64],
     incidence_cosine: NDArray[np.float64] | None,
     directions: NDArray[np.float64],
-    rng: np.random.Generator,
+    rng: np.random.Generator | None,
 ) -> NDArray[np.uint16]:  # (n,) mm
     """Report one sweep, in the order in which light and electronics spoil it.
 
@@ -53,27 +56,71 @@ def measure(
         incidence_cosine: (n,) of the angle between beam and surface normal, of either sign; may be
             None unless the device loses grazing beams.
         directions: (n, 3) unit vectors, sensor frame.
-        rng: See `stream`.
+        rng: See `stream`; None will do for an ideal device.
 
     Raises:
-        ValueError: No incidence for a device that loses grazing beams.
+        ValueError: No incidence for a device that loses grazing beams, or no random numbers for
+            one that errs.
     """
     noise = device.noise
     true = distance * directions[:, 0] if device.measures == "depth" else distance
-    echo = (distance >= 0.0) & (true <= device.range)
-    blinded = echo & (true < device.minimum_range)
+    value, lost = true, NONE_LOST
     if noise.grazing > 0.0:
         if incidence_cosine is None:
             raise ValueError("incidence_cosine: got None, expected (n,): grazing beams are lost")
-        echo &= np.abs(incidence_cosine) >= math.sin(noise.grazing)
-    value = true
+        lost = ~(np.abs(incidence_cosine) >= math.sin(noise.grazing))
     if noise != RangeNoise():
+        if rng is None:
+            raise ValueError("rng: got None, expected a generator: the device errs")
         value = _with_errors(device, true, rng)
-        echo &= rng.random(len(true)) >= noise.dropout
+        dropped = rng.random(len(true)) < noise.dropout
+        lost = lost | dropped if len(lost) else dropped
     silence = NO_RETURN if device.no_return_is_free else DROPPED
-    reported = np.where(echo, quantise(value, device.range), silence)
-    reported[blinded] = DROPPED
+    limits = float(device.minimum_range), float(device.range)
+    reported: NDArray[np.uint16] = report(distance, true, value, lost, *limits, silence)
     return reported
+
+
+@kernel
+def report(
+    distance: NDArray[np.float64],
+    true: NDArray[np.float64],
+    value: NDArray[np.float64],
+    lost: NDArray[np.bool_],
+    minimum_range: float,
+    range_limit: float,
+    silence: np.uint16,
+) -> NDArray[np.uint16]:
+    """Steps 1, 2 and 4 of `measure` in one pass over the beams, (n,) mm.
+
+    Args:
+        distance: (n,) along the beams, m; -1 for a miss.
+        true: (n,) what an ideal device would report, m.
+        value: (n,) the same with its errors.
+        lost: (n,) whether an echo is lost; (0,) if none is.
+        minimum_range: m.
+        range_limit: m.
+        silence: What is reported of a beam without echo.
+    """
+    reported = np.empty(len(true), np.uint16)
+    for n in range(len(true)):
+        if not (distance[n] >= 0.0 and true[n] <= range_limit):
+            reported[n] = silence
+        elif true[n] < minimum_range:
+            reported[n] = DROPPED
+        elif len(lost) > 0 and lost[n]:
+            reported[n] = silence
+        elif value[n] < 0.0 or value[n] > range_limit:
+            reported[n] = NO_RETURN
+        else:
+            millimetres = np.rint(value[n] * MILLIMETRES)
+            reported[n] = np.uint16(min(max(millimetres, 1.0), float(NO_RETURN) - 1.0))
+    return reported
+
+
+def warm_up() -> None:
+    """Compile the kernel, or load it from the cache."""
+    report(np.zeros(1), np.zeros(1), np.zeros(1), NONE_LOST, 0.0, 1.0, NO_RETURN)
 
 
 def _with_errors(

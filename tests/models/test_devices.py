@@ -33,6 +33,7 @@ from models.devices import (
     measure,
     stream,
 )
+from models.devices.measure import report
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -239,6 +240,31 @@ def test_an_ideal_device_reports_the_truth_and_draws_nothing(name):
     reported = measure(device, true, None, beams, rng)
     assert reported.tobytes() == quantise(true, device.range).tobytes()
     assert rng.random() == stream(0, name, 0).random()
+
+
+def test_the_report_is_that_of_array_operations():
+    rng = np.random.default_rng(1)
+    distance = np.where(rng.random(4000) < 0.1, -1.0, rng.uniform(0.0, 12.0, 4000))
+    distance[:4] = 0.5, 10.0, 0.0, np.nextafter(10.0, 11.0)
+    true = distance * rng.uniform(0.7, 1.0, 4000)
+    value = true + 0.01 * rng.standard_normal(4000)
+    lost = rng.random(4000) < 0.3
+    for silence in (NO_RETURN, DROPPED):
+        echo = (distance >= 0.0) & (true <= 10.0)
+        expected = np.where(echo & ~lost, quantise(value, 10.0), silence)
+        expected[echo & (true < 0.5)] = DROPPED
+        given = distance, true, value, lost, 0.5, 10.0, silence
+        for reported in (report(*given), report.py_func(*given)):
+            assert reported.dtype == np.uint16
+            assert reported.tobytes() == expected.astype(np.uint16).tobytes()
+    assert report(true, true, true, np.zeros(0, bool), 0.0, 12.0, NO_RETURN).tobytes() == (
+        quantise(true, 12.0).tobytes()
+    )
+
+
+def test_a_device_that_errs_needs_random_numbers():
+    with pytest.raises(ValueError, match="rng: got None, expected a generator"):
+        measure(with_noise(RangeNoise(sigma=0.1)), np.ones(1), None, ALONG[:1], None)
 
 
 @pytest.mark.parametrize("distance", [1.0, 7.0, 30.0])
