@@ -13,6 +13,7 @@ $(READY): requirements.txt requirements-robots.txt pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --requirement requirements.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --require-hashes --requirement requirements-robots.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(BIN)/python -m harness.warm_up
 	@touch $@
 
 demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay both logs.
