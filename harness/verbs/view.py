@@ -20,7 +20,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError(f"--save: got '{options.save}', expected a name that ends in {ENDING}")
     paths = [options.log] + ([options.compare] if options.compare else [])
     with console.status("making the maps again"):
-        from harness.viewer.rerun_view import view  # Rerun is an extra, and takes a while to import
+        from harness.viewer.rerun_view import view
 
         shown = view(paths, options.save, options.allow_plugins)
     where = f"{shown.saved}, {shown.megabytes:.1f} MB" if shown.saved else "in the viewer"

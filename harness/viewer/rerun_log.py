@@ -1,6 +1,6 @@
 """A log as a Rerun recording: one timeline with the map, the robot, the truth and each decision.
 
-Rerun is imported here and in `layout.py` alone: it is large, and no headless run needs it.
+Rerun is large, and no headless run needs it: `rerun_view.py` imports this late.
 """
 
 from __future__ import annotations

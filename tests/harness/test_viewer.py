@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from threading import Event
 
 import mujoco
 import numpy as np
@@ -12,9 +13,10 @@ from PIL import Image
 from harness.cli import main
 from harness.fork import fork
 from harness.reader import open_log
+from harness.viewer.ahead import Ahead
 from harness.viewer.boxes import runs, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
-from harness.viewer.moments import ahead, moments
+from harness.viewer.moments import moments
 from harness.viewer.sight import geoms_in_front
 from harness.viewer.tiles import TILE, Tiles
 from harness.viewer.words import describe
@@ -122,9 +124,29 @@ def test_what_is_made_ahead_comes_in_order_and_its_failure_at_its_place():
 
     got = []
     with pytest.raises(ValueError, match="here"):
-        got.extend(ahead(items()))  # what came before is kept by extend
+        got.extend(Ahead(items(), 8))  # what came before is kept by extend
     assert got == list(range(20))
-    assert list(ahead(iter(()))) == []
+    assert list(Ahead(iter(()), 8)) == []
+
+
+def test_what_is_made_ahead_is_no_more_than_asked_for_and_lets_go_when_closed():
+    made, closed, enough = [], [], Event()
+
+    def items():
+        try:
+            for item in range(100):
+                made.append(item)
+                if item == 2:
+                    enough.set()
+                yield item
+        finally:
+            closed.append(True)
+
+    coming = Ahead(items(), 3)
+    assert enough.wait(10.0)
+    coming.close()
+    assert made == [0, 1, 2]
+    assert closed == [True]
 
 
 def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
