@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import closing
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -75,7 +76,8 @@ class Moment:
         inputs = self.record.inputs
         ends = []
         for sweep in inputs.sweeps:
-            placed = self.beams[sweep.sensor].place(sweep, inputs.pose, inputs.sequence)
+            beams = copy(self.beams[sweep.sensor])  # the stack's own turn from sweep to sweep
+            placed = beams.place(sweep, inputs.pose, inputs.sequence)
             met = np.flatnonzero((placed.ranges_mm > 0) & (placed.ranges_mm < NO_RETURN_MM))
             share = max(most // len(inputs.sweeps), 1)
             met = met[:: -(-len(met) // share) or 1]

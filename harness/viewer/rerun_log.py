@@ -77,7 +77,7 @@ class _Artist:
         if snapshot.layer is not None:
             self._show_layer(snapshot.layer)
         if snapshot.hits is not None:
-            hits = snapshot.hits.astype(np.float32)
+            hits = snapshot.hits().astype(np.float32)
             self._rows.put_many("world/sweep", rr.Points3D, positions=hits)
         if snapshot.tiles:
             self._show_cells(snapshot.tiles)
