@@ -26,9 +26,10 @@ ROOTS = ("log", "other")
 SNAPSHOTS_AHEAD = 128
 """That are made before they are drawn: as many as it takes to import Rerun, some 10 MB."""
 
-TURN = 2e-4
+TURN = 1e-3
 """Longest that a thread which wants to go on waits for another one's Python, s. Maps are made in
-kernels that take less than the 5 ms that Python would have them wait after each."""
+kernels that take less than the 5 ms that Python would have them wait after each; shorter turns
+than this cost more than they gain."""
 
 LONGEST_FLUSH = 30.0
 """In which a viewer or a disk must have taken what is on its way, s."""
