@@ -31,7 +31,7 @@ def main(recording: Path, seconds: float, out: Path) -> None:
             time.sleep(SETTLE)
             shot = Image.open(io.BytesIO(viewer.take_screenshot()))
     except ConnectionError as error:  # the viewer ends where it finds nothing to draw with
-        sys.exit(f"no picture here: {error}; Rerun's viewer needs a Vulkan driver, and an idle core")
+        sys.exit(f"no picture here: {error}; Rerun's viewer needs a Vulkan driver, and time")
     shot = shot.convert("RGB").resize((1440, 810), Image.Resampling.LANCZOS)
     shot.quantize(128).save(out, optimize=True)
 
