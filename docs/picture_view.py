@@ -6,6 +6,8 @@ It needs a Vulkan driver; Mesa's lavapipe (Debian: mesa-vulkan-drivers, libvulka
 """
 
 import io
+import shutil
+import socket
 import sys
 import time
 from pathlib import Path
@@ -13,23 +15,33 @@ from pathlib import Path
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-PORT = 9977
 SETTLE = 3.0  # s, for data and shaders to arrive
 
 
 def main(recording: Path, seconds: float, out: Path) -> None:
     """Open the recording, go to a simulated time, and keep what is drawn, in 128 colours."""
-    viewer = ViewerClient.spawn(headless=True, port=PORT, hide_welcome_screen=True)
+    beside = shutil.which("rerun", path=Path(sys.executable).parent)
     try:
-        viewer.open(str(recording))
-        time.sleep(SETTLE)
-        viewer.set_time("time", duration=seconds, play_state="paused")
-        time.sleep(SETTLE)
-        shot = Image.open(io.BytesIO(viewer.take_screenshot()))
-    finally:
-        viewer.quit()
+        with ViewerClient.spawn(
+            headless=True, port=free_port(), hide_welcome_screen=True, executable_path=beside
+        ) as viewer:
+            viewer.open(str(recording))
+            time.sleep(SETTLE)
+            viewer.set_time("time", duration=seconds, play_state="paused")
+            time.sleep(SETTLE)
+            shot = Image.open(io.BytesIO(viewer.take_screenshot()))
+    except ConnectionError as error:  # the viewer ends where it finds nothing to draw with
+        sys.exit(f"no picture here: {error}; Rerun's viewer needs a Vulkan driver, and time")
     shot = shot.convert("RGB").resize((1440, 810), Image.Resampling.LANCZOS)
     shot.quantize(128).save(out, optimize=True)
+
+
+def free_port() -> int:
+    """One that nothing listens on."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+        return port
 
 
 if __name__ == "__main__":

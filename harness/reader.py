@@ -110,6 +110,32 @@ class Log:
 
     def records(self) -> Iterator[Record]:
         """Every decision with its inputs, in file order."""
+        for item in self._records_and_rest():
+            if isinstance(item, Record):
+                yield item
+
+    def records_with_truth(self) -> Iterator[tuple[Record, pb.Truth]]:
+        """Every decision with its inputs and the simulator's truth, which the log tells after it.
+
+        Raises:
+            InputError: A decision is without its truth.
+        """
+        record = None
+        for item in self._records_and_rest():
+            if isinstance(item, Record):
+                if record is not None:
+                    break
+                record = item
+            elif isinstance(item, pb.Truth) and record is not None:
+                if item.sequence == record.decision.sequence:
+                    yield record, item
+                    record = None
+        if record is not None:
+            sequence = record.decision.sequence
+            raise InputError(f"log '{self.path}': decision {sequence} without its truth")
+
+    def _records_and_rest(self) -> Iterator[Record | Message]:
+        """The records, and what of the log is in none of them, in file order."""
         if self.record == "decisions":
             raise InputError(
                 f"log '{self.path}': its sweeps were left out (record = "
@@ -133,6 +159,8 @@ class Log:
                 yield Record(inputs, latency, message, state)
                 sweeps, state = [], None
                 count, time_ns = count + 1, inputs.time_ns
+            else:
+                yield message
 
     @property
     def record(self) -> str:

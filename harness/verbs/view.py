@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -19,8 +22,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.save is not None and options.save.suffix != ENDING:
         raise InputError(f"--save: got '{options.save}', expected a name that ends in {ENDING}")
     paths = [options.log] + ([options.compare] if options.compare else [])
-    with console.status("making the maps again"):
-        from harness.viewer.rerun_view import view  # Rerun is an extra, and takes a while to import
+    with console.status("making the maps again"), _without_collector():
+        from harness.viewer.rerun_view import view
 
         shown = view(paths, options.save, options.allow_plugins)
     where = f"{shown.saved}, {shown.megabytes:.1f} MB" if shown.saved else "in the viewer"
@@ -30,6 +33,18 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         highlight=False,
     )
     return 0, asdict(shown)
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Nothing here hangs on itself; to look for it takes a tenth of what the imports take."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import rerun.blueprint as rrb
 
 from harness.reader import Log
+from harness.viewer.snapshots import layer_period_ns
 
 
 def layout(logs: Mapping[str, Log]) -> rrb.Blueprint:
@@ -33,11 +34,11 @@ def _column(root: str, log: Log) -> rrb.Vertical:
     above = rrb.EyeControls3D(
         position=(x, y - 0.01, 0.85 * span), look_target=(x, y, 0.0), eye_up=(0.0, 1.0, 0.0)
     )
-    world = f"/{root}/world"
+    world, period = f"/{root}/world", layer_period_ns(log) * 1e-9
     return rrb.Vertical(
         rrb.Horizontal(
             _space(f"{root}: space", world, aside, "$origin/**"),
-            _space(f"{root}: the map about the robot", world, above, _flat()),
+            _space(f"{root}: the map about the robot, each {period:g} s", world, above, _flat()),
         ),
         rrb.Horizontal(
             rrb.TextDocumentView(origin=f"/{root}/decision", name="decision"),

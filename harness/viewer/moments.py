@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import InputError
 from harness.inputs import Beams
 from harness.mission import Mission
 from harness.navigator import Navigator
@@ -21,18 +19,18 @@ from harness.reader import Log, Record
 from harness.relay import Relay, stretches
 from harness.schema import wayproof_pb2 as pb
 from harness.twin import guarded
+from harness.viewer.ahead import Ahead
 from maps import Costmap, Representation
 
 Array = NDArray[np.float64]
-Item = TypeVar("Item")
 
 NO_RETURN_MM = 65535
 
 THREADS = min(2, os.cpu_count() or 1)
 """That a map is made with at least; its bytes do not depend on them."""
 
-AHEAD = 8
-"""Records that are read before they are asked for."""
+RECORDS_AHEAD = 8
+"""That are read before they are asked for."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,8 @@ class Moment:
         inputs = self.record.inputs
         ends = []
         for sweep in inputs.sweeps:
-            placed = self.beams[sweep.sensor].place(sweep, inputs.pose, inputs.sequence)
+            beams = copy(self.beams[sweep.sensor])  # the stack's own turn from sweep to sweep
+            placed = beams.place(sweep, inputs.pose, inputs.sequence)
             met = np.flatnonzero((placed.ranges_mm > 0) & (placed.ranges_mm < NO_RETURN_MM))
             share = max(most // len(inputs.sweeps), 1)
             met = met[:: -(-len(met) // share) or 1]
@@ -95,32 +94,11 @@ def moments(log: Log) -> Iterator[Moment]:
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
     """
-    records = ahead(_records_with_truth(log))
-    relay = Relay(stretches(log.on_threads(max(log.config.threads, THREADS))))
-    for record, truth in records:
-        navigator = relay.watch(record.inputs)
-        yield Moment(record, truth, relay.stretch.beams, navigator)
-
-
-def _records_with_truth(log: Log) -> Iterator[tuple[Record, pb.Truth]]:
-    """Both in one go: each in an order of its own would take a pass before the first moment."""
-    truths = log.truth()
-    for record in log.records():
-        sequence = record.decision.sequence
-        truth = next((truth for truth in truths if truth.sequence == sequence), None)
-        if truth is None:
-            raise InputError(f"log '{log.path}': decision {sequence} without its truth")
-        yield record, truth
-
-
-def ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """The same items, the next few of them made in a thread meanwhile."""
-    end = object()
-    with ThreadPoolExecutor(1, "records") as reader:
-        waiting = deque(reader.submit(next, items, end) for _ in range(AHEAD))
-        while (item := waiting.popleft().result()) is not end:
-            waiting.append(reader.submit(next, items, end))
-            yield item  # type: ignore[misc]
+    with closing(Ahead(log.records_with_truth(), RECORDS_AHEAD)) as records:
+        relay = Relay(stretches(log.on_threads(max(log.config.threads, THREADS))))
+        for record, truth in records:
+            navigator = relay.watch(record.inputs)
+            yield Moment(record, truth, relay.stretch.beams, navigator)
 
 
 def standing_low(mission: Mission) -> tuple[float, float, float]:

@@ -1,6 +1,6 @@
 """A log as a Rerun recording: one timeline with the map, the robot, the truth and each decision.
 
-Rerun is imported here and in `layout.py` alone: it is large, and no headless run needs it.
+Rerun is large, and no headless run needs it: `rerun_view.py` imports this late.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class _Artist:
         if snapshot.layer is not None:
             self._show_layer(snapshot.layer)
         if snapshot.hits is not None:
-            hits = snapshot.hits.astype(np.float32)
+            hits = snapshot.hits().astype(np.float32)
             self._rows.put_many("world/sweep", rr.Points3D, positions=hits)
         if snapshot.tiles:
             self._show_cells(snapshot.tiles)

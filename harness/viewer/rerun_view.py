@@ -6,22 +6,30 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-
-import rerun as rr
+from typing import TYPE_CHECKING
 
 from harness.errors import InputError
 from harness.log import check_folder
-from harness.reader import open_log
-from harness.viewer.layout import layout
-from harness.viewer.moments import ahead
-from harness.viewer.rerun_log import show_log
-from harness.viewer.snapshots import snapshots
+from harness.reader import Log, open_log
+from harness.viewer.ahead import Ahead
+from harness.viewer.snapshots import Snapshot, snapshots
+
+if TYPE_CHECKING:
+    import rerun as rr
 
 ROOTS = ("log", "other")
 
+SNAPSHOTS_AHEAD = 128
+"""That are made before they are drawn: as many as it takes to import Rerun, some 10 MB."""
+
+TURN = 1e-3
+"""Longest that a thread which wants to go on waits for another one's Python, s. Maps are made in
+kernels that take less than the 5 ms that Python would have them wait after each; shorter turns
+than this cost more than they gain."""
 
 LONGEST_FLUSH = 30.0
 """In which a viewer or a disk must have taken what is on its way, s."""
@@ -60,19 +68,42 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
     """
     began = time.perf_counter()
     logs = dict(zip(ROOTS, (open_log(path, allow_plugins) for path in paths), strict=False))
-    stream = rr.RecordingStream("wayproof", recording_id=" ".join(path.stem for path in paths))
+    if saved is None:
+        _check_display()
+    else:
+        check_folder(saved.parent)
+    with ExitStack() as threads:
+        threads.enter_context(_brief_turns())
+        coming = {
+            root: threads.enter_context(closing(Ahead(snapshots(log), SNAPSHOTS_AHEAD)))
+            for root, log in logs.items()
+        }
+        decisions = _draw(logs, coming, saved)
+    size = None if saved is None else saved.stat().st_size * 1e-6
+    wall = time.perf_counter() - began
+    told = None if saved is None else str(saved)
+    return View(tuple(str(path) for path in paths), decisions, told, size, wall)
+
+
+def _draw(
+    logs: Mapping[str, Log], coming: Mapping[str, Ahead[Snapshot]], saved: Path | None
+) -> tuple[int, ...]:
+    """Send all snapshots to a file or to a viewer; returns the number of decisions of each log."""
+    import rerun as rr  # takes a while, in which the first maps are made
+
+    from harness.viewer.layout import layout
+    from harness.viewer.rerun_log import show_log
+
+    name = " ".join(log.path.stem for log in logs.values())
+    stream = rr.RecordingStream("wayproof", recording_id=name)
     partial = None if saved is None else saved.with_name(f"{saved.name}.partial")
     if partial is None:
-        _check_display()
         rr.spawn(executable_path=_viewer(), default_blueprint=layout(logs), recording=stream)
     else:
-        check_folder(partial.parent)
         partial.parent.mkdir(parents=True, exist_ok=True)
         stream.save(partial, default_blueprint=layout(logs))
     try:
-        decisions = tuple(
-            show_log(stream, log, ahead(snapshots(log)), root) for root, log in logs.items()
-        )
+        decisions = tuple(show_log(stream, log, coming[root], root) for root, log in logs.items())
         _flush(stream)
         stream.disconnect()
     except BaseException:
@@ -80,13 +111,19 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
             stream.disconnect()
             partial.unlink(missing_ok=True)
         raise
-    size = None
     if partial is not None and saved is not None:
         partial.replace(saved)
-        size = saved.stat().st_size * 1e-6
-    wall = time.perf_counter() - began
-    told = None if saved is None else str(saved)
-    return View(tuple(str(path) for path in paths), decisions, told, size, wall)
+    return decisions
+
+
+@contextmanager
+def _brief_turns() -> Iterator[None]:
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(TURN)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 def _flush(stream: rr.RecordingStream) -> None:

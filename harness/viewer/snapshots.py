@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,15 @@ from harness.viewer.tiles import Tile, Tiles
 MOST_HITS = 3000
 """Ends of beams that are shown of a sweep."""
 
-SWEEP_PERIOD_NS = LAYER_PERIOD_NS = 200_000_000
+SWEEP_PERIOD_NS = 200_000_000
 CELLS_PERIOD_NS = 1_000_000_000
-"""Of simulated time, between sweeps, layers and looks for changed cells."""
+"""Of simulated time, between sweeps and looks for changed cells."""
+
+LAYER_PERIOD_NS, LONG_LAYER_PERIOD_NS = 200_000_000, 500_000_000
+"""Between layers, of a log and of a long one: a costmap is made for each."""
+
+LONG_S = 30.0
+"""Simulated time beyond which a log is long, s."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,8 @@ class Snapshot:
         decision: As it is logged.
         truth: The simulator's.
         layer: If it was looked at.
-        hits: (n, 3) ends of beams, m, world, if the sweep is shown.
+        hits: Gives (n, 3) ends of beams, m, world, if the sweep is shown; no map is needed for it,
+            so whoever draws works it out.
         tiles: Of the map, that changed since they were looked at before.
     """
 
@@ -57,8 +65,14 @@ class Snapshot:
     decision: pb.Decision
     truth: pb.Truth
     layer: Layer | None
-    hits: NDArray[np.float64] | None
+    hits: Callable[[], NDArray[np.float64]] | None
     tiles: list[Tile]
+
+
+def layer_period_ns(log: Log) -> int:
+    """Simulated time between the layers that are shown of a log, ns."""
+    long = float(log.result.get("sim_time_s", 0.0)) > LONG_S
+    return LONG_LAYER_PERIOD_NS if long else LAYER_PERIOD_NS
 
 
 def snapshots(log: Log) -> Iterator[Snapshot]:
@@ -68,14 +82,15 @@ def snapshots(log: Log) -> Iterator[Snapshot]:
         InputError: The log is damaged, or its sweeps were left out.
     """
     tiles = tiles_of(log)
-    layer, sweep, cells = _Timer(LAYER_PERIOD_NS), _Timer(SWEEP_PERIOD_NS), _Timer(CELLS_PERIOD_NS)
+    layer, sweep = _Timer(layer_period_ns(log)), _Timer(SWEEP_PERIOD_NS)
+    cells = _Timer(CELLS_PERIOD_NS)
     moment = None
     for moment in moments(log):
         now = moment.time_ns
         yield _snapshot(
             moment,
             _layer(moment) if layer.due(now) else None,
-            moment.hits(MOST_HITS) if sweep.due(now) else None,
+            partial(moment.hits, MOST_HITS) if sweep.due(now) else None,
             tiles.changed(moment.map) if cells.due(now) else [],
         )
     if moment is not None:
@@ -88,7 +103,10 @@ def tiles_of(log: Log) -> Tiles:
 
 
 def _snapshot(
-    moment: Moment, layer: Layer | None, hits: NDArray[np.float64] | None, tiles: list[Tile]
+    moment: Moment,
+    layer: Layer | None,
+    hits: Callable[[], NDArray[np.float64]] | None,
+    tiles: list[Tile],
 ) -> Snapshot:
     pose = moment.record.inputs.pose
     return Snapshot(moment.time_ns, pose, moment.decision, moment.truth, layer, hits, tiles)

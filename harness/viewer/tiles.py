@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,7 +51,7 @@ class Tiles:
         turned = (bits != self._told).any(axis=2)  # (nx, ny)
         self._told = bits
         found = []
-        for x, y in np.unique(np.argwhere(turned) // TILE, axis=0).tolist():
+        for x, y in np.argwhere(_in_tiles(turned)).tolist():
             part = bits[x * TILE : (x + 1) * TILE, y * TILE : (y + 1) * TILE]
             corner = window.origin + window.resolution * TILE * np.array([x, y, 0])
             found.append(Tile(f"{x}_{y}", corner, part))
@@ -61,14 +60,15 @@ class Tiles:
     def centres(self, tile: Tile) -> NDArray[np.float64]:
         """Centres (n, 3) of a tile's occupied cells, m, world."""
         window = self._window
-        cells = unpack(tile.bits, window.shape[2]).view(np.bool_)
-        middles = _middles(cells.shape)[np.flatnonzero(cells)]
+        x, y = np.nonzero(tile.bits.any(axis=2))  # few columns hold anything
+        column, z = np.nonzero(unpack(tile.bits[x, y][None], window.shape[2])[0])
+        middles = 0.5 + np.stack([x[column], y[column], z], axis=1)
         centres: NDArray[np.float64] = window.resolution * middles + tile.corner
         return centres
 
 
-@lru_cache(maxsize=4)  # tiles on two edges of the window may be smaller
-def _middles(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Centres (n, 3) of all cells of a box, in cells."""
-    middles: NDArray[np.float64] = 0.5 + np.argwhere(np.ones(shape, np.bool_)).astype(np.float64)
-    return middles
+def _in_tiles(columns: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which tiles hold one of these columns (nx, ny)."""
+    for axis, length in enumerate(columns.shape):
+        columns = np.logical_or.reduceat(columns, np.arange(0, length, TILE), axis=axis)
+    return columns

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from threading import Event
 
 import mujoco
 import numpy as np
@@ -10,11 +11,16 @@ import pytest
 from PIL import Image
 
 from harness.cli import main
+from harness.container import walk
+from harness.errors import InputError
 from harness.fork import fork
-from harness.reader import open_log
+from harness.log_copy import write_copy
+from harness.reader import open_log, read_head, read_messages
+from harness.schema import wayproof_pb2 as pb
+from harness.viewer.ahead import Ahead
 from harness.viewer.boxes import runs, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
-from harness.viewer.moments import ahead, moments
+from harness.viewer.moments import moments
 from harness.viewer.sight import geoms_in_front
 from harness.viewer.tiles import TILE, Tiles
 from harness.viewer.words import describe
@@ -122,9 +128,29 @@ def test_what_is_made_ahead_comes_in_order_and_its_failure_at_its_place():
 
     got = []
     with pytest.raises(ValueError, match="here"):
-        got.extend(ahead(items()))  # what came before is kept by extend
+        got.extend(Ahead(items(), 8))  # what came before is kept by extend
     assert got == list(range(20))
-    assert list(ahead(iter(()))) == []
+    assert list(Ahead(iter(()), 8)) == []
+
+
+def test_what_is_made_ahead_is_no_more_than_asked_for_and_lets_go_when_closed():
+    made, closed, enough = [], [], Event()
+
+    def items():
+        try:
+            for item in range(100):
+                made.append(item)
+                if item == 2:
+                    enough.set()
+                yield item
+        finally:
+            closed.append(True)
+
+    coming = Ahead(items(), 3)
+    assert enough.wait(10.0)
+    coming.close()
+    assert made == [0, 1, 2]
+    assert closed == [True]
 
 
 def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
@@ -143,6 +169,25 @@ def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
         assert len(set(sides[:6])) == len(set(sides[6:9])) == len(set(sides[9:])) == 1
     assert radii[5] < radii[6] < radii[9]
     assert beams[5] == beams[6] != beams[9]
+
+
+def test_a_decision_without_its_truth_is_told_at_its_place(tmp_path, log):
+    """Whether another one follows it or it is the last."""
+    last = int(open_log(log).result["decisions"]) - 1
+    for lost in (3, last):
+        messages = [
+            message
+            for message in read_messages(log)
+            if not isinstance(message, pb.Truth) or message.sequence != lost
+        ]
+        head, out = read_head(walk(log, head_only=True), log, False), tmp_path / f"{lost}.mcap"
+        write_copy(out, head, messages, open_log(log).result)
+        told = open_log(out).records_with_truth()
+        for sequence in range(lost):
+            record, truth = next(told)
+            assert record.decision.sequence == truth.sequence == sequence
+        with pytest.raises(InputError, match=f"decision {lost} without its truth"):
+            next(told)
 
 
 def test_hits_lie_on_what_is_there_and_are_thinned(log):
