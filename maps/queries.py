@@ -127,7 +127,7 @@ class VoxelQueries:
         wide = np.any(extent > 1, axis=1)
         for (x0, y0), (x1, y1) in zip(first[wide], end[wide], strict=True):
             touched[x0:x1, y0:y1] = True
-        blocks, bricks = np.argwhere(touched) + corner, self._bricks
+        blocks, bricks = np.ascontiguousarray(np.argwhere(touched) + corner), self._bricks
 
         def write(_: int, part: tuple[int, int]) -> None:
             kernels.rewrite_columns(

@@ -123,7 +123,7 @@ MAP_ROWS = (
 EPISODE = {"seed": 0, "outcome": "success", "time_s": 9.0, "clearance_m": 0.3, "reason": "at rest"}
 
 CROSSING_ROWS = [
-    {"robot": robot, "way": way, "own": 0, "at_rest": 0, **EPISODE}
+    {"robot": robot, "way": way, "own": 0, "at_rest": 0, "cause": "", **EPISODE}
     for robot in bench_crossing.ROBOTS
     for way in (bench_crossing.ALONE, *bench_crossing.WAYS)
     if (robot, way) != ("drone", bench_crossing.ALONE)

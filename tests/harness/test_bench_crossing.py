@@ -12,7 +12,7 @@ from harness.errors import InputError
 
 
 def row(way, seed, outcome, time_s, own=0, at_rest=0):
-    return Row("drone", way, seed, outcome, own, at_rest, time_s, 0.1 * seed, "")
+    return Row("drone", way, seed, outcome, own, at_rest, time_s, 0.1 * seed, "", "")
 
 
 def test_what_traffic_costs_by_hand():
@@ -35,7 +35,7 @@ def test_a_drone_stops_short_of_a_person_who_comes_into_its_way():
 
 
 def half(number, parity):
-    return Row("drone", parity, number, "success", 0, 0, number / 2, 1.0, "")
+    return Row("drone", parity, number, "success", 0, 0, number / 2, 1.0, "", "")
 
 
 def test_rows_are_kept_as_they_come_and_not_run_again(tmp_path):
