@@ -52,7 +52,8 @@ def bench_study(repeats: int, seed: int, progress: Progress) -> list[dict[str, A
     """Episodes an hour on each engine; `repeats` of them, of 10 s simulated, in each round.
 
     Engines take turns, so that a machine whose speed changes meanwhile does not favour one. Only
-    episodes after the first of each worker count: starting comes once a study.
+    ends while every worker is at work count, after the first of each: starting comes once a study,
+    and so does the wait for the last episode.
 
     Raises:
         InputError: Too few episodes to time.
@@ -83,7 +84,7 @@ def bench_study(repeats: int, seed: int, progress: Progress) -> list[dict[str, A
 
 
 class Run(NamedTuple):
-    """One study on one engine; steady is from when every worker has ended one to the last end."""
+    """One study on one engine; steady is while every worker is at work, each having ended one."""
 
     errors: int
     to_first_s: float
@@ -103,8 +104,8 @@ def _timed(engine: Engine, workers: int, study: StudyFile) -> Run:
             engine,
             lambda done: ends.append(time.perf_counter()),
         )
-    steady = ends[-1] - ends[workers - 1]
-    return Run(result.errors, ends[0] - began, len(ends) - workers, steady)
+    steady = ends[-workers] - ends[workers - 1]
+    return Run(result.errors, ends[0] - began, len(ends) - 2 * workers + 1, steady)
 
 
 def _told(name: str, runs: list[Run]) -> dict[str, Any]:
