@@ -385,12 +385,21 @@ def decode(packet: Packet, path: Path) -> Message:
     try:
         message = _MESSAGES[packet.schema].FromString(packet.data)
         unpack(message)
+        _check_times(message)
         return message
     except (DecodeError, ValueError):
         raise InputError(
             f"log '{path}': damaged (a message of {packet.topic[:40]!r} at "
             f"{packet.time_ns * 1e-9:.1f} s cannot be decoded)"
         ) from None
+
+
+def _check_times(message: Message) -> None:
+    """Raise a ValueError for a time that is none, before anybody reckons with it."""
+    if "timestamp" in message.DESCRIPTOR.fields_by_name:
+        message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
+    if isinstance(message, pb.Decision):
+        message.trajectory.start.ToNanoseconds()
 
 
 def _check_file(path: Path) -> None:

@@ -20,7 +20,7 @@ from harness.cli import main
 from harness.container import GREATEST_RECORD, HEAD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.log import FLUSH_PERIOD_NS, LogWriter, digest_name
-from harness.reader import open_log, read_messages
+from harness.reader import decode, open_log, read_messages
 from harness.recover import recover
 from harness.replay import replay
 from harness.schema import wayproof_pb2 as pb
@@ -234,3 +234,13 @@ def test_a_name_that_no_registry_has_is_one_line(source, tmp_path, capsys):
     path = rewritten(source, tmp_path / "misspelt.mcap", misspell)
     assert main(["replay", str(path)]) == 2
     assert "unknown map.kind 'vyxel'; did you mean 'voxel'?" in capsys.readouterr().err
+
+
+def test_a_time_that_is_none_is_refused_before_it_is_reckoned_with():
+    pose, decision = pb.Pose(), pb.Decision()
+    pose.timestamp.nanos = -1
+    decision.trajectory.start.seconds = 1 << 60
+    for message in (pose, decision):
+        schema, data = message.DESCRIPTOR.full_name, message.SerializeToString()
+        with pytest.raises(InputError, match="cannot be decoded"):
+            decode(Packet(schema, "/forged", 0, data), Path("forged.mcap"))
