@@ -88,7 +88,8 @@ class VoxelQueries:
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
         if occupied.size:
             whole = np.array([[x, y, z, x + shape[0], y + shape[1], z + 64 * shape[2]]])
-            self._write_columns((x, y, z), whole, occupied, free)
+            # Not a subclass's, which may lay something over them.
+            VoxelQueries.rewrite_columns(self, (x, y, z), whole, occupied, free)
         return occupied, free
 
     def rewrite_columns(
@@ -106,16 +107,6 @@ class VoxelQueries:
             occupied: (nx, ny, words) what `columns` told before; brought up to date.
             free: (nx, ny, words) likewise.
         """
-        self._write_columns(low_cell, boxes, occupied, free)
-
-    def _write_columns(
-        self,
-        low_cell: tuple[int, int, int],
-        boxes: NDArray[np.int64],
-        occupied: NDArray[np.uint64],
-        free: NDArray[np.uint64],
-    ) -> None:
-        """Write the columns of the bricks that lie in boxes."""
         low = np.array(low_cell[:2])
         high = low + occupied.shape[:2]
         corner = low >> kernels.EDGE_BITS
