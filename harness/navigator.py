@@ -45,6 +45,11 @@ def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]
         return Navigator(config, mission, beams)
     except ValueError as error:
         raise InputError(f"no map for this mission: {error}") from None
+    except MemoryError:
+        raise InputError(
+            f"no memory for the map and its costmap: map.memory_mib is {config.map.memory_mib}, "
+            "expected less, or a machine that has more"
+        ) from None
 
 
 class Navigator:
