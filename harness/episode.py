@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import struct
 import time
@@ -74,11 +73,7 @@ def run_episode(
             log.write(f"/sensor/{info.name}/info", info, 0)
         episode = Episode(scenario, navigator, log, observe)
         episode.delays.update(delays or {})
-        gc.freeze()  # to look for garbage in all that is loaded takes as long as ten decisions
-        try:
-            result = episode.run()
-        finally:
-            gc.unfreeze()
+        result = episode.run()
     return settle_log(result, kept)
 
 

@@ -10,6 +10,7 @@ is what a replay compares, `/truth` is for scoring, `/state` is for forks.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
 import platform
@@ -87,7 +88,7 @@ class LogWriter:
         self.partial_path = path.with_name(path.name + ".partial")
         self.record = "full"
         self._file = _open_for_writing(self.partial_path)
-        library = f"wayproof {metadata.version('wayproof')}"
+        library = f"wayproof {installed_version('wayproof')}"
         self._writer = McapFile(self._file, library, PACKED_CHUNK if packed else CHUNK)
         self._packed = packed
         self._channels: dict[str, int] = {}
@@ -234,21 +235,28 @@ def digest_name(attachment: str) -> str:
     return f"sha256 {attachment}"
 
 
+@functools.cache
+def installed_version(package: str) -> str:
+    """Of a package; to look it up lists all that is installed."""
+    return metadata.version(package)
+
+
 def _run_metadata(attachments: Mapping[str, bytes]) -> dict[str, str]:
-    versions = {name: metadata.version(name) for name in RECORDED_PACKAGES}
+    versions = {name: installed_version(name) for name in RECORDED_PACKAGES}
     digests = {
         digest_name(name): hashlib.sha256(data).hexdigest() for name, data in attachments.items()
     }
     return {
         "format_version": FORMAT_VERSION,
         **digests,
-        "wayproof": metadata.version("wayproof"),
+        "wayproof": installed_version("wayproof"),
         "python": platform.python_version(),
         "machine": platform.machine(),
         **versions,
     }
 
 
+@functools.cache
 def file_descriptor_set(descriptor: Descriptor) -> bytes:
     """The message's file and all that it imports, dependencies first.
 
@@ -257,20 +265,20 @@ def file_descriptor_set(descriptor: Descriptor) -> bytes:
     """
     files = FileDescriptorSet()
     needed = _parts(descriptor)
-
-    def add(file: FileDescriptor) -> None:
-        for dependency in file.dependencies:
-            add(dependency)
-        if all(known.name != file.name for known in files.file):
-            copy = files.file.add()
-            file.CopyToProto(copy)
-            copy.ClearField("options")  # of code generators
-            kept = [one for one in copy.message_type if _full_name(file, one.name) in needed]
-            del copy.message_type[:]
-            copy.message_type.extend(kept)
-
-    add(descriptor.file)
+    for file in _with_dependencies(descriptor.file):
+        copy = files.file.add()
+        file.CopyToProto(copy)
+        copy.ClearField("options")  # of code generators
+        kept = [one for one in copy.message_type if _full_name(file, one.name) in needed]
+        del copy.message_type[:]
+        copy.message_type.extend(kept)
     return files.SerializeToString(deterministic=True)
+
+
+def _with_dependencies(file: FileDescriptor) -> list[FileDescriptor]:
+    """All that a file imports, each once and before what imports it, and then the file."""
+    below = (one for dependency in file.dependencies for one in _with_dependencies(dependency))
+    return list({one.name: one for one in (*below, file)}.values())
 
 
 def _parts(descriptor: Descriptor) -> set[str]:

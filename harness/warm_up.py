@@ -6,6 +6,8 @@ compiler takes one core, and half a minute to a minute on two.
 
 from __future__ import annotations
 
+import atexit
+import gc
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -19,9 +21,15 @@ from models.robots import ROBOTS
 
 
 def warm_up(config: Config) -> None:
-    """Compile what an episode runs, or load it from the cache."""
+    """Compile what an episode runs, or load it from the cache.
+
+    What this process holds by then is left out when garbage is looked for later: to look through
+    all that is loaded takes as long as ten decisions.
+    """
     perceive(config)
     act(config)
+    gc.collect()
+    gc.freeze()
 
 
 def perceive(config: Config) -> None:
@@ -49,6 +57,9 @@ def main() -> None:
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         list(pool.map(for_each_robot, (perceive, act)))
 
+
+# Modules are garbage at the end, and OMPL's bindings complain of what of them is left.
+atexit.register(gc.unfreeze)
 
 if __name__ == "__main__":
     main()

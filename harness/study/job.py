@@ -9,11 +9,11 @@ import time
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib import metadata
 from pathlib import Path
 
 from harness.config import Config, from_json, to_json
 from harness.errors import InputError
+from harness.log import installed_version
 
 PARENT_POLL = 0.2
 """How often a worker looks whether whoever started it is still there, s."""
@@ -50,7 +50,7 @@ def episode_key(config: Config, contents: Mapping[str, str]) -> str:
         contents: Of the files that it names, see `contents_of`; a path is no part of the key.
     """
     world, robot = (contents.get(name, name) for name in (config.world, config.robot))
-    version = metadata.version("wayproof").encode()
+    version = installed_version("wayproof").encode()
     told = to_json(replace(config, world=world, robot=robot))
     return hashlib.sha256(version + b"\n" + told).hexdigest()[:24]
 

@@ -1,3 +1,4 @@
+import gc
 import itertools
 from pathlib import Path
 
@@ -167,3 +168,17 @@ def test_a_changed_config_decides_otherwise(recorded):
     wider = recorded(*EPISODES[0], "map.inflation_margin=0.3")
     assert override(Config(*EPISODES[0]), ["map.inflation_margin=0.3"]) != Config(*EPISODES[0])
     assert usual.chain != wider.chain
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_an_episode_frees_all_that_it_took_as_it_ends(robot, tmp_path):
+    """Nothing is left for the collector of garbage: a worker of a study runs thousands of them."""
+    config = override(Config("empty", robot, 0), ["episode.time_limit=0.5"])
+    run_episode(build(config), tmp_path / "first.mcap")  # modules are loaded meanwhile
+    gc.collect()
+    gc.disable()
+    try:
+        run_episode(build(config), tmp_path / "second.mcap")
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
