@@ -20,7 +20,8 @@ from harness.episode import run_episode
 from harness.inputs import decode_ranges, encode_ranges
 from harness.log import FLUSH_PERIOD_NS, LogWriter
 from harness.log_copy import time_of, topic_of
-from harness.reader import Head, read_head, read_messages
+from harness.messages import read_messages
+from harness.reader import Head, read_head
 from harness.replay import replay
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb

@@ -25,7 +25,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     as_json = "--json" in arguments
-    console = Console(quiet=as_json)
+    # What is told may be a stranger's: it is printed as it stands, and styles are set by `Text`.
+    console = Console(quiet=as_json, markup=False, emoji=False)
     document: Document
     try:
         if arguments and not arguments[0].startswith("-") and arguments[0] not in VERBS:

@@ -14,7 +14,8 @@ from harness.decision import Difference, differences
 from harness.episode import run_episode
 from harness.errors import InputError
 from harness.log_copy import topic_of
-from harness.reader import Log, open_log, read_messages
+from harness.messages import read_messages
+from harness.reader import Log, open_log
 from harness.rebuild import rebuild, scene_is_ours
 from harness.schema import wayproof_pb2 as pb
 

@@ -12,8 +12,9 @@ from harness.episode import Episode, Observer, arrival_ns, settle_log, stretch_o
 from harness.errors import InputError
 from harness.log import LogWriter
 from harness.log_copy import time_of, topic_of
+from harness.messages import read_messages
 from harness.navigator import Navigator
-from harness.reader import Log, before, fork_note, open_log, read_head, read_messages
+from harness.reader import Log, before, fork_note, open_log, read_head
 from harness.rebuild import rebuild
 from harness.relay import Relay, stretches
 from harness.result import Result

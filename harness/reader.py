@@ -8,18 +8,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import zstandard
-from google.protobuf.message import DecodeError, Message
+from google.protobuf.message import Message
 
 from harness.config import Config, from_json
 from harness.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
 from harness.log import FORMAT_VERSION, PACKED_FORMAT_VERSION, PACKED_SCENE, digest_name
+from harness.messages import decode, read_messages
 from harness.mission import Mission
-from harness.packed import unpack
 from harness.schema import wayproof_pb2 as pb
 
 ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
+
+DOCUMENTS = ("config", "mission")
+"""Fields of a fork's metadata that are JSON."""
 
 MOST_FORKS = 99
 """Of one log."""
@@ -270,6 +273,9 @@ def read_head(
     earlier: dict[str, dict[str, Beams]] = {}
     for item in items:
         if isinstance(item, Metadata):
+            texts = [text for name, text in item.fields.items() if name not in DOCUMENTS]
+            if not all(text.isprintable() for text in texts):
+                raise InputError(f"log '{path}': damaged (a text in its metadata is not printable)")
             metadata[item.name] = item.fields
         elif isinstance(item, Attachment):
             attachments[item.name] = item.data
@@ -341,65 +347,6 @@ def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]
         beams = head.before.get(before(len(forks) + 1), {})
         forks.append(Fork(int(at), config, beams, mission))
     return tuple(forks)
-
-
-def read_messages(path: Path) -> Iterator[Message]:
-    """Every message of a log in file order, decoded.
-
-    Raises:
-        InputError: The file breaks off or a checksum does not hold.
-    """
-    for item in walk(path):
-        if isinstance(item, Packet) and is_ours(item):
-            yield decode(item, path)
-
-
-_MESSAGES: dict[str, type[Message]] = {
-    kind.DESCRIPTOR.full_name: kind
-    for kind in (
-        pb.SensorInfo,
-        pb.Sweep,
-        pb.Pose,
-        pb.Latency,
-        pb.Decision,
-        pb.Truth,
-        pb.State,
-        pb.Streams,
-        pb.Perturbation,
-        pb.State,
-    )
-}
-
-
-def is_ours(packet: Packet) -> bool:
-    """Whether a packet is one of a log's messages; a file may hold others beside them."""
-    return packet.schema in _MESSAGES
-
-
-def decode(packet: Packet, path: Path) -> Message:
-    """The message in a packet that is ours.
-
-    Raises:
-        InputError: It is no such message.
-    """
-    try:
-        message = _MESSAGES[packet.schema].FromString(packet.data)
-        unpack(message)
-        _check_times(message)
-        return message
-    except (DecodeError, ValueError):
-        raise InputError(
-            f"log '{path}': damaged (a message of {packet.topic[:40]!r} at "
-            f"{packet.time_ns * 1e-9:.1f} s cannot be decoded)"
-        ) from None
-
-
-def _check_times(message: Message) -> None:
-    """Raise a ValueError for a time that is none, before anybody reckons with it."""
-    if "timestamp" in message.DESCRIPTOR.fields_by_name:
-        message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
-    if isinstance(message, pb.Decision):
-        message.trajectory.start.ToNanoseconds()
 
 
 def _check_file(path: Path) -> None:

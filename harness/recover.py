@@ -11,7 +11,8 @@ from google.protobuf.message import Message
 from harness.container import Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.log_copy import write_copy
-from harness.reader import decode, is_ours, read_head
+from harness.messages import decode, is_ours
+from harness.reader import read_head
 from harness.schema import wayproof_pb2 as pb
 
 

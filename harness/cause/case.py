@@ -14,9 +14,10 @@ from harness.config import Config
 from harness.decision import path_of
 from harness.errors import InputError
 from harness.inputs import Inputs, inputs_from_messages
+from harness.messages import read_messages
 from harness.mission import Mission
 from harness.navigator import Navigator
-from harness.reader import Log, read_messages
+from harness.reader import Log
 from harness.relay import Relay, Stretch, stretches
 from harness.scene_text import safe_scene
 from harness.schema import wayproof_pb2 as pb

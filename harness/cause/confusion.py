@@ -33,7 +33,6 @@ def confusion(causes: list[str], seeds: range, console: Console | None = None) -
                     console.print(
                         f"{cause} {seed}: {found} ({result.outcome}, {result.sim_time_s:.1f} s): "
                         f"{result.cause_evidence}",
-                        markup=False,
                         soft_wrap=True,
                     )
     return counts
@@ -67,7 +66,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first one")
     parser.add_argument("--cause", action="append", choices=CAUSES, help="of this cause only")
     options = parser.parse_args()
-    console, began = Console(width=130), time.process_time()
+    console, began = Console(width=130, markup=False), time.process_time()
     seeds = range(options.first, options.first + options.count)
     counts = confusion(options.cause or list(CAUSES), seeds, console)
     console.print(table(counts))

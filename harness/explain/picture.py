@@ -46,7 +46,7 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
         target: PNG file.
     """
     moment = moment_of(case, card.sequence)
-    with mpl.rc_context({"font.size": 8.0}):
+    with mpl.rc_context({"font.size": 8.0, "text.parse_math": False}):
         figure = Figure(figsize=(7.0, 6.4), layout="constrained", dpi=120)
         axes = figure.add_subplot()
         _draw_map(axes, navigator, moment)

@@ -20,6 +20,7 @@ STYLE: Any = {
     "svg.hashsalt": "wayproof",  # else ids are drawn at random
     "svg.fonttype": "none",
     "font.size": 9.0,
+    "text.parse_math": False,  # what a study is called is no formula
     "axes.spines.top": False,
     "axes.spines.right": False,
 }

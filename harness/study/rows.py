@@ -13,8 +13,9 @@ import pyarrow.parquet as pq
 from google.protobuf.message import Message
 
 from harness.container import Packet, walk
+from harness.messages import decode
 from harness.metrics import METRICS, score, trace_of
-from harness.reader import decode, open_log
+from harness.reader import open_log
 from harness.schema import wayproof_pb2 as pb
 from harness.streams import Pairing, compare_hashes
 from harness.study.file import CLEAN, Arm, Planned

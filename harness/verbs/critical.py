@@ -48,7 +48,7 @@ def print_margin(console: Console, margin: Margin) -> None:
     from harness.study.critical import margin_in_words
     from harness.study.file import name_of
 
-    console.print(f"[bold]{name_of(margin.arm)}[/]", highlight=False)
+    console.print(name_of(margin.arm), style="bold", highlight=False)
     console.print(f"  {margin_in_words(margin)}", highlight=False, soft_wrap=True)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from harness.errors import InputError
 from harness.verbs.verb import Document, Verb
@@ -56,9 +57,9 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
 
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
     told = phases(list(log.decisions()), list(log.truth()))
-    console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True, markup=False)
+    console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True)
     for phase in told:
-        console.print(f"  {phase}", soft_wrap=True, markup=False, highlight=False)
+        console.print(f"  {phase}", soft_wrap=True, highlight=False)
     case, finding, misses = _why(log)
     if finding is not None:
         print_finding(console, finding)
@@ -126,13 +127,12 @@ def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
 
 def print_finding(console: Console, finding: Finding) -> None:
     """The cause and its evidence."""
-    console.print(f"cause: [bold red]{finding.cause}[/]: ", end="")
-    console.print(finding.evidence, soft_wrap=True, markup=False)
+    told = Text.assemble("cause: ", (finding.cause, "bold red"), f": {finding.evidence}")
+    console.print(told, soft_wrap=True)
     x, y, z = finding.place
     console.print(
         f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})",
         soft_wrap=True,
-        markup=False,
     )
 
 
@@ -143,7 +143,6 @@ def _print_misses(console: Console, misses: list[NearMiss]) -> None:
             f"near miss at {miss.time_s:.1f} s (decision {miss.decision}): {miss.clearance_m:.3f} m"
             f"; {finding.cause}: {finding.evidence}",
             soft_wrap=True,
-            markup=False,
         )
 
 
@@ -151,14 +150,14 @@ def print_checks(console: Console, checks: list[Check]) -> None:
     """What one change would have done, a line each."""
     table = Table("with", "outcome", "at, s", "saves the robot", title_justify="left")
     for one in checks:
-        saves = "[bold green]yes[/]" if one.saves else "no"
+        saves = Text("yes", "bold green") if one.saves else "no"
         table.add_row(one.remedy.replace("_", " "), one.outcome, f"{one.end_s:.1f}", saves)
     console.print(table)
 
 
 def print_card(console: Console, card: Card) -> None:
     """One decision in a table of two columns."""
-    label = "" if card.label == "none" else f" \\[{card.label}]"
+    label = "" if card.label == "none" else f" [{card.label}]"
     table = Table(
         title=f"decision {card.sequence} at {card.time_s:.1f} s: {card.action}{label}",
         title_justify="left",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rich.console import Console
+from rich.text import Text
 
 from harness.verbs.verb import Document, Verb
 
@@ -29,7 +30,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         "settings": setting_names(),
     }
     for kind, names in document.items():
-        console.print(f"[bold]{kind}[/]: {', '.join(names)}", highlight=False)
+        console.print(Text.assemble((kind, "bold"), f": {', '.join(names)}"))
     return 0, document
 
 

@@ -72,7 +72,7 @@ class Watch:
         """Count up to `episodes`, of which all but the missing are done; none for nobody knows."""
         self._errors = 0
         self._progress = Progress(
-            TextColumn("[bold]{task.description}"),
+            TextColumn("{task.description}", style="bold", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),

@@ -185,9 +185,7 @@ def print_closed_loop(console: Console, again: ClosedLoop) -> None:
 
 def _print_differences(console: Console, differences: Sequence[Difference]) -> None:
     for one in differences[:SHOWN_DIFFERENCES]:
-        console.print(
-            f"  {one.field}: {one.recorded} -> {one.recomputed}", soft_wrap=True, markup=False
-        )
+        console.print(f"  {one.field}: {one.recorded} -> {one.recomputed}", soft_wrap=True)
     if len(differences) > SHOWN_DIFFERENCES:
         console.print(f"  and {len(differences) - SHOWN_DIFFERENCES} more")
 
@@ -195,7 +193,7 @@ def _print_differences(console: Console, differences: Sequence[Difference]) -> N
 def _answer(answer: Answer) -> str:
     label = "" if answer.label == "none" else f" [{answer.label}]"
     route = f", {answer.path_length_m:.2f} m to go" if answer.path_length_m else ", no route"
-    return f"{answer.action}{label}: {answer.reason}{route}".replace("[", r"\[")
+    return f"{answer.action}{label}: {answer.reason}{route}"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -98,7 +98,7 @@ def print_verdict(console: Console, result: Result) -> None:
     )
     if result.cause:
         line = f"cause: {result.cause}: {result.cause_evidence}"
-        console.print(line, soft_wrap=True, markup=False)
+        console.print(line, soft_wrap=True)
         console.print(f"explain: wayproof explain {result.log}", soft_wrap=True, highlight=False)
     console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.text import Text
 
 from harness.verbs.pool import Watch, add_engine, open_engine
 from harness.verbs.run import episode_name
@@ -39,7 +40,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     with open_engine(options, Bounds()) as engine, Watch(console, None) as watch:
         found = search(asked, store, engine, watch.finished)
     print_found(console, found)
-    console.print(f"[bold]note[/]: {NO_RATE}", highlight=False, soft_wrap=True)
+    console.print(Text.assemble(("note", "bold"), f": {NO_RATE}"), soft_wrap=True)
     document = {**asdict(found), "rate": None, "note": NO_RATE, "folder": str(store.folder)}
     return (1 if found.failing else 0), document
 
@@ -54,12 +55,8 @@ def print_found(console: Console, found: Found) -> None:
             soft_wrap=True,
         )
         return
-    console.print(
-        f"[bold red]{found.outcome}[/] after {found.episodes} episodes: {found.reason}; "
-        f"log {found.log}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    told = f" after {found.episodes} episodes: {found.reason}; log {found.log}"
+    console.print(Text.assemble((found.outcome, "bold red"), told), soft_wrap=True)
     if found.shortest is not None and found.shortest.perturbation.window is not None:
         begin, end = found.shortest.perturbation.window
         console.print(
@@ -67,7 +64,6 @@ def print_found(console: Console, found: Found) -> None:
             f"log {found.shortest_log}\n  --set 'perturbation={found.setting}'",
             highlight=False,
             soft_wrap=True,
-            markup=False,
         )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.text import Text
 
 from harness.errors import InputError
 from harness.verbs.pool import Watch, add_engine, open_engine
@@ -89,8 +90,8 @@ def _certify(
         )
     differing = [one for one in certificate.reruns if not one.identical]
     for one in differing:
-        told = one.error or f"chain {one.chain}"
-        console.print(f"[bold red]differs[/]: {one.key}, {one.arrangement}: {told}")
+        told = f": {one.key}, {one.arrangement}: {one.error or f'chain {one.chain}'}"
+        console.print(Text.assemble(("differs", "bold red"), told))
     verdict = f"{len(differing)} differ" if differing else "all are identical"
     console.print(
         f"determinism: {len(certificate.sample)} episodes run again in {len(ARRANGEMENTS)} other "
@@ -106,16 +107,13 @@ def print_study(console: Console, result: StudyResult) -> None:
     from harness.study.file import name_of
 
     for one in result.arms:
-        console.print(f"[bold]{name_of(one.arm)}[/]", highlight=False, soft_wrap=True)
+        console.print(name_of(one.arm), style="bold", highlight=False, soft_wrap=True)
         console.print(f"  {_told(one)}", highlight=False, soft_wrap=True)
     for gate in result.gates:
         style, interval = VERDICT_STYLES[gate.verdict], gate.interval
-        console.print(
-            f"[{style}]{gate.verdict}[/]: {gate.gate} for {name_of(gate.arm)}: "
-            f"{interval.estimate:.3f} ({interval.low:.3f} to {interval.high:.3f})",
-            highlight=False,
-            soft_wrap=True,
-        )
+        told = f": {gate.gate} for {name_of(gate.arm)}: {interval.estimate:.3f}"
+        told += f" ({interval.low:.3f} to {interval.high:.3f})"
+        console.print(Text.assemble((gate.verdict, style), told), soft_wrap=True)
     if result.missing:
         console.print(f"{result.missing} of {result.episodes} episodes are missing: run it again")
 

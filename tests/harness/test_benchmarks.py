@@ -18,7 +18,8 @@ from harness.cli import main
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.reader import open_log, read_messages
+from harness.messages import read_messages
+from harness.reader import open_log
 from harness.rebuild import rebuild
 from harness.replay import replay
 from harness.result import Result

@@ -10,8 +10,9 @@ import pytest
 from harness.config import Config, override
 from harness.errors import InputError
 from harness.labels import decode_classes
+from harness.messages import read_messages
 from harness.navigator import build_navigator
-from harness.reader import open_log, read_messages
+from harness.reader import open_log
 from harness.replay import replay
 from harness.schema import wayproof_pb2 as pb
 from maps.grid import centres

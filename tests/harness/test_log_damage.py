@@ -20,7 +20,8 @@ from harness.cli import main
 from harness.container import GREATEST_RECORD, HEAD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.log import FLUSH_PERIOD_NS, LogWriter, digest_name
-from harness.reader import decode, open_log, read_messages
+from harness.messages import decode, read_messages
+from harness.reader import open_log
 from harness.recover import recover
 from harness.replay import replay
 from harness.schema import wayproof_pb2 as pb
@@ -192,24 +193,39 @@ def test_sizes_are_checked_before_anything_of_that_size_is_made(tmp_path, data, 
     assert GREATEST_RECORD == 64 * 2**20
 
 
-def rewritten(source, target, change):
-    """A log with valid checksums and digests whose config was changed."""
-    items = list(walk(source))
+def write_items(items, target):
+    """A log of these items, whose checksums hold."""
     with target.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE)
         writer.start(profile="wayproof")
-        config = json.loads(next(one.data for one in items if one[0] == "config.json"))
-        change(config)
-        data = json.dumps(config).encode()
+        channels = {}
         for item in items:
             if isinstance(item, Metadata):
-                digest = {digest_name("config.json"): hashlib.sha256(data).hexdigest()}
-                writer.add_metadata(item.name, {**item.fields, **digest})
+                writer.add_metadata(item.name, item.fields)
             elif isinstance(item, Attachment):
-                own = data if item.name == "config.json" else item.data
-                writer.add_attachment(0, 0, item.name, "", own)
+                writer.add_attachment(0, 0, item.name, "", item.data)
+            else:
+                if item.topic not in channels:
+                    schema = writer.register_schema(item.schema, "protobuf", b"")
+                    channels[item.topic] = writer.register_channel(item.topic, "protobuf", schema)
+                writer.add_message(channels[item.topic], item.time_ns, item.data, item.time_ns)
         writer.finish()
     return target
+
+
+def rewritten(source, target, change):
+    """A log with valid checksums and digests whose config was changed."""
+    items = list(walk(source))
+    config = json.loads(next(one.data for one in items if one[0] == "config.json"))
+    change(config)
+    data = json.dumps(config).encode()
+    digest = {digest_name("config.json"): hashlib.sha256(data).hexdigest()}
+    for at, item in enumerate(items):
+        if isinstance(item, Metadata):
+            items[at] = item._replace(fields={**item.fields, **digest})
+        elif isinstance(item, Attachment) and item.name == "config.json":
+            items[at] = item._replace(data=data)
+    return write_items(items, target)
 
 
 def test_code_named_in_a_log_is_not_imported(source, tmp_path, capsys, monkeypatch):
@@ -244,3 +260,38 @@ def test_a_time_that_is_none_is_refused_before_it_is_reckoned_with():
         schema, data = message.DESCRIPTOR.full_name, message.SerializeToString()
         with pytest.raises(InputError, match="cannot be decoded"):
             decode(Packet(schema, "/forged", 0, data), Path("forged.mcap"))
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        pb.Decision(reason="at rest\x1b[31m"),
+        pb.Decision(label="none\nsuccess"),
+        pb.Streams(streams=[pb.StreamHash(name="pose\x9b2J")]),
+        pb.Perturbation(streams=["pose", "\x07"]),
+    ],
+)
+def test_a_text_that_a_terminal_takes_for_a_command_is_refused(message):
+    schema, data = message.DESCRIPTOR.full_name, message.SerializeToString()
+    with pytest.raises(InputError, match="cannot be decoded"):
+        decode(Packet(schema, "/forged", 0, data), Path("forged.mcap"))
+
+
+def test_an_error_is_one_printable_line(tmp_path, capsys):
+    for name in ("a\x1b[31mb", "a\nb", "a\u2028b", "a\x85b"):
+        assert main(["replay", str(tmp_path / name)]) == 2
+        told = capsys.readouterr().err
+        assert told.endswith("no such file\n")
+        assert told[:-1].isprintable()
+
+
+def test_a_text_that_looks_like_markup_is_printed_as_it_stands(source, tmp_path, capsys):
+    items = list(walk(source))
+    for at, item in enumerate(items):
+        if isinstance(item, Packet) and item.schema == pb.Decision.DESCRIPTOR.full_name:
+            decision = pb.Decision.FromString(item.data)
+            decision.reason = "[/x] :warning: $\\frac{$"
+            items[at] = item._replace(data=decision.SerializeToString())
+    path = write_items(items, tmp_path / "markup.mcap")
+    assert main(["explain", str(path), "1", "--png", str(tmp_path / "moment.png")]) == 0
+    assert "[/x] :warning: $\\frac{$" in capsys.readouterr().out

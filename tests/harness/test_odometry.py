@@ -13,8 +13,9 @@ from mcap.writer import Writer
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.footprint import HEADING_TOLERANCE
+from harness.messages import read_messages
 from harness.odometry import Estimate
-from harness.reader import open_log, read_messages
+from harness.reader import open_log
 from harness.replay import replay
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb

@@ -10,9 +10,9 @@ from harness.config import Config, from_document, from_json, override, to_json
 from harness.episode import run_episode
 from harness.errors import InputError
 from harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
+from harness.messages import read_messages
 from harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
 from harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
-from harness.reader import read_messages
 from harness.replay import replay
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb

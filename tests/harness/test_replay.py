@@ -18,7 +18,8 @@ from harness.errors import InputError
 from harness.fork import fork
 from harness.log import FORMAT_VERSION, PACKED_SCENE
 from harness.log_copy import thin, write_copy
-from harness.reader import open_log, read_head, read_messages
+from harness.messages import read_messages
+from harness.reader import open_log, read_head
 from harness.replay import replay
 from harness.schema import wayproof_pb2 as pb
 from harness.what_if import what_if

@@ -15,7 +15,8 @@ from harness.container import walk
 from harness.errors import InputError
 from harness.fork import fork
 from harness.log_copy import write_copy
-from harness.reader import open_log, read_head, read_messages
+from harness.messages import read_messages
+from harness.reader import open_log, read_head
 from harness.schema import wayproof_pb2 as pb
 from harness.viewer.ahead import Ahead
 from harness.viewer.boxes import runs, upright_boxes
