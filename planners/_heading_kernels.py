@@ -9,7 +9,6 @@ A* (Hart, Nilsson, Raphael, IEEE TSSC 1968), drawn by the costs-to-go of the lea
 search for its way found before.
 """
 
-import heapq
 from typing import NamedTuple
 
 import numpy as np
@@ -23,27 +22,36 @@ UNKNOWN_COST = 2**30
 NODE_BITS = 24  # of a queue's key: the rest is the cost
 NONE = -1
 
+FIRST_ROOM = 4096
+"""Keys that there is room for at first."""
+
 EAGERNESS = 4
 """What is left counts a sixteenth more (Pohl, Machine Intelligence 1970): a detour that the
 least disc did not need is found without a look at all that costs as little."""
-
-FIRST_SLOTS = 1024
 
 Longs = NDArray[np.int64]
 Integers = NDArray[np.int32]
 Bools = NDArray[np.bool_]
 
 
+class Swept(NamedTuple):
+    """The cells that the centre of each disc touches on each of some motions, from a node."""
+
+    cells: Longs  # (motions, discs, k, 2)
+    counts: Longs  # (motions, discs) how many of the k
+    middles: Longs  # (motions, discs, 2) the one of them that the others are nearest about
+    reaches: Longs  # (motions, discs) within which they lie along each axis
+    enough: Longs  # (motions, discs) all are free if the squared distance there is larger
+
+
 class Ways(NamedTuple):
-    """What steps and turns touch, in grid cells from a node, and what they cost."""
+    """What steps and turns touch, and what they cost."""
 
     steps: Longs  # (16, 2) in nodes
     lengths: Longs  # (16,)
-    step_cells: Longs  # (16, k, 2) that the discs touch on a step
-    step_counts: Longs  # (16,)
-    turn_cells: Longs  # (16, m, 2) that they touch on a turn to the next way to the left
-    turn_counts: Longs  # (16,)
-    spin_cells: Longs  # (s, 2) that they touch on a whole turn
+    stepped: Swept  # on a step
+    turned: Swept  # on a turn to the next way to the left
+    spun: Swept  # on a whole turn, the only motion
     turn_price: int
     reversal_price: int  # for going on tail first, or nose first again
 
@@ -59,7 +67,10 @@ class Plane(NamedTuple):
 
 
 class Slots(NamedTuple):
-    """What is known of the nodes that were seen, in the order in which they were."""
+    """What is known of the nodes that were seen, in the order in which they were.
+
+    There is room for all, but memory is lazy: what is not written costs nothing.
+    """
 
     cost: Integers  # (k, 16) to be in a state; only the first where the body can turn about
     via: Integers  # (k, 16) state before it, NONE of a start
@@ -68,13 +79,23 @@ class Slots(NamedTuple):
 
 
 @kernel
-def cells_free(plane: Plane, i: int, j: int, cells: Longs, count: int) -> bool:
-    """Whether all cells at these offsets from a grid cell are free."""
+def motion_free(plane: Plane, i: int, j: int, swept: Swept, motion: int) -> bool:
+    """Whether all cells that the discs touch on a motion from a grid cell are free.
+
+    From cell to cell a distance falls by no more than these are apart, so where it is large enough
+    in the middle of a disc's cells none of them is looked at.
+    """
     nx, ny = plane.field.shape
-    for n in range(count):
-        x, y = i + cells[n, 0], j + cells[n, 1]
-        if x < 0 or y < 0 or x >= nx or y >= ny or plane.field[x, y] <= plane.threshold:
-            return False
+    for disc in range(swept.counts.shape[1]):
+        x, y = i + swept.middles[motion, disc, 0], j + swept.middles[motion, disc, 1]
+        reach = swept.reaches[motion, disc]
+        inside = x >= reach and y >= reach and x + reach < nx and y + reach < ny
+        if inside and plane.field[x, y] > swept.enough[motion, disc]:
+            continue
+        for n in range(swept.counts[motion, disc]):
+            x, y = i + swept.cells[motion, disc, n, 0], j + swept.cells[motion, disc, n, 1]
+            if x < 0 or y < 0 or x >= nx or y >= ny or plane.field[x, y] <= plane.threshold:
+                return False
     return True
 
 
@@ -108,113 +129,129 @@ def search_states(
     """
     rows, columns = plane.shape
     half = plane.factor // 2
+    # Arrays are taken out of the tuples here: taken out in the loop they are counted each time.
+    steps, lengths, stepped, turned = ways.steps, ways.lengths, ways.stepped, ways.turned
     slots = np.full(rows * columns, NONE, np.int32)  # where what is known of a node stands
-    count, seen = 0, new_slots(FIRST_SLOTS)
-    queue = [np.int64(0)]  # of estimates of the whole with the states that they are of
-    queue.pop()
+    seen = Slots(
+        np.empty((rows * columns, WAYS), np.int32),
+        np.empty((rows * columns, WAYS), np.int32),
+        np.empty((rows * columns, WAYS), np.uint8),
+        np.empty(rows * columns, np.bool_),
+    )
+    cost, via, by, turning = seen.cost, seen.via, seen.by, seen.turns
+    count = 0
+    queue, queued = np.empty(FIRST_ROOM, np.int64), 0
     for n in range(len(starts)):
         node, way = starts[n] // WAYS, starts[n] % WAYS
         if slots[node] == NONE:
-            seen = with_room(seen, count)
             i, j = node // columns, node % columns
-            open_slot(plane, ways, i * plane.factor + half, j * plane.factor + half, seen, count)
+            open_slot(
+                plane, ways.spun, i * plane.factor + half, j * plane.factor + half, seen, count
+            )
             slots[node] = count
             count += 1
         slot = slots[node]
-        state = 0 if seen.turns[slot] else way
-        if prices[n] < seen.cost[slot, state]:
-            seen.cost[slot, state], seen.by[slot, state] = prices[n], way
+        state = 0 if turning[slot] else way
+        if prices[n] < cost[slot, state]:
+            cost[slot, state], via[slot, state], by[slot, state] = prices[n], NONE, way
             key = key_of(prices[n], to_go[node], node * WAYS + state)
-            heapq.heappush(queue, key)
-    while len(queue) > 0 and budget > 0:
-        key = heapq.heappop(queue)
+            queue, queued = push(queue, queued, key), queued + 1
+    while queued > 0 and budget > 0:
+        queued -= 1
+        key = pop(queue, queued)
         state = int(key & ((1 << NODE_BITS) - 1))
         node, way = state // WAYS, state % WAYS
         slot = slots[node]
-        known, rest = int(seen.cost[slot, way]), int(to_go[node])
+        known, rest = int(cost[slot, way]), int(to_go[node])
         if key >> NODE_BITS > known + rest + (rest >> EAGERNESS):
             continue
         if node == goal:
-            return unwind(ways, slots, columns, seen, state)
+            return unwind(slots, columns, seen, state)
         budget -= 1
         i, j = node // columns, node % columns
         u, v = i * plane.factor + half, j * plane.factor + half
-        turns = seen.turns[slot]
+        turns = turning[slot]
         if not turns:
             for move in range(3):
-                turned = (way + (WAYS // 2, 1, -1)[move]) % WAYS
+                other = (way + (WAYS // 2, 1, -1)[move]) % WAYS
                 price = ways.reversal_price if move == 0 else ways.turn_price
-                if known + price >= seen.cost[slot, turned]:
+                if known + price >= cost[slot, other]:
                     continue
-                swept = turned if move == 2 else way
-                if move > 0 and not cells_free(
-                    plane, u, v, ways.turn_cells[swept], int(ways.turn_counts[swept])
-                ):
+                swept = other if move == 2 else way
+                if move > 0 and not motion_free(plane, u, v, turned, swept):
                     continue
-                seen.cost[slot, turned] = known + price
-                seen.via[slot, turned], seen.by[slot, turned] = state, turned
-                heapq.heappush(queue, key_of(known + price, rest, node * WAYS + turned))
+                cost[slot, other], via[slot, other], by[slot, other] = known + price, state, other
+                key = key_of(known + price, rest, node * WAYS + other)
+                queue, queued = push(queue, queued, key), queued + 1
         here = rate_at(plane, u, v)
         for ahead in range(0 if turns else way, WAYS if turns else way + 1):
-            x, y = i + int(ways.steps[ahead, 0]), j + int(ways.steps[ahead, 1])
+            x, y = i + int(steps[ahead, 0]), j + int(steps[ahead, 1])
             if x < 0 or y < 0 or x >= rows or y >= columns:
                 continue
             other, p, q = x * columns + y, x * plane.factor + half, y * plane.factor + half
-            found = known + (int(ways.lengths[ahead]) * (here + rate_at(plane, p, q)) >> 1)
+            found = known + (int(lengths[ahead]) * (here + rate_at(plane, p, q)) >> 1)
             at = slots[other]
-            if at != NONE and found >= seen.cost[at, 0 if seen.turns[at] else ahead]:
+            if at != NONE and found >= cost[at, 0 if turning[at] else ahead]:
                 continue
-            if not cells_free(plane, u, v, ways.step_cells[ahead], int(ways.step_counts[ahead])):
+            if not motion_free(plane, u, v, stepped, ahead):
                 continue
             if at == NONE:
-                seen = with_room(seen, count)
-                open_slot(plane, ways, p, q, seen, count)
+                open_slot(plane, ways.spun, p, q, seen, count)
                 at, slots[other] = count, count
                 count += 1
-            to = 0 if seen.turns[at] else ahead
-            seen.cost[at, to], seen.via[at, to], seen.by[at, to] = found, state, ahead
-            heapq.heappush(queue, key_of(found, to_go[other], other * WAYS + to))
+            to = 0 if turning[at] else ahead
+            cost[at, to], via[at, to], by[at, to] = found, state, ahead
+            key = key_of(found, to_go[other], other * WAYS + to)
+            queue, queued = push(queue, queued, key), queued + 1
     return np.empty(0, np.int64), np.empty(0, np.bool_)
 
 
 @kernel
-def key_of(cost: int, rest: int, state: int) -> np.int64:
+def key_of(cost: int, rest: int, state: int) -> int:
     """What a state is queued by: an estimate of the whole cost, and the state."""
-    return np.int64((np.int64(cost + rest + (rest >> EAGERNESS)) << NODE_BITS) | state)
+    return int(cost + rest + (rest >> EAGERNESS)) << NODE_BITS | int(state)
 
 
 @kernel
-def new_slots(count: int) -> Slots:
-    """Room for what is known of so many nodes."""
-    return Slots(
-        np.full((count, WAYS), UNKNOWN_COST, np.int32),
-        np.full((count, WAYS), NONE, np.int32),
-        np.zeros((count, WAYS), np.uint8),
-        np.zeros(count, np.bool_),
-    )
+def push(queue: Longs, count: int, key: int) -> Longs:
+    """Put a key into a binary heap of so many; return the heap, which has grown if it was full.
+
+    Written out, as Python's on a list takes twice the time here.
+    """
+    if count == len(queue):
+        queue = np.concatenate((queue, np.empty(count, np.int64)))
+    at = count
+    while at > 0 and queue[(at - 1) >> 1] > key:
+        queue[at] = queue[(at - 1) >> 1]
+        at = (at - 1) >> 1
+    queue[at] = key
+    return queue
 
 
 @kernel
-def with_room(seen: Slots, count: int) -> Slots:
-    """The same, twice as large if there is no room for one more node."""
-    if count < len(seen.turns):
-        return seen
-    larger = new_slots(2 * count)
-    larger.cost[:count], larger.via[:count] = seen.cost, seen.via
-    larger.by[:count], larger.turns[:count] = seen.by, seen.turns
-    return larger
+def pop(queue: Longs, count: int) -> int:
+    """Take the least key out of a heap, which has so many then."""
+    least, last, at = queue[0], queue[count], 0
+    while 2 * at + 1 < count:
+        below = 2 * at + 1
+        below += below + 1 < count and queue[below + 1] < queue[below]
+        if queue[below] >= last:
+            break
+        queue[at] = queue[below]
+        at = below
+    queue[at] = last
+    return int(least)
 
 
 @kernel
-def open_slot(plane: Plane, ways: Ways, u: int, v: int, seen: Slots, slot: int) -> None:
-    """Look whether the body can turn about at a node in the middle of a grid cell."""
-    seen.turns[slot] = cells_free(plane, u, v, ways.spin_cells, len(ways.spin_cells))
+def open_slot(plane: Plane, spun: Swept, u: int, v: int, seen: Slots, slot: int) -> None:
+    """Know nothing of a node in the middle of a grid cell but whether the body can turn about."""
+    seen.cost[slot] = UNKNOWN_COST
+    seen.turns[slot] = motion_free(plane, u, v, spun, 0)
 
 
 @kernel
-def unwind(
-    ways: Ways, slots: Integers, columns: int, seen: Slots, state: int
-) -> tuple[Longs, Bools]:
+def unwind(slots: Integers, columns: int, seen: Slots, state: int) -> tuple[Longs, Bools]:
     """The states that led to one, from the first, and at which of them the body can turn about.
 
     There are two of such a node, as it comes and as it leaves.

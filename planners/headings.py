@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planners import _heading_kernels as heading_kernels
 from planners import _lattice_kernels, kernels, lattice
-from planners._heading_kernels import WAYS, Plane, Ways
+from planners._heading_kernels import WAYS, Plane, Swept, Ways
 from planners._lattice_kernels import FREE_RATE, Lattice
 from planners.kernels import Floats, Pose
 from planners.space import FreeSpace
@@ -146,7 +146,7 @@ def _path_on(
     )
     if plane.shape[0] * plane.shape[1] * WAYS >= 1 << heading_kernels.NODE_BITS:
         return None
-    ways = _ways(tuple(disc.offset / space.resolution for disc in space.discs), factor)
+    ways = _ways(_offsets(space), plane.threshold, factor)
     unit = FREE_RATE * LENGTHS[1] / (factor * space.resolution)
     ways = ways._replace(
         turn_price=round(TURN_PRICE * unit), reversal_price=round(REVERSAL_PRICE * unit)
@@ -159,6 +159,11 @@ def _path_on(
     if len(states) == 0:
         return None
     return _poses(space, plane, states, wide, start, goal)
+
+
+def _offsets(space: FreeSpace) -> tuple[float, ...]:
+    """Of the discs along the body [cells]."""
+    return tuple(disc.offset / space.resolution for disc in space.discs)
 
 
 def _starts(space: FreeSpace, plane: Plane, ways: Ways, start: Pose) -> tuple[Longs, Longs]:
@@ -281,7 +286,7 @@ def _angles() -> list[float]:
 
 
 @functools.lru_cache(maxsize=16)
-def _ways(offsets: tuple[float, ...], factor: int) -> Ways:
+def _ways(offsets: tuple[float, ...], threshold: int, factor: int) -> Ways:
     """The tables for discs at these offsets along the body [cells]; the prices are to be filled."""
     angles = _angles()
     shares = np.linspace(0.0, 1.0, SAMPLES * factor + 1)
@@ -289,32 +294,43 @@ def _ways(offsets: tuple[float, ...], factor: int) -> Ways:
     for way, (x, y) in enumerate(STEPS):
         cosine, sine = kernels.direction(angles[way])
         moved = factor * shares[:, None] * np.array([x, y])
-        steps.append(_cells([moved + offset * np.array([cosine, sine]) for offset in offsets]))
+        steps.append([_cells(moved + offset * np.array([cosine, sine])) for offset in offsets])
         turn = float(kernels.wrap(angles[(way + 1) % WAYS] - angles[way]))
         spun = np.array([kernels.direction(angles[way] + share * turn) for share in shares])
-        turns.append(_cells([offset * spun for offset in offsets]))
-    step_cells, step_counts = _table(steps)
-    turn_cells, turn_counts = _table(turns)
-    lengths = np.array([LENGTHS[x * x + y * y] for x, y in STEPS], np.int64)
-    spin_cells = np.unique(np.concatenate(turns), axis=0)
+        turns.append([_cells(offset * spun) for offset in offsets])
+    spins = [np.unique(np.concatenate(parts), axis=0) for parts in zip(*turns, strict=True)]
     return Ways(
-        np.array(STEPS, np.int64), lengths, step_cells, step_counts, turn_cells, turn_counts,
-        spin_cells, 0, 0,
-    )  # fmt: skip
+        steps=np.array(STEPS, np.int64),
+        lengths=np.array([LENGTHS[x * x + y * y] for x, y in STEPS], np.int64),
+        stepped=_swept(steps, threshold),
+        turned=_swept(turns, threshold),
+        spun=_swept([spins], threshold),
+        turn_price=0,
+        reversal_price=0,
+    )
 
 
-def _cells(tracks: list[Floats]) -> Longs:
+def _cells(track: Floats) -> Longs:
     """Cells that points, from the centre of a cell [cells], lie in or next to, shape (k, 2)."""
     beside = NEXT_TO * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
-    points = (np.concatenate(tracks)[:, None] + beside).reshape(-1, 2)
+    points = (track[:, None] + beside).reshape(-1, 2)
     found: Longs = np.unique(np.floor(points + 0.5).astype(np.int64), axis=0)
     return found
 
 
-def _table(rows: list[Longs]) -> tuple[Longs, Longs]:
-    """Rows of different length as one array, filled up, and their lengths."""
-    counts = np.array([len(row) for row in rows], np.int64)
-    table = np.zeros((len(rows), int(counts.max()), 2), np.int64)
-    for place, row in zip(table, rows, strict=True):
-        place[: len(row)] = row
-    return table, counts
+def _swept(motions: list[list[Longs]], threshold: int) -> Swept:
+    """Tables of the cells that the discs touch on each motion."""
+    shape = len(motions), len(motions[0])
+    counts = np.array([[len(cells) for cells in discs] for discs in motions], np.int64)
+    table = np.zeros((*shape, int(counts.max()), 2), np.int64)
+    middles = np.zeros((*shape, 2), np.int64)
+    reaches, enough = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
+    for at in np.ndindex(shape):
+        cells = motions[at[0]][at[1]]
+        table[at][: len(cells)] = cells
+        apart = cells[:, None] - cells  # (k, k, 2)
+        squared = (apart * apart).sum(axis=2).max(axis=1)
+        middle = int(np.argmin(squared))
+        middles[at], reaches[at] = cells[middle], np.abs(apart[middle]).max()
+        enough[at] = math.ceil((math.sqrt(threshold) + math.sqrt(squared[middle])) ** 2)
+    return Swept(table, counts, middles, reaches, enough)

@@ -184,12 +184,58 @@ def walk(
 
 
 @kernel
+def walk_layer(
+    grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint
+) -> tuple[float, int, float]:
+    """``walk`` where both ends lie in one layer, in half the time: the same, bit by bit."""
+    i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
+    faces_x, step_x, next_x, span_x = axis_steps(start[0], end[0])
+    faces_y, step_y, next_y, span_y = axis_steps(start[1], end[1])
+    # Not above 0 if the next face is one along x, not below 0 if it is one along y.
+    order = next_x * span_y - next_y * span_x
+    field, cost_by_distance = grid.field, grid.cost_by_distance
+    furthest = len(cost_by_distance) - 1
+    value = squared_distance(grid, i, j, k)
+    outer = squared_distance(grid, end[0] >> SUBCELL_BITS, end[1] >> SUBCELL_BITS, k)
+    contained = value != OUTSIDE and outer != OUTSIDE
+    least, walked, cost = value, 0.0, 0.0
+    if least <= threshold:
+        return walked, least, cost
+    while faces_x + faces_y > 0:
+        cross_x = faces_x > 0 and (faces_y == 0 or order <= 0)
+        cross_y = faces_y > 0 and (faces_x == 0 or order >= 0)
+        first, span = (next_x, span_x) if cross_x else (next_y, span_y)
+        di, dj = cross_x * step_x, cross_y * step_y
+        rate = cost_by_distance[np.uint64(min(value, furthest))]
+        if contained:
+            value = inside_value(field, i + di, j + dj, k)
+        else:
+            value = squared_distance(grid, i + di, j + dj, k)
+        least = min(least, value)
+        if cross_x and cross_y:
+            least = min(least, least_at_corners(grid, i, j, k, di, dj, 0))
+        share = first / span
+        if least <= threshold:
+            share = max((first - 2) / span, 0.0)
+            return share, least, cost + (share - walked) * rate
+        cost += (share - walked) * rate
+        walked = share
+        i, j = i + di, j + dj
+        faces_x, next_x = faces_x - cross_x, next_x + cross_x * SUBCELLS
+        faces_y, next_y = faces_y - cross_y, next_y + cross_y * SUBCELLS
+        order += (cross_x * span_y - cross_y * span_x) * SUBCELLS
+    return 1.0, least, cost + (1.0 - walked) * cost_by_distance[min(value, furthest)]
+
+
+@kernel
 def walk_between(grid: Grid, threshold: int, a: Point, b: Point) -> tuple[float, int, float]:
     """``walk`` between two points [m]; an end out of reach blocks the whole segment."""
     near_a, start = to_subcells(grid, a)
     near_b, end = to_subcells(grid, b)
     if not (near_a and near_b):
         return 0.0, OUTSIDE, 0.0
+    if start[2] >> SUBCELL_BITS == end[2] >> SUBCELL_BITS:
+        return walk_layer(grid, threshold, start, end)
     return walk(grid, threshold, start, end)
 
 
@@ -545,6 +591,17 @@ def sweep_steps(a: Pose, b: Pose) -> int:
 
 
 @kernel
+def all_above(value: int, threshold: int, squared: int) -> bool:
+    """Whether no cell so near to one of this field value is at or below a threshold.
+
+    From cell to cell a distance falls by no more than these are apart: the root of the value is to
+    exceed those of the threshold and of the squared cells between them.
+    """
+    spare = value - threshold - squared
+    return spare > 0 and spare * spare > 4 * threshold * squared
+
+
+@kernel
 def box_free(grid: Grid, threshold: int, low: Point, high: Point, reach: float) -> bool:
     """Whether all cells of a box, wider by a reach [m] and a cell to each side, are free.
 
@@ -562,6 +619,10 @@ def box_free(grid: Grid, threshold: int, low: Point, high: Point, reach: float) 
     nx, ny, nz = grid.field.shape
     if i < 0 or j < 0 or k < 0 or x >= nx or y >= ny or z >= nz:
         return False
+    u, v, w = (i + x) >> 1, (j + y) >> 1, (k + z) >> 1
+    du, dv, dw = x - u, y - v, z - w  # on the other side it is no farther to the corners
+    if all_above(inside_value(grid.field, u, v, w), threshold, du * du + dv * dv + dw * dw):
+        return True
     for u in range(i, x + 1):
         for v in range(j, y + 1):
             for w in range(k, z + 1):

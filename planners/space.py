@@ -25,6 +25,7 @@ class FreeSpace:
 
     Attributes:
         field: Squared cell distances to the nearest blocked cell, truncated; uint16 (nx, ny, nz).
+            Where one is large enough, the cells around it are taken for free without a look.
         origin: Low corner of the grid [m], shape (3,).
         resolution: Cell size [m].
         blocked_at_or_below: Largest forbidden squared cell distance.

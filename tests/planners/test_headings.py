@@ -9,7 +9,7 @@ import pytest
 from planners import Body, FreeSpace, PlannerConfig, kernels, lattice, plan
 from planners import _heading_kernels as heading_kernels
 from planners import _lattice_kernels as lattice_kernels
-from planners.headings import LENGTHS, STEPS, _ways, reversible, turning_path
+from planners.headings import LENGTHS, STEPS, _offsets, _ways, reversible, turning_path
 from tests.planners.worlds import make_space, point
 
 BODY = Body((-0.3, 0.0, 0.3), (0.2, 0.2, 0.2))
@@ -76,16 +76,49 @@ def test_only_bodies_as_long_behind_as_ahead_go_tail_first(bend):
 
 
 def test_tables_by_hand():
-    ways = _ways((0.0,), 1)
+    ways = _ways((0.0,), 0, 1)
     assert ways.lengths.tolist() == [LENGTHS[x * x + y * y] for x, y in STEPS]
-    cells = [
-        set(map(tuple, row[:n].tolist()))
-        for row, n in zip(ways.step_cells, ways.step_counts, strict=True)
-    ]
+    cells = [cells_of(ways.stepped, way) for way in range(16)]
     assert cells[0] == {(0, 0), (1, 0)}
     assert cells[2] == {(0, 0), (1, 0), (0, 1), (1, 1)}  # through the corner of four
     assert cells[1] == {(0, 0), (1, 0), (1, 1), (2, 1)}
-    assert ways.turn_counts.tolist() == [1] * 16  # the centre of the body stays
+    assert ways.turned.counts.tolist() == [[1]] * 16  # the centre of the body stays
+
+
+def cells_of(swept, motion):
+    """All cells that the discs touch on a motion."""
+    return {
+        tuple(cell)
+        for cells, count in zip(swept.cells[motion], swept.counts[motion], strict=True)
+        for cell in cells[:count].tolist()
+    }
+
+
+def test_motions_are_free_where_all_their_cells_are():
+    rng = np.random.default_rng(4)
+    space = long_space(rng.random((40, 30, 1)) < 0.02)
+    plane = heading_kernels.Plane(
+        space.field[:, :, 0], space.blocked_at_or_below, np.full(201, 8, np.int32), 2, (20, 15)
+    )
+    ways = _ways((-1.5, 0.0, 2.0), plane.threshold, plane.factor)
+    shortened = 0
+    for swept in (ways.stepped, ways.turned, ways.spun):
+        for motion, (i, j) in zip(
+            rng.integers(0, len(swept.counts), 400), rng.integers(-2, 42, (400, 2)), strict=True
+        ):
+            free = heading_kernels.motion_free(plane, i, j, swept, motion)
+            assert heading_kernels.motion_free.py_func(plane, i, j, swept, motion) == free
+            assert free == fits(plane, i, j, cells_of(swept, motion))
+            x, y = np.clip((i, j) + swept.middles[motion, 0], 0, (39, 29))
+            shortened += bool(free and plane.field[x, y] > swept.enough[motion, 0])
+    assert shortened > 100
+
+
+def fits(plane, i, j, cells):
+    """Whether all cells at these offsets from a grid cell are in the plane and free."""
+    at = np.array(sorted(cells)) + np.array((i, j))
+    inside = ((at >= 0) & (at < plane.field.shape)).all()
+    return bool(inside) and bool((plane.field[tuple(at.T)] > plane.threshold).all())
 
 
 def test_bounds_are_costs_to_go_up_to_a_limit():
@@ -127,7 +160,7 @@ def search_problem():
     plane = heading_kernels.Plane(
         space.field[:, :, 0], space.blocked_at_or_below, rates, 1, (24, 20)
     )
-    ways = _ways(tuple(disc.offset / space.resolution for disc in space.discs), 1)
+    ways = _ways(_offsets(space), plane.threshold, 1)
     ways = ways._replace(turn_price=40, reversal_price=900)
     goal, starts = 18 * 20 + 8, np.array([(5 * 20 + 8) * 16, (5 * 20 + 8) * 16 + 8])
     # Bounds of nothing: the search is one in all directions, and exact.
@@ -152,19 +185,13 @@ def moves(plane, ways, state):
     """All moves from a state, (state, cost), and whether the body turns about freely there."""
     node, way = divmod(state, 16)
     i, j = divmod(node, plane.shape[1])
-
-    def fits(cells):
-        at = cells + np.array((i, j))
-        inside = ((at >= 0) & (at < plane.shape)).all()
-        return bool(inside) and bool((plane.field[tuple(at.T)] > plane.threshold).all())
-
-    turned = [fits(ways.turn_cells[n, : ways.turn_counts[n]]) for n in range(16)]
+    turned = [fits(plane, i, j, cells_of(ways.turned, n)) for n in range(16)]
     wide = all(turned)
     found = [(node * 16 + (way + 8) % 16, 0 if wide else ways.reversal_price)]
     for n, to in ((way, (way + 1) % 16), ((way - 1) % 16, (way - 1) % 16)):
         if turned[n]:
             found.append((node * 16 + to, 0 if wide else ways.turn_price))
-    if fits(ways.step_cells[way, : ways.step_counts[way]]):
+    if fits(plane, i, j, cells_of(ways.stepped, way)):
         x, y = np.array((i, j)) + ways.steps[way]
         if 0 <= x < plane.shape[0] and 0 <= y < plane.shape[1]:
             found.append(((x * plane.shape[1] + y) * 16 + way, 8 * int(ways.lengths[way])))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from planners import FreeSpace, kernels, point_at, truncate
+from tests.planners.worlds import make_space
 
 SUBCELLS = kernels.SUBCELLS
 
@@ -120,6 +121,51 @@ def test_compiled_kernels_equal_python():
         assert kernels.walk_path.py_func(space.grid, 0, 2.0, path) == walked
         nearest = kernels.nearest_free(space.grid, 5, a, 2.5)
         assert kernels.nearest_free.py_func(space.grid, 5, a, 2.5) == nearest
+
+
+def test_a_walk_within_a_layer_is_the_one_through_space():
+    rng = np.random.default_rng(5)
+    walked = 0
+    for seed in range(20):
+        space = random_space(seed, (9, 8, 2), share=0.05)
+        for _ in range(200):
+            # On faces and corners too, and beyond the grid.
+            ends = rng.integers(-2, 22, (2, 3)) * (kernels.SUBCELLS // 2)
+            ends += rng.integers(-1, 2, (2, 3)) * rng.integers(0, kernels.SUBCELLS // 3, (2, 3))
+            ends[1, 2] = ends[0, 2]
+            a, b = (tuple(end.tolist()) for end in ends)
+            for threshold in (0, 3):
+                told = kernels.walk(space.grid, threshold, a, b)
+                assert kernels.walk_layer(space.grid, threshold, a, b) == told
+                assert kernels.walk_layer.py_func(space.grid, threshold, a, b) == told
+                walked += told[0] == 1.0 and a != b
+    assert 100 < walked < 15000
+
+
+def test_a_box_is_free_where_all_its_cells_are():
+    rng = np.random.default_rng(6)
+    space = make_space(rng.random((14, 12, 5)) < 0.003, resolution=0.25)
+    shape = np.array(space.field.shape)
+    free = seen = 0
+    for _ in range(600):
+        low, size = rng.uniform(0.5, shape - 1.0), rng.uniform(0.0, (4.0, 4.0, 2.0))
+        corners = [tuple(space.origin + space.resolution * end) for end in (low, low + size)]
+        reach = rng.uniform(0.0, 2.0)
+        told = kernels.box_free(space.grid, 2, *corners, reach * space.resolution)
+        first = np.floor(low - (reach, reach, 0.0)).astype(int) - 1
+        end = np.floor(low + size + (reach, reach, 0.0)).astype(int) + 2
+        inside = (first >= 0).all() and (end <= shape).all()
+        cells = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
+        assert told == (inside and bool((space.field[cells] > 2).all()))
+        assert kernels.box_free.py_func(space.grid, 2, *corners, reach * space.resolution) == told
+        free, seen = free + told, seen + inside
+    assert 20 < free < seen - 20
+
+
+def test_distances_tell_of_what_is_near_exactly():
+    for value, threshold, squared in np.ndindex(60, 12, 12):
+        beyond = math.sqrt(value) - math.sqrt(threshold) - math.sqrt(squared)
+        assert kernels.all_above(value, threshold, squared) == (beyond > 1e-9)
 
 
 def test_compiled_shortcut_equals_python():
