@@ -6,7 +6,7 @@ A stage is one function from (repeats, seed, progress) to flat rows, and one lin
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -19,9 +19,11 @@ from rich.table import Table
 from harness.bench_crossing import bench_crossing
 from harness.bench_episodes import bench_delays, bench_planners, bench_policies
 from harness.bench_loop import bench_loop
+from harness.bench_map import PARTS as MAP_PARTS
 from harness.bench_map import bench_map
 from harness.bench_plan import bench_plan
 from harness.bench_rays import bench_rays
+from harness.bench_robots import PARTS as ROBOT_PARTS
 from harness.bench_robots import bench_robots
 from harness.bench_search import bench_search
 from harness.bench_study import bench_study, bench_study_size
@@ -39,24 +41,26 @@ class Stage(NamedTuple):
         measure: From (repeats, seed, progress) to rows; from a file of kept rows too if it `keeps`.
         repeats: By default: sweeps, whole episodes, or fourteen queries each.
         keeps: Whether it can go on from a file of the rows so far.
+        parts: Names of parts of which one can be measured alone.
     """
 
     measure: Callable[..., list[Row]]
     repeats: int
     keeps: bool = False
+    parts: Collection[str] = ()
 
 
 STAGES: dict[str, Stage] = {
     "crossing": Stage(bench_crossing, 10, keeps=True),
     "delays": Stage(bench_delays, 2),
     "loop": Stage(bench_loop, 3),
-    "map": Stage(bench_map, 15),
+    "map": Stage(bench_map, 15, parts=MAP_PARTS),
     "plan": Stage(bench_plan, 15),
     "planners": Stage(bench_planners, 12),
     "policies": Stage(bench_policies, 6),
     "rays": Stage(bench_rays, 15),
     "worlds": Stage(bench_worlds, 3, keeps=True),
-    "robots": Stage(bench_robots, 10),
+    "robots": Stage(bench_robots, 10, parts=ROBOT_PARTS),
     "search": Stage(bench_search, 10),
     "study": Stage(bench_study, 40),
     "study_size": Stage(bench_study_size, 1000),
@@ -87,6 +91,7 @@ def run_stage(
     seed: int,
     files: Files | None = None,
     kept: Path | None = None,
+    only: str | None = None,
 ) -> list[Row]:
     """Measure one stage; its figures depend on the machine, its scenes on the seed alone.
 
@@ -96,13 +101,17 @@ def run_stage(
         seed: Of the scenes.
         files: Of a published benchmark.
         kept: File of the rows so far, from which the stage goes on.
+        only: The part that is measured alone.
 
     Raises:
-        InputError: No such stage; too few or too many repeats; a negative seed; unusable files.
+        InputError: No such stage or part; too few or too many repeats; a negative seed; files
+            that cannot be used.
     """
     stage = _from_files(name, files) if files else _find_stage(name)
     if kept is not None:
         stage = _from_rows(name, stage, kept)
+    if only is not None:
+        stage = _part_of(name, stage, only)
     repeats = stage.repeats if repeats is None else repeats
     if not 1 <= repeats <= MOST_REPEATS:
         raise InputError(f"repeats: got {repeats}, expected 1 to {MOST_REPEATS}")
@@ -134,6 +143,15 @@ def _from_rows(name: str, stage: Stage, kept: Path) -> Stage:
         able = ", ".join(key for key, one in STAGES.items() if one.keeps)
         raise InputError(f"--rows: got bench {name}, expected one of: {able}")
     return stage._replace(measure=partial(stage.measure, kept=kept))
+
+
+def _part_of(name: str, stage: Stage, only: str) -> Stage:
+    if not stage.parts:
+        able = ", ".join(key for key, one in STAGES.items() if one.parts)
+        raise InputError(f"--only: got bench {name}, expected one of: {able}")
+    if only not in stage.parts:
+        raise unknown_name(f"part of bench {name}", only, stage.parts)
+    return stage._replace(measure=partial(stage.measure, only=only))
 
 
 def print_rows(console: Console, title: str, rows: list[Row]) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,7 @@ class Row:
     """One measurement; what does not apply to its part is None.
 
     Attributes:
-        part: `workload`, `speed`, `extent`, `fields`, `ghosts`, `accuracy` or `agreement`.
+        part: Of `PARTS`.
         library: `wayproof`, `pyoctomap` or `edt`.
         mode: What is on, see `MODES`; of the peer, how its points are thinned out.
         threads: That it ran on.
@@ -123,32 +123,86 @@ class Row:
     cells_differ: int | None = None
 
 
-def bench_map(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Measure the map; one flat row (see `Row`) for each figure or pair of figures."""
+class Lab(NamedTuple):
+    """What every part of the bench measures on."""
+
+    room: Sequence[Sweep]
+    repeats: int
+    seed: int
+    progress: Callable[[str], None]
+
+
+def bench_map(
+    repeats: int, seed: int, progress: Callable[[str], None], only: str | None = None
+) -> list[dict[str, Any]]:
+    """Measure the map; one flat row (see `Row`) for each figure or pair of figures.
+
+    Args:
+        repeats: Sweeps that are timed.
+        seed: Of the sweeps' noise.
+        progress: Told what is going on.
+        only: Of `PARTS`, the one that is measured; None for all.
+    """
     progress("compiling kernels (some seconds the first time, then cached)")
     warm_up()
     rays.warm_up()
     progress("map: casting sweeps")
-    room = room_sweeps(seed)
-    rows = [workload(room, resolution) for resolution in RESOLUTIONS]
+    lab = Lab(room_sweeps(seed), repeats, seed, progress)
+    measured = PARTS.values() if only is None else [PARTS[only]]
+    return [asdict(row) for measure in measured for row in measure(lab)]
+
+
+def _workloads(lab: Lab) -> Iterator[Row]:
+    yield from (workload(lab.room, resolution) for resolution in RESOLUTIONS)
+
+
+def _speeds(lab: Lab) -> Iterator[Row]:
     for resolution in RESOLUTIONS:
-        progress(f"map: speed at {resolution:g} m")
-        rows += speed(room, resolution, RANGE, repeats, peers=octomap_installed())
-    progress(f"map: speed at {FINE:g} m")
-    rows += speed(room, FINE, FINE_RANGE, repeats, {"clamped": STILL})
-    progress(f"map: {SHORT:g} m and {LONG:g} m")
-    rows += extent(seed, SHORT, LONG, 0.05)
-    progress("map: distances and inflation")
-    rows += [_found_row("fields", found) for found in field_times(room, 0.05, repeats)]
-    progress("map: ghosts")
-    rows += [_found_row("ghosts", ghost) for ghost in ghosts()]
+        lab.progress(f"map: speed at {resolution:g} m")
+        yield from speed(lab.room, resolution, RANGE, lab.repeats, peers=octomap_installed())
+    lab.progress(f"map: speed at {FINE:g} m")
+    yield from speed(lab.room, FINE, FINE_RANGE, lab.repeats, {"clamped": STILL})
+
+
+def _extents(lab: Lab) -> Iterator[Row]:
+    lab.progress(f"map: {SHORT:g} m and {LONG:g} m")
+    yield from extent(lab.seed, SHORT, LONG, 0.05)
+
+
+def _fields(lab: Lab) -> Iterator[Row]:
+    lab.progress("map: distances and inflation")
+    for found in field_times(lab.room, 0.05, lab.repeats):
+        yield _found_row("fields", found)
+
+
+def _ghosts(lab: Lab) -> Iterator[Row]:
+    lab.progress("map: ghosts")
+    yield from (_found_row("ghosts", ghost) for ghost in ghosts())
+
+
+def _accuracies(lab: Lab) -> Iterator[Row]:
     for resolution in (0.05, 0.1):
-        progress(f"map: accuracy at {resolution:g} m")
-        rows += [_found_row("accuracy", found) for found in accuracies(room, resolution)]
+        lab.progress(f"map: accuracy at {resolution:g} m")
+        for found in accuracies(lab.room, resolution):
+            yield _found_row("accuracy", found)
+
+
+def _agreement(lab: Lab) -> Iterator[Row]:
     if octomap_installed():
-        progress("map: agreement")
-        rows.append(_found_row("agreement", agreement_with_octomap(room, 0.1)))
-    return [asdict(row) for row in rows]
+        lab.progress("map: agreement")
+        yield _found_row("agreement", agreement_with_octomap(lab.room, 0.1))
+
+
+PARTS: dict[str, Callable[[Lab], Iterator[Row]]] = {
+    "workload": _workloads,
+    "speed": _speeds,
+    "extent": _extents,
+    "fields": _fields,
+    "ghosts": _ghosts,
+    "accuracy": _accuracies,
+    "agreement": _agreement,
+}
+"""In the order of the rows."""
 
 
 def workload(room: Sequence[Sweep], resolution: float) -> Row:

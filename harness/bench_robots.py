@@ -32,6 +32,7 @@ GUSTS = 6.0  # m/s, mean
 FLIGHT_TIME = 20.0  # s
 SPEED_TIME = 10.0  # s, simulated to time the speed of simulation
 SPEED_TRIES = 3
+SPEED = "speed"  # the part that is no case
 
 
 @dataclass(frozen=True)
@@ -99,21 +100,26 @@ class Case(NamedTuple):
     run: Callable[[np.random.Generator], Run]
 
 
-def bench_robots(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+def bench_robots(
+    repeats: int, seed: int, progress: Callable[[str], None], only: str | None = None
+) -> list[dict[str, Any]]:
     """Run every case in two processes, then time both robots alone; one row (see `Row`) for each.
 
     Args:
         repeats: Scales the number of runs of each case (see `Case.share`).
         seed: Of all that is drawn.
         progress: Told what is going on.
+        only: The one of `PARTS` that is measured; None for all.
     """
     progress("compiling kernels (some seconds the first time, then cached)")
     warm_up_quadruped()
     warm_up_quadrotor()
-    runs = run_cases(repeats, seed, progress)
-    rows = [summarise(case, runs[number]) for number, case in enumerate(CASES)]
-    progress("robots: speed")
-    return [asdict(row) for row in [*rows, *speed_rows()]]
+    runs = run_cases(repeats, seed, progress, only and [only])
+    rows = [summarise(case, some) for case, some in zip(CASES, runs, strict=True) if some]
+    if only in (None, SPEED):
+        progress("robots: speed")
+        rows += speed_rows()
+    return [asdict(row) for row in rows]
 
 
 def run_cases(
@@ -175,8 +181,8 @@ def speed_rows() -> list[Row]:
     quadruped = min(_timed(_walk_for_speed) for _ in range(SPEED_TRIES))
     drone = min(_timed(_fly_for_speed) for _ in range(SPEED_TRIES))
     return [
-        Row("quadruped", "speed", SPEED_TRIES, 0, realtime_factor=SPEED_TIME / quadruped),
-        Row("drone", "speed", SPEED_TRIES, 0, realtime_factor=SPEED_TIME / drone),
+        Row("quadruped", SPEED, SPEED_TRIES, 0, realtime_factor=SPEED_TIME / quadruped),
+        Row("drone", SPEED, SPEED_TRIES, 0, realtime_factor=SPEED_TIME / drone),
     ]
 
 
@@ -291,3 +297,5 @@ CASES = (
     Case("drone", "random flights", 10, _random_flight),
 )  # fmt: skip
 """In the order of the rows."""
+
+PARTS = (*dict.fromkeys(case.name for case in CASES), SPEED)

@@ -27,7 +27,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError(f"got --{' and --'.join(given)}, expected one of them")
     files = [Files(f"--{name}", getattr(options, name), options.logs) for name in given]
     source = files[0] if files else None
-    rows = run_stage(options.stage, options.repeats, options.seed, source, options.rows)
+    rows = run_stage(
+        options.stage, options.repeats, options.seed, source, options.rows, options.only
+    )
     print_rows(console, f"bench {options.stage}, seed {options.seed}", rows)
     return 0, {"rows": rows}
 
@@ -48,6 +50,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="keep each episode's row in FILE, and go on from the rows in it: crossing, worlds",
+    )
+    parser.add_argument(
+        "--only", metavar="PART", help="one part alone; a wrong one lists them: map, robots"
     )
     add_log_folder(parser)
 

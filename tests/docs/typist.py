@@ -46,8 +46,6 @@ TARGETS = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
 UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
-    r"wayproof bench map .*": "over a minute of rays into OctoMap too; test_bench_map.py",
-    r"wayproof bench robots.*": "90 s of trials at one repeat; test_bench_robots.py",
 }
 """Commands that are held against their parser alone, and why."""
 
@@ -74,6 +72,8 @@ STAGES_SMALLER = {
     "crossing": "--repeats 1 --rows kept-crossing.jsonl".split(),
     "worlds": "--repeats 1 --rows kept-worlds.jsonl".split(),
     "plan": "--repeats 2".split(),
+    "map": "--repeats 1 --only ghosts".split(),
+    "robots": "--repeats 1 --only hover".split(),
     **dict.fromkeys(("loop", "rays"), "--repeats 1".split()),
 }
 """What else is typed for a stage of `bench`: one episode or problem after those that are kept."""

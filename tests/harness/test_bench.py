@@ -168,3 +168,13 @@ def test_both_terrains_are_the_same_ground():
             [mujoco.mj_ray(model, data, np.array(p), down, None, 1, -1, geom) for p in places]
         )
     np.testing.assert_allclose(*found, atol=2e-3)
+
+
+def test_one_part_alone(capsys):
+    assert main(["bench", "robots", "--repeats", "1", "--only", "hover", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [(row["robot"], row["case"], row["runs"]) for row in rows] == [("drone", "hover", 1)]
+    assert main(["bench", "map", "--only", "hover"]) == 2
+    assert "unknown part of bench map 'hover' (available: accuracy, " in capsys.readouterr().err
+    assert main(["bench", "rays", "--only", "hover"]) == 2
+    assert "--only: got bench rays, expected one of: map, robots" in capsys.readouterr().err
