@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,6 +130,17 @@ def reversible(space: FreeSpace) -> bool:
     return [(disc.offset, disc.blocked_at_or_below) for disc in discs] == turned
 
 
+class _Found(NamedTuple):
+    """States from a start to a goal, and at which of them the body can turn about."""
+
+    space: FreeSpace
+    plane: Plane
+    start: Pose
+    goal: Pose
+    states: Longs
+    wide: NDArray[np.bool_]
+
+
 def _path_on(
     space: FreeSpace,
     start: Pose,
@@ -158,7 +170,7 @@ def _path_on(
     states, wide = heading_kernels.search_states(plane, ways, to_go, starts, prices, end, budget)
     if len(states) == 0:
         return None
-    return _poses(space, plane, states, wide, start, goal)
+    return _poses(_Found(space, plane, start, goal, states, wide))
 
 
 def _offsets(space: FreeSpace) -> tuple[float, ...]:
@@ -214,34 +226,19 @@ def _centre(space: FreeSpace, plane: Plane, node: int) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def _poses(
-    space: FreeSpace,
-    plane: Plane,
-    states: Longs,
-    wide: NDArray[np.bool_],
-    start: Pose,
-    goal: Pose,
-) -> Floats | None:
-    """The path through states, its headings those of the body; None if it is not free."""
+def _poses(found: _Found) -> Floats | None:
+    """The path through the states, its headings those of the body; None if it is not free."""
     for straight in (True, False):
         for gear in (0.0, math.pi):  # nose first or tail first
-            path = _through(space, plane, states, wide, start, goal, gear, straight)
-            if kernels.poses_free(space.grid, space.shape, path):
+            path = _through(found, gear, straight)
+            if kernels.poses_free(found.space.grid, found.space.shape, path):
                 return path
     return None
 
 
-def _through(
-    space: FreeSpace,
-    plane: Plane,
-    states: Longs,
-    wide: NDArray[np.bool_],
-    start: Pose,
-    goal: Pose,
-    gear: float,
-    straight: bool,
-) -> Floats:
-    """The path through states, pulled straight where the body can turn about if so asked."""
+def _through(found: _Found, gear: float, straight: bool) -> Floats:
+    """The path through the states, pulled straight where the body can turn about if so asked."""
+    space, plane, start, goal, states, wide = found
     angles, poses, before = _angles(), [start], int(states[0])
     cuts = np.flatnonzero(wide[1:] != wide[:-1]) + 1
     for begin, end in itertools.pairwise((0, *cuts.tolist(), len(states))):
