@@ -1,8 +1,8 @@
 """How wide a long body is taken: as the disc about it where that leads on, else as it lies.
 
 Where the disc about a body fits, it turns as it likes, and plans and motions are those of a disc:
-fast, and with room to spare. Only where no such way leads on is the body planned for by its discs
-at their heading, through gaps in which it cannot turn.
+fast, and with room to spare. Only where no such way leads on, or only one back and around, is the
+body planned for by its discs at their heading, through gaps in which it cannot turn.
 """
 
 from __future__ import annotations
@@ -15,9 +15,14 @@ from harness.guide import heading_at
 from harness.view import Choice, Memory, View, length
 from planners import remaining
 
+DETOUR, WORTH = 2.0, 2.0
+"""A way for the disc about the body is a detour where it is so many times as long as the one that
+it replaces, and so many metres more. A gap that is too narrow for the disc looks wide enough from
+afar, where what bounds it is hardly seen: without this a robot went to and fro between two ways."""
+
 
 def decide_by_width(slender: View, wide: View, memory: Memory) -> tuple[Choice, Memory, View]:
-    """Choose the next action as a disc, or if that leads nowhere as discs at their heading.
+    """Choose the next action as a disc, or if that leads nowhere or far as discs at their heading.
 
     Args:
         slender: The view for the body as it lies.
@@ -30,10 +35,11 @@ def decide_by_width(slender: View, wide: View, memory: Memory) -> tuple[Choice, 
     if memory.slender and not _widens(slender, wide, memory):
         return *decide(slender, memory), slender
     as_disc, after = decide(wide, replace(memory, slender=False))
-    if _leads_on(as_disc):
+    farthest = DETOUR * _left(memory, slender) + WORTH
+    if _leads_on(as_disc) and _way(after) <= farthest:
         return as_disc, after, wide
     as_it_lies, squeezed = decide(slender, replace(memory, slender=True))
-    if _leads_on(as_it_lies):
+    if _leads_on(as_it_lies) and (not _leads_on(as_disc) or _way(squeezed) <= farthest):
         return as_it_lies, squeezed, slender
     return as_disc, after, wide
 
@@ -49,6 +55,18 @@ def _widens(slender: View, wide: View, memory: Memory) -> bool:
     if not wide.admitted.is_free(now.position):
         return False
     return math.cos(heading_at(guide, 0.0) - now.heading) > 0.0  # not tail first
+
+
+def _left(memory: Memory, view: View) -> float:
+    """Length of what is left of the way to the goal, as long as it was known, m."""
+    if memory.guide is None or memory.on_errand:
+        return math.inf
+    return length(remaining(memory.guide, memory.trajectory.at(view.effect_ns).arc_length))
+
+
+def _way(memory: Memory) -> float:
+    """Length of the way to the goal that a decision leaves, m; without one it is endless."""
+    return math.inf if memory.guide is None or memory.on_errand else length(memory.guide)
 
 
 def _leads_on(choice: Choice) -> bool:

@@ -182,3 +182,10 @@ def test_an_episode_frees_all_that_it_took_as_it_ends(robot, tmp_path):
         assert gc.collect() == 0
     finally:
         gc.enable()
+
+
+def test_a_gap_too_narrow_for_the_disc_is_taken_rather_than_gone_around(recorded):
+    """From afar it looks wide: a robot that turned round there came back, again and again."""
+    result = recorded("warehouse", "quadruped", 80, "episode.time_limit=45", "record=decisions")
+    assert result.outcome == "success"
+    assert result.path_length_m < 1.5 * result.route_length_m
