@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.bench_plan import REACH, squared_distances
+from harness.bench.plan import REACH, squared_distances
 from harness.benchmarks.files import Files, Progress
 from harness.benchmarks.voxel_search import Moves, VoxelSearch
 from harness.errors import InputError

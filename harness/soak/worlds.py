@@ -9,7 +9,7 @@ from math import ceil
 
 import mujoco
 
-from harness.bench_jobs import run_jobs
+from harness.bench.jobs import run_jobs
 from models.worlds import WORLDS, World
 
 DIFFICULTIES = (0.0, 0.25, 0.5, 0.75, 1.0)

@@ -19,7 +19,7 @@ FILES = {
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Measure one stage."""
-    from harness.bench import print_rows, run_stage
+    from harness.bench.stages import print_rows, run_stage
     from harness.benchmarks import Files
 
     given = [name for name in FILES if getattr(options, name) is not None]

@@ -63,7 +63,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """A published benchmark by its own protocol and scores: every world, so many seeds of each."""
-    from harness.bench import print_rows, run_stage
+    from harness.bench.stages import print_rows, run_stage
     from harness.benchmarks import Files
 
     files = Files("--worlds", options.worlds, options.out or LOGS)

@@ -29,8 +29,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from docs.blocks import HERE, blocks, commands
-from harness import bench_crossing, bench_worlds
-from harness.bench import STAGES
+from harness.bench import crossing as bench_crossing
+from harness.bench import worlds as bench_worlds
+from harness.bench.stages import STAGES
 from harness.cli import main, verb_parsers
 from harness.config import from_document, override
 from harness.perturbations import perturbation_from

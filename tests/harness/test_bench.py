@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from harness.bench import STAGES, print_rows
-from harness.bench_rays import SAMPLE, SCENES, disagreement, within
+from harness.bench.rays import SAMPLE, SCENES, disagreement, within
+from harness.bench.stages import STAGES, print_rows
 from harness.cli import main
 from models.rays.scenes import RELIEF, clutter, field_terrain, mesh_terrain
 

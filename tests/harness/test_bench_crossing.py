@@ -5,9 +5,9 @@ from dataclasses import asdict
 
 import pytest
 
-from harness.bench import STAGES, run_stage
-from harness.bench_crossing import ALONE, Row, run_one, summarise
-from harness.bench_jobs import KeptRows, rows_of
+from harness.bench.crossing import ALONE, Row, run_one, summarise
+from harness.bench.jobs import KeptRows, rows_of
+from harness.bench.stages import STAGES, run_stage
 from harness.errors import InputError
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from harness.bench_episodes import DELAYS, POLICIES, Arm, Trial, _row, _unknown_in
+from harness.bench.episodes import DELAYS, POLICIES, Arm, Trial, _row, _unknown_in
 from harness.config import Config, override
 from harness.result import Result
 from maps import MAPS, MapConfig

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from harness.bench import STAGES, print_rows
-from harness.bench_map import (
+from harness.bench.map import (
     MODES,
     SETTLING,
     THINNING,
@@ -19,7 +18,7 @@ from harness.bench_map import (
     speed,
     workload,
 )
-from harness.map_trials import (
+from harness.bench.map_trials import (
     accuracies,
     agreement,
     agreement_with_octomap,
@@ -29,7 +28,7 @@ from harness.map_trials import (
     ghosts,
     sweeps_by_formula,
 )
-from harness.map_workload import (
+from harness.bench.map_workload import (
     FLOOR,
     HALL_PERIOD,
     HALL_SPACING,
@@ -40,6 +39,7 @@ from harness.map_workload import (
     hall_sweeps,
     room_sweeps,
 )
+from harness.bench.stages import STAGES, print_rows
 from maps import FREE, MapConfig, VoxelMap
 
 COARSE = 0.2

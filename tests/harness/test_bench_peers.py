@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from harness.bench_ray_peers import FAR, triangles
+from harness.bench.ray_peers import FAR, triangles
 from models.rays.scenes import field_terrain
 
 VOLUMES = {

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from harness import bench_plan
+from harness.bench import plan as bench_plan
 from planners import PLANNERS, GoalField, PlannerConfig, plan
 
 FIELDS = [

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.bench import STAGES
-from harness.bench_worlds import Row, _summarise, run_one
+from harness.bench.stages import STAGES
+from harness.bench.worlds import Row, _summarise, run_one
 from harness.config import Config, override
 from harness.errors import InputError
 from harness.reader import open_log

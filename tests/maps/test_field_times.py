@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from harness import map_fields
-from harness.map_workload import Sweep
+from harness.bench.map_workload import Sweep
+from harness.bench import map_fields
 
 
 def test_every_way_is_timed_on_both_numbers_of_threads():

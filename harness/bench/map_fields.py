@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
+from harness.bench.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
 from maps import MapConfig, VoxelMap, inflate
 from maps.columns import Window, unpack
 from maps.field import DistanceField

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from harness.bench_jobs import Progress, run_jobs
+from harness.bench.jobs import Progress, run_jobs
 from harness.search.hunt import hunt
 from harness.search.pole import SPACE, cross_pole_room, pole_room
 from harness.warm_up import warm_up

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.bench_jobs import run_jobs
+from harness.bench.jobs import run_jobs
 from models.robots.estimate import EstimateNoise
 from models.robots.quadrotor import Quadrotor
 from models.robots.quadrotor import trials as flights

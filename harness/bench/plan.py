@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from harness.lazy_theta import reference_path, scratch_for
+from harness.bench.lazy_theta import reference_path, scratch_for
 from planners import (
     PLANNERS,
     Body,

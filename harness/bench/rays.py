@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.bench_ray_peers import Cast, Hits, installed_peers
+from harness.bench.ray_peers import Cast, Hits, installed_peers
 from models import rays
 from models.beams import beam_directions, rotate
 from models.rays import RayCaster, TileCaster, cut_grid

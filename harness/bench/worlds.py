@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.bench_jobs import KeptRows, Progress, rows_of, unlogged
+from harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
 from harness.config import Config
 from models.worlds import WORLDS
 

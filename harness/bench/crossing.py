@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from harness.bench_jobs import KeptRows, Progress, rows_of, unlogged
+from harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
 from harness.config import Config, override
 from harness.worlds import find_world
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.map_fields import FieldTime, field_times
-from harness.map_trials import (
+from harness.bench.map_fields import FieldTime, field_times
+from harness.bench.map_trials import (
     Accuracy,
     Agreement,
     Ghost,
@@ -21,7 +21,7 @@ from harness.map_trials import (
     agreement_with_octomap,
     ghosts,
 )
-from harness.map_workload import (
+from harness.bench.map_workload import (
     HALL_SPACING,
     RANGE,
     RAYS,

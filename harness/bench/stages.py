@@ -16,18 +16,18 @@ from rich import box
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
-from harness.bench_crossing import bench_crossing
-from harness.bench_episodes import bench_delays, bench_planners, bench_policies
-from harness.bench_loop import bench_loop
-from harness.bench_map import PARTS as MAP_PARTS
-from harness.bench_map import bench_map
-from harness.bench_plan import bench_plan
-from harness.bench_rays import bench_rays
-from harness.bench_robots import PARTS as ROBOT_PARTS
-from harness.bench_robots import bench_robots
-from harness.bench_search import bench_search
-from harness.bench_study import bench_study, bench_study_size
-from harness.bench_worlds import bench_worlds
+from harness.bench.crossing import bench_crossing
+from harness.bench.episodes import bench_delays, bench_planners, bench_policies
+from harness.bench.loop import bench_loop
+from harness.bench.map import PARTS as MAP_PARTS
+from harness.bench.map import bench_map
+from harness.bench.plan import bench_plan
+from harness.bench.rays import bench_rays
+from harness.bench.robots import PARTS as ROBOT_PARTS
+from harness.bench.robots import bench_robots
+from harness.bench.search import bench_search
+from harness.bench.study import bench_study, bench_study_size
+from harness.bench.worlds import bench_worlds
 from harness.benchmarks import BENCHMARKS, Files, find_benchmark
 from harness.errors import InputError, unknown_name
 

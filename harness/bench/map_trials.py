@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.map_workload import (
+from harness.bench.map_workload import (
     FLOOR,
     RANGE,
     ROOM,

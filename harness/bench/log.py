@@ -1,6 +1,6 @@
 """How large logs are, what writing them costs, and how fast they replay.
 
-`python -m harness.bench_log` prints one JSON document.
+`python -m harness.bench.log` prints one JSON document.
 """
 
 from __future__ import annotations
