@@ -13,7 +13,7 @@ import msgspec
 from harness.errors import InputError, unknown_name
 from harness.labels import check_margins
 from harness.perturbations import AnyPerturbation
-from harness.view import BehaviourConfig
+from harness.stack.view import BehaviourConfig
 from maps import MAPS, MapConfig
 from models.devices import DEVICES, OWN, SensorConfig
 from models.odometry import OdometryConfig

@@ -17,21 +17,21 @@ from harness.cause import Case, Contact, Moment, find_cause
 from harness.cause.touch import touched
 from harness.cause.true_space import TrueSpace
 from harness.config import LatencyConfig, to_json
+from harness.evidence.relay import Stretch
 from harness.inputs import CODEC, beams_from_info, encode_ranges, inputs_from_messages
 from harness.interference import Interference
 from harness.judge import Judge, Verdict
-from harness.log import LogWriter
-from harness.log_copy import thin
+from harness.logs.log import LogWriter
+from harness.logs.log_copy import thin
+from harness.logs.streams import CONTROL, StreamHashes
 from harness.mujoco_warnings import tell_warnings
-from harness.navigator import Navigator, build_navigator
 from harness.odometry import Estimate
-from harness.relay import Stretch
 from harness.result import Outcome, Result
 from harness.scenario import Scenario, decision_period, sensor_info
 from harness.schema import wayproof_pb2 as pb
 from harness.setpoints import SetpointsAhead
+from harness.stack.navigator import Navigator, build_navigator
 from harness.state import Simulation, Stateful, StepPoses, restore_parts, state_message
-from harness.streams import CONTROL, StreamHashes
 from models.poses import Trail
 from models.robots import Setpoint
 from models.sensors import ROBOT_GROUP, Caster

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.messages import read_messages
-from harness.reader import Log
+from harness.logs.messages import read_messages
+from harness.logs.reader import Log
 from harness.schema import wayproof_pb2 as pb
 
 Array = NDArray[np.float64]

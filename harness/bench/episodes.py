@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from harness.config import from_document, override
 from harness.episode import run_episode
-from harness.navigator import build_navigator
-from harness.reader import Log, open_log
+from harness.logs.reader import Log, open_log
 from harness.result import Result
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.navigator import build_navigator
 from harness.warm_up import warm_up
 from maps import UNKNOWN, states_in
 

@@ -15,14 +15,14 @@ import numpy as np
 from google.protobuf.message import Message
 
 from harness.config import Config, override
-from harness.container import walk
 from harness.episode import run_episode
+from harness.evidence.replay import replay
 from harness.inputs import decode_ranges, encode_ranges
-from harness.log import FLUSH_PERIOD_NS, LogWriter
-from harness.log_copy import time_of, topic_of
-from harness.messages import read_messages
-from harness.reader import Head, read_head
-from harness.replay import replay
+from harness.logs.container import walk
+from harness.logs.log import FLUSH_PERIOD_NS, LogWriter
+from harness.logs.log_copy import time_of, topic_of
+from harness.logs.messages import read_messages
+from harness.logs.reader import Head, read_head
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from harness.warm_up import warm_up

@@ -12,7 +12,7 @@ from harness.benchmarks.files import Progress
 from harness.config import Config
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.log import check_folder
+from harness.logs.log import check_folder
 from harness.result import Result
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb

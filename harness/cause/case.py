@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.audit import densely
 from harness.cause.true_space import TrueSpace
 from harness.config import Config
-from harness.decision import path_of
 from harness.errors import InputError
+from harness.evidence.audit import densely
+from harness.evidence.relay import Relay, Stretch, stretches
 from harness.inputs import Inputs, inputs_from_messages
-from harness.messages import read_messages
+from harness.logs.messages import read_messages
+from harness.logs.reader import Log
 from harness.mission import Mission
-from harness.navigator import Navigator
-from harness.reader import Log
-from harness.relay import Relay, Stretch, stretches
 from harness.scene_text import safe_scene
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.decision import path_of
+from harness.stack.navigator import Navigator
 
 Array = NDArray[np.float64]
 

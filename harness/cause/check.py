@@ -21,14 +21,14 @@ from harness.cause.grids import true_occupancy
 from harness.config import Config, LatencyConfig, to_json
 from harness.episode import Episode
 from harness.errors import InputError
-from harness.fork import Past, live_through
+from harness.evidence.fork import Past, live_through
+from harness.evidence.rebuild import rebuild
+from harness.evidence.relay import Relay
 from harness.inputs import Inputs
-from harness.log import LogWriter
-from harness.navigator import Navigator
-from harness.reader import Log
-from harness.rebuild import rebuild
-from harness.relay import Relay
+from harness.logs.log import LogWriter
+from harness.logs.reader import Log
 from harness.result import Result
+from harness.stack.navigator import Navigator
 from maps import Representation
 from models.beams import NO_RETURN
 from models.odometry import OdometryConfig

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from harness.cause.case import Case, Contact, Moment, off_path
 from harness.cause.finding import Finding
-from harness.navigator import Navigator
+from harness.stack.navigator import Navigator
 from maps.states import FREE, OCCUPIED, UNKNOWN
 
 Array = NDArray[np.float64]

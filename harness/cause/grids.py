@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from harness.cause.case import Case
-from harness.navigator import Navigator
+from harness.stack.navigator import Navigator
 from maps import FREE, states_in
 
 Array = NDArray[np.float64]

@@ -25,7 +25,7 @@ from harness.cause.grids import (
     true_occupancy,
     widest,
 )
-from harness.navigator import Navigator
+from harness.stack.navigator import Navigator
 from maps.states import OCCUPIED, UNKNOWN
 
 HALF = 0.5

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.audit import densely
 from harness.cause import Case, Moment
-from harness.decision import path_of
 from harness.errors import InputError
+from harness.evidence.audit import densely
 from harness.labels import bound_version
-from harness.navigator import Navigator
+from harness.stack.decision import path_of
+from harness.stack.navigator import Navigator
 from maps.states import FREE, OCCUPIED
 
 Array = NDArray[np.float64]

@@ -14,9 +14,9 @@ from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
 from harness.cause import Case, Moment
-from harness.decision import path_of
 from harness.explain.card import Card, moment_of
-from harness.navigator import Navigator
+from harness.stack.decision import path_of
+from harness.stack.navigator import Navigator
 from maps.states import FREE, OCCUPIED
 
 Array = NDArray[np.float64]

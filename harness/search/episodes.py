@@ -10,9 +10,9 @@ import msgspec
 
 from harness.config import Config
 from harness.errors import InputError
+from harness.logs.reader import open_log
 from harness.perturbations import AnyPerturbation
 from harness.perturbations.perturbation import GREATEST
-from harness.reader import open_log
 from harness.search.hunt import Hunt, Tried, hunt, shorten
 from harness.search.space import LEAST, Space
 from harness.study.contents import contents_of

@@ -15,17 +15,17 @@ from typing import get_args
 import msgspec
 import numpy as np
 
-from harness.closed_loop import simulate_again
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.fork import fork
-from harness.navigator import build_navigator
+from harness.evidence.closed_loop import simulate_again
+from harness.evidence.fork import fork
 from harness.perturbations import PERTURBATIONS, perturbation_from
 from harness.result import Result
 from harness.scenario import Scenario, build
 from harness.soak.child import scratch
 from harness.soak.fresh import FreshReplays, replay_by_command
+from harness.stack.navigator import build_navigator
 from harness.warm_up import warm_up
 from maps import MAPS, MapConfig, UnknownPolicy
 from models.robots import ROBOTS

@@ -67,7 +67,7 @@ def _serve(pipe: Connection, configs: Sequence[Config]) -> None:
 
 
 def _replay(log: Path, threads: int, tell: Callable[[str], None]) -> None:
-    from harness.replay import replay
+    from harness.evidence.replay import replay
 
     replayed = replay(log, threads=threads)
     differs = f"decision {replayed.first_difference}: {replayed.differences[:3]}"

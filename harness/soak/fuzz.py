@@ -18,14 +18,14 @@ import numpy as np
 
 from harness.config import from_json, to_json
 from harness.errors import InputError
-from harness.navigator import build_navigator
-from harness.reader import Log, open_log
-from harness.rebuild import rebuild
-from harness.recover import recover
-from harness.replay import replay
-from harness.small_log import COMMITTED, committed_name
+from harness.evidence.rebuild import rebuild
+from harness.evidence.replay import replay
+from harness.logs.reader import Log, open_log
+from harness.logs.recover import recover
+from harness.logs.small_log import COMMITTED, committed_name
 from harness.soak.child import in_child, scratch
 from harness.soak.mutate import forge, mutate, mutate_values
+from harness.stack.navigator import build_navigator
 
 LONGEST_S = 5
 """Processor time of one case."""

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.audit import audit
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.log import FLUSH_PERIOD_NS
-from harness.reader import open_log
-from harness.recover import recover
-from harness.replay import replay
+from harness.evidence.audit import audit
+from harness.evidence.replay import replay
+from harness.logs.log import FLUSH_PERIOD_NS
+from harness.logs.reader import open_log
+from harness.logs.recover import recover
 from harness.scenario import Scenario, build
 from harness.schema import wayproof_pb2 as pb
 from harness.soak.child import Kill, in_child, scratch

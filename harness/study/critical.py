@@ -14,9 +14,9 @@ import msgspec
 
 from harness.config import Config
 from harness.errors import InputError
+from harness.logs.reader import open_log
 from harness.perturbations import PERTURBATIONS
 from harness.perturbations.perturbation import GREATEST
-from harness.reader import open_log
 from harness.statistics import Interval, quantile_interval
 from harness.study.contents import Contents, contents_of
 from harness.study.file import (

@@ -17,7 +17,7 @@ import numpy as np
 
 from harness.config import to_json
 from harness.errors import InputError
-from harness.reader import open_log
+from harness.logs.reader import open_log
 from harness.study.contents import contents_of
 from harness.study.file import Bounds, Planned, name_of
 from harness.study.job import Done, Job, episode_key

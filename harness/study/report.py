@@ -8,9 +8,9 @@ from pathlib import Path
 
 import jinja2
 
+from harness.logs.reader import open_log
 from harness.metrics import METRICS, read_trace
 from harness.perturbations.perturbation import GREATEST
-from harness.reader import open_log
 from harness.study.analysis import ArmSummary, Sample, samples_of
 from harness.study.critical import Margin, margin_in_words, read_margins
 from harness.study.file import CLEAN, Arm, name_of, plan_episodes

@@ -12,12 +12,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from google.protobuf.message import Message
 
-from harness.container import Packet, walk
-from harness.messages import decode
+from harness.logs.container import Packet, walk
+from harness.logs.messages import decode
+from harness.logs.reader import open_log
+from harness.logs.streams import Pairing, compare_hashes
 from harness.metrics import METRICS, score, trace_of
-from harness.reader import open_log
 from harness.schema import wayproof_pb2 as pb
-from harness.streams import Pairing, compare_hashes
 from harness.study.file import CLEAN, Arm, Planned
 from harness.study.store import Store
 

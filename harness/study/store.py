@@ -14,7 +14,7 @@ import msgspec
 
 from harness.config import PLUGIN
 from harness.errors import InputError
-from harness.reader import open_log
+from harness.logs.reader import open_log
 from harness.study.contents import Contents
 from harness.study.file import StudyFile
 

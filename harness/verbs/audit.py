@@ -12,14 +12,14 @@ from rich.text import Text
 from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
 
 if TYPE_CHECKING:
-    from harness.audit import Audit
+    from harness.evidence.audit import Audit
 
 SHOWN_VIOLATIONS = 10
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Check the decisions of one or more logs."""
-    from harness.audit import audit
+    from harness.evidence.audit import audit
 
     audits = []
     for path in options.log:

@@ -15,14 +15,14 @@ from harness.verbs.run import episode_name, run_one
 from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
-    from harness.replay import Replay
+    from harness.evidence.replay import Replay
     from harness.result import Result
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Send both robots across and replay their logs."""
     from harness.config import from_document, override
-    from harness.replay import replay
+    from harness.evidence.replay import replay
 
     rows = []
     for robot in ("quadruped", "drone"):

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from harness.cause import Case, Finding, NearMiss
     from harness.cause.check import Check
     from harness.explain import Card
-    from harness.reader import Log
+    from harness.logs.reader import Log
 
 SHOWN_MISSES = 5
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Explain a decision, or the episode."""
-    from harness.reader import open_log
+    from harness.logs.reader import open_log
 
     if options.png is not None and not options.png.parent.is_dir():
         raise InputError(f"--png: got '{options.png}', expected a file in a folder that exists")

@@ -13,7 +13,7 @@ from harness.verbs.verb import Document, Verb
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write the readable part of a log."""
-    from harness.recover import recover
+    from harness.logs.recover import recover
 
     recovery = recover(options.broken, options.out, options.allow_plugins)
     console.print(

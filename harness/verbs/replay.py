@@ -15,10 +15,10 @@ from harness.errors import InputError
 from harness.verbs.verb import Document, Verb, add_log_paths, add_settings, one_or_all
 
 if TYPE_CHECKING:
-    from harness.closed_loop import ClosedLoop
-    from harness.decision import Difference
-    from harness.replay import Replay
-    from harness.what_if import Answer, WhatIf
+    from harness.evidence.closed_loop import ClosedLoop
+    from harness.evidence.replay import Replay
+    from harness.evidence.what_if import Answer, WhatIf
+    from harness.stack.decision import Difference
 
 SHOWN_DIFFERENCES = 8
 SHOWN_CHANGES = 5
@@ -54,7 +54,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from harness.replay import replay
+    from harness.evidence.replay import replay
 
     replayed = replay(path, options.allow_plugins, options.threads)
     print_replay(console, replayed)
@@ -62,7 +62,7 @@ def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[
 
 
 def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from harness.what_if import what_if
+    from harness.evidence.what_if import what_if
 
     answer = what_if(path, options.set, options.allow_plugins)
     print_what_if(console, answer)
@@ -70,7 +70,7 @@ def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple
 
 
 def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from harness.closed_loop import simulate_again
+    from harness.evidence.closed_loop import simulate_again
 
     again = simulate_again(path, options.allow_plugins, options.out)
     print_closed_loop(console, again)
@@ -79,9 +79,9 @@ def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tupl
 
 def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from harness.config import override
-    from harness.fork import fork, fork_name
+    from harness.evidence.fork import fork, fork_name
     from harness.live import LiveLine
-    from harness.reader import open_log
+    from harness.logs.reader import open_log
     from harness.verbs.run import print_verdict
 
     path = options.log[0]

@@ -64,7 +64,7 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
     """
     from harness.episode import run_episode
     from harness.live import LiveLine
-    from harness.log import check_folder
+    from harness.logs.log import check_folder
     from harness.scenario import build
     from harness.warm_up import warm_up
 

@@ -12,8 +12,8 @@ from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Score one or more logs."""
+    from harness.logs.reader import open_log
     from harness.metrics import METRICS, read_trace, score
-    from harness.reader import open_log
 
     documents: list[Document] = []
     for path in options.log:

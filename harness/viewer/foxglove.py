@@ -15,11 +15,11 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from harness.decision import path_of
 from harness.errors import InputError
-from harness.log import check_folder, file_descriptor_set
-from harness.reader import Log, open_log
+from harness.logs.log import check_folder, file_descriptor_set
+from harness.logs.reader import Log, open_log
 from harness.schema import foxglove_pb2 as fox
+from harness.stack.decision import path_of
 from harness.viewer.layer import COLOURS, kinds, layer_at
 from harness.viewer.moments import Moment, moments, standing_low
 from harness.viewer.tiles import Tiles

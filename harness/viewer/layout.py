@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import rerun.blueprint as rrb
 
-from harness.reader import Log
+from harness.logs.reader import Log
 from harness.viewer.snapshots import layer_period_ns
 
 

@@ -12,13 +12,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.evidence.relay import Relay, stretches
+from harness.evidence.twin import guarded
 from harness.inputs import Beams
+from harness.logs.reader import Log, Record
 from harness.mission import Mission
-from harness.navigator import Navigator
-from harness.reader import Log, Record
-from harness.relay import Relay, stretches
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import guarded
+from harness.stack.navigator import Navigator
 from harness.viewer.ahead import Ahead
 from maps import Costmap, Representation
 

@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image
 
 from harness.errors import InputError
-from harness.log import check_folder
-from harness.reader import open_log
+from harness.logs.log import check_folder
+from harness.logs.reader import open_log
 from harness.viewer.driver import check_driver
 from harness.viewer.moments import moments
 from harness.viewer.picture import Stage, drawn

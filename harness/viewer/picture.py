@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from harness.decision import path_of
 from harness.errors import InputError
-from harness.reader import Log, open_log
-from harness.rebuild import rebuild
+from harness.evidence.rebuild import rebuild
+from harness.evidence.twin import guarded
+from harness.logs.reader import Log, open_log
 from harness.scenario import Scenario
+from harness.stack.decision import path_of
 from harness.state import Simulation, restore_parts
-from harness.twin import guarded
 from harness.viewer.boxes import flat_boxes, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
 from harness.viewer.moments import Moment, moments, standing_low

@@ -12,9 +12,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from harness.decision import path_of
-from harness.reader import Log
+from harness.logs.reader import Log
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.decision import path_of
 from harness.viewer.layer import FRONTIER, INFLATED
 from harness.viewer.rows import Rows
 from harness.viewer.snapshots import Layer, Snapshot, tiles_of

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.errors import InputError
-from harness.log import check_folder
-from harness.reader import Log, open_log
+from harness.logs.log import check_folder
+from harness.logs.reader import Log, open_log
 from harness.viewer.ahead import Ahead
 from harness.viewer.snapshots import Snapshot, snapshots
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.inputs import Pose
-from harness.reader import Log
+from harness.logs.reader import Log
 from harness.schema import wayproof_pb2 as pb
 from harness.viewer.layer import kinds, layer_at
 from harness.viewer.moments import Moment, moments, standing_low

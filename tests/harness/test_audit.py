@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness import audit as audits
-from harness.audit import audit, densely
 from harness.cli import main
 from harness.config import Config
-from harness.decision import path_of
+from harness.evidence import audit as audits
+from harness.evidence.audit import audit, densely
+from harness.logs.reader import open_log
 from harness.mission import Mission
-from harness.navigator import build_navigator
-from harness.reader import open_log
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.decision import path_of
+from harness.stack.navigator import build_navigator
 from maps import VoxelMap
 
 SHORT = "episode.time_limit=12"

@@ -8,8 +8,8 @@ from harness.bench.stages import STAGES
 from harness.bench.worlds import Row, _summarise, run_one
 from harness.config import Config, override
 from harness.errors import InputError
-from harness.reader import open_log
-from harness.replay import replay
+from harness.evidence.replay import replay
+from harness.logs.reader import open_log
 from harness.scenario import build
 
 SHORT = ("episode.time_limit=3",)

@@ -10,7 +10,6 @@ import re
 import numpy as np
 import pytest
 
-from harness.audit import audit
 from harness.benchmarks import BENCHMARKS, barn, dodge
 from harness.benchmarks.trials import Finished, Trial, run_trial
 from harness.benchmarks.voxel_search import SQRT2, SQRT3, VoxelSearch, _length, _search
@@ -18,10 +17,11 @@ from harness.cli import main
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.messages import read_messages
-from harness.reader import open_log
-from harness.rebuild import rebuild
-from harness.replay import replay
+from harness.evidence.audit import audit
+from harness.evidence.rebuild import rebuild
+from harness.evidence.replay import replay
+from harness.logs.messages import read_messages
+from harness.logs.reader import open_log
 from harness.result import Result
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb

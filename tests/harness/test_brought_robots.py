@@ -8,7 +8,7 @@ import pytest
 
 from harness.cli import main
 from harness.errors import InputError
-from harness.reader import open_log
+from harness.logs.reader import open_log
 from harness.robots import find_logged_robot
 from tests.models.hound import SPEC, hound
 

@@ -17,8 +17,8 @@ from harness.cause.planted import PLANTS
 from harness.cause.standstill import StandstillFacts
 from harness.cause.true_space import TrueSpace
 from harness.errors import InputError
-from harness.fork import fork
-from harness.reader import open_log
+from harness.evidence.fork import fork
+from harness.logs.reader import open_log
 
 TOUCH = ContactFacts(
     name="crate_0", time_s=5.0, decision=38, decision_s=3.8, there_when_decided=True,

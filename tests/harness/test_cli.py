@@ -95,10 +95,10 @@ def test_an_unwritable_log_folder(capsys, tmp_path):
 
 
 def test_a_full_log_folder(capsys, tmp_path, monkeypatch):
-    import harness.log
+    import harness.logs.log
 
     free = 10 * 2**60  # no disk has this much to spare, so this one counts as full
-    monkeypatch.setattr(harness.log, "LEAST_FREE_BYTES", free)
+    monkeypatch.setattr(harness.logs.log, "LEAST_FREE_BYTES", free)
     line = bad_input(capsys, [*RUN, "--logs", str(tmp_path)])
     assert "MiB free, expected at least" in line
     assert not list(tmp_path.iterdir())

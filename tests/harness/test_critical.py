@@ -13,7 +13,7 @@ import pytest
 from harness.cli import main
 from harness.config import Config, from_json
 from harness.errors import InputError
-from harness.log import LogWriter
+from harness.logs.log import LogWriter
 from harness.scenario import build
 from harness.statistics import quantile_interval
 from harness.study.critical import (

@@ -7,10 +7,10 @@ import pytest
 
 from harness.config import Config, override
 from harness.episode import run_episode
-from harness.navigator import Navigator
-from harness.reader import open_log
-from harness.replay import replay
+from harness.evidence.replay import replay
+from harness.logs.reader import open_log
 from harness.scenario import build
+from harness.stack.navigator import Navigator
 from maps import FREE
 from models.robots import ROBOTS
 

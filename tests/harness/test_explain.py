@@ -9,9 +9,9 @@ import pytest
 from harness.cause import read_case
 from harness.cause.confusion import run_planted
 from harness.cli import main
+from harness.evidence.fork import fork
 from harness.explain import make_card, phases
-from harness.fork import fork
-from harness.reader import open_log
+from harness.logs.reader import open_log
 from harness.schema import wayproof_pb2 as pb
 
 

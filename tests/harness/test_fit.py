@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from harness.fit import fits_along, to_where_it_turns, ways_to_face
+from harness.stack.fit import fits_along, to_where_it_turns, ways_to_face
 from planners import Body, FreeSpace, MotionLimits, follow_path, hold, turn_in_place
 
 LIMITS = MotionLimits(

@@ -12,7 +12,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
 from harness.cli import main
-from harness.reader import open_log
+from harness.logs.reader import open_log
 from maps import FREE
 
 LAYOUT = Path(__file__).parents[2] / "docs/foxglove-layout.json"

@@ -9,12 +9,12 @@ import pytest
 
 from harness.config import Config, override
 from harness.errors import InputError
+from harness.evidence.replay import replay
 from harness.labels import decode_classes
-from harness.messages import read_messages
-from harness.navigator import build_navigator
-from harness.reader import open_log
-from harness.replay import replay
+from harness.logs.messages import read_messages
+from harness.logs.reader import open_log
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.navigator import build_navigator
 from maps.grid import centres
 from models.classes import CLASSES, class_of_geoms
 from models.worlds import WORLDS, Box

@@ -15,17 +15,17 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType, Writer
 
-from harness.audit import audit
 from harness.cli import main
-from harness.container import GREATEST_RECORD, HEAD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
-from harness.log import FLUSH_PERIOD_NS, LogWriter, digest_name
-from harness.messages import decode, read_messages
-from harness.reader import open_log
-from harness.recover import recover
-from harness.replay import replay
+from harness.evidence.audit import audit
+from harness.evidence.replay import replay
+from harness.logs.container import GREATEST_RECORD, HEAD, MAGIC, Attachment, Metadata, Packet, walk
+from harness.logs.log import FLUSH_PERIOD_NS, LogWriter, digest_name
+from harness.logs.messages import decode, read_messages
+from harness.logs.reader import open_log
+from harness.logs.recover import recover
+from harness.logs.small_log import COMMITTED, committed_name
 from harness.schema import wayproof_pb2 as pb
-from harness.small_log import COMMITTED, committed_name
 from harness.soak.child import in_child
 
 

@@ -7,8 +7,8 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
-from harness.log import LogWriter
-from harness.mcap_file import McapFile
+from harness.logs.log import LogWriter
+from harness.logs.mcap_file import McapFile
 from harness.schema import wayproof_pb2 as pb
 
 

@@ -110,7 +110,7 @@ def test_unknown_routes_leave_their_metrics_open() -> None:
 
 
 def test_a_real_log_scores_as_its_result_says(recorded) -> None:
-    from harness.reader import open_log
+    from harness.logs.reader import open_log
 
     log = open_log(Path(recorded("empty", "drone", 1).log))
     read = read_trace(log)

@@ -5,8 +5,8 @@ import pytest
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.reader import open_log
-from harness.replay import replay
+from harness.evidence.replay import replay
+from harness.logs.reader import open_log
 from harness.scenario import build
 
 OCTOMAP = ("map.kind=octomap", "map.half_life=0", "map.resolution=0.2", "goal=[6.0, 4.0]")

@@ -12,13 +12,13 @@ from mcap.writer import Writer
 
 from harness.config import Config, override
 from harness.episode import run_episode
-from harness.footprint import HEADING_TOLERANCE
-from harness.messages import read_messages
+from harness.evidence.replay import replay
+from harness.logs.messages import read_messages
+from harness.logs.reader import open_log
 from harness.odometry import Estimate
-from harness.reader import open_log
-from harness.replay import replay
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.footprint import HEADING_TOLERANCE
 from models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
 from models.poses import Trail, rotation_matrices
 from planners import hold
@@ -282,7 +282,7 @@ def test_swapping_the_truth_changes_no_decision(recorded, tmp_path):
 
 
 def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():
-    code = "import sys, harness.navigator; print(*sorted(sys.modules))"
+    code = "import sys, harness.stack.navigator; print(*sorted(sys.modules))"
     loaded = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.container import Packet, walk
 from harness.errors import InputError
-from harness.log import PACKED_FORMAT_VERSION
-from harness.messages import decode, read_messages
-from harness.packed import HASHES, pack, unpack
-from harness.reader import open_log
+from harness.logs.container import Packet, walk
+from harness.logs.log import PACKED_FORMAT_VERSION
+from harness.logs.messages import decode, read_messages
+from harness.logs.packed import HASHES, pack, unpack
+from harness.logs.reader import open_log
 from harness.schema import wayproof_pb2 as pb
 
 SHORT = ("empty", "drone", 1, "episode.time_limit=2")

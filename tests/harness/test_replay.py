@@ -9,20 +9,20 @@ from pathlib import Path
 import pytest
 import zstandard
 
-from harness.audit import audit
 from harness.cli import main
-from harness.closed_loop import simulate_again
-from harness.container import Attachment, Metadata, Packet, walk
-from harness.decision import differences
 from harness.errors import InputError
-from harness.fork import fork
-from harness.log import FORMAT_VERSION, PACKED_SCENE
-from harness.log_copy import thin, write_copy
-from harness.messages import read_messages
-from harness.reader import open_log, read_head
-from harness.replay import replay
+from harness.evidence.audit import audit
+from harness.evidence.closed_loop import simulate_again
+from harness.evidence.fork import fork
+from harness.evidence.replay import replay
+from harness.evidence.what_if import what_if
+from harness.logs.container import Attachment, Metadata, Packet, walk
+from harness.logs.log import FORMAT_VERSION, PACKED_SCENE
+from harness.logs.log_copy import thin, write_copy
+from harness.logs.messages import read_messages
+from harness.logs.reader import open_log, read_head
 from harness.schema import wayproof_pb2 as pb
-from harness.what_if import what_if
+from harness.stack.decision import differences
 
 SHORT = {
     "drone": ("empty", "drone", 1, "episode.time_limit=2"),

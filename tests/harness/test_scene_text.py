@@ -4,9 +4,9 @@ import mujoco
 import pytest
 
 from harness.errors import InputError
-from harness.reader import open_log
+from harness.logs.reader import open_log
+from harness.logs.small_log import COMMITTED, committed_name
 from harness.scene_text import safe_scene
-from harness.small_log import COMMITTED, committed_name
 
 
 def scene(inside, head=""):

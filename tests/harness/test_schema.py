@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from harness import field_numbers
 from harness.errors import InputError
-from harness.log import FORMAT_VERSION, PACKED_FORMAT_VERSION
-from harness.reader import open_log
-from harness.replay import replay
-from harness.small_log import COMMITTED, committed_name
+from harness.evidence.replay import replay
+from harness.logs import field_numbers
+from harness.logs.log import FORMAT_VERSION, PACKED_FORMAT_VERSION
+from harness.logs.reader import open_log
+from harness.logs.small_log import COMMITTED, committed_name
 
 ROOT = Path(__file__).parents[2]
 PROTO = "harness/schema/wayproof.proto"
@@ -32,7 +32,7 @@ def test_no_field_number_changed_its_meaning():
 
 def test_every_field_number_is_in_the_table():
     new = field_numbers.added(field_numbers.committed(), field_numbers.current())
-    assert new == [], "run: python -m harness.field_numbers"
+    assert new == [], "run: python -m harness.logs.field_numbers"
 
 
 def test_a_number_that_is_given_again_is_found():
@@ -44,7 +44,7 @@ def test_a_number_that_is_given_again_is_found():
 
 
 def test_the_committed_log_of_this_version_replays():
-    """If decisions changed on purpose: python -m harness.small_log writes it anew."""
+    """If decisions changed on purpose: python -m harness.logs.small_log writes it anew."""
     path = COMMITTED / committed_name()
     assert path.stat().st_size < 150_000
     again = replay(path)

@@ -12,9 +12,9 @@ import pytest
 from harness.cli import main
 from harness.config import Config, from_json, override
 from harness.errors import InputError
-from harness.log import LogWriter
+from harness.logs.log import LogWriter
+from harness.logs.reader import open_log
 from harness.perturbations import AnyPerturbation
-from harness.reader import open_log
 from harness.scenario import build
 from harness.search.episodes import Search, search
 from harness.search.hunt import Tried, hunt, shorten

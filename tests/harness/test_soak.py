@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from harness.errors import InputError
-from harness.reader import open_log
-from harness.small_log import COMMITTED, committed_name
+from harness.logs.reader import open_log
+from harness.logs.small_log import COMMITTED, committed_name
 from harness.soak.child import Kill, in_child
 from harness.soak.episodes import soak_episodes
 from harness.soak.fuzz import KINDS, MOST_MEMORY_MIB, run_case

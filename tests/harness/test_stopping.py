@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from harness.stopping import clearest_stop
-from harness.view import BehaviourConfig, View
+from harness.stack.stopping import clearest_stop
+from harness.stack.view import BehaviourConfig, View
 from planners import FreeSpace, MotionLimits, PlannerConfig, hold
 
 LIMITS = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)

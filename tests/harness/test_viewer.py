@@ -11,12 +11,12 @@ import pytest
 from PIL import Image
 
 from harness.cli import main
-from harness.container import walk
 from harness.errors import InputError
-from harness.fork import fork
-from harness.log_copy import write_copy
-from harness.messages import read_messages
-from harness.reader import open_log, read_head
+from harness.evidence.fork import fork
+from harness.logs.container import walk
+from harness.logs.log_copy import write_copy
+from harness.logs.messages import read_messages
+from harness.logs.reader import open_log, read_head
 from harness.schema import wayproof_pb2 as pb
 from harness.viewer.ahead import Ahead
 from harness.viewer.boxes import runs, upright_boxes

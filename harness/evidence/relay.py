@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from functools import partial
 
 from harness.config import Config
+from harness.evidence.twin import guarded, layer_of, lifted, recompute
 from harness.inputs import Beams, Inputs
+from harness.logs.reader import Log, Record
 from harness.mission import Mission
-from harness.navigator import Navigator, build_navigator
-from harness.reader import Log, Record
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import guarded, layer_of, lifted, recompute
+from harness.stack.navigator import Navigator, build_navigator
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from harness.container import walk
-from harness.log import LogWriter
-from harness.messages import read_messages
-from harness.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head
+from harness.logs.container import walk
+from harness.logs.log import LogWriter
+from harness.logs.messages import read_messages
+from harness.logs.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head
 from harness.schema import wayproof_pb2 as pb
 
 GUIDE_PERIOD_NS = 1_000_000_000

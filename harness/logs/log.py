@@ -26,8 +26,8 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
 from harness.errors import InputError
-from harness.mcap_file import McapFile
-from harness.packed import pack
+from harness.logs.mcap_file import McapFile
+from harness.logs.packed import pack
 
 FORMAT_VERSION = "3"
 """Raised when logs of the version before replay no longer: 3 has an odometry and other plans."""

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.config import Config, override
-from harness.decision import path_of
 from harness.errors import InputError
-from harness.reader import Log, open_log
+from harness.evidence.twin import Twin
+from harness.logs.reader import Log, open_log
 from harness.schema import wayproof_pb2 as pb
-from harness.twin import Twin
+from harness.stack.decision import path_of
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from harness.behaviour import decide
-from harness.guide import heading_at
-from harness.view import Choice, Memory, View, length
+from harness.stack.behaviour import decide
+from harness.stack.guide import heading_at
+from harness.stack.view import Choice, Memory, View, length
 from planners import remaining
 
 DETOUR, WORTH = 2.0, 2.0

@@ -9,9 +9,9 @@ from pathlib import Path
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import DecodeError, Message
 
-from harness.container import Packet, walk
 from harness.errors import InputError
-from harness.packed import unpack
+from harness.logs.container import Packet, walk
+from harness.logs.packed import unpack
 from harness.schema import wayproof_pb2 as pb
 
 

@@ -1,4 +1,4 @@
-"""A log as small as they come; `python -m harness.small_log FILE` writes it.
+"""A log as small as they come; `python -m harness.logs.small_log FILE` writes it.
 
 One of each format version is committed with the tests, which open it, and replay that of the
 current version. When a change decides otherwise, that one and its packed form are written anew.
@@ -11,12 +11,12 @@ from pathlib import Path
 
 from harness.config import Config, override
 from harness.episode import run_episode
-from harness.log import FORMAT_VERSION, PACKED_FORMAT_VERSION
-from harness.log_copy import thin
+from harness.logs.log import FORMAT_VERSION, PACKED_FORMAT_VERSION
+from harness.logs.log_copy import thin
 from harness.scenario import build
 from harness.warm_up import warm_up
 
-COMMITTED = Path(__file__).parents[1] / "tests" / "harness" / "logs"
+COMMITTED = Path(__file__).parents[2] / "tests" / "harness" / "logs"
 
 
 def small_log(path: Path) -> Path:

@@ -11,11 +11,11 @@ import zstandard
 from google.protobuf.message import Message
 
 from harness.config import Config, from_json
-from harness.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.errors import InputError
 from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
-from harness.log import FORMAT_VERSION, PACKED_FORMAT_VERSION, PACKED_SCENE, digest_name
-from harness.messages import decode, read_messages
+from harness.logs.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
+from harness.logs.log import FORMAT_VERSION, PACKED_FORMAT_VERSION, PACKED_SCENE, digest_name
+from harness.logs.messages import decode, read_messages
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 

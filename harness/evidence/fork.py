@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.config import Config, override, to_json
-from harness.container import walk
 from harness.episode import Episode, Observer, arrival_ns, settle_log, stretch_of
 from harness.errors import InputError
-from harness.log import LogWriter
-from harness.log_copy import time_of, topic_of
-from harness.messages import read_messages
-from harness.navigator import Navigator
-from harness.reader import Log, before, fork_note, open_log, read_head
-from harness.rebuild import rebuild
-from harness.relay import Relay, stretches
+from harness.evidence.rebuild import rebuild
+from harness.evidence.relay import Relay, stretches
+from harness.evidence.what_if import refuse_sensed
+from harness.logs.container import walk
+from harness.logs.log import LogWriter
+from harness.logs.log_copy import time_of, topic_of
+from harness.logs.messages import read_messages
+from harness.logs.reader import Log, before, fork_note, open_log, read_head
 from harness.result import Result
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
-from harness.what_if import refuse_sensed
+from harness.stack.navigator import Navigator
 from planners import Trajectory
 
 FIXED = ("world", "robot", "seed", "start")

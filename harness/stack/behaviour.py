@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.decision import Action, Label
-from harness.fit import (
+from harness.stack.decision import Action, Label
+from harness.stack.fit import (
     LEAST_STEP,
     as_it_faces,
     fits,
@@ -22,10 +22,10 @@ from harness.fit import (
     ways_to_face,
     wrapped,
 )
-from harness.guide import ARRIVED, apart, heading_at, keep_or_replan_guide, place_for_goal
-from harness.stopping import clearest_stop
-from harness.trail import trodden, way_back
-from harness.view import Array, Choice, Memory, View, distance, length, standing
+from harness.stack.guide import ARRIVED, apart, heading_at, keep_or_replan_guide, place_for_goal
+from harness.stack.stopping import clearest_stop
+from harness.stack.trail import trodden, way_back
+from harness.stack.view import Array, Choice, Memory, View, distance, length, standing
 from planners import (
     Plan,
     Trajectory,

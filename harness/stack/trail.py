@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.view import Array, Memory, View, distance, length
+from harness.stack.view import Array, Memory, View, distance, length
 from planners import TrajectorySample, truncate
 
 STEP = 0.1

@@ -14,17 +14,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.behaviour import decide
 from harness.config import Config
-from harness.decision import add_points, seal, thinned, trajectory_message
 from harness.errors import InputError
-from harness.footprint import HEADING_TOLERANCE, NARROWEST, body_of, costs, lever
 from harness.inputs import Beams, Inputs
 from harness.labels import bound_version, make_layer, vote, widened
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
-from harness.view import Choice, Memory, View
-from harness.width import decide_by_width
+from harness.stack.behaviour import decide
+from harness.stack.decision import add_points, seal, thinned, trajectory_message
+from harness.stack.footprint import HEADING_TOLERANCE, NARROWEST, body_of, costs, lever
+from harness.stack.view import Choice, Memory, View
+from harness.stack.width import decide_by_width
 from maps import MAPS, Costmap, VoxelMap
 from planners import Disc, FreeSpace, MotionLimits, Trajectory, hold
 from planners.body import blocked_at_or_below

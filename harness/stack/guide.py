@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from harness.inputs import heading_of
-from harness.view import Array, Memory, View, distance, length, standing
+from harness.stack.view import Array, Memory, View, distance, length, standing
 from planners import (
     Plan,
     TrajectorySample,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.view import Array, View, length
+from harness.stack.view import Array, View, length
 from planners import TrajectorySample, stopping_distance, tangent_at, truncate
 
 STEP = 0.05

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from harness.container import Attachment, Metadata, Packet, walk
 from harness.errors import InputError
-from harness.log_copy import write_copy
-from harness.messages import decode, is_ours
-from harness.reader import read_head
+from harness.logs.container import Attachment, Metadata, Packet, walk
+from harness.logs.log_copy import write_copy
+from harness.logs.messages import decode, is_ours
+from harness.logs.reader import read_head
 from harness.schema import wayproof_pb2 as pb
 
 

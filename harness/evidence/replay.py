@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.decision import Difference, differences
 from harness.errors import InputError
-from harness.reader import Log, Record, open_log
-from harness.relay import Relay, stretches
+from harness.evidence.relay import Relay, stretches
+from harness.logs.reader import Log, Record, open_log
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.decision import Difference, differences
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from harness.decision import Difference, differences
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.log_copy import topic_of
-from harness.messages import read_messages
-from harness.reader import Log, open_log
-from harness.rebuild import rebuild, scene_is_ours
+from harness.evidence.rebuild import rebuild, scene_is_ours
+from harness.logs.log_copy import topic_of
+from harness.logs.messages import read_messages
+from harness.logs.reader import Log, open_log
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.decision import Difference, differences
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.messages import read_messages
+from harness.logs.messages import read_messages
 from harness.schema import wayproof_pb2 as pb
 
 CONTROL = "control"

@@ -17,11 +17,11 @@ import numpy as np
 from harness.config import Config
 from harness.errors import InputError
 from harness.inputs import Beams
+from harness.logs.reader import Log, Record
 from harness.mission import Mission
-from harness.navigator import Navigator, build_navigator
-from harness.reader import Log, Record
 from harness.schema import wayproof_pb2 as pb
-from harness.view import Memory
+from harness.stack.navigator import Navigator, build_navigator
+from harness.stack.view import Memory
 from planners import Trajectory
 
 T = TypeVar("T")

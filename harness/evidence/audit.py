@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.config import Config
-from harness.decision import path_of
 from harness.errors import InputError
+from harness.evidence.relay import Relay, Stretch, stretches
+from harness.logs.reader import open_log
 from harness.mission import Mission
-from harness.reader import open_log
-from harness.relay import Relay, Stretch, stretches
 from harness.schema import wayproof_pb2 as pb
+from harness.stack.decision import path_of
 from maps import FREE, OCCUPIED, UNKNOWN, Representation, UnknownPolicy, states_in
 
 Array = NDArray[np.float64]

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from harness.footprint import HEADING_TOLERANCE
-from harness.guide import heading_at
-from harness.view import Array, View, length
+from harness.stack.footprint import HEADING_TOLERANCE
+from harness.stack.guide import heading_at
+from harness.stack.view import Array, View, length
 from planners import FreeSpace, Trajectory, TrajectorySample, arc_lengths, truncate
 
 CHECK_STEP = 0.02

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.decision import Action, Label
+from harness.stack.decision import Action, Label
 from planners import (
     FreeSpace,
     MotionLimits,

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 from harness.config import Config
 from harness.errors import InputError
+from harness.evidence.twin import changed_mission
+from harness.logs.reader import Log
 from harness.mujoco_warnings import tell_warnings
-from harness.reader import Log
 from harness.robots import find_logged_robot
 from harness.scenario import Scenario
 from harness.scene_text import safe_scene
-from harness.twin import changed_mission
 from harness.worlds import perturbed
 from models.robots import ROBOTS
 from models.scene import bind, resolve

@@ -1,4 +1,4 @@
-"""The table of all field numbers a log ever had; `python -m harness.field_numbers` adds to it.
+"""The table of all field numbers a log ever had; `python -m harness.logs.field_numbers` adds to it.
 
 A number, once given, keeps its name and type for good: whoever reads logs relies on it. A field
 that is no longer written stays in the table, so that its number is not given again.
@@ -14,7 +14,7 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from harness.errors import InputError
 from harness.schema import wayproof_pb2 as pb
 
-TABLE = Path(__file__).parent / "schema" / "field_numbers.json"
+TABLE = Path(__file__).parents[1] / "schema" / "field_numbers.json"
 
 Numbers = dict[str, dict[str, str]]
 """Message -> number -> name and type."""

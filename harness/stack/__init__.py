@@ -1,0 +1,1 @@
+"""The stack under test: from what a decision may see to what it decides."""
