@@ -80,6 +80,17 @@ SHORT_HEADINGS = {
     "agreement": "agree",
     "optimal_s": "OT s",
     "clearance_m": "clear m",
+    "least_clearance_m": "clear m",
+    "episodes": "runs",
+    "success": "ok",
+    "explore_share": "expl",
+    "unknown_share": "unkn",
+    "unknown_cells": "cells",
+    "collisions": "hits",
+    "speed_m_s": "m/s",
+    "length_m": "m",
+    "plan_ms_p50": "ms",
+    "plan_ms_p99": "p99",
     "agreement_above_floor": "above floor",
 }
 """Of fields whose name is too wide for a table of 80 columns."""
