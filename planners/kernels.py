@@ -187,7 +187,7 @@ def walk(
 def walk_layer(
     grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint
 ) -> tuple[float, int, float]:
-    """``walk`` where both ends lie in one layer, in half the time: the same, bit by bit."""
+    """``walk`` where both ends lie in one layer, in less time: the same, bit by bit."""
     i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
     faces_x, step_x, next_x, span_x = axis_steps(start[0], end[0])
     faces_y, step_y, next_y, span_y = axis_steps(start[1], end[1])

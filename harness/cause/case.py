@@ -173,11 +173,7 @@ def read_case(log: Log) -> Case:
 def _moments(log: Log) -> Iterator[Moment]:
     sweeps: list[pb.Sweep] = []
     pose, latency, decision = pb.Pose(), pb.Latency(), pb.Decision()
-    if log.record == "decisions":
-        raise InputError(
-            f"log '{log.path}': its sweeps were left out (record = '{log.config.record}'); "
-            "wayproof replay --closed-loop --log FILE writes them again"
-        )
+    log.check_sweeps()
     for message in read_messages(log.path):
         if isinstance(message, pb.Sweep):
             sweeps.append(message)

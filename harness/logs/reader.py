@@ -137,13 +137,21 @@ class Log:
             sequence = record.decision.sequence
             raise InputError(f"log '{self.path}': decision {sequence} without its truth")
 
-    def _records_and_rest(self) -> Iterator[Record | Message]:
-        """The records, and what of the log is in none of them, in file order."""
+    def check_sweeps(self) -> None:
+        """Refuse a log without its sweeps.
+
+        Raises:
+            InputError: They were left out.
+        """
         if self.record == "decisions":
             raise InputError(
-                f"log '{self.path}': its sweeps were left out (record = "
-                f"'{self.config.record}'), the seed gives them again: --closed-loop"
+                f"log '{self.path}': its sweeps were left out (record = '{self.config.record}'); "
+                "wayproof replay --closed-loop --log FILE writes them again"
             )
+
+    def _records_and_rest(self) -> Iterator[Record | Message]:
+        """The records, and what of the log is in none of them, in file order."""
+        self.check_sweeps()
         sweeps: list[pb.Sweep] = []
         pose, latency, state = pb.Pose(), pb.Latency(), None
         count, time_ns = 0, -1
