@@ -181,7 +181,7 @@ def _offsets(space: FreeSpace) -> tuple[float, ...]:
 def _starts(space: FreeSpace, plane: Plane, ways: Ways, start: Pose) -> tuple[Longs, Longs]:
     """States that the start reaches by one free sweep, and their prices."""
     nodes, angles = _nodes_about(space, plane, start), np.array(_angles())
-    places = np.array([_centre(space, plane, node) for node in nodes]).reshape(-1, 2)
+    places = _centres(space, plane, nodes)
     nearest, free = kernels.free_headings(space.grid, space.shape, start, places, angles)
     states, prices = [], []
     for way, gear in np.argwhere(free).tolist():
@@ -193,37 +193,38 @@ def _starts(space: FreeSpace, plane: Plane, ways: Ways, start: Pose) -> tuple[Lo
 
 
 def _node_near(space: FreeSpace, plane: Plane, goal: Pose) -> int:
-    for node in _nodes_about(space, plane, goal):
-        x, y = _centre(space, plane, node)
+    nodes = _nodes_about(space, plane, goal)
+    for node, (x, y) in zip(nodes.tolist(), _centres(space, plane, nodes).tolist(), strict=True):
         cell = node // plane.shape[1], node % plane.shape[1]
         i, j = (n * plane.factor + plane.factor // 2 for n in cell)
         if plane.field[i, j] > plane.threshold and space.edge_free(
             np.array((x, y, goal[2])), np.array(goal[:3])
         ):
-            return node
+            return int(node)
     return -1
 
 
-def _nodes_about(space: FreeSpace, plane: Plane, pose: Pose) -> list[int]:
-    """Nodes near a place, the nearest first."""
-    spacing = plane.factor * space.resolution
-    own = [math.floor((pose[n] - space.origin[n]) / spacing) for n in range(2)]
-    found = []
-    for i in range(own[0] - ENTRY_RINGS, own[0] + ENTRY_RINGS + 1):
-        for j in range(own[1] - ENTRY_RINGS, own[1] + ENTRY_RINGS + 1):
-            if 0 <= i < plane.shape[0] and 0 <= j < plane.shape[1]:
-                node = i * plane.shape[1] + j
-                x, y = _centre(space, plane, node)
-                found.append(((x - pose[0]) ** 2 + (y - pose[1]) ** 2, node))
-    return [node for _, node in sorted(found)]
+def _nodes_about(space: FreeSpace, plane: Plane, pose: Pose) -> Longs:
+    """Nodes near a place, the nearest first, shape (n,)."""
+    place, rings = np.array(pose[:2]), np.arange(-ENTRY_RINGS, ENTRY_RINGS + 1)
+    own = np.floor((place - space.origin[:2]) / (plane.factor * space.resolution)).astype(np.int64)
+    rows, columns = (
+        (at + rings)[(at + rings >= 0) & (at + rings < count)]
+        for at, count in zip(own, plane.shape, strict=True)
+    )
+    nodes = (rows[:, None] * plane.shape[1] + columns).ravel()
+    apart = _centres(space, plane, nodes) - place
+    squared = apart[:, 0] * apart[:, 0] + apart[:, 1] * apart[:, 1]
+    nearest: Longs = nodes[np.argsort(squared, kind="stable")]
+    return nearest
 
 
-def _centre(space: FreeSpace, plane: Plane, node: int) -> tuple[float, float]:
-    i, j = node // plane.shape[1], node % plane.shape[1]
-    middle = plane.factor // 2 + 0.5
-    x = space.origin[0] + (i * plane.factor + middle) * space.resolution
-    y = space.origin[1] + (j * plane.factor + middle) * space.resolution
-    return float(x), float(y)
+def _centres(space: FreeSpace, plane: Plane, nodes: Longs) -> Floats:
+    """Places of nodes, shape (n, 2) [m]."""
+    cells = np.stack(np.divmod(nodes, plane.shape[1]), axis=-1)
+    middles = cells * plane.factor + (plane.factor // 2 + 0.5)
+    places: Floats = space.origin[:2] + middles * space.resolution
+    return places
 
 
 def _poses(found: _Found) -> Floats | None:
@@ -245,7 +246,8 @@ def _through(found: _Found, gear: float, straight: bool) -> Floats:
         turns, part = bool(wide[begin]), states[begin:end]
         if turns:
             part = _bends(part)
-        points = [(*_centre(space, plane, state // WAYS), start[2]) for state in part.tolist()]
+        places = _centres(space, plane, part // WAYS).tolist()
+        points = [(x, y, start[2]) for x, y in places]
         first, last = int(part[0]), int(part[-1])
         if turns:
             poses.append((*points[0], float(kernels.wrap(angles[first % WAYS] + gear))))
