@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from importlib import import_module
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from harness.bench.map_entrants import SETTLING, THINNING, OctoMap, Ours, integrate, packed
 from harness.bench.map_fields import FieldTime, field_times
 from harness.bench.map_trials import (
     Accuracy,
@@ -26,7 +24,6 @@ from harness.bench.map_workload import (
     RANGE,
     RAYS,
     ROOM_POSES,
-    SWEEP_NS,
     Sweep,
     hall_sweeps,
     octomap_installed,
@@ -41,7 +38,6 @@ FINE, FINE_RANGE = 0.01, 3.0
 range, m. The peer is left out, which would take most of the time of the command."""
 
 THREADS = (1, 2)
-SETTLING = 1  # sweeps before the timed ones
 SHORT, LONG = 10.0, 200.0  # m, of the trajectories whose cost is compared
 MIB = 2.0**20
 
@@ -209,14 +205,14 @@ def workload(room: Sequence[Sweep], resolution: float) -> Row:
     """How much work the room's sweeps are."""
     lengths, steps, ends = [], [], []
     voxel_map = VoxelMap(replace(STILL, resolution=resolution))
-    updated = [_integrate(voxel_map, sweep, k, RANGE) for k, sweep in enumerate(room)]
+    updated = [integrate(voxel_map, sweep, k, RANGE) for k, sweep in enumerate(room)]
     for sweep in room:
         length = np.minimum(sweep.ranges_mm / 1000.0, RANGE)
         first = np.floor(sweep.origin / resolution)
         last = np.floor((sweep.origin + sweep.directions * length[:, None]) / resolution)
         lengths.append(length.mean())
         steps.append(np.abs(last - first).sum() + len(last))
-        ends.append(len(np.unique(_packed(last))))
+        ends.append(len(np.unique(packed(last))))
     return Row(
         part="workload",
         rays=RAYS,
@@ -241,12 +237,12 @@ def speed(
     In another order for each sweep: who comes after the peer finds the caches empty.
     """
     ours = [
-        _Ours(name, threads, replace(config, resolution=resolution), range_limit)
+        Ours(name, threads, replace(config, resolution=resolution), range_limit)
         for name, config in modes.items()
         for threads in THREADS
     ]
-    theirs = [_OctoMap(name, resolution, range_limit) for name in THINNING] if peers else []
-    entrants: list[_Ours | _OctoMap] = [*ours, *theirs]
+    theirs = [OctoMap(name, resolution, range_limit) for name in THINNING] if peers else []
+    entrants: list[Ours | OctoMap] = [*ours, *theirs]
     order = np.random.default_rng(sweeps)
     for number in range(SETTLING + sweeps):
         sweep = room[number % ROOM_POSES]
@@ -278,11 +274,11 @@ def extent(seed: int, short: float, long: float, resolution: float) -> list[Row]
     """
     config = MapConfig(resolution=resolution)
     stretch = round(short / HALL_SPACING)
-    whole = _Ours("decay", 1, config, RANGE)
-    parts: list[_Ours] = []
+    whole = Ours("decay", 1, config, RANGE)
+    parts: list[Ours] = []
     for number, sweep in enumerate(itertools.islice(hall_sweeps(seed), round(long / HALL_SPACING))):
         if number % stretch == 0:
-            parts.append(_Ours("decay", 1, config, RANGE))
+            parts.append(Ours("decay", 1, config, RANGE))
         whole.take(sweep, number)
         parts[-1].take(sweep, number)
     both = (
@@ -302,103 +298,6 @@ def extent(seed: int, short: float, long: float, resolution: float) -> list[Row]
         )
         for length, timed, entrant in both
     ]
-
-
-@dataclass
-class _Ours:
-    """Our map in one mode."""
-
-    name: str
-    threads: int
-    config: MapConfig
-    range_limit: float
-    library: str = "wayproof"
-    _ms: list[float] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self._map = VoxelMap(self.config, self.threads)
-
-    def take(self, sweep: Sweep, number: int) -> None:
-        """Integrate a sweep and note the time."""
-        started = time.perf_counter()
-        _integrate(self._map, sweep, number, self.range_limit)
-        self._ms.append((time.perf_counter() - started) * 1e3)
-
-    def timed(self) -> list[float]:
-        """Of each sweep after the first ones, ms."""
-        return self._ms[SETTLING:]
-
-    def memory_bytes(self) -> int:
-        return int(self._map.memory_bytes())
-
-
-def _as_they_are(points: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
-    return points
-
-
-def _first_in_each_cell(points: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
-    _, first = np.unique(_packed(np.floor(points / resolution)), return_index=True)
-    return points[first]
-
-
-Thinning = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
-
-THINNING: dict[str, tuple[Thinning, bool]] = {
-    "discretize": (_as_they_are, True),
-    "deduplicate": (_first_in_each_cell, False),
-}
-"""How the peer gets one point for each cell: by itself, which is a loop in the binding, or from
-numpy beforehand. Inner nodes wait in both, so no query is answered yet: its fastest way."""
-
-
-@dataclass
-class _OctoMap:
-    """The peer in one mode, called as its documentation says and not through our interface."""
-
-    name: str
-    resolution: float
-    range_limit: float
-    library: str = "pyoctomap"
-    threads: int = 1
-    _ms: list[float] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        pyoctomap = import_module("pyoctomap")
-
-        self._thin, self._discretize = THINNING[self.name]
-        self._tree = pyoctomap.OcTree(self.resolution)
-
-    def take(self, sweep: Sweep, number: int) -> None:
-        """Insert a sweep and note the time; points made from ranges beforehand are not timed."""
-        clears = sweep.ranges_mm > round(1000 * self.range_limit)
-        lengths = np.where(clears, 2.0 * self.range_limit, sweep.ranges_mm / 1000.0)
-        points = sweep.origin + sweep.directions * lengths[:, None]
-        started = time.perf_counter()
-        points = self._thin(points, self.resolution)
-        self._tree.insertPointCloud(points, sweep.origin, self.range_limit, True, self._discretize)
-        self._ms.append((time.perf_counter() - started) * 1e3)
-
-    def timed(self) -> list[float]:
-        """Of each sweep after the first ones, ms."""
-        return self._ms[SETTLING:]
-
-    def memory_bytes(self) -> int:
-        return int(self._tree.memoryUsage())
-
-
-def _integrate(voxel_map: Any, sweep: Sweep, number: int, range_limit: float) -> int:
-    """Integrate a sweep at its time; return how many cells it updated."""
-    statistics = voxel_map.integrate(
-        sweep.origin, sweep.directions, sweep.ranges_mm, range_limit, number * SWEEP_NS
-    )
-    return int(statistics.cells_updated)
-
-
-def _packed(cells: NDArray[np.float64]) -> NDArray[np.int64]:
-    """One number for each cell (n, 3): (n,)."""
-    x, y, z = cells.astype(np.int64).T
-    packed: NDArray[np.int64] = (x << 40) + (y << 20) + z
-    return packed
 
 
 def _timed_row(part: str, ms: Sequence[float], fastest_peer_ms: float | None) -> Row:

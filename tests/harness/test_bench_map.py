@@ -9,8 +9,6 @@ from rich.console import Console
 
 from harness.bench.map import (
     MODES,
-    SETTLING,
-    THINNING,
     THREADS,
     Row,
     bench_map,
@@ -18,6 +16,7 @@ from harness.bench.map import (
     speed,
     workload,
 )
+from harness.bench.map_entrants import SETTLING, THINNING
 from harness.bench.map_trials import (
     accuracies,
     agreement,
