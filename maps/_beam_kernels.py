@@ -137,19 +137,20 @@ def list_ends(
     cells: NDArray[np.int64],  # (4, CHUNK)
     packed: NDArray[np.int64],  # (CHUNK,)
     n: int,  # of them
-    ends: NDArray[np.int64],  # (stripes, k) out, of one stripe or of two
-    listed: NDArray[np.int64],  # (stripes,) in, out: so far
+    ends: NDArray[np.int64],  # (stripes * k,) out, of one stripe or of two
+    listed: NDArray[np.int64],  # (stripes,) in, out: where the next of each goes
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
 ) -> None:
     """List the beams that tell anything, successive ones to one cell once."""
-    last, mask = int(NO_END), ends.shape[0] - 1
-    even, odd = listed[0], listed[mask]
-    for i in range(n):
+    # Unsigned: of a signed index it is looked up each time whether it counts from the end.
+    last, mask = int(NO_END), np.uint64(listed.shape[0] - 1)
+    even, odd = np.uint64(listed[0]), np.uint64(listed[mask])
+    for i in range(np.uint64(n)):
         # Without a branch: which beams end in a cell of their own cannot be foreseen.
-        end, stripe = packed[i], (cells[0, i] >> STRIPE_BITS) & mask
-        ends[stripe, odd if stripe != 0 else even] = end
-        told = (end != last) & (end != NO_END)
-        even, odd = even + (told & (stripe == 0)), odd + (told & (stripe != 0))
+        end, stripe = packed[i], np.uint64(cells[0, i] >> STRIPE_BITS) & mask
+        ends[odd if stripe != 0 else even] = end
+        told = np.uint64((end != last) & (end != NO_END))
+        even, odd = even + (told & ~stripe), odd + (told & stripe)
         last = end
     listed[mask], listed[0] = odd, even
     returned = cleared = dropped = 0
@@ -173,8 +174,8 @@ def place_ends(
     limits_mm: tuple[int, int],  # nearest and farthest return
     resolution: float,
     beams: tuple[int, int],  # first and one past the last to look at
-    ends: NDArray[np.int64],  # (stripes, k) out: of k beams or fewer
-    listed: NDArray[np.int64],  # (stripes,) in, out: number of ends
+    ends: NDArray[np.int64],  # (stripes * k,) out: of k beams or fewer
+    listed: NDArray[np.int64],  # (stripes,) in, out: where the next end of each goes
     box: NDArray[np.int64],  # (2, 3) least and greatest cell, widened to hold the ends
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
     cells: NDArray[np.int64],  # (4, CHUNK) scratch

@@ -121,12 +121,12 @@ class SweepWindow:
         each = -(-count // size)
         if len(self._ends) < size * stripes * each:
             self._ends = np.empty(size * stripes * each, np.int64)
-        ends = self._ends[: size * stripes * each].reshape(size, stripes, each)
+        ends = self._ends[: size * stripes * each].reshape(size, stripes * each)
         groups, sensors, directions = sweep.groups, sweep.sensors, sweep.directions.reshape(-1)
         boxes, counts = np.empty((size, 2, 3), np.int64), np.zeros((size, 4), np.int64)
         cells = sensors >> beams.SUBCELL_BITS
         boxes[:, 0], boxes[:, 1] = cells.min(axis=0), cells.max(axis=0)
-        listed, whole = np.zeros((size, stripes), np.int64), [True] * size
+        listed, whole = np.tile(each * np.arange(stripes), (size, 1)), [True] * size
 
         def place(_: int, some: tuple[int, int]) -> None:
             for k in range(*some):
@@ -162,7 +162,7 @@ class SweepWindow:
                 f"expected at most {64 * MAX_WINDOW_WORDS}: a shorter range or coarser cells"
             )
         first = each * np.arange(size * stripes).reshape(size, stripes).T
-        parts = np.stack([first, first + listed.T], axis=2)
+        parts = np.stack([first, first[:1] + listed.T], axis=2)
         return Placed(self._ends, parts, counts.sum(axis=0), box, corner, shape)
 
     def carve(self, sweep: Sweep, placed: Placed, guard: bool) -> Marks:

@@ -232,9 +232,10 @@ def speed(
     modes: Mapping[str, MapConfig] = MODES,
     peers: bool = False,
 ) -> list[Row]:
-    """Every mode and the peer on the same sweeps, so that load meets them alike.
+    """Every mode and the peer on the same sweeps, in turns, so that load meets them alike.
 
-    In another order for each sweep: who comes after the peer finds the caches empty.
+    A turn is one lap through the room, each in another order: a map in use finds in the caches
+    what its last sweep left there, and not what nine others did.
     """
     ours = [
         Ours(name, threads, replace(config, resolution=resolution), range_limit)
@@ -244,10 +245,11 @@ def speed(
     theirs = [OctoMap(name, resolution, range_limit) for name in THINNING] if peers else []
     entrants: list[Ours | OctoMap] = [*ours, *theirs]
     order = np.random.default_rng(sweeps)
-    for number in range(SETTLING + sweeps):
-        sweep = room[number % ROOM_POSES]
+    total = SETTLING + sweeps
+    for first in range(0, total, ROOM_POSES):
         for place in order.permutation(len(entrants)):
-            entrants[place].take(sweep, number)
+            for number in range(first, min(first + ROOM_POSES, total)):
+                entrants[place].take(room[number % ROOM_POSES], number)
     fastest = min((float(np.median(peer.timed())) for peer in theirs), default=None)
     return [
         replace(

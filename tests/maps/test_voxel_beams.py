@@ -275,7 +275,7 @@ def test_the_longest_beam_does_not_overflow():
 def test_place_ends(run):
     directions = np.repeat([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], 3, axis=0)
     ranges_mm = np.array([0, 100, 1000, 65535, 2001, 2000], np.uint16)
-    ends, counts, listed = np.zeros((1, 6), np.int64), np.zeros(4, np.int64), np.zeros(1, np.int64)
+    ends, counts, listed = np.zeros(6, np.int64), np.zeros(4, np.int64), np.zeros(1, np.int64)
     box = np.array([[0, 1, 3], [0, 1, 3]])
     origin, groups = np.array([[0.05, 0.15, 0.25]]), np.array([0, 6])
     sensor, own = np.array([[256, 768, 1664]]), [[0, 1, 3]]
@@ -286,7 +286,7 @@ def test_place_ends(run):
     told = [[10, 1, 3, 0, 0], [0, 1, -17, 1, 0], [0, 1, -17, 0, 0]]
     assert run(*args)
     assert listed.tolist() == [3]
-    assert [unpacked(end, own) for end in ends[0, :3].tolist()] == told
+    assert [unpacked(end, own) for end in ends[:3].tolist()] == told
     assert counts.tolist() == [2, 2, 1, 1]
     assert box.tolist() == [[0, 1, -17], [10, 1, 3]]
     directions[4, 1] = 1e-2
@@ -307,15 +307,16 @@ def test_place_ends_of_many_origins_in_parts(run):
     sensors = np.floor(origins * (512 / 0.1)).astype(int) + np.array([0, 0, 384])
     counts, told = np.zeros(4, np.int64), []
     for part in ((0, 350), (350, 700)):
-        ends, box = np.zeros((2, 350), np.int64), np.zeros((2, 3), np.int64)
-        listed = np.zeros(2, np.int64)
+        ends, box = np.zeros(2 * 350, np.int64), np.zeros((2, 3), np.int64)
+        listed = np.array([0, 350])
         assert run(
             *(origins, sensors, groups, directions.reshape(-1), ranges_mm, (300, 3000), 0.1),
             *(part, ends, listed, box, counts, np.empty((4, kernels.CHUNK), np.int64)),
             np.empty(kernels.CHUNK, np.int64),
         )
-        for stripe, count in enumerate(listed):
-            some = [unpacked(end, sensors // 512) for end in ends[stripe, :count].tolist()]
+        for stripe, end in enumerate(listed):
+            listed_ends = ends[350 * stripe : end].tolist()
+            some = [unpacked(end, sensors // 512) for end in listed_ends]
             assert {row[0] // 8 % 2 for row in some} <= {stripe}
             assert [row[4] for row in some] == sorted(row[4] for row in some)
             assert all(np.all((box[0] <= r[:3]) & (r[:3] <= box[1])) for r in some)
