@@ -21,6 +21,7 @@ UNKNOWN_COST = 2**30
 """Of a node that no way was found to yet; sums of it and any cost stay below 2^31."""
 NODE_BITS = 24  # of a queue's key: the rest is the cost
 NONE = -1
+ONE = np.uint64(1)
 
 FIRST_ROOM = 4096
 """Keys that there is room for at first."""
@@ -220,10 +221,13 @@ def push(queue: Longs, count: int, key: int) -> Longs:
     """
     if count == len(queue):
         queue = np.concatenate((queue, np.empty(count, np.int64)))
-    at = count
-    while at > 0 and queue[(at - 1) >> 1] > key:
-        queue[at] = queue[(at - 1) >> 1]
-        at = (at - 1) >> 1
+    at = np.uint64(count)  # unsigned: of a signed index it is asked each time whether it is below 0
+    while at > 0:
+        above = (at - ONE) >> ONE
+        if queue[above] <= key:
+            break
+        queue[at] = queue[above]
+        at = above
     queue[at] = key
     return queue
 
@@ -231,12 +235,17 @@ def push(queue: Longs, count: int, key: int) -> Longs:
 @kernel
 def pop(queue: Longs, count: int) -> int:
     """Take the least key out of a heap, which has so many then."""
-    least, last, at = queue[0], queue[count], 0
-    while 2 * at + 1 < count:
-        below = 2 * at + 1
-        below += below + 1 < count and queue[below + 1] < queue[below]
+    least, end = queue[0], np.uint64(count)
+    last, at, below = queue[end], np.uint64(0), ONE
+    while below + ONE < end:
+        below += np.uint64(
+            queue[below + ONE] < queue[below]
+        )  # without a branch: nobody foresees it
         if queue[below] >= last:
             break
+        queue[at] = queue[below]
+        at, below = below, (below << ONE) + ONE
+    if below + ONE == end and queue[below] < last:  # it has no other beside it
         queue[at] = queue[below]
         at = below
     queue[at] = last
