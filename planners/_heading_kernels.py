@@ -107,6 +107,27 @@ def rate_at(plane: Plane, i: int, j: int) -> int:
 
 
 @kernel
+def refine(nodes: Integers, factor: int, cells: Integers) -> None:
+    """Fill cells with what lies between the nodes, each the middle of ``factor`` by ``factor``.
+
+    Costs are for a cell's length then, and not for a node's. Beyond the outer nodes those count.
+    """
+    rows, columns = nodes.shape
+    for i in range(cells.shape[0]):
+        x, right = divmod(i - factor // 2, factor)
+        low = min(max(x, 0), rows - 1)
+        high = min(low + 1, rows - 1)
+        y, up = divmod(-(factor // 2), factor)
+        for j in range(cells.shape[1]):
+            near = min(max(y, 0), columns - 1)
+            far = min(near + 1, columns - 1)
+            below = (factor - right) * int(nodes[low, near]) + right * int(nodes[high, near])
+            above = (factor - right) * int(nodes[low, far]) + right * int(nodes[high, far])
+            cells[i, j] = ((factor - up) * below + up * above) // factor
+            y, up = (y + 1, 0) if up + 1 == factor else (y, up + 1)
+
+
+@kernel
 def search_states(
     plane: Plane, ways: Ways, to_go: Integers, starts: Longs, prices: Longs, goal: int, budget: int
 ) -> tuple[Longs, Bools]:

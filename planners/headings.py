@@ -94,15 +94,10 @@ def _searched_lattice(space: FreeSpace, start: Pose, goal: Pose) -> Lattice | No
 
 def _finer(space: FreeSpace, known: Lattice, bounds: NDArray[np.int32]) -> NDArray[np.int32]:
     """Bounds by node of a coarse lattice as those of the grid's cells, which lie between them."""
-    factor = int(known.factor[0])
-    finer = bounds.reshape(known.shape[0] - 2, known.shape[1] - 2)
-    for size in space.field.shape[:2]:  # one axis and then, turned over, the other
-        steps = np.arange(size) - factor // 2
-        low = np.clip(steps // factor, 0, len(finer) - 1)
-        high = np.minimum(low + 1, len(finer) - 1)
-        share = (steps % factor)[:, None]
-        finer = ((factor - share) * finer[low] + share * finer[high]).T
-    return (finer // factor).astype(np.int32).ravel()
+    nodes = bounds.reshape(known.shape[0] - 2, known.shape[1] - 2)
+    finer = np.empty(space.field.shape[:2], np.int32)
+    heading_kernels.refine(nodes, int(known.factor[0]), finer)
+    return finer.ravel()
 
 
 def head_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:

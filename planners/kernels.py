@@ -126,26 +126,18 @@ def axis_steps(start: int, end: int) -> tuple[int, int, int, int]:
 
 
 @kernel
-def walk(
+def walk_anywhere(
     grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint
 ) -> tuple[float, int, float]:
-    """Walk every cell that a segment touches, up to the first whose field is <= threshold.
-
-    Returns:
-        Share of the segment walked (two sub-cells short of the face that ended it; 1 if none did),
-        the least field value met, and the cost integrated over that share.
-    """
+    """``walk`` also beyond the grid, and where a step crosses several faces at once."""
     i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
-    last = end[0] >> SUBCELL_BITS, end[1] >> SUBCELL_BITS, end[2] >> SUBCELL_BITS
     # An axis crosses its next face at time next / span.
     faces_x, step_x, next_x, span_x = axis_steps(start[0], end[0])
     faces_y, step_y, next_y, span_y = axis_steps(start[1], end[1])
     faces_z, step_z, next_z, span_z = axis_steps(start[2], end[2])
-    field, cost_by_distance = grid.field, grid.cost_by_distance
+    cost_by_distance = grid.cost_by_distance
     furthest = len(cost_by_distance) - 1
     value = squared_distance(grid, i, j, k)
-    # Between two cells of the grid there are no others.
-    contained = value != OUTSIDE and squared_distance(grid, last[0], last[1], last[2]) != OUTSIDE
     least, walked, cost = value, 0.0, 0.0
     if least <= threshold:
         return walked, least, cost
@@ -162,16 +154,12 @@ def walk(
         cross_z = faces_z > 0 and next_z * span == first * span_z
         di, dj, dk = cross_x * step_x, cross_y * step_y, cross_z * step_z
         rate = cost_by_distance[np.uint64(min(value, furthest))]
-        if contained:
-            value = inside_value(field, i + di, j + dj, k + dk)
-        else:
-            value = squared_distance(grid, i + di, j + dj, k + dk)
+        value = squared_distance(grid, i + di, j + dj, k + dk)
         least = min(least, value)
         if cross_x + cross_y + cross_z > 1:
             least = min(least, least_at_corners(grid, i, j, k, di, dj, dk))
         share = first / span
         if least <= threshold:
-            # Before the last face too, if that is as near: rounding must not reach either.
             share = max((first - 2) / span, 0.0)
             return share, least, cost + (share - walked) * rate
         cost += (share - walked) * rate
@@ -184,43 +172,55 @@ def walk(
 
 
 @kernel
-def walk_layer(
+def walk(
     grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint
 ) -> tuple[float, int, float]:
-    """``walk`` where both ends lie in one layer, in half the time: the same, bit by bit.
+    """Walk every cell that a segment touches, up to the first whose field is <= threshold.
 
-    What is rare is left to ``walk``: an end beyond the grid, and a step through the corner of four
-    cells.
+    What is rare is left to ``walk_anywhere``, which takes twice the time.
+
+    Returns:
+        Share of the segment walked (two sub-cells short of the face that ended it; 1 if none did),
+        the least field value met, and the cost integrated over that share.
     """
     i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
+    u, v, w = end[0] >> SUBCELL_BITS, end[1] >> SUBCELL_BITS, end[2] >> SUBCELL_BITS
     value = squared_distance(grid, i, j, k)
-    outer = squared_distance(grid, end[0] >> SUBCELL_BITS, end[1] >> SUBCELL_BITS, k)
-    if value == OUTSIDE or outer == OUTSIDE:
-        return walk(grid, threshold, start, end)
+    # Between two cells of the grid there are no others.
+    if value == OUTSIDE or squared_distance(grid, u, v, w) == OUTSIDE:
+        return walk_anywhere(grid, threshold, start, end)
     faces_x, step_x, next_x, span_x = axis_steps(start[0], end[0])
     faces_y, step_y, next_y, span_y = axis_steps(start[1], end[1])
-    order = next_x * span_y - next_y * span_x  # below 0: the next face along x comes first
+    faces_z, step_z, next_z, span_z = axis_steps(start[2], end[2])
+    # Below 0 where of two axes the first one's next face comes first.
+    x_y, x_z = next_x * span_y - next_y * span_x, next_x * span_z - next_z * span_x
+    y_z = next_y * span_z - next_z * span_y
     field, cost_by_distance = grid.field, grid.cost_by_distance
     furthest = len(cost_by_distance) - 1
     least, walked, cost = value, 0.0, 0.0
     if least <= threshold:
         return walked, least, cost
-    while faces_x + faces_y > 0:
-        if order == 0 and faces_x > 0 and faces_y > 0:
-            return walk(grid, threshold, start, end)
+    while faces_x + faces_y + faces_z > 0:
         rate = cost_by_distance[np.uint64(min(value, furthest))]
-        if faces_y == 0 or (faces_x > 0 and order < 0):
+        if faces_x > 0 and (faces_y == 0 or x_y < 0) and (faces_z == 0 or x_z < 0):
             first, span = next_x, span_x
             i, faces_x, next_x = i + step_x, faces_x - 1, next_x + SUBCELLS
-            order += span_y * SUBCELLS
-        else:
+            x_y, x_z = x_y + span_y * SUBCELLS, x_z + span_z * SUBCELLS
+        elif faces_y > 0 and (faces_x == 0 or x_y > 0) and (faces_z == 0 or y_z < 0):
             first, span = next_y, span_y
             j, faces_y, next_y = j + step_y, faces_y - 1, next_y + SUBCELLS
-            order -= span_x * SUBCELLS
+            x_y, y_z = x_y - span_x * SUBCELLS, y_z + span_z * SUBCELLS
+        elif faces_z > 0 and (faces_x == 0 or x_z > 0) and (faces_y == 0 or y_z > 0):
+            first, span = next_z, span_z
+            k, faces_z, next_z = k + step_z, faces_z - 1, next_z + SUBCELLS
+            x_z, y_z = x_z - span_x * SUBCELLS, y_z - span_y * SUBCELLS
+        else:
+            return walk_anywhere(grid, threshold, start, end)
         value = inside_value(field, i, j, k)
         least = min(least, value)
         share = first / span
         if least <= threshold:
+            # Before the last face too, if that is as near: rounding must not reach either.
             share = max((first - 2) / span, 0.0)
             return share, least, cost + (share - walked) * rate
         cost += (share - walked) * rate
@@ -235,8 +235,6 @@ def walk_between(grid: Grid, threshold: int, a: Point, b: Point) -> tuple[float,
     near_b, end = to_subcells(grid, b)
     if not (near_a and near_b):
         return 0.0, OUTSIDE, 0.0
-    if start[2] >> SUBCELL_BITS == end[2] >> SUBCELL_BITS:
-        return walk_layer(grid, threshold, start, end)
     return walk(grid, threshold, start, end)
 
 

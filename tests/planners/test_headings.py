@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import RegularGridInterpolator
 
 from planners import Body, FreeSpace, PlannerConfig, kernels, lattice, plan
 from planners import _heading_kernels as heading_kernels
@@ -166,6 +167,23 @@ def search_problem():
     # Bounds of nothing: the search is one in all directions, and exact.
     to_go = np.zeros(24 * 20, np.int32)
     return plane, ways, to_go, starts, np.array([0, 900]), goal, 10**6
+
+
+@pytest.mark.parametrize("run", [heading_kernels.refine, heading_kernels.refine.py_func])
+def test_cells_lie_between_the_nodes(run):
+    rng = np.random.default_rng(3)
+    for factor, shape in ((2, (9, 14)), (3, (10, 6)), (4, (5, 17))):
+        nodes = rng.integers(0, 1 << 20, [n // factor for n in shape]).astype(np.int32)
+        cells = np.empty(shape, np.int32)
+        run(nodes, factor, cells)
+        places = [(np.arange(n) - factor // 2) / factor for n in shape]
+        inner = [  # left of the outer nodes the cells are mirrored, right of them they are the same
+            np.minimum(np.where(p < 0, p % 1, p), n - 1)
+            for p, n in zip(places, nodes.shape, strict=True)
+        ]
+        told = RegularGridInterpolator([*map(np.arange, nodes.shape)], nodes.astype(float))
+        there = np.stack(np.meshgrid(*inner, indexing="ij"), axis=-1)
+        assert np.abs(cells - told(there) * factor).max() <= 1.0
 
 
 def test_compiled_search_equals_python():

@@ -123,21 +123,23 @@ def test_compiled_kernels_equal_python():
         assert kernels.nearest_free.py_func(space.grid, 5, a, 2.5) == nearest
 
 
-def test_a_walk_within_a_layer_is_the_one_through_space():
+def test_a_walk_is_the_one_that_looks_out_for_corners_and_borders():
     rng = np.random.default_rng(5)
     walked = 0
     for seed in range(20):
-        space = random_space(seed, (9, 8, 2), share=0.05)
-        for _ in range(200):
+        space = random_space(seed, (9, 8, 4), share=0.05)
+        for k in range(200):
             # On faces and corners too, and beyond the grid.
             ends = rng.integers(-2, 22, (2, 3)) * (kernels.SUBCELLS // 2)
             ends += rng.integers(-1, 2, (2, 3)) * rng.integers(0, kernels.SUBCELLS // 3, (2, 3))
-            ends[1, 2] = ends[0, 2]
+            if k % 2:
+                ends[1, 2] = ends[0, 2]
             a, b = (tuple(end.tolist()) for end in ends)
             for threshold in (0, 3):
-                told = kernels.walk(space.grid, threshold, a, b)
-                assert kernels.walk_layer(space.grid, threshold, a, b) == told
-                assert kernels.walk_layer.py_func(space.grid, threshold, a, b) == told
+                told = kernels.walk_anywhere(space.grid, threshold, a, b)
+                assert kernels.walk_anywhere.py_func(space.grid, threshold, a, b) == told
+                assert kernels.walk(space.grid, threshold, a, b) == told
+                assert kernels.walk.py_func(space.grid, threshold, a, b) == told
                 walked += told[0] == 1.0 and a != b
     assert 100 < walked < 15000
 
