@@ -19,11 +19,10 @@ from harness.warm_up import warm_up
 WORLD = "warehouse"
 STAGES = ("sense", "map", "costmap", "plan")
 ROBOTS = ("quadruped", "drone")
-LOADS = (
-    ("sensors.lidar=own", "map.resolution=0.1"),
-    ("sensors.lidar=ideal-lidar-dense", "map.resolution=0.05", "threads=2"),
-)
-"""Settings of the lighter and of the heavier episodes."""
+LIGHT = ("sensors.lidar=own", "map.resolution=0.1")
+DENSE = ("sensors.lidar=ideal-lidar-dense", "map.resolution=0.05")
+LOADS = (LIGHT, DENSE, (*DENSE, "threads=2"))
+"""Settings of the lighter and of the heavier episodes, these on one core and on two."""
 
 
 @dataclass(frozen=True)
