@@ -38,6 +38,7 @@ NEW, OPEN, CLOSED, FORGOTTEN = 0, 1, 2, 3
 UNKNOWN_KEY = 2**62
 KEY, OPENED, EXPANDED = 0, 1, 2  # places in Lattice.now
 
+Place = tuple[int, int, int]  # of a lattice cell along the axes, border included
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int32]
 Longs = NDArray[np.int64]
@@ -55,7 +56,8 @@ class Lattice(NamedTuple):
     factor: Longs  # (3,) grid cells to a lattice cell
     shape: Longs  # (3,) lattice cells, border included
     rate_by_distance: Integers  # (t,) cost per length by squared distance
-    offsets: Longs  # (m,) flat offsets to the neighbours
+    ways: Longs  # (m, 3) steps to the neighbours
+    offsets: Longs  # (m,) flat offsets to them
     steps: Integers  # (m,) lengths of the steps to them
     touched: Longs  # (m, k) flat offsets of the grid cells that each step touches
     counts: Longs  # (m,) how many they are
@@ -66,21 +68,40 @@ class Lattice(NamedTuple):
     state: Bytes  # (n,)
     cost: Integers  # (n,) cost-to-go of an open or closed cell
     via: Bytes  # (n,) way from the neighbour towards the goal that this cost is due to
-    head: Integers  # (b,) first cell of each bucket, -1 if none
+    key: Integers  # (n,) by which an open cell is queued: its cost and an estimate of the rest
+    head: Integers  # (b,) first cell of each bucket, -1 if none; b is a power of two
     after: Integers  # (n,) next cell in the same bucket
     before: Integers  # (n,) previous cell in the same bucket
     now: Longs  # (3,) key in progress, open cells, expansions
 
 
 @kernel
-def grid_index(field: NDArray[np.uint16], factor: Longs, shape: Longs, cell: int) -> int:
-    """Flat index of the grid cell in the middle of a lattice cell; -1 in the border."""
-    i, j, k = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
-    if i == 0 or j == 0 or k == 0 or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1:
-        return -1
-    x = (i - 1) * factor[0] + factor[0] // 2
-    y = (j - 1) * factor[1] + factor[1] // 2
-    z = (k - 1) * factor[2] + factor[2] // 2
+def place_of(shape: Longs, cell: int) -> Place:
+    """Where a lattice cell lies along the axes."""
+    column = cell // shape[2]
+    return column // shape[1], column % shape[1], cell - column * shape[2]
+
+
+@kernel
+def in_border(shape: Longs, place: Place) -> bool:
+    """Whether a lattice cell lies in the border."""
+    i, j, k = place
+    outer = i == 0 or j == 0 or k == 0
+    return bool(outer or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1)
+
+
+@kernel
+def middle_of(factor: Longs, place: Place) -> tuple[int, int, int]:
+    """The grid cell in the middle of a lattice cell that does not lie in the border."""
+    i, j, k = place
+    x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
+    return x + (factor[0] >> 1), y + (factor[1] >> 1), z + (factor[2] >> 1)
+
+
+@kernel
+def grid_index(field: NDArray[np.uint16], factor: Longs, place: Place) -> int:
+    """Flat index of the grid cell in the middle of a lattice cell."""
+    x, y, z = middle_of(factor, place)
     return int((x * field.shape[1] + y) * field.shape[2] + z)
 
 
@@ -91,29 +112,27 @@ def middle_rate(
     factor: Longs,
     shape: Longs,
     rate_by_distance: Integers,
-    cell: int,
+    place: Place,
 ) -> int:
     """Rate of a lattice cell by its middle grid cell."""
-    index = grid_index(field, factor, shape, cell)
-    if index < 0:
+    if in_border(shape, place):
         return BLOCKED
-    depth, plane = field.shape[2], field.shape[1] * field.shape[2]
-    value = int(field[index // plane, index % plane // depth, index % depth])
+    x, y, z = middle_of(factor, place)
+    value = int(field[np.uint64(x), np.uint64(y), np.uint64(z)])
     if value <= threshold:
         return BLOCKED
-    return int(rate_by_distance[min(value, len(rate_by_distance) - 1)])
+    return int(rate_by_distance[np.uint64(min(value, len(rate_by_distance) - 1))])
 
 
 @kernel
 def block_mask(
-    field: NDArray[np.uint16], threshold: int, factor: Longs, shape: Longs, cell: int
+    field: NDArray[np.uint16], threshold: int, factor: Longs, shape: Longs, place: Place
 ) -> int:
     """Which grid cells of a lattice cell are free, bit by bit; a block has at most 64."""
-    i, j, k = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
     mask = 0
-    if i == 0 or j == 0 or k == 0 or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1:
+    if in_border(shape, place):
         return mask
-    x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
+    x, y, z = (place[0] - 1) * factor[0], (place[1] - 1) * factor[1], (place[2] - 1) * factor[2]
     for u in range(x, x + factor[0]):
         for v in range(y, y + factor[1]):
             # As unsigned indices none is taken for one from behind.
@@ -134,29 +153,35 @@ def look(lattice: Lattice, cell: int) -> int:
     """Rate of a lattice cell, which is looked up once."""
     field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
     if lattice.rate[cell] == UNSEEN:
+        place = place_of(lattice.shape, cell)
         lattice.rate[cell] = middle_rate(
-            field, threshold, factor, lattice.shape, lattice.rate_by_distance, cell
+            field, threshold, factor, lattice.shape, lattice.rate_by_distance, place
         )
         if len(lattice.mask) > 0:
-            lattice.mask[cell] = block_mask(field, threshold, factor, lattice.shape, cell)
+            lattice.mask[cell] = block_mask(field, threshold, factor, lattice.shape, place)
     rate: int = lattice.rate[cell]
     return rate
 
 
 @kernel
-def step_free(cells: NDArray[np.uint16], threshold: int, index: int, touched: Longs) -> bool:
-    """Whether all grid cells that a step from a grid cell touches are free."""
-    for offset in touched:
-        if cells[index + offset] <= threshold:
+def step_free(
+    cells: NDArray[np.uint16], threshold: int, index: int, touched: Longs, counts: Longs, way: int
+) -> bool:
+    """Whether all grid cells that a step from a grid cell touches are free.
+
+    Tables are handed over whole: of a row the references would be counted.
+    """
+    for n in range(np.uint64(counts[way])):
+        if cells[np.uint64(index + touched[way, n])] <= threshold:
             return False
     return True
 
 
 @kernel
-def step_free_by_mask(mask: Longs, cell: int, blocks: Longs, bits: Longs) -> bool:
+def step_free_by_mask(mask: Longs, cell: int, blocks: Longs, bits: Longs, way: int) -> bool:
     """The same, told by the masks of the lattice cells, which are fewer to read."""
-    for n in range(len(blocks)):
-        if mask[cell + blocks[n]] & bits[n] != bits[n]:
+    for n in range(np.uint64(blocks.shape[1])):
+        if mask[np.uint64(cell + blocks[way, n])] & bits[way, n] != bits[way, n]:
             return False
     return True
 
@@ -166,10 +191,13 @@ def estimate(shape: Longs, cell: int, target: int) -> int:
     """Least cost between two cells if all were free: never more than it costs, step by step."""
     if target < 0:
         return 0
-    width, depth = shape[1], shape[2]
-    x = cell // (width * depth) - target // (width * depth)
-    y = (cell // depth) % width - (target // depth) % width
-    return least_cost(x, y, cell % depth - target % depth)
+    return rest_between(place_of(shape, cell), place_of(shape, target))
+
+
+@kernel
+def rest_between(a: Place, b: Place) -> int:
+    """Least cost between two places if all were free."""
+    return least_cost(a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 @kernel
@@ -186,33 +214,43 @@ def least_cost(x: int, y: int, z: int) -> int:
 @kernel
 def put(lattice: Lattice, cell: int, cost: int, key: int) -> None:
     """Open a cell: into the bucket of its key, last in, first out."""
-    insert(lattice.head, lattice.after, lattice.before, cell, key)
+    insert(lattice.head, lattice.after, lattice.before, lattice.key, cell, key)
     lattice.state[cell] = OPEN
     lattice.cost[cell] = cost
     lattice.now[OPENED] += 1
 
 
 @kernel
-def insert(head: Integers, after: Integers, before: Integers, cell: int, key: int) -> None:
+def bucket_of(head: Integers, key: int) -> np.uint64:
+    """The bucket of a key; there are more than any two open cells' keys are apart."""
+    return np.uint64(key) & np.uint64(len(head) - 1)
+
+
+@kernel
+def insert(
+    head: Integers, after: Integers, before: Integers, keys: Integers, cell: int, key: int
+) -> None:
     """Put a cell first into the bucket of its key."""
-    bucket = key % len(head)
+    at, bucket = np.uint64(cell), bucket_of(head, key)
     first = head[bucket]
-    after[cell] = first
-    before[cell] = -1
+    keys[at] = key
+    after[at] = first
+    before[at] = -1
     if first >= 0:
-        before[first] = cell
+        before[np.uint64(first)] = cell
     head[bucket] = cell
 
 
 @kernel
-def remove(head: Integers, after: Integers, before: Integers, cell: int, key: int) -> None:
-    """Take a cell out of the bucket of its key."""
-    if before[cell] >= 0:
-        after[before[cell]] = after[cell]
+def remove(head: Integers, after: Integers, before: Integers, keys: Integers, cell: int) -> None:
+    """Take a cell out of its bucket."""
+    at = np.uint64(cell)
+    if before[at] >= 0:
+        after[np.uint64(before[at])] = after[at]
     else:
-        head[key % len(head)] = after[cell]
-    if after[cell] >= 0:
-        before[after[cell]] = before[cell]
+        head[bucket_of(head, keys[at])] = after[at]
+    if after[at] >= 0:
+        before[np.uint64(after[at])] = before[at]
 
 
 @kernel
@@ -235,51 +273,56 @@ def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) 
     field, threshold, cells = lattice.field, lattice.threshold, lattice.cells
     factor, shape = lattice.factor, lattice.shape
     rate_by_distance, offsets, steps = lattice.rate_by_distance, lattice.offsets, lattice.steps
-    touched, counts, rate = lattice.touched, lattice.counts, lattice.rate
+    ways, touched, counts, rate = lattice.ways, lattice.touched, lattice.counts, lattice.rate
     blocks, bits = lattice.blocks, lattice.bits
     mask, state, cost, via = lattice.mask, lattice.state, lattice.cost, lattice.via
-    head, after, before = lattice.head, lattice.after, lattice.before
+    head, after, before, keys = lattice.head, lattice.after, lattice.before, lattice.key
     key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
+    aim = place_of(shape, max(target, 0))
     while opened > 0 and closed < budget:
         if state[until] == CLOSED and key >= cost[until] + beyond:
             break
-        cell = head[key % len(head)]
-        while cell >= 0 and cost[cell] + estimate(shape, cell, target) != key:
-            cell = after[cell]  # of a later round of the queue
+        cell = int(head[bucket_of(head, key)])
+        while cell >= 0 and keys[np.uint64(cell)] != key:
+            cell = int(after[np.uint64(cell)])  # of a later round of the queue
         if cell < 0:
             key += 1
             continue
-        remove(head, after, before, cell, key)
-        state[cell] = CLOSED
+        remove(head, after, before, keys, cell)
+        here = np.uint64(cell)
+        state[here] = CLOSED
         opened -= 1
         closed += 1
-        index = grid_index(field, factor, shape, cell)
-        for way in range(len(offsets)):
+        i, j, k = place_of(shape, cell)
+        index = grid_index(field, factor, (i, j, k))
+        for way in range(np.uint64(len(offsets))):
             other = cell + offsets[way]
-            if rate[other] == UNSEEN:
-                rate[other] = middle_rate(field, threshold, factor, shape, rate_by_distance, other)
+            at = np.uint64(other)
+            place = (i + ways[way, 0], j + ways[way, 1], k + ways[way, 2])
+            if rate[at] == UNSEEN:
+                rate[at] = middle_rate(field, threshold, factor, shape, rate_by_distance, place)
                 if len(mask) > 0:
-                    mask[other] = block_mask(field, threshold, factor, shape, other)
-            if rate[other] < 0:
+                    mask[at] = block_mask(field, threshold, factor, shape, place)
+            if rate[at] < 0:
                 continue
-            through = cost[cell] + steps[way] * (rate[cell] + rate[other])
+            through = cost[here] + steps[way] * (rate[here] + rate[at])
             # After a repair a closed cell can be too dear; otherwise none is ever opened again.
-            if state[other] != NEW and through >= cost[other]:
+            if state[at] != NEW and through >= cost[at]:
                 continue
             if len(mask) > 0:  # the sides are neighbours along fewer axes: looked at before
-                if not step_free_by_mask(mask, cell, blocks[way], bits[way]):
+                if not step_free_by_mask(mask, cell, blocks, bits, way):
                     continue
-            elif not step_free(cells, threshold, index, touched[way, : counts[way]]):
+            elif not step_free(cells, threshold, index, touched, counts, way):
                 continue
-            rest = estimate(shape, other, target)
-            if state[other] == OPEN:
-                remove(head, after, before, other, cost[other] + rest)
+            if state[at] == OPEN:
+                remove(head, after, before, keys, other)
                 opened -= 1
-            insert(head, after, before, other, through + rest)
+            rest = rest_between(place, aim) if target >= 0 else 0
+            insert(head, after, before, keys, other, through + rest)
             opened += 1
-            state[other] = OPEN
-            cost[other] = through
-            via[other] = way
+            state[at] = OPEN
+            cost[at] = through
+            via[at] = way
     lattice.now[KEY], lattice.now[OPENED] = key, opened
     lattice.now[EXPANDED] += closed
     return bool(state[until] == CLOSED)
@@ -298,14 +341,14 @@ def descend(lattice: Lattice, start: int) -> Integers:
     count, cell = 1, start
     cells[0] = start
     while cost[cell] > 0:
-        index = grid_index(field, factor, lattice.shape, cell)
+        index = grid_index(field, factor, place_of(lattice.shape, cell))
         for way in range(len(offsets)):
             other = cell + offsets[way]
             if state[other] != CLOSED:
                 continue
             if cost[other] + steps[way] * (rate[cell] + rate[other]) != cost[cell]:
                 continue
-            if step_free(lattice.cells, threshold, index, touched[way, : lattice.counts[way]]):
+            if step_free(lattice.cells, threshold, index, touched, lattice.counts, way):
                 cell = other
                 break
         cells[count] = cell
@@ -353,8 +396,9 @@ def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
                 cell = (i * shape[1] + j) * shape[2] + k
                 if rates[cell] == UNSEEN:
                     continue
-                rate = middle_rate(field, threshold, factor, shape, rate_by_distance, cell)
-                mask = block_mask(field, threshold, factor, shape, cell)
+                place = i, j, k
+                rate = middle_rate(field, threshold, factor, shape, rate_by_distance, place)
+                mask = block_mask(field, threshold, factor, shape, place)
                 if rate != rates[cell] or mask != masks[cell]:
                     rates[cell], masks[cell] = rate, mask
                     changed[count] = cell
@@ -366,12 +410,12 @@ def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
 def draw_to(lattice: Lattice, target: int, cells: Longs) -> None:
     """Queue all open cells anew, for a search that is drawn to another cell; -1 for none."""
     shape, cost = lattice.shape, lattice.cost
-    head, after, before = lattice.head, lattice.after, lattice.before
+    head, after, before, keys = lattice.head, lattice.after, lattice.before, lattice.key
     head[:] = -1
     least = UNKNOWN_KEY
     for cell in cells:
         key = cost[cell] + estimate(shape, cell, target)
-        insert(head, after, before, cell, key)
+        insert(head, after, before, keys, cell, key)
         least = min(least, key)
     lattice.now[KEY], lattice.now[OPENED] = least, len(cells)
 
