@@ -38,6 +38,7 @@ FINE, FINE_RANGE = 0.01, 3.0
 range, m. The peer is left out, which would take most of the time of the command."""
 
 THREADS = (1, 2)
+TURN = 4  # sweeps that go to one map before the next has its turn
 SHORT, LONG = 10.0, 200.0  # m, of the trajectories whose cost is compared
 MIB = 2.0**20
 
@@ -234,8 +235,8 @@ def speed(
 ) -> list[Row]:
     """Every mode and the peer on the same sweeps, in turns, so that load meets them alike.
 
-    A turn is one lap through the room, each in another order: a map in use finds in the caches
-    what its last sweep left there, and not what nine others did.
+    A turn is a few sweeps, each turn in another order: a map in use finds in the caches what its
+    last sweep left there, and not what nine others did.
     """
     ours = [
         Ours(name, threads, replace(config, resolution=resolution), range_limit)
@@ -246,9 +247,9 @@ def speed(
     entrants: list[Ours | OctoMap] = [*ours, *theirs]
     order = np.random.default_rng(sweeps)
     total = SETTLING + sweeps
-    for first in range(0, total, ROOM_POSES):
+    for first in range(0, total, TURN):
         for place in order.permutation(len(entrants)):
-            for number in range(first, min(first + ROOM_POSES, total)):
+            for number in range(first, min(first + TURN, total)):
                 entrants[place].take(room[number % ROOM_POSES], number)
     fastest = min((float(np.median(peer.timed())) for peer in theirs), default=None)
     return [
