@@ -222,7 +222,7 @@ def put(lattice: Lattice, cell: int, cost: int, key: int) -> None:
 
 @kernel
 def bucket_of(head: Integers, key: int) -> np.uint64:
-    """The bucket of a key; there are more than any two open cells' keys are apart."""
+    """The bucket of a key; others whose keys differ by rounds of the queue may be in it, too."""
     return np.uint64(key) & np.uint64(len(head) - 1)
 
 
