@@ -242,7 +242,7 @@ def push(queue: Longs, count: int, key: int) -> Longs:
     """
     if count == len(queue):
         queue = np.concatenate((queue, np.empty(count, np.int64)))
-    at = np.uint64(count)  # unsigned: of a signed index it is asked each time whether it is below 0
+    at = np.uint64(count)  # of a signed index it is asked each time whether it is below 0
     while at > 0:
         above = (at - ONE) >> ONE
         if queue[above] <= key:
@@ -259,9 +259,8 @@ def pop(queue: Longs, count: int) -> int:
     least, end = queue[0], np.uint64(count)
     last, at, below = queue[end], np.uint64(0), ONE
     while below + ONE < end:
-        below += np.uint64(
-            queue[below + ONE] < queue[below]
-        )  # without a branch: nobody foresees it
+        # Without a branch: which of the two is less cannot be foreseen.
+        below += np.uint64(queue[below + ONE] < queue[below])
         if queue[below] >= last:
             break
         queue[at] = queue[below]
