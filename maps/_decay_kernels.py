@@ -224,3 +224,5 @@ def fade_bricks(
             )
             ticks[slot] = until
             turned[i] |= changed
+            if not alive[i]:  # nothing is left to fade, however many ticks are to come
+                ticks[slot], dues[slot] = now, now + HORIZON
