@@ -229,24 +229,6 @@ def restricted_mean(times: ArrayLike, reached: ArrayLike, limit: float) -> float
     return float(capped.mean())
 
 
-def pairs_needed(discordant: float, drop: float, power: float = 0.8) -> int:
-    """Pairs that show a drop of a rate at 5 % (Connor 1987, McNemar's test for paired rates).
-
-    Args:
-        discordant: Share of the pairs in which the two outcomes differ.
-        drop: The drop to be found, as a share.
-        power: Chance to find it.
-
-    Raises:
-        ValueError: The drop is not positive, or larger than the discordant share.
-    """
-    if not 0.0 < drop <= discordant <= 1.0:
-        raise ValueError(f"got a drop of {drop:g} in {discordant:g} discordant, expected 0 < drop")
-    z_alpha, z_power = stats.norm.ppf(0.975), stats.norm.ppf(power)
-    root = z_alpha * np.sqrt(discordant) + z_power * np.sqrt(discordant - drop**2)
-    return int(np.ceil((root / drop) ** 2))
-
-
 def _pairs(first: ArrayLike, second: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
     if a.shape != b.shape or a.ndim != 1 or len(a) == 0:

@@ -10,7 +10,6 @@ from harness.statistics import (
     mcnemar,
     paired_difference,
     paired_rate_difference,
-    pairs_needed,
     restricted_mean,
     wilson,
 )
@@ -124,10 +123,3 @@ def test_a_single_world_tells_no_spread() -> None:
 def test_timeouts_count_to_the_limit() -> None:
     """Mean over those who arrived would be 20 s."""
     assert restricted_mean([10.0, 30.0, 47.0], [True, True, False], 60.0) == pytest.approx(100 / 3)
-
-
-def test_pairs_needed_for_a_drop_of_five_points() -> None:
-    # (1.959964 * sqrt(0.155) + 0.841621 * sqrt(0.155 - 0.0025))^2 / 0.0025 = 484.1
-    assert pairs_needed(0.155, 0.05) == 485
-    with pytest.raises(ValueError, match="expected 0 < drop"):
-        pairs_needed(0.01, 0.05)
