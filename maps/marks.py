@@ -162,7 +162,7 @@ class SweepWindow:
                 f"expected at most {64 * MAX_WINDOW_WORDS}: a shorter range or coarser cells"
             )
         first = each * np.arange(size * stripes).reshape(size, stripes).T
-        parts = np.stack([first, first[:1] + listed.T], axis=2)
+        parts = np.stack([first, first[0] + listed.T], axis=2)  # listed: from each thread's first
         return Placed(self._ends, parts, counts.sum(axis=0), box, corner, shape)
 
     def carve(self, sweep: Sweep, placed: Placed, guard: bool) -> Marks:

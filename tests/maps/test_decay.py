@@ -185,6 +185,26 @@ def test_a_long_silence_costs_nothing_once_all_is_forgotten():
     assert log_odds(voxel_map, WALL) == 27
 
 
+def test_what_is_forgotten_is_not_faded_on(monkeypatch):
+    faded, compiled = [], kernels.fade_brick
+
+    def counted(*args):
+        faded.append(1)
+        return compiled(*args)
+
+    monkeypatch.setattr(kernels, "fade_brick", counted)
+    monkeypatch.setattr(kernels, "fade_bricks", kernels.fade_bricks.py_func)
+    counts = []
+    for horizons in (1, 500):
+        voxel_map = make(half_life=1.0)
+        look(voxel_map, FORWARD, 0)
+        faded.clear()
+        voxel_map.advance((horizons + 1) * kernels.HORIZON * SECOND)
+        counts.append(len(faded))
+        assert voxel_map.changed(0)[0].size == 0
+    assert counts[0] == counts[1] > 0
+
+
 def test_time_starts_at_zero():
     with pytest.raises(ValueError, match="time_ns: got -1"):
         make().advance(-1)
