@@ -360,3 +360,49 @@ def test_the_nearest_pose(bend):
     arguments = bend.grid, bend.shape, (*wall.tolist(), 0.0), 5.0, along
     python = kernels.nearest_pose.py_func(*arguments)
     assert python == kernels.nearest_pose(*arguments)
+
+
+@pytest.mark.parametrize("python", [False, True])
+def test_the_heap_gives_the_least_key_first(python):
+    push, pop = heading_kernels.push, heading_kernels.pop
+    if python:
+        push, pop = push.py_func, pop.py_func
+    rng = np.random.default_rng(12)
+    queue, count, peer = np.empty(4, np.int64), 0, []
+    for _ in range(2000):
+        if count and rng.random() < 0.45:
+            count -= 1
+            assert pop(queue, count) == heapq.heappop(peer)
+        else:
+            key = int(rng.integers(0, 500))
+            queue, count = push(queue, count, key), count + 1
+            heapq.heappush(peer, key)
+    assert count == len(peer) > 4
+    for left in range(count - 1, -1, -1):
+        assert pop(queue, left) == heapq.heappop(peer)
+
+
+@pytest.mark.parametrize("python", [False, True])
+def test_cheaper_is_the_sum_of_the_sweeps(python):
+    cheaper = kernels.cheaper.py_func if python else kernels.cheaper
+    rng = np.random.default_rng(13)
+    space = long_space(rng.random((60, 60, 1)) < 0.003)
+    grid, discs, told = space.grid, space.shape, []
+    size = np.array(space.field.shape[:2]) * space.resolution
+    for k in range(100 if python else 600):
+        places = space.origin[:2] + rng.uniform(0.2, 0.8, (3, 2)) * size
+        u, apex, v = (
+            (float(x), float(y), float(space.origin[2]), float(h))
+            for (x, y), h in zip(places, rng.uniform(-3.0, 3.0, 3), strict=True)
+        )
+        poses = np.empty((8, 4))
+        poses[0] = u
+        end = kernels.head_along(u, apex[:3], v, bool(k % 2), poses)
+        poses[end] = v
+        edges = zip(poses[:end].tolist(), poses[1 : end + 1].tolist(), strict=True)
+        cost = sum(kernels.sweep_cost(grid, discs, 2.0, tuple(a), tuple(b)) for a, b in edges)
+        length = sum(math.dist(a[:3], b[:3]) for a, b in itertools.pairwise(poses[: end + 1]))
+        for than in (cost - 1e-6, cost + 1e-6, cost + 0.1, length + 0.3):
+            told.append(cheaper(grid, discs, 2.0, poses[: end + 1], than))
+            assert told[-1] == (cost < than)
+    assert 10 < sum(told) < len(told) - 10
