@@ -378,8 +378,11 @@ def test_the_heap_gives_the_least_key_first(python):
             queue, count = push(queue, count, key), count + 1
             heapq.heappush(peer, key)
     assert count == len(peer) > 4
-    for left in range(count - 1, -1, -1):
-        assert pop(queue, left) == heapq.heappop(peer)
+    for size in range(1, 100):  # small ones: there a last key without another beside it is moved
+        keys = rng.integers(0, 500, 1 + size % 12).tolist()
+        for n, key in enumerate(keys):
+            queue = push(queue, n, key)
+        assert [pop(queue, n) for n in range(len(keys) - 1, -1, -1)] == sorted(keys)
 
 
 @pytest.mark.parametrize("python", [False, True])
