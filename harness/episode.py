@@ -18,11 +18,11 @@ from harness.cause.touch import touched
 from harness.cause.true_space import TrueSpace
 from harness.config import LatencyConfig, to_json
 from harness.evidence.relay import Stretch
-from harness.inputs import CODEC, beams_from_info, encode_ranges, inputs_from_messages
+from harness.inputs import CODEC, beams_from_info, inputs_from_messages, serialized
 from harness.interference import Interference
 from harness.judge import Judge, Verdict
 from harness.logs.log import LogWriter
-from harness.logs.log_copy import thin
+from harness.logs.log_copy import thin, topic_of
 from harness.logs.streams import CONTROL, StreamHashes
 from harness.mujoco_warnings import tell_warnings
 from harness.odometry import Estimate
@@ -32,6 +32,7 @@ from harness.schema import wayproof_pb2 as pb
 from harness.setpoints import SetpointsAhead
 from harness.stack.navigator import Navigator, build_navigator
 from harness.state import Simulation, Stateful, StepPoses, restore_parts, state_message
+from models import range_codec
 from models.poses import Trail
 from models.robots import Setpoint
 from models.sensors import ROBOT_GROUP, Caster
@@ -136,7 +137,8 @@ class Episode:
         }
         if self._traffic is not None:
             self.parts["traffic"] = self._traffic
-        if any(caster.table.moments > 1 for caster in scene.casters):
+        self._rolling = any(caster.table.moments > 1 for caster in scene.casters)
+        if self._rolling:
             self.parts["steps"] = StepPoses(self._steps)
         self._asked: list[bytes] = []  # of the body since the last decision
         self.delays: dict[int, float] = {}  # by sequence, in place of what is measured
@@ -197,7 +199,8 @@ class Episode:
             self._asked.clear()
         mujoco.mj_kinematics(self._scene.model, self._data)
         sweeps, pose, sense_ms = self._sense(time_ns)
-        inputs = inputs_from_messages(pose, sweeps)
+        written = [serialized(message) for message in (*sweeps, pose)]
+        inputs = inputs_from_messages(pose, sweeps, written)
         decision = self._navigator.step(inputs, sense_ms)
         latency = self._latency(decision, time_ns)
         self._navigator.commit(decision, latency.delay_s)
@@ -206,10 +209,9 @@ class Episode:
             self._on_the_way.append((arrival_ns(decision, trajectory), trajectory))
         self._misses += decision.deadline_missed
         self._write_state(time_ns)
-        for sweep in sweeps:
-            self._log_input(f"sensor/{sweep.sensor}", sweep, time_ns)
-        self._log_input("pose", pose, time_ns)
-        self._log_input("latency", latency, time_ns)
+        for message, data in zip((*sweeps, pose), written, strict=True):
+            self._log_input(message, data, time_ns)
+        self._log_input(latency, serialized(latency), time_ns)
         self._log.write("/decision", decision, time_ns)
         self._write_streams(time_ns)
         truth = self._write_truth(time_ns)
@@ -227,16 +229,16 @@ class Episode:
         sweeps = [self._sweep(caster, trail, time_ns) for caster in arriving]
         sense_ms = (time.perf_counter() - began) * 1e3
         self._estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
-        pose = self._estimate.pose(trail, any(caster.table.moments > 1 for caster in casters))
+        pose = self._estimate.pose(trail, self._rolling)
         pose.sequence = self._sequence
         pose.timestamp.FromNanoseconds(time_ns)
         return sweeps, pose, sense_ms
 
     def _trail(self) -> Trail:
-        """True poses of the base since the sweeps began."""
+        """True poses of the base since the sweeps began; the last alone if no shutter rolls."""
         data, base = self._data, self._scene.base
-        poses = [*self._steps, np.concatenate([data.xpos[base], data.xquat[base]])]
-        stacked = np.array(poses)
+        now = np.concatenate([data.xpos[base], data.xquat[base]])
+        stacked = np.array([*self._steps, now] if self._rolling else [now])
         return Trail(stacked[:, :3], stacked[:, 3:], float(self._scene.model.opt.timestep))
 
     def _sweep(self, caster: Caster, trail: Trail, time_ns: int) -> pb.Sweep:
@@ -250,7 +252,7 @@ class Episode:
             rows=rows,
             columns=table.beams // rows,
             codec=CODEC,
-            ranges=encode_ranges(ranges, rows),
+            ranges=range_codec.encode(ranges, rows),
             classes=classes.tobytes(),
         )
         message.timestamp.FromNanoseconds(time_ns)
@@ -265,10 +267,10 @@ class Episode:
         message.timestamp.FromNanoseconds(time_ns)
         return message
 
-    def _log_input(self, stream: str, message: pb.Sweep | pb.Pose | pb.Latency, now: int) -> None:
-        data = message.SerializeToString(deterministic=True)
-        self._log.write(f"/{stream}", message, now, data)
-        self._streams.update(stream, data)
+    def _log_input(self, message: pb.Sweep | pb.Pose | pb.Latency, data: bytes, now: int) -> None:
+        topic = topic_of(message)
+        self._log.write(topic, message, now, data)
+        self._streams.update(topic[1:], data)
 
     def _write_streams(self, time_ns: int) -> None:
         """What reached the stack so far as hashes, and what the perturbation did to it."""
@@ -321,7 +323,8 @@ class Episode:
         setpoint = self._estimate.setpoint(planned, pose[:3])
         self._asked.append(_as_bytes(setpoint))
         self._scene.controller.follow(self._data, setpoint)
-        self._steps.append(pose)
+        if self._rolling:
+            self._steps.append(pose)
         self._estimate.remember()
         if remember:
             self._simulation.remember()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from harness.errors import InputError
 from harness.labels import decode_classes
 from harness.schema import wayproof_pb2 as pb
+from models import range_codec
 from models.beams import (
     DROPPED,
     LONGEST_RANGE,
@@ -172,18 +174,24 @@ def heading_of(y: float, x: float) -> float:
     return round(math.atan2(y, x), 9)
 
 
-def inputs_from_messages(pose: pb.Pose, sweeps: list[pb.Sweep]) -> Inputs:
+def inputs_from_messages(
+    pose: pb.Pose, sweeps: Sequence[pb.Sweep], written: Sequence[bytes] | None = None
+) -> Inputs:
     """Read the inputs of one decision back from its messages.
 
     The recording itself goes this way too, so that it decides on what the log holds.
+
+    Args:
+        pose: The believed pose.
+        sweeps: In the order in which they are integrated.
+        written: Sweeps and pose as they are logged, if that was worked out already.
 
     Raises:
         InputError: A sweep's codec or size is not what it says.
     """
     digest = hashlib.blake2b(digest_size=16)
-    messages: list[Message] = [*sweeps, pose]
-    for message in messages:
-        digest.update(message.SerializeToString(deterministic=True))
+    for data in written or [serialized(message) for message in (*sweeps, pose)]:
+        digest.update(data)
     return Inputs(
         time_ns=pose.timestamp.ToNanoseconds(),
         sequence=pose.sequence,
@@ -194,6 +202,11 @@ def inputs_from_messages(pose: pb.Pose, sweeps: list[pb.Sweep]) -> Inputs:
         ),
         digest=digest.hexdigest(),
     )
+
+
+def serialized(message: Message) -> bytes:
+    """A message as it is logged and hashed."""
+    return message.SerializeToString(deterministic=True)
 
 
 def _pose(message: pb.Pose) -> Pose:
@@ -274,17 +287,8 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
     return Beams(table, info.range_m, info.rate_hz, position, rotation.reshape(3, 3))
 
 
-def encode_ranges(ranges_mm: NDArray[np.uint16], rows: int) -> bytes:
-    """Differences along each row, low bytes before high bytes: what zstd then packs well."""
-    image = ranges_mm.reshape(rows, -1)
-    difference = image.copy()
-    np.subtract(image[:, 1:], image[:, :-1], out=difference[:, 1:])  # wraps, unwraps in decoding
-    planes = difference.astype(np.uint8), (difference >> np.uint16(8)).astype(np.uint8)
-    return b"".join(plane.tobytes() for plane in planes)
-
-
 def decode_ranges(sweep: pb.Sweep) -> NDArray[np.uint16]:  # (rows * columns,)
-    """Undo `encode_ranges`.
+    """The ranges of a sweep, mm.
 
     Raises:
         InputError: Unknown codec, or not two bytes for each beam.
@@ -296,7 +300,4 @@ def decode_ranges(sweep: pb.Sweep) -> NDArray[np.uint16]:  # (rows * columns,)
         raise InputError(f"sweep codec '{sweep.codec}', expected '{CODEC}'")
     if len(sweep.ranges) != 2 * count:
         raise InputError(f"sweep of {len(sweep.ranges)} bytes, expected {2 * count}")
-    planes = np.frombuffer(sweep.ranges, np.uint8).reshape(2, count)
-    difference = planes[0].astype(np.uint16) | (planes[1].astype(np.uint16) << np.uint16(8))
-    image = difference.reshape(sweep.rows, sweep.columns)
-    return np.cumsum(image, axis=1, dtype=np.uint16).reshape(-1)
+    return range_codec.decode(sweep.ranges, sweep.rows)

@@ -136,10 +136,12 @@ class Estimate:
         """The believed pose as the log states it.
 
         Args:
-            trail: True poses of the base at each step since the sweeps began, and now.
+            trail: True poses of the base at each step since the sweeps began, and now; now alone
+                if no shutter rolls.
             rolling: Whether a shutter rolls, so that the stack needs the trail too.
         """
-        believed = believed_trail(trail, [*self._errors, self.error])
+        errors = [*self._errors, self.error] if rolling else [self.error]
+        believed = believed_trail(trail, errors)
         message = pb.Pose(
             position=believed.positions[-1].tolist(),
             quaternion=believed.quaternions[-1].tolist(),

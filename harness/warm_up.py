@@ -16,7 +16,7 @@ import maps
 import planners
 from harness.config import Config
 from harness.robots import find_robot, warm_up_robot
-from models import devices, rays, truth
+from models import devices, range_codec, rays, truth
 from models.robots import ROBOTS
 
 
@@ -36,6 +36,7 @@ def perceive(config: Config) -> None:
     """Of these, what casts rays and makes maps."""
     maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
     devices.warm_up()
+    range_codec.warm_up()
     rays.warm_up()
     truth.warm_up()
 

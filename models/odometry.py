@@ -8,7 +8,9 @@ from the configured figures and the motion it believes in, never from the error 
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,8 +89,7 @@ class OdometryConfig:
             raise ValueError(f"odometry.{name}: got {value:g}, expected {low:g} to {high:g}{unit}")
 
 
-@dataclass(frozen=True)
-class PoseError:
+class PoseError(NamedTuple):
     """Believed less true pose: a shift, and a turn about the vertical through the body.
 
     Attributes:
@@ -99,7 +100,7 @@ class PoseError:
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turn: float = 0.0
 
-    def __add__(self, other: PoseError) -> PoseError:
+    def __add__(self, other: PoseError) -> PoseError:  # type: ignore[override]  # no longer tuple
         x, y, z = self.shift
         dx, dy, dz = other.shift
         return PoseError((x + dx, y + dy, z + dz), self.turn + other.turn)
@@ -141,17 +142,19 @@ class Odometry:
         self._reckons = any((config.scale, config.turn_scale, config.walk, config.turn_walk))
         self._block = -1  # of the draws at hand
         self._walk_spread = _spread(config.walk, config.turn_walk)
-        self._jitter_spread = _spread(config.jitter, config.turn_jitter)
+        jitter_spread = _spread(config.jitter, config.turn_jitter)
         spread = _spread(config.sigma, config.turn_sigma)
         if legs:
-            self._walk_spread[Z] = self._jitter_spread[Z] = 0.0
+            self._walk_spread[Z] = jitter_spread[Z] = 0.0
             spread[Z] = config.legs_sigma
         # Exact discrete form of a first-order Gauss-Markov process (Brown and Hwang, Introduction
         # to Random Signals and Applied Kalman Filtering, section 5.3).
-        self._fresh_spread = math.sqrt(1.0 - self._decay**2) * spread
-        draws = self._draws()
-        self._bounded = spread * draws[1]
-        self._jitter = self._jitter_spread * draws[2]
+        self._jitter_spread = jitter_spread.tolist()
+        self._fresh_spread = (math.sqrt(1.0 - self._decay**2) * spread).tolist()
+        _, bounded, jitter = self._draws()
+        # Lists: four numbers cost an array ten times as much, a hundred times a second.
+        self._bounded = (spread * bounded).tolist()
+        self._jitter = list(map(operator.mul, self._jitter_spread, jitter))
         self._covariance = np.zeros((6, 6))
         self._covariance[SCALE, SCALE] = config.scale**2
         self._covariance[TURN_SCALE, TURN_SCALE] = config.turn_scale**2
@@ -162,16 +165,18 @@ class Odometry:
         step = position - self._position
         turn = math.remainder(heading - self._heading, 2.0 * math.pi)
         self._position, self._heading = position.copy(), heading
-        distance = math.sqrt(float((step * step).sum()))
+        x, y, z = step.tolist()
+        distance = math.sqrt(x * x + y * y + z * z)
         self.travelled += distance
         self._sequence += 1
-        draws = self._draws()
+        walk, bounded, jitter = self._draws()
         if self._reckons:
             believed = self._reckon(step, turn)
             self._propagate(believed, turn * (1.0 + self._scales[1]))
-            self._reckoned += self._walk_spread * math.sqrt(distance) * draws[0]
-        self._bounded = self._decay * self._bounded + self._fresh_spread * draws[1]
-        self._jitter = self._jitter_spread * draws[2]
+            self._reckoned += self._walk_spread * math.sqrt(distance) * walk
+        kept = zip(self._bounded, self._fresh_spread, bounded, strict=True)
+        self._bounded = [self._decay * old + spread * draw for old, spread, draw in kept]
+        self._jitter = list(map(operator.mul, self._jitter_spread, jitter))
 
     def state(self) -> dict[str, Array]:
         """What it keeps between estimates; the scales and draws follow from the seed."""
@@ -180,8 +185,8 @@ class Odometry:
             "position": self._position.copy(),
             "heading": np.array(self._heading),
             "reckoned": self._reckoned.copy(),
-            "bounded": self._bounded.copy(),
-            "jitter": self._jitter.copy(),
+            "bounded": np.array(self._bounded),
+            "jitter": np.array(self._jitter),
             "covariance": self._covariance.copy(),
             "travelled": np.array(self.travelled),
         }
@@ -192,16 +197,16 @@ class Odometry:
         self._position = state["position"].copy()
         self._heading = float(state["heading"])
         self._reckoned = state["reckoned"].copy()
-        self._bounded = state["bounded"].copy()
-        self._jitter = state["jitter"].copy()
+        self._bounded = state["bounded"].tolist()
+        self._jitter = state["jitter"].tolist()
         self._covariance = state["covariance"].copy()
         self.travelled = float(state["travelled"])
 
     @property
     def error(self) -> PoseError:
         """Of the newest estimate, in whole quanta."""
-        total = np.rint((self._reckoned + self._bounded + self._jitter) / QUANTUM) * QUANTUM
-        x, y, z, heading = total.tolist()
+        parts = zip(self._reckoned.tolist(), self._bounded, self._jitter, strict=True)
+        x, y, z, heading = (QUANTUM * round((a + b + c) / QUANTUM) for a, b, c in parts)
         return PoseError((x, y, z), heading)
 
     @property
@@ -244,14 +249,14 @@ class Odometry:
         self._covariance = F @ self._covariance @ F.T
         self._covariance[range(4), range(4)] += walk * walk * math.sqrt(float((step * step).sum()))
 
-    def _draws(self) -> Array:  # (3, 4)
+    def _draws(self) -> list[list[float]]:  # (3, 4)
         """Walk, bounded error and jitter by row; all drawn, so that none shifts another's."""
         block, row = divmod(self._sequence, DRAWN_TOGETHER)
         if block != self._block:
             self._block, rng = block, stream(self._seed, "odometry", block)
-            self._drawn: Array = rng.standard_normal((DRAWN_TOGETHER, 3, 4))
-        draws: Array = self._drawn[row]
-        return draws
+            drawn = rng.standard_normal((DRAWN_TOGETHER, 3, 4))
+            self._drawn: list[list[list[float]]] = drawn.tolist()
+        return self._drawn[row]
 
 
 def _spread(position: float, heading: float) -> Array:  # (4,)

@@ -97,7 +97,8 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
     limits = MotionLimits(
         speed=1.0, acceleration=2.0, jerk=10.0, lateral_acceleration=1.0, yaw_rate=1.0
     )
-    follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, limits, speed_cap=1.0).at(0)
+    trajectory = follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, limits, speed_cap=1.0)
+    trajectory.setpoints(np.zeros(1, np.int64))
     turn_in_place(start, 0, 0.0, 1.0, limits)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planners import profile
+from planners._jit import kernel
 from planners.kernels import Floats, edge_headings, turn_after, wrap
 from planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
 from planners.profile import AxisLimits, Profile, State
@@ -132,14 +133,12 @@ class Trajectory:
     def setpoints(self, times_ns: Integers) -> Setpoints:
         """What `at` tells of many simulated times, shape (n,), of what a controller follows."""
         times = 1e-9 * (times_ns - self.start_ns).astype(np.float64)
-        arc_lengths, speeds = self.motion.motion(times)
+        arcs, speeds = self.motion.motion(times)
         headings, yaw_rates = self.turning.motion(times)
-        last = max(len(self._arcs) - 1, 1)
-        edges = np.searchsorted(self._arcs, arc_lengths, side="right").clip(1, last) - 1
-        tangents = self._tangents[edges]
-        reached = arc_lengths.clip(0.0, self._arcs[-1]) - np.array(self._arcs)[edges]
-        positions = self.path[edges] + reached[:, None] * tangents
-        return Setpoints(positions, speeds[:, None] * tangents, headings, yaw_rates)
+        positions, velocities = np.empty((2, len(times), 3))
+        path = np.ascontiguousarray(self.path)
+        _follow(path, arc_lengths(path), self._tangents, arcs, speeds, positions, velocities)
+        return Setpoints(positions, velocities, headings, yaw_rates)
 
     def facing(self, heading: float) -> "Trajectory":
         """The same way with a heading that stays as it is [rad]."""
@@ -167,6 +166,29 @@ class Trajectory:
         tangent = self._tangents[edge]
         along = min(max(arc_length, 0.0), self._arcs[-1]) - self._arcs[edge]
         return self.path[edge] + along * tangent, tangent
+
+
+@kernel
+def _follow(
+    path: Floats,  # (m, 3)
+    begins: Floats,  # (m,) arc length at each point
+    tangents: Floats,  # (m - 1, 3), of a single point (1, 3)
+    arcs: Floats,  # (n,)
+    speeds: Floats,  # (n,)
+    positions: Floats,  # (n, 3) out
+    velocities: Floats,  # (n, 3) out
+) -> None:
+    """Where arc lengths lead to, in any order; quickest in theirs."""
+    edge = 0
+    for n in range(len(arcs)):
+        while edge > 0 and begins[edge] > arcs[n]:
+            edge -= 1
+        while edge + 2 < len(begins) and begins[edge + 1] <= arcs[n]:
+            edge += 1
+        along = min(max(arcs[n], 0.0), begins[-1]) - begins[edge]
+        for i in range(3):
+            positions[n, i] = path[edge, i] + along * tangents[edge, i]
+            velocities[n, i] = speeds[n] * tangents[edge, i]
 
 
 def follow_path(

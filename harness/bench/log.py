@@ -17,7 +17,7 @@ from google.protobuf.message import Message
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.evidence.replay import replay
-from harness.inputs import decode_ranges, encode_ranges
+from harness.inputs import decode_ranges
 from harness.logs.container import walk
 from harness.logs.log import FLUSH_PERIOD_NS, LogWriter
 from harness.logs.log_copy import time_of, topic_of
@@ -26,6 +26,7 @@ from harness.logs.reader import Head, read_head
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from harness.warm_up import warm_up
+from models import range_codec
 from models.beams import NO_RETURN
 
 ROBOTS = ("quadruped", "drone")
@@ -90,7 +91,7 @@ def bench_log(robot: str, lidar: str) -> Row:
         began, own_began = time.process_time(), time.thread_time()
         _write(folder / "again.mcap", head, messages, "full")
         for image, rows in ranges:
-            encode_ranges(image, rows)
+            range_codec.encode(image, rows)
         logging, own = time.process_time() - began, time.thread_time() - own_began
         replayed, replay_wall = _replay(path)
         sizes = {"full": result.log_mb_per_min}
@@ -144,7 +145,7 @@ def _blur(messages: list[Message]) -> None:
             noisy = np.rint(ranges + rng.normal(0.0, NOISE_MM, len(ranges))).clip(1, 65534)
             hit = (ranges > 0) & (ranges < NO_RETURN)
             blurred = np.where(hit, noisy, ranges).astype(np.uint16)
-            message.ranges = encode_ranges(blurred, message.rows)
+            message.ranges = range_codec.encode(blurred, message.rows)
 
 
 if __name__ == "__main__":

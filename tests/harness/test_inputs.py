@@ -12,10 +12,10 @@ from harness.inputs import (
     SweepInput,
     beams_from_info,
     decode_ranges,
-    encode_ranges,
     inputs_from_messages,
 )
 from harness.schema import wayproof_pb2 as pb
+from models import range_codec
 from models.beams import BeamTable, quantise
 from models.poses import Trail
 
@@ -23,7 +23,7 @@ from models.poses import Trail
 @given(arrays(np.uint16, st.tuples(st.integers(1, 5), st.integers(1, 9))))
 def test_codec_round_trip(image):
     rows, columns = image.shape
-    data = encode_ranges(image.ravel(), rows)
+    data = range_codec.encode(image.ravel(), rows)
     sweep = pb.Sweep(rows=rows, columns=columns, codec=CODEC, ranges=data)
     assert len(data) == 2 * image.size
     assert (decode_ranges(sweep) == image.ravel()).all()
