@@ -12,6 +12,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from google.protobuf.message import Message
 
 from harness.cause import Case, Contact, Moment, find_cause
 from harness.cause.touch import touched
@@ -267,7 +268,7 @@ class Episode:
         message.timestamp.FromNanoseconds(time_ns)
         return message
 
-    def _log_input(self, message: pb.Sweep | pb.Pose | pb.Latency, data: bytes, now: int) -> None:
+    def _log_input(self, message: Message, data: bytes, now: int) -> None:
         topic = topic_of(message)
         self._log.write(topic, message, now, data)
         self._streams.update(topic[1:], data)

@@ -363,6 +363,7 @@ def update_field(
     least_change: NDArray[np.uint16],  # (blocks, nx) of the sections; no change afterwards
     farthest: NDArray[np.uint16],  # (blocks, nx) in, out: greatest value of each block of the field
     squared: NDArray[np.uint16],  # (nx * ny * nz,) out
+    changed: NDArray[np.bool_],  # (blocks, nx) out: true where a value changed
     result: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
     bounds: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
     reached: NDArray[np.uint16],  # (nx,) scratch
@@ -394,22 +395,35 @@ def update_field(
                     greatest = lower(result, sections, place, cells, j, reach)
                 j += 4
             farthest[b, x] = bound(result, bounds, border_distance(x, nx, reach) ** 2)
+            difference = np.uint16(0)
             for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):
                 row, to = np.uint64((y - b * block_rows) * row_cells), np.uint64((x * ny + y) * nz)
                 for z in range(np.uint64(nz)):
+                    difference |= squared[to + z] ^ result[row + z]
                     squared[to + z] = result[row + z]
+            changed[b, x] |= difference != 0
 
 
 @kernel
 def presume(
-    part: tuple[int, int],
-    to_obstacles: NDArray[np.uint16],  # (n,)
-    to_not_free: NDArray[np.uint16],  # (n,)
+    part: tuple[int, int],  # first and one past the last block along y
+    shape: tuple[int, int, int],  # (nx, ny, nz)
+    block_rows: int,
+    changed: NDArray[np.bool_],  # (blocks, nx) where to write anew
+    to_obstacles: NDArray[np.uint16],  # (nx * ny * nz,)
+    to_not_free: NDArray[np.uint16],  # (nx * ny * nz,)
     edge: int,
-    presumed: NDArray[np.uint16],  # (n,)
+    presumed: NDArray[np.uint16],  # (nx * ny * nz,) in, out
 ) -> None:
     """Distances to obstacles, at most `edge` where something not free is nearer than that."""
+    nx, ny, nz = shape
     most = np.uint16(edge)
-    for k in range(np.uint64(part[0]), np.uint64(part[1])):  # unsigned: in whole vectors
-        limit = most if to_not_free[k] < most else np.uint16(0xFFFF)
-        presumed[k] = min(to_obstacles[k], limit)
+    for b in range(part[0], part[1]):
+        first, end = b * block_rows, min(ny, (b + 1) * block_rows)
+        for x in range(nx):
+            if not changed[b, x]:
+                continue
+            # Unsigned: in whole vectors.
+            for k in range(np.uint64((x * ny + first) * nz), np.uint64((x * ny + end) * nz)):
+                limit = most if to_not_free[k] < most else np.uint16(0xFFFF)
+                presumed[k] = min(to_obstacles[k], limit)

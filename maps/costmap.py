@@ -102,6 +102,7 @@ class Costmap:
         self.shape, self.origin = self._cells.shape, self._cells.origin
         self._fields: list[DistanceField] = []
         self._presumed: NDArray[np.uint16] | None = None
+        self._presumed_for: tuple[int, int, DistanceField] | None = None
         self.update(config.inflation_margin)
 
     def update(self, margin: float) -> None:
@@ -165,13 +166,22 @@ class Costmap:
             edge: Squared distance, cells^2.
 
         Returns:
-            (nx, ny, nz), of a body that flies the same array at every call, written anew.
+            (nx, ny, nz), of a body that flies the same array at every call, brought up to date.
         """
+        not_free, obstacles = self._fields
+        wanted = edge, self.truncation, obstacles
+        changed = obstacles.changed | not_free.changed
         if self._presumed is None or self.motion == "ground":
             self._presumed = np.empty(self.shape, np.uint16)
+            changed[:] = True
+        elif self._presumed_for != wanted:
+            changed[:] = True
+        self._presumed_for = wanted
         flat = self._presumed.reshape(-1)
+        layout = obstacles.shape, obstacles.block_rows, changed
         fields = self.obstacle_clearance.reshape(-1), self.clearance.reshape(-1)
-        self._team.share(lambda _, part: presume(part, *fields, edge, flat), len(flat))
+        self._team.share(lambda _, part: presume(part, *layout, *fields, edge, flat), len(changed))
+        obstacles.changed[:] = not_free.changed[:] = False
         return self._presumed
 
     def admissible(self) -> NDArray[np.bool_]:

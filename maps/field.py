@@ -32,6 +32,8 @@ class DistanceField:
         shape: (nx, ny, nz) cells.
         reach: Greatest distance that is told, cells.
         squared: (nx, ny, nz) uint16, squared distances in cells. Others only read it.
+        block_rows: Rows along y that are recomputed together.
+        changed: (blocks, nx) where one of them changed since whoever follows it last cleared this.
     """
 
     def __init__(self, shape: tuple[int, int, int], reach: int, team: Team | None = None) -> None:
@@ -53,10 +55,10 @@ class DistanceField:
         nx, ny, nz = self.shape = shape
         self.reach = reach
         self._team = team or Team(1)
-        self._block_rows = min(BLOCK_ROWS, ny)
+        self.block_rows = min(BLOCK_ROWS, ny)
         self._row_cells = -(-nz // ROW_MULTIPLE) * ROW_MULTIPLE
-        self._blocks, most = -(-ny // self._block_rows), reach * reach
-        blocks, cells = self._blocks, self._block_rows * self._row_cells
+        self._blocks, most = -(-ny // self.block_rows), reach * reach
+        blocks, cells = self._blocks, self.block_rows * self._row_cells
         self.squared = np.empty(shape, np.uint16)
         self._inside = layer_bits(0, nz, nz)
         self._blocked = np.zeros((nx, ny, len(self._inside)), np.uint64)
@@ -69,6 +71,7 @@ class DistanceField:
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
         self._farthest = np.full((blocks, nx), most, np.uint16)
         self._least_change = np.zeros((blocks, nx), np.uint16)  # all is to be computed
+        self.changed = np.ones((blocks, nx), np.bool_)
         self._update_field((0, blocks))
 
     def update(self, blocked: NDArray[np.uint64], x0: int = 0, y0: int = 0) -> None:
@@ -102,10 +105,10 @@ class DistanceField:
         self, part: tuple[int, int], blocked: NDArray[np.uint64], corner: tuple[int, int]
     ) -> None:
         """Take over some planes of a box of columns, and recompute their stale blocks."""
-        blocks, cells = self._blocks, self._block_rows * self._row_cells
-        around = kernels.blocks_around(self.reach, self._block_rows)
+        blocks, cells = self._blocks, self.block_rows * self._row_cells
+        around = kernels.blocks_around(self.reach, self.block_rows)
         pitch = -(-(self._row_cells + self.reach) // 8) * 8  # cells, in whole words
-        work = np.empty((2, 2 * kernels.LONGEST_STEP + self._block_rows * pitch), np.uint8)
+        work = np.empty((2, 2 * kernels.LONGEST_STEP + self.block_rows * pitch), np.uint8)
         kernels.update_sections(
             part,
             blocked,
@@ -113,7 +116,7 @@ class DistanceField:
             self._inside,
             self.reach,
             self.shape[2],
-            self._block_rows,
+            self.block_rows,
             self._row_cells,
             self._blocked,
             self._along_z,
@@ -133,18 +136,19 @@ class DistanceField:
 
     def _update_field(self, part: tuple[int, int]) -> None:
         """Recompute some rows of blocks where the changes of the sections reach."""
-        cells = self._block_rows * self._row_cells
+        cells = self.block_rows * self._row_cells
         kernels.update_field(
             part,
             self.shape,
             self._sections,
             self._nearest_in_section,
             self.reach,
-            self._block_rows,
+            self.block_rows,
             self._row_cells,
             self._least_change,
             self._farthest,
             self.squared.reshape(-1),
+            self.changed,
             np.empty(cells, np.uint16),
             np.empty(cells, np.uint16),
             np.empty(self.shape[0], np.uint16),

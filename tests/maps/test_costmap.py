@@ -360,3 +360,28 @@ def test_compiled_kernels_equal_their_python(voxel_map, monkeypatch):
         monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
     for ours, theirs in zip(compiled, everything(), strict=True):
         np.testing.assert_array_equal(ours, theirs)
+
+
+def assert_presumed(costmap, edge):
+    """By its definition, from the two fields."""
+    unsure = costmap.clearance < edge
+    expected = np.where(
+        unsure, np.minimum(costmap.obstacle_clearance, edge), costmap.obstacle_clearance
+    )
+    np.testing.assert_array_equal(costmap.presumed(edge), expected)
+
+
+@pytest.mark.parametrize("make", [ground, air])
+def test_what_is_presumed_follows_every_change(voxel_map, make):
+    """Worked out anew only where a distance changed, or all of it with the edge or the margin."""
+    rng = np.random.default_rng(1)
+    costmap = make(voxel_map, threads=2)
+    assert_presumed(costmap, 9)
+    for _ in range(20):
+        x, y, z = rng.integers((0, 0, FLOOR), (29, 19, 14))
+        voxel_map.set(np.s_[x : x + 2, y : y + 2, z], rng.choice([FREE, OCCUPIED, UNKNOWN]))
+        costmap.update(0.0)
+        assert_presumed(costmap, 9)
+    for edge, margin in ((12, 0.0), (12, 0.1), (12, 0.0), (9, 0.0)):
+        costmap.update(margin)
+        assert_presumed(costmap, edge)
