@@ -399,9 +399,10 @@ def update_field(
             for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):
                 row, to = np.uint64((y - b * block_rows) * row_cells), np.uint64((x * ny + y) * nz)
                 for z in range(np.uint64(nz)):
-                    difference |= squared[to + z] ^ result[row + z]
-                    squared[to + z] = result[row + z]
-            changed[b, x] |= difference != 0
+                    value = result[row + z]
+                    difference = np.uint16(difference | np.uint16(squared[to + z] ^ value))
+                    squared[to + z] = value
+            changed[b, x] |= difference != np.uint16(0)
 
 
 @kernel
