@@ -15,35 +15,33 @@ WORD_BITS = 64
 
 @kernel
 def project_columns(
-    occupied: NDArray[np.uint64],  # (kx, ky, words) along z
-    free: NDArray[np.uint64],  # (kx, ky, words)
+    occupied: NDArray[np.uint64],  # (nx, ny, words) along z
+    free: NDArray[np.uint64],  # (nx, ny, words)
     below: NDArray[np.uint64],  # (words,) layers under the floor
     footing: NDArray[np.uint64],  # (words,) those that can be stood on: the floor and steps
     band: NDArray[np.uint64],  # (words,) those that the body passes through
-    x0: int,
-    y0: int,
+    part_x: tuple[int, int],  # first and one past the last of the columns to project
+    part_y: tuple[int, int],
     occupied_columns: NDArray[np.uint64],  # (nx, words) along y, in, out
     free_columns: NDArray[np.uint64],  # (nx, words) in, out
 ) -> None:
     """The state of each column of cells for a body that walks on the floor."""
-    columns_x, columns_y, words = occupied.shape
-    nothing = np.uint64(0)
-    for i in range(columns_x):
-        for k in range(columns_y):
+    words, nothing = occupied.shape[2], np.uint64(0)
+    for x in range(part_x[0], part_x[1]):
+        for y in range(part_y[0], part_y[1]):
             blocking = standing = closed = nothing
             for w in range(words):
                 # A beam that went through where the floor should be found a hole.
-                blocking |= (occupied[i, k, w] & band[w]) | (free[i, k, w] & below[w])
-                standing |= occupied[i, k, w] & footing[w]
-                closed |= band[w] & ~free[i, k, w]
-            y = y0 + k
+                blocking |= (occupied[x, y, w] & band[w]) | (free[x, y, w] & below[w])
+                standing |= occupied[x, y, w] & footing[w]
+                closed |= band[w] & ~free[x, y, w]
             word, bit = y // WORD_BITS, np.uint64(1) << np.uint64(y % WORD_BITS)
-            occupied_columns[x0 + i, word] &= ~bit
-            free_columns[x0 + i, word] &= ~bit
+            occupied_columns[x, word] &= ~bit
+            free_columns[x, word] &= ~bit
             if blocking != nothing:
-                occupied_columns[x0 + i, word] |= bit
+                occupied_columns[x, word] |= bit
             elif standing != nothing and closed == nothing:
-                free_columns[x0 + i, word] |= bit
+                free_columns[x, word] |= bit
 
 
 @kernel

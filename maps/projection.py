@@ -37,7 +37,9 @@ class Projection:
     def __init__(self, window: Window) -> None:
         """Start with nothing known."""
         self._window = window
-        self._words = -(-window.shape[2] // WORD_BITS)
+        nx, ny, layers = window.shape
+        self._words = -(-layers // WORD_BITS)
+        self._held = np.zeros((2, nx, ny, self._words), np.uint64)  # occupied and free, along z
         self._stamp = 0  # of the map, when it was last looked at
         self.occupied = np.zeros((*self.rows[:2], -(-self.rows[2] // WORD_BITS)), np.uint64)
         self.free = np.zeros_like(self.occupied)
@@ -52,9 +54,11 @@ class Projection:
         box = self._window.columns_within(boxes)
         if box is None:
             return None
-        low, shape = self._part(*box)
-        grown = voxel_map.grown(low, shape) if isinstance(voxel_map, ClassMargins) else None
-        return self._take(*voxel_map.columns(low, shape), grown, *box)
+        voxel_map.rewrite_columns(self._window.first, boxes, self._held[0], self._held[1])
+        grown = None
+        if isinstance(voxel_map, ClassMargins):
+            grown = voxel_map.grown(*self._part(*box))
+        return self._take(grown, *box)
 
     def _part(self, x: slice, y: slice) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Least cell and size (nx, ny, words) of a box of columns."""
@@ -62,15 +66,8 @@ class Projection:
         shape = x.stop - x.start, y.stop - y.start, self._words
         return (first_x + x.start, first_y + y.start, first_z), shape
 
-    def _take(
-        self,
-        occupied: NDArray[np.uint64],
-        free: NDArray[np.uint64],
-        grown: NDArray[np.uint64] | None,
-        x: slice,
-        y: slice,
-    ) -> Columns:
-        """Take over a box of columns, and what to keep out of besides, if there is any."""
+    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
+        """Take over a box of the columns held, and what to keep out of besides, if there is any."""
         raise NotImplementedError
 
 
@@ -101,22 +98,13 @@ class Airspace(Projection):
         self.shape = self.rows = (*window.shape[:2], end - first)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
         super().__init__(window.layers(first, end))
+        self.occupied, self.free = self._held  # as they are
 
-    def read(self, voxel_map: ColumnMap) -> Columns | None:
-        """The same; the map writes what changed where it is kept."""
-        boxes, self._stamp = voxel_map.changed(self._stamp)
-        box = self._window.columns_within(boxes)
-        if box is not None:
-            voxel_map.rewrite_columns(self._window.first, boxes, self.occupied, self.free)
-            self._keep_out(voxel_map, *box)
-        return box
-
-    def _keep_out(self, voxel_map: ColumnMap, x: slice, y: slice) -> None:
-        """Block what of a box of columns is too near to things that ask for a margin."""
-        if isinstance(voxel_map, ClassMargins):
-            grown = voxel_map.grown(*self._part(x, y))
+    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
+        if grown is not None:
             self.occupied[x, y] |= grown
             self.free[x, y] &= ~grown
+        return x, y
 
 
 class Ground(Projection):
@@ -148,22 +136,15 @@ class Ground(Projection):
         self._band = layer_bits(first, end, end)
         super().__init__(window.layers(0, end))
 
-    def _take(
-        self,
-        occupied: NDArray[np.uint64],
-        free: NDArray[np.uint64],
-        grown: NDArray[np.uint64] | None,
-        x: slice,
-        y: slice,
-    ) -> Columns:
+    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         kernels.project_columns(
-            occupied,
-            free,
+            self._held[0],
+            self._held[1],
             self._below,
             self._footing,
             self._band,
-            x.start,
-            y.start,
+            (x.start, x.stop),
+            (y.start, y.stop),
             self.occupied[:, 0],
             self.free[:, 0],
         )

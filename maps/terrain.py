@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from maps import _label_kernels as labels
 from maps import _terrain_kernels as kernels
-from maps.columns import WORD_BITS, Window
+from maps.columns import Window
 from maps.projection import ROUNDING, Columns, Ground, Projection, walking_layers
 
 BASELINE = 8  # cells: over less, a slope drowns in the height of a cell
@@ -53,21 +53,11 @@ class Terrain(Projection):
         super().__init__(window)
         self._body = floor, first - floor, end - floor
         self._rises = rises(step_height / window.resolution, max_slope)
-        words = -(-window.shape[2] // WORD_BITS)
-        self._held = np.zeros((2, nx, ny, words), np.uint64)  # occupied and free cells
-        self._grown = np.zeros((nx, ny, words), np.uint64)
+        self._grown = np.zeros((nx, ny, self._words), np.uint64)
         self.ground = np.full((nx, ny), floor, np.int16)
         self.seen = np.zeros((nx, ny), np.bool_)
 
-    def _take(
-        self,
-        occupied: NDArray[np.uint64],
-        free: NDArray[np.uint64],
-        grown: NDArray[np.uint64] | None,
-        x: slice,
-        y: slice,
-    ) -> Columns:
-        self._held[0, x, y], self._held[1, x, y] = occupied, free
+    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         new = np.zeros((2, *self.occupied[:, 0].shape), np.uint64)
         kernels.project_terrain(
             self._held[0],
