@@ -331,12 +331,13 @@ class Episode:
             self._simulation.remember()
         mujoco.mj_step(self._scene.model, self._data)
         self._truth.count_contacts(self._data)
-        self._move_others(self._now_ns() - now_ns)
+        self._move_others(now_ns)
 
-    def _move_others(self, step_ns: int) -> None:
+    def _move_others(self, since_ns: int) -> None:
         """Bring what moves by itself to the present."""
         if self._traffic is not None:
-            self._traffic.advance(self._data, self._now_ns(), step_ns)
+            now_ns = self._now_ns()
+            self._traffic.advance(self._data, now_ns, now_ns - since_ns)
 
     def _finish(self, outcome: Outcome, reason: str, wall_time_s: float) -> Result:
         steps = np.diff(np.array(self._positions), axis=0)

@@ -26,22 +26,28 @@ def project_columns(
     free_columns: NDArray[np.uint64],  # (nx, words) in, out
 ) -> None:
     """The state of each column of cells for a body that walks on the floor."""
-    words, nothing = occupied.shape[2], np.uint64(0)
+    words, nothing, one = occupied.shape[2], np.uint64(0), np.uint64(1)
     for x in range(part_x[0], part_x[1]):
-        for y in range(part_y[0], part_y[1]):
-            blocking = standing = closed = nothing
-            for w in range(words):
-                # A beam that went through where the floor should be found a hole.
-                blocking |= (occupied[x, y, w] & band[w]) | (free[x, y, w] & below[w])
-                standing |= occupied[x, y, w] & footing[w]
-                closed |= band[w] & ~free[x, y, w]
-            word, bit = y // WORD_BITS, np.uint64(1) << np.uint64(y % WORD_BITS)
-            occupied_columns[x, word] &= ~bit
-            free_columns[x, word] &= ~bit
-            if blocking != nothing:
-                occupied_columns[x, word] |= bit
-            elif standing != nothing and closed == nothing:
-                free_columns[x, word] |= bit
+        for word in range(part_y[0] // WORD_BITS, (part_y[1] - 1) // WORD_BITS + 1):
+            first = max(part_y[0], word * WORD_BITS)
+            end = min(part_y[1], (word + 1) * WORD_BITS)
+            seen = held = clear = nothing  # a bit for each column
+            bit = one << np.uint64(first % WORD_BITS)
+            for y in range(first, end):
+                blocking = standing = closed = nothing
+                for w in range(words):
+                    # A beam that went through where the floor should be found a hole.
+                    blocking |= (occupied[x, y, w] & band[w]) | (free[x, y, w] & below[w])
+                    standing |= occupied[x, y, w] & footing[w]
+                    closed |= band[w] & ~free[x, y, w]
+                seen |= bit
+                if blocking != nothing:
+                    held |= bit
+                elif standing != nothing and closed == nothing:
+                    clear |= bit
+                bit <<= one
+            occupied_columns[x, word] = (occupied_columns[x, word] & ~seen) | held
+            free_columns[x, word] = (free_columns[x, word] & ~seen) | clear
 
 
 @kernel

@@ -318,7 +318,7 @@ def test_compiled_gait_and_torques_equal_python():
     )
     for name in OBSERVATION.names:
         observation[name][...] = rng.normal(scale=0.2, size=observation[name].shape)
-    inputs = rng.normal(size=12), rng.normal(size=12), rng.normal(size=(4, 3, 3))
+    inputs = *(rng.normal(size=12) for _ in range(3)), rng.normal(size=(4, 3, 3))
     for _ in range(300):
         step = gait, geometry, TIMESTEP, rng.normal(size=3), rng.uniform(0.0, 9.0, 4)
         advance(*step, observation, compiled)

@@ -57,6 +57,7 @@ class QuadrotorController:
         motors = [model.actuator(prefix + name) for name, *_ in ROTORS]
         self._controls = np.array([motor.id for motor in motors])
         self._activations = np.array([int(motor.actadr[0]) for motor in motors])
+        self._data: mujoco.MjData | None = None
         self._setpoint = np.zeros(4)
         self._command = np.zeros(4)
         self._drag = np.zeros(3)
@@ -107,12 +108,15 @@ class QuadrotorController:
         self._setpoint[:] = x, y, z, setpoint.heading
         if not isfinite(x + y + z + setpoint.heading):
             raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
+        if data is not self._data:
+            self._data, self._views = data, self._views_of(data)
+        qpos, qvel, controls, force = self._views
         fly(
             *self._packed,
             self.reference,
             self._setpoint,
-            data.qpos[self._qpos],
-            data.qvel[self._qvel],
+            qpos,
+            qvel,
             self.wind,
             self._integral,
             self._lag,
@@ -120,8 +124,16 @@ class QuadrotorController:
             self._command,
             self._drag,
         )
-        data.ctrl[self._controls] = self._command
-        data.xfrc_applied[self.body, :3] = self._drag
+        controls[self._controls] = self._command
+        force[:] = self._drag
+
+    def _views_of(self, data: mujoco.MjData) -> tuple[Array, Array, Array, Array]:
+        """Pose, velocity, controls and force on the body: to look them up costs as much as to fly.
+
+        Of a simulation they stay the same arrays.
+        """
+        force = data.xfrc_applied[self.body, :3]
+        return data.qpos[self._qpos], data.qvel[self._qvel], data.ctrl, force
 
     def apply_drag(self, data: mujoco.MjData) -> None:
         """Write the plant's drag as the external force on the base; no part of control."""

@@ -21,7 +21,7 @@ from models.robots.quadruped.rigid_body import composite_rigid_body
 from models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from models.robots.quadruped.torque import joint_torques
 from models.robots.quadruped.tracking import Tracker
-from models.robots.quadruped.wiring import wire
+from models.robots.quadruped.wiring import views_of, wire
 from models.robots.robot import Setpoint
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class QuadrupedController:
         self._model = model
         self._wiring = wire(model, prefix)
         self._standing = np.array(4 * standing_joints(self.parameters.geometry, gait.height))
-        self._joints = slice(self._wiring.dofs.start + 6, self._wiring.dofs.stop)
+        self._data: mujoco.MjData | None = None
         root = self._wiring.qpos.start, self._wiring.dofs.start
         self.body = composite_rigid_body(model, *root, self._standing)
         self._inverse_inertia = np.linalg.inv(self.body.inertia).astype(np.float64)
@@ -141,21 +141,22 @@ class QuadrupedController:
         self._act(data, velocity_command)
 
     def _observe(self, data: mujoco.MjData) -> None:
-        qpos, qvel = data.qpos[self._wiring.qpos], data.qvel[self._wiring.dofs]
+        if data is not self._data:
+            self._data, self._views = data, views_of(data, self._wiring)
+        qpos, qvel = self._views.qpos, self._views.qvel
         observe(self._geometry, self.body.centre, qpos, qvel, self._observation)
         if self._tick == 0:
             begin(self._geometry, self._observation, self._memory)
 
     def _act(self, data: mujoco.MjData, command: Array) -> None:
         body, records = (self._gait, self._geometry), (self._observation, self._memory)
-        touch = data.sensordata[self._wiring.touch]
-        advance(*body, self._timestep, command, touch, *records)
+        advance(*body, self._timestep, command, self._views.touch, *records)
         place_feet(*body, *records)
         if self._tick % self._ticks_per_plan == 0:
             self._plan_forces()
         if self._tick % self._ticks_per_inertia == 0:
             self._read_leg_inertia(data)
-        self._write_torques(data)
+        self._write_torques()
         self._tick += 1
 
     def _plan_forces(self) -> None:
@@ -189,17 +190,17 @@ class QuadrupedController:
             first = self._wiring.dofs.start + 6 + 3 * leg
             self._leg_inertia[leg] = self._mass_matrix[first : first + 3, first : first + 3]
 
-    def _write_torques(self, data: mujoco.MjData) -> None:
-        joints = self._joints
-        bias = data.qfrc_bias[joints] - data.qfrc_passive[joints]
+    def _write_torques(self) -> None:
+        joints = self._views
         joint_torques(
             self._gait,
             self._legs,
             self._motors,
-            data.qvel[joints],
-            bias,
+            joints.rates,
+            joints.bias,
+            joints.passive,
             self._leg_inertia,
             self._observation,
             self._memory,
-            data.ctrl[self._wiring.controls],
+            joints.torques,
         )

@@ -20,6 +20,7 @@ def joint_torques(
     motors: Any,
     joint_velocity: Array,
     bias: Array,
+    passive: Array,
     leg_inertia: Array,
     observations: Any,
     memories: Any,
@@ -32,7 +33,8 @@ def joint_torques(
         gains: (1,) of the legs, packed.
         motors: (1,) torque and speed limits, packed.
         joint_velocity: (12,) rad/s.
-        bias: (12,) torque that gravity, Coriolis forces and joint friction need at rest, Nm.
+        bias: (12,) torque that gravity and Coriolis forces need, Nm.
+        passive: (12,) torque of springs and dampers in the joints, Nm.
         leg_inertia: (4, 3, 3) joint-space inertia of each leg, kg m^2.
         observations: (1,) this tick's `OBSERVATION` record.
         memories: (1,) `MEMORY` record.
@@ -57,7 +59,7 @@ def joint_torques(
         else:
             _reach_down(legs, leg, observation, memory, force)
         for i in range(3):
-            demand = bias[joint + i] - damping * joint_velocity[joint + i]
+            demand = bias[joint + i] - passive[joint + i] - damping * joint_velocity[joint + i]
             for j in range(3):
                 demand += J[j, i] * force[j] + leg_inertia[leg, i, j] * acceleration[j]
             torque[joint + i] = limit_torque(actuators, i, demand, joint_velocity[joint + i])

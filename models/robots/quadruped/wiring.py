@@ -6,8 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from models.robots.quadruped.parameters import JOINTS, LEGS
+
+Array = NDArray[np.float64]
 
 
 class Wiring(NamedTuple):
@@ -24,6 +28,44 @@ class Wiring(NamedTuple):
     dofs: slice
     controls: slice
     touch: slice
+
+
+class Views(NamedTuple):
+    """What the robot reads and writes at every physics step, of one `MjData`.
+
+    To look a field up and to slice it anew takes as long as a kernel.
+
+    Attributes:
+        qpos: (19,) free joint and joint angles.
+        qvel: (18,) free joint and joint rates.
+        rates: (12,) joint rates, rad/s.
+        bias: (12,) MuJoCo's `qfrc_bias` of the joints, Nm.
+        passive: (12,) its `qfrc_passive`, Nm.
+        touch: (4,) normal forces on the feet, N.
+        torques: (12,) controls, Nm, to be written.
+    """
+
+    qpos: Array
+    qvel: Array
+    rates: Array
+    bias: Array
+    passive: Array
+    touch: Array
+    torques: Array
+
+
+def views_of(data: mujoco.MjData, wiring: Wiring) -> Views:
+    """The robot's parts of the arrays of a simulation."""
+    joints = slice(wiring.dofs.start + 6, wiring.dofs.stop)
+    return Views(
+        qpos=data.qpos[wiring.qpos],
+        qvel=data.qvel[wiring.dofs],
+        rates=data.qvel[joints],
+        bias=data.qfrc_bias[joints],
+        passive=data.qfrc_passive[joints],
+        touch=data.sensordata[wiring.touch],
+        torques=data.ctrl[wiring.controls],
+    )
 
 
 def wire(model: mujoco.MjModel, prefix: str) -> Wiring:
