@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from google.protobuf.message import Message
@@ -50,10 +51,16 @@ class Pose:
     position_sigma: float
     trail: Trail | None = None
 
+    @cached_property
+    def rotation(self) -> NDArray[np.float64]:
+        """R_world_base, (3, 3)."""
+        R_world_base: NDArray[np.float64] = rotation_matrices(self.quaternion[None])[0]
+        return R_world_base
+
     @property
     def heading(self) -> float:
         """Yaw, rad."""
-        w, x, y, z = self.quaternion
+        w, x, y, z = self.quaternion.tolist()
         return heading_of(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
@@ -121,7 +128,7 @@ class Beams:
 
     def _poses(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where the sensor is believed to have been: (m, 3) in m and (m, 3, 3), world."""
-        positions, rotations = pose.position[None], rotation_matrices(pose.quaternion[None])
+        positions, rotations = pose.position[None], pose.rotation[None]
         if self.table.moments > 1:
             if pose.trail is None:
                 raise InputError("pose without a trail, expected one for a rolling shutter")

@@ -165,8 +165,8 @@ def _poses(
     if m > 1 and pattern.moments.max() >= m:
         raise ValueError(f"moments: got up to {pattern.moments.max()}, expected less than {m}")
     # Copies, as numba compiles anew for arrays that may not be written to.
-    o = np.array(np.broadcast_to(o, (m, 3)), order="C")
-    return o, np.array(np.broadcast_to(R, (m, 3, 3)), order="C")
+    o, R = (np.repeat(one, m // len(one), axis=0) for one in (o, R))
+    return o, R
 
 
 def _several(name: str, got: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -65,7 +65,8 @@ class Geometry:
 
     def refresh(self, data: mujoco.MjData) -> None:
         """Take over the poses of all that can move."""
-        self._take(data, self._moving_rows, self._moving_ids)
+        if len(self._moving_rows):
+            self._take(data, self._moving_rows, self._moving_ids)
 
     def _take(self, data: mujoco.MjData, rows: NDArray[np.intp], ids: NDArray[np.int32]) -> None:
         self.geoms.positions[rows] = data.geom_xpos[ids]
