@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import struct
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -26,19 +24,15 @@ from harness.logs.log import LogWriter
 from harness.logs.log_copy import thin, topic_of
 from harness.logs.streams import CONTROL, StreamHashes
 from harness.mujoco_warnings import tell_warnings
-from harness.odometry import Estimate
+from harness.plant import Plant
 from harness.result import Outcome, Result
-from harness.scenario import Scenario, decision_period, sensor_info
+from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
-from harness.setpoints import SetpointsAhead
 from harness.stack.navigator import Navigator, build_navigator
-from harness.state import Simulation, Stateful, StepPoses, restore_parts, state_message
+from harness.state import Stateful, restore_parts, state_message
 from models import range_codec
 from models.poses import Trail
-from models.robots import Setpoint
 from models.sensors import ROBOT_GROUP, Caster
-from models.truth import Truth
-from models.worlds import Traffic
 from planners import Trajectory
 
 Observer = Callable[[pb.Decision, pb.Truth], None]
@@ -103,45 +97,25 @@ class Episode:
         self._scene = scene = scenario.scene
         self._log = log
         self._observe = observe
-        self._data = mujoco.MjData(scene.model)
-        start, heading = np.array(scenario.mission.start), scenario.mission.start_heading
-        scene.controller.reset(self._data, start, heading)
-        self._truth = Truth(scene.model, scene.base, scene.floor)
-        self._simulation = Simulation(scene.model, self._data)
-        movers, radius = scenario.world.movers, scenario.spec.radius
-        self._traffic = Traffic(scene.model, movers, scene.base, radius) if movers else None
-        self._move_others(0)
-        self._judge = Judge(scenario, self._data, self._truth)
         self._navigator = navigator
-        self._following = self._navigator.trajectory
-        self._on_the_way: deque[tuple[int, Trajectory]] = deque()  # ns of their arrival
-        base = int(scene.model.body_jntadr[scene.base])
-        first = int(scene.model.jnt_qposadr[base])
-        self._base_coordinates = slice(first, first + 7)
-        # Poses of the base before each physics step of one decision period, for rolling shutters.
-        self._steps: deque[np.ndarray] = deque(maxlen=_steps_a_decision(scenario))
-        timestep, steps = float(scene.model.opt.timestep), _steps_a_decision(scenario)
-        self._ahead = SetpointsAhead(round(timestep * 1e9), steps)
-        legs = scenario.mission.motion == "ground"
-        self._estimate = Estimate(scenario.config, timestep, steps, start, heading, legs)
+        self._plant = plant = Plant(scenario, navigator.trajectory)
+        self._judge = Judge(scenario, plant.data, plant.truth)
         self._interference = Interference(scenario.config, scene)
         sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
         self._streams = StreamHashes([*sensors, "pose", "latency", "world", CONTROL])
         self._streams.update("world", scene.mjcf.encode())
         self._world = np.flatnonzero(scene.model.geom_group != ROBOT_GROUP)
         self.parts: dict[str, Stateful] = {  # all that a fork must restore, in this order
-            "simulation": self._simulation,
+            "simulation": plant.simulation,
             "controller": scene.controller,
-            "truth": self._truth,
-            "estimate": self._estimate,
+            "truth": plant.truth,
+            "estimate": plant.estimate,
             "streams": self._streams,
         }
-        if self._traffic is not None:
-            self.parts["traffic"] = self._traffic
-        self._rolling = any(caster.table.moments > 1 for caster in scene.casters)
-        if self._rolling:
-            self.parts["steps"] = StepPoses(self._steps)
-        self._asked: list[bytes] = []  # of the body since the last decision
+        if plant.traffic is not None:
+            self.parts["traffic"] = plant.traffic
+        if plant.rolling:
+            self.parts["steps"] = plant.steps
         self.delays: dict[int, float] = {}  # by sequence, in place of what is measured
         self._sequence = 0
         self._misses = 0
@@ -170,9 +144,9 @@ class Episode:
         self._sequence = len(decisions)
         if state is not None:
             restore_parts(self.parts, state)
-            if self._traffic is not None:  # moved on after the step that MuJoCo's state begins with
-                self._traffic.show(self._data)
-        self._on_the_way.extend(trajectories)  # the ones that began leave the queue by themselves
+            if (traffic := self._plant.traffic) is not None:
+                traffic.show(self._plant.data)  # moved on after the step that MuJoCo repeated
+        self._plant.expect(trajectories)  # the ones that began leave the queue by themselves
         self._misses = sum(decision.deadline_missed for decision in decisions)
         self._positions = [np.array(truth.position) for truth in truths]
         self._clearances = [truth.clearance_m for truth in truths]
@@ -180,25 +154,23 @@ class Episode:
     def run(self) -> Result:
         """Decide at the sensors' rate, step the physics in between, and end with a verdict."""
         began = time.perf_counter()
-        steps_a_decision = _steps_a_decision(self._scenario)
         verdict: Verdict | None = None
         while verdict is None:
             decision = self._decide()
             verdict = self._judge.of_decision(decision, self._positions)
-            for left in reversed(range(steps_a_decision)):
+            for left in reversed(range(self._plant.steps_a_decision)):
                 if verdict is not None:
                     break
-                self._step_physics(remember=left == 0)
+                self._plant.step(remember=left == 0)
                 verdict = self._judge.of_physics()
         return self._finish(*verdict, time.perf_counter() - began)
 
     def _decide(self) -> pb.Decision:
         """Sense, decide and log; the trajectory takes effect when its start time comes."""
-        time_ns = self._now_ns()
-        if self._asked:  # none at the start of a fork, whose state has them
-            self._streams.update(CONTROL, b"".join(self._asked))
-            self._asked.clear()
-        mujoco.mj_kinematics(self._scene.model, self._data)
+        time_ns = self._plant.now_ns
+        if asked := self._plant.asked():  # nothing at the start of a fork, whose state has it
+            self._streams.update(CONTROL, asked)
+        mujoco.mj_kinematics(self._scene.model, self._plant.data)
         sweeps, pose, sense_ms = self._sense(time_ns)
         written = [serialized(message) for message in (*sweeps, pose)]
         inputs = inputs_from_messages(pose, sweeps, written)
@@ -207,7 +179,7 @@ class Episode:
         self._navigator.commit(decision, latency.delay_s)
         if not decision.deadline_missed:
             trajectory = self._navigator.trajectory
-            self._on_the_way.append((arrival_ns(decision, trajectory), trajectory))
+            self._plant.expect([(arrival_ns(decision, trajectory), trajectory)])
         self._misses += decision.deadline_missed
         self._write_state(time_ns)
         for message, data in zip((*sweeps, pose), written, strict=True):
@@ -224,28 +196,20 @@ class Episode:
 
     def _sense(self, time_ns: int) -> tuple[list[pb.Sweep], pb.Pose, float]:
         began = time.perf_counter()
-        trail = self._trail()
-        casters = self._scene.casters
-        arriving = self._interference.arriving(casters, self._sequence)
+        trail, estimate = self._plant.trail(), self._plant.estimate
+        arriving = self._interference.arriving(self._scene.casters, self._sequence)
         sweeps = [self._sweep(caster, trail, time_ns) for caster in arriving]
         sense_ms = (time.perf_counter() - began) * 1e3
-        self._estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
-        pose = self._estimate.pose(trail, self._rolling)
+        estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
+        pose = estimate.pose(trail, self._plant.rolling)
         pose.sequence = self._sequence
         pose.timestamp.FromNanoseconds(time_ns)
         return sweeps, pose, sense_ms
 
-    def _trail(self) -> Trail:
-        """True poses of the base since the sweeps began; the last alone if no shutter rolls."""
-        data, base = self._data, self._scene.base
-        now = np.concatenate([data.xpos[base], data.xquat[base]])
-        stacked = np.array([*self._steps, now] if self._rolling else [now])
-        return Trail(stacked[:, :3], stacked[:, 3:], float(self._scene.model.opt.timestep))
-
     def _sweep(self, caster: Caster, trail: Trail, time_ns: int) -> pb.Sweep:
         table = caster.table
         rows = len(table.rows) if table.order == "grid" else 1
-        sweep = self._data, trail, self._sequence
+        sweep = self._plant.data, trail, self._sequence
         ranges, classes = self._interference.cast(caster, *sweep)
         message = pb.Sweep(
             sequence=self._sequence,
@@ -275,10 +239,11 @@ class Episode:
 
     def _write_streams(self, time_ns: int) -> None:
         """What reached the stack so far as hashes, and what the perturbation did to it."""
-        moved = self._data.geom_xpos[self._world], self._data.geom_xmat[self._world]
+        data = self._plant.data
+        moved = data.geom_xpos[self._world], data.geom_xmat[self._world]
         self._streams.update("world", b"".join(part.tobytes() for part in moved))
         self._log.write("/streams", self._streams.message(self._sequence, time_ns), time_ns)
-        done = self._interference.message(self._sequence, time_ns, self._estimate.added)
+        done = self._interference.message(self._sequence, time_ns, self._plant.estimate.added)
         if done is not None:
             self._log.write("/perturbation", done, time_ns)
 
@@ -290,54 +255,24 @@ class Episode:
             self._log.write("/state", message, time_ns)
 
     def _write_truth(self, time_ns: int) -> pb.Truth:
-        data, base = self._data, self._scene.base
-        clearance = self._truth.clearance(data)
-        self._positions.append(data.xpos[base].copy())
+        plant, truth = self._plant, self._plant.truth
+        clearance = truth.clearance(plant.data)
+        self._positions.append(plant.position.copy())
         self._clearances.append(clearance)
         message = pb.Truth(
             sequence=self._sequence,
-            position=data.xpos[base].tolist(),
-            quaternion=data.xquat[base].tolist(),
-            velocity=data.qvel[:3].tolist(),
+            position=plant.position.tolist(),
+            quaternion=plant.quaternion.tolist(),
+            velocity=plant.data.qvel[:3].tolist(),
             clearance_m=clearance,
-            collisions=self._truth.collisions,
-            struck=self._truth.struck,
+            collisions=truth.collisions,
+            struck=truth.struck,
         )
-        for mover in self._traffic.states() if self._traffic else ():
+        for mover in plant.traffic.states() if plant.traffic else ():
             message.movers.add(**mover._asdict())
         message.timestamp.FromNanoseconds(time_ns)
         self._log.write("/truth", message, time_ns)
         return message
-
-    def _step_physics(self, remember: bool) -> None:
-        """One step of contact physics under the controller's torques and thrusts.
-
-        Args:
-            remember: A decision comes next, so the state before this step is the one to save.
-        """
-        now_ns = self._now_ns()
-        while self._on_the_way and self._on_the_way[0][0] <= now_ns:
-            self._following = self._on_the_way.popleft()[1]
-        pose = self._data.qpos[self._base_coordinates].copy()
-        self._estimate.advance(now_ns, pose[:3], pose[3:])
-        planned = self._ahead.at(self._following, now_ns)
-        setpoint = self._estimate.setpoint(planned, pose[:3])
-        self._asked.append(_as_bytes(setpoint))
-        self._scene.controller.follow(self._data, setpoint)
-        if self._rolling:
-            self._steps.append(pose)
-        self._estimate.remember()
-        if remember:
-            self._simulation.remember()
-        mujoco.mj_step(self._scene.model, self._data)
-        self._truth.count_contacts(self._data)
-        self._move_others(now_ns)
-
-    def _move_others(self, since_ns: int) -> None:
-        """Bring what moves by itself to the present."""
-        if self._traffic is not None:
-            now_ns = self._now_ns()
-            self._traffic.advance(self._data, now_ns, now_ns - since_ns)
 
     def _finish(self, outcome: Outcome, reason: str, wall_time_s: float) -> Result:
         steps = np.diff(np.array(self._positions), axis=0)
@@ -345,11 +280,11 @@ class Episode:
             outcome=outcome,
             reason=reason,
             goal_distance_m=self._judge.goal_distance(),
-            sim_time_s=self._now_ns() * 1e-9,
+            sim_time_s=self._plant.now_ns * 1e-9,
             wall_time_s=wall_time_s,
             decisions=self._sequence,
-            collisions=self._truth.collisions,
-            struck=self._truth.struck,
+            collisions=self._plant.truth.collisions,
+            struck=self._plant.truth.struck,
             min_clearance_m=min(self._clearances),
             path_length_m=float(np.linalg.norm(steps, axis=1).sum()),
             route_length_m=self._scenario.route_length(),
@@ -365,7 +300,7 @@ class Episode:
         """A failure's cause; of a forked episode `explain` works it out from the whole log."""
         if result.outcome == "success":
             return result
-        contact = touched(self._scene, self._data) if result.outcome == "collision" else None
+        contact = touched(self._scene, self._plant.data) if result.outcome == "collision" else None
         result = replace(result, contact="" if contact is None else str(contact))
         if len(self._moments) < self._sequence or result.outcome == "error":
             return result
@@ -392,15 +327,6 @@ class Episode:
             space=TrueSpace(self._scene.mjcf),
         )
 
-    def _now_ns(self) -> int:
-        return round(float(self._data.time) * 1e9)
-
-
-def _as_bytes(setpoint: Setpoint) -> bytes:
-    """All of it: where two trajectories begin alike, they may ask for other speeds already."""
-    turning = struct.pack("<2d", setpoint.heading, setpoint.yaw_rate)
-    return setpoint.position.tobytes() + setpoint.velocity.tobytes() + turning
-
 
 def stretch_of(scenario: Scenario, begin: int = 0) -> Stretch:
     """What a scenario's stack decides, from a decision on."""
@@ -421,7 +347,3 @@ def _delay(config: LatencyConfig, stages: pb.StageLatency) -> float:
         return config.expected
     measured = stages.sense_ms + stages.map_ms + stages.costmap_ms + stages.plan_ms
     return math.ceil(measured) * 1e-3
-
-
-def _steps_a_decision(scenario: Scenario) -> int:
-    return round(decision_period(scenario) / float(scenario.scene.model.opt.timestep))

@@ -83,15 +83,23 @@ class Simulation:
 
 
 class StepPoses:
-    """The base's poses before each physics step of one decision period, for rolling shutters."""
+    """The base's poses before each physics step of one decision period, for rolling shutters.
 
-    def __init__(self, poses: deque[NDArray[np.float64]]) -> None:
-        """Keep the episode's own deque."""
-        self._poses = poses
+    Attributes:
+        poses: (7,) each, oldest first.
+    """
+
+    def __init__(self, steps: int) -> None:
+        """Keep so many of them, the latest."""
+        self.poses: deque[NDArray[np.float64]] = deque(maxlen=steps)
+
+    def append(self, pose: NDArray[np.float64]) -> None:
+        """Keep a pose (7,), and forget the oldest for it."""
+        self.poses.append(pose)
 
     def state(self) -> Arrays:
         """The poses (n, 7), oldest first."""
-        return {"poses": np.array(self._poses).reshape(-1, 7)}
+        return {"poses": np.array(self.poses).reshape(-1, 7)}
 
     def restore(self, state: Arrays) -> None:
         """Put them back; where none were kept, for no shutter rolled, the body stood still.
@@ -99,12 +107,12 @@ class StepPoses:
         Raises:
             ValueError: They are no poses.
         """
-        self._poses.clear()
+        self.poses.clear()
         if "poses" not in state:
             return
         if state["poses"].shape[1:] != (7,):
             raise ValueError(f"got shape {state['poses'].shape}, expected (n, 7)")
-        self._poses.extend(state["poses"])
+        self.poses.extend(state["poses"])
 
 
 def state_message(parts: Mapping[str, Stateful], sequence: int) -> pb.State:
