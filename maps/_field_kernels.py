@@ -363,7 +363,7 @@ def update_field(
     least_change: NDArray[np.uint16],  # (blocks, nx) of the sections; no change afterwards
     farthest: NDArray[np.uint16],  # (blocks, nx) in, out: greatest value of each block of the field
     squared: NDArray[np.uint16],  # (nx * ny * nz,) out
-    changed: NDArray[np.bool_],  # (blocks, nx) out: true where a value changed
+    renewed: NDArray[np.bool_],  # (blocks, nx) out: true where values may have changed
     result: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
     bounds: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
     reached: NDArray[np.uint16],  # (nx,) scratch
@@ -395,14 +395,11 @@ def update_field(
                     greatest = lower(result, sections, place, cells, j, reach)
                 j += 4
             farthest[b, x] = bound(result, bounds, border_distance(x, nx, reach) ** 2)
-            difference = np.uint16(0)
+            renewed[b, x] = True
             for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):
                 row, to = np.uint64((y - b * block_rows) * row_cells), np.uint64((x * ny + y) * nz)
                 for z in range(np.uint64(nz)):
-                    value = result[row + z]
-                    difference = np.uint16(difference | np.uint16(squared[to + z] ^ value))
-                    squared[to + z] = value
-            changed[b, x] |= difference != np.uint16(0)
+                    squared[to + z] = result[row + z]
 
 
 @kernel
@@ -410,7 +407,7 @@ def presume(
     part: tuple[int, int],  # first and one past the last block along y
     shape: tuple[int, int, int],  # (nx, ny, nz)
     block_rows: int,
-    changed: NDArray[np.bool_],  # (blocks, nx) where to write anew
+    renewed: NDArray[np.bool_],  # (blocks, nx) where to write anew
     to_obstacles: NDArray[np.uint16],  # (nx * ny * nz,)
     to_not_free: NDArray[np.uint16],  # (nx * ny * nz,)
     edge: int,
@@ -422,7 +419,7 @@ def presume(
     for b in range(part[0], part[1]):
         first, end = b * block_rows, min(ny, (b + 1) * block_rows)
         for x in range(nx):
-            if not changed[b, x]:
+            if not renewed[b, x]:
                 continue
             # Unsigned: in whole vectors.
             for k in range(np.uint64((x * ny + first) * nz), np.uint64((x * ny + end) * nz)):

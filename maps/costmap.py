@@ -170,18 +170,18 @@ class Costmap:
         """
         not_free, obstacles = self._fields
         wanted = edge, self.truncation, obstacles
-        changed = obstacles.changed | not_free.changed
+        renewed = obstacles.renewed | not_free.renewed
         if self._presumed is None or self.motion == "ground":
             self._presumed = np.empty(self.shape, np.uint16)
-            changed[:] = True
+            renewed[:] = True
         elif self._presumed_for != wanted:
-            changed[:] = True
+            renewed[:] = True
         self._presumed_for = wanted
         flat = self._presumed.reshape(-1)
-        layout = obstacles.shape, obstacles.block_rows, changed
+        layout = obstacles.shape, obstacles.block_rows, renewed
         fields = self.obstacle_clearance.reshape(-1), self.clearance.reshape(-1)
-        self._team.share(lambda _, part: presume(part, *layout, *fields, edge, flat), len(changed))
-        obstacles.changed[:] = not_free.changed[:] = False
+        self._team.share(lambda _, part: presume(part, *layout, *fields, edge, flat), len(renewed))
+        obstacles.renewed[:] = not_free.renewed[:] = False
         return self._presumed
 
     def admissible(self) -> NDArray[np.bool_]:

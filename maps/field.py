@@ -34,7 +34,7 @@ class DistanceField:
         reach: Greatest distance that is told, cells.
         squared: (nx, ny, nz) uint16, squared distances in cells. Others only read it.
         block_rows: Rows along y that are recomputed together.
-        changed: (blocks, nx) where one of them changed since whoever follows it last cleared this.
+        renewed: (blocks, nx) which of them were, since whoever follows it last cleared this.
     """
 
     def __init__(self, shape: tuple[int, int, int], reach: int, team: Team | None = None) -> None:
@@ -73,7 +73,7 @@ class DistanceField:
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
         self._farthest = np.full((blocks, nx), most, np.uint16)
         self._least_change = np.zeros((blocks, nx), np.uint16)  # all is to be computed
-        self.changed = np.ones((blocks, nx), np.bool_)
+        self.renewed = np.ones((blocks, nx), np.bool_)
         self._update_field((0, blocks))
 
     def update(self, blocked: NDArray[np.uint64], x0: int = 0, y0: int = 0) -> None:
@@ -150,7 +150,7 @@ class DistanceField:
             self._least_change,
             self._farthest,
             self.squared.reshape(-1),
-            self.changed,
+            self.renewed,
             _on_cache_lines(cells),
             np.empty(cells, np.uint16),
             np.empty(self.shape[0], np.uint16),
