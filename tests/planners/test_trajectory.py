@@ -11,10 +11,12 @@ from planners import (
     blend_corners,
     follow_path,
     hold,
+    profile,
     remaining,
     speed_limits,
     stop_along,
     stopping_distance,
+    trajectory,
     turn_in_place,
 )
 from planners.kernels import edge_headings, heading_of, turn_after, wrap
@@ -256,3 +258,26 @@ def test_steep_edges_keep_the_heading_and_turns_are_not_counted_twice():
     turned = turn_after(targets, 0.0, 0.1)
     assert turned == pytest.approx([0.0, 0.05, 0.15, 0.25, 0.15])
     assert turn_after.py_func(targets, 0.0, 0.1).tobytes() == turned.tobytes()
+
+
+@pytest.mark.parametrize("points", [1, 2, 9])
+@pytest.mark.parametrize("ordered", [True, False])
+@pytest.mark.parametrize("interpreted", [False, True])
+def test_setpoints_are_what_samples_tell_one_by_one(points, ordered, interpreted, monkeypatch):
+    """To the bit, before the begin and past the end too, and by the interpreter as compiled."""
+    if interpreted:
+        monkeypatch.setattr(profile, "_sample", profile._sample.py_func)
+        monkeypatch.setattr(trajectory, "_follow", trajectory._follow.py_func)
+    rng = np.random.default_rng(points)
+    for _ in range(10):
+        path = np.cumsum(rng.normal(0.0, 0.7, (points, 3)), axis=0)
+        begin = int(rng.integers(0, 5_000 * MS))
+        way = follow_path(path, begin, 0.1, 0.3, 0.2, float(rng.normal()), DRONE, 1.5)
+        times = begin + rng.integers(-300 * MS, round(way.duration_s * 1e9) + 300 * MS, 80)
+        asked = np.sort(times) if ordered else times
+        told = way.setpoints(asked)
+        samples = [way.at(time) for time in asked.tolist()]
+        fields = ("position", "velocity", "heading", "yaw_rate")
+        for name, field in zip(told._fields, fields, strict=True):
+            expected = np.array([getattr(sample, field) for sample in samples])
+            np.testing.assert_array_equal(getattr(told, name), expected)
