@@ -21,8 +21,8 @@ STAGES = ("sense", "map", "costmap", "plan")
 ROBOTS = ("quadruped", "drone")
 LIGHT = ("sensors.lidar=own", "map.resolution=0.1")
 DENSE = ("sensors.lidar=ideal-lidar-dense", "map.resolution=0.05")
-LOADS = (LIGHT, DENSE, (*DENSE, "threads=2"))
-"""Settings of the lighter and of the heavier episodes, these on one core and on two."""
+LOADS = {"light": LIGHT, "dense": DENSE, "dense-on-two": (*DENSE, "threads=2")}
+"""Settings of the lighter and of the heavier episodes, these on one core and on two, by name."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +57,22 @@ class Row:
     decision_ms_p99: float
 
 
-def bench_loop(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Run episodes of both robots under both loads; one row (see `Row`) for each.
+def bench_loop(
+    repeats: int, seed: int, progress: Callable[[str], None], only: str | None = None
+) -> list[dict[str, Any]]:
+    """Run episodes of both robots under all loads; one row (see `Row`) for each.
 
     Args:
         repeats: Number of episodes for each row.
         seed: Of the first.
         progress: Told what is going on.
+        only: The load that is measured alone.
     """
     rows = []
     for robot in ROBOTS:
-        for settings in LOADS:
-            rows.append(asdict(_measure(robot, settings, range(seed, seed + repeats), progress)))
+        for load in [only] if only else LOADS:
+            seeds = range(seed, seed + repeats)
+            rows.append(asdict(_measure(robot, LOADS[load], seeds, progress)))
     return rows
 
 

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from harness.bench.crossing import bench_crossing
 from harness.bench.episodes import bench_delays, bench_planners, bench_policies
-from harness.bench.loop import bench_loop
+from harness.bench.loop import LOADS, bench_loop
 from harness.bench.map import PARTS as MAP_PARTS
 from harness.bench.map import bench_map
 from harness.bench.plan import bench_plan
@@ -53,7 +53,7 @@ class Stage(NamedTuple):
 STAGES: dict[str, Stage] = {
     "crossing": Stage(bench_crossing, 10, keeps=True),
     "delays": Stage(bench_delays, 2),
-    "loop": Stage(bench_loop, 3),
+    "loop": Stage(bench_loop, 3, parts=LOADS),
     "map": Stage(bench_map, 15, parts=MAP_PARTS),
     "plan": Stage(bench_plan, 15),
     "planners": Stage(bench_planners, 12),

@@ -52,7 +52,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keep each episode's row in FILE, and go on from the rows in it: crossing, worlds",
     )
     parser.add_argument(
-        "--only", metavar="PART", help="one part alone; a wrong one lists them: map, robots"
+        "--only", metavar="PART", help="one part alone; a wrong one lists them: loop, map, robots"
     )
     add_log_folder(parser)
 

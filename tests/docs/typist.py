@@ -75,7 +75,8 @@ STAGES_SMALLER = {
     "plan": "--repeats 2".split(),
     "map": "--repeats 1 --only ghosts".split(),
     "robots": "--repeats 1 --only hover".split(),
-    **dict.fromkeys(("loop", "rays"), "--repeats 1".split()),
+    "loop": "--repeats 1 --only light".split(),
+    "rays": "--repeats 1".split(),
 }
 """What else is typed for a stage of `bench`: one episode or problem after those that are kept."""
 

@@ -177,4 +177,20 @@ def test_one_part_alone(capsys):
     assert main(["bench", "map", "--only", "hover"]) == 2
     assert "unknown part of bench map 'hover' (available: accuracy, " in capsys.readouterr().err
     assert main(["bench", "rays", "--only", "hover"]) == 2
-    assert "--only: got bench rays, expected one of: map, robots" in capsys.readouterr().err
+    assert "--only: got bench rays, expected one of: loop, map, robots" in capsys.readouterr().err
+
+
+def test_whole_episodes_under_one_load(capsys):
+    assert main(["bench", "loop", "--repeats", "1", "--only", "light", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["robot"] for row in rows] == ["quadruped", "drone"]
+    for row in rows:
+        assert row["rays"] in range(19_000, 20_001)
+        assert (row["resolution_m"], row["threads"]) == (0.1, 1)
+        assert (row["episodes"], row["reached"]) == (1, 1)
+        assert set(row["stage_ms"]) == {"sense", "map", "costmap", "plan"}
+        assert 0.0 < row["decision_ms_p50"] <= row["decision_ms_p99"]
+        # What a decision takes is part of what an episode of ten decisions a second takes.
+        assert 0.0 < row["realtime_factor"] < 100.0 / sum(row["stage_ms"].values())
+    assert main(["bench", "loop", "--only", "heavy"]) == 2
+    assert "(available: dense, dense-on-two, light)" in capsys.readouterr().err
