@@ -172,9 +172,8 @@ class Costmap:
         wanted = edge, self.truncation, obstacles
         renewed = obstacles.renewed | not_free.renewed
         if self._presumed is None or self.motion == "ground":
-            self._presumed = np.empty(self.shape, np.uint16)
-            renewed[:] = True
-        elif self._presumed_for != wanted:
+            self._presumed, self._presumed_for = np.empty(self.shape, np.uint16), None
+        if self._presumed_for != wanted:
             renewed[:] = True
         self._presumed_for = wanted
         flat = self._presumed.reshape(-1)

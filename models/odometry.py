@@ -149,8 +149,8 @@ class Odometry:
             spread[Z] = config.legs_sigma
         # Exact discrete form of a first-order Gauss-Markov process (Brown and Hwang, Introduction
         # to Random Signals and Applied Kalman Filtering, section 5.3).
-        self._jitter_spread = jitter_spread.tolist()
         self._fresh_spread = (math.sqrt(1.0 - self._decay**2) * spread).tolist()
+        self._jitter_spread = jitter_spread.tolist()
         _, bounded, jitter = self._draws()
         # Lists: four numbers cost an array ten times as much, a hundred times a second.
         self._bounded = (spread * bounded).tolist()
