@@ -1,8 +1,8 @@
 """Compiled kernels of the distance field: one exact pass per axis, over blocks of rows.
 
-A plane of constant x is cut into blocks of a few rows along y; a row holds the cells along z, its
-length rounded up. Blocks are what is recomputed or left. Arrays of cells are flat, and told by an
-unsigned place: a slice of an array would have its references counted, which took 40 % of the time.
+A plane of constant x is cut into blocks of a few rows along y; a row holds the cells along z.
+Blocks are what is recomputed or left. Arrays of cells are flat, and told by an unsigned place: a
+slice of an array would have its references counted, which took 40 % of the time.
 
 All kernels live in this file because a cached kernel is not recompiled when another file changes.
 """
@@ -156,7 +156,6 @@ def measure_rows(
     reach: int,
     nz: int,
     block_rows: int,
-    row_cells: int,
     work: NDArray[np.uint8],  # (2, pad + block_rows * pitch + pad) scratch
     eights: NDArray[np.uint64],  # (2, ...) the same memory
     distances: NDArray[np.uint8],  # out from a place on
@@ -192,12 +191,9 @@ def measure_rows(
         source, target = target, source
         step *= 2
     for row in range(block_rows):
-        first, to = np.uint64(LONGEST_STEP + row * pitch), np.uint64(at + row * row_cells)
-        last = work[source, first + np.uint64(nz - 1)]
+        first, to = np.uint64(LONGEST_STEP + row * pitch), np.uint64(at + row * nz)
         for k in range(np.uint64(nz)):
             distances[to + k] = work[source, first + k]
-        for k in range(np.uint64(nz), np.uint64(row_cells)):
-            distances[to + k] = last  # no cells: they must not hold a value of their own
     return bool(united != nothing)
 
 
@@ -237,18 +233,18 @@ def update_sections(
     reach: int,
     nz: int,
     block_rows: int,
-    row_cells: int,
+    block_cells: int,  # from block to block of the sections
     known: NDArray[np.uint64],  # (nx, ny, words) in, out
-    distances: NDArray[np.uint8],  # (nx * blocks * block_rows * row_cells,) along z, in, out
+    distances: NDArray[np.uint8],  # (nx * blocks * cells,) along z, in, out
     holds_any: NDArray[np.bool_],  # (nx, blocks) whether any cell is blocked, in, out
-    sections: NDArray[np.uint16],  # (blocks * (around + nx + around) * cells,) in, out
+    sections: NDArray[np.uint16],  # (blocks * (around + nx + around) * block_cells,) in, out
     farthest: NDArray[np.uint16],  # (nx, blocks) in, out: greatest value of each block of them
     nearest: NDArray[np.uint16],  # (blocks, around + nx + around) out: least value
     least_change: NDArray[np.uint16],  # (blocks, nx) out: least value that came or went
     along: NDArray[np.uint16],  # ((blocks + 2 around) * cells,) scratch
     work: NDArray[np.uint8],  # (2, 2 * LONGEST_STEP + block_rows * pitch) scratch
     eights: NDArray[np.uint64],  # the same memory
-    result: NDArray[np.uint16],  # (cells,) scratch
+    result: NDArray[np.uint16],  # (block_rows * nz,) scratch
     changes: NDArray[np.int64],  # (blocks, 2) scratch
     stale: NDArray[np.bool_],  # (blocks,) scratch
     squared: NDArray[np.int64],  # (blocks,) scratch: the plane whose squares a block holds
@@ -268,7 +264,7 @@ def update_sections(
                 at = (x * blocks + b) * cells
                 rows = b * block_rows
                 holds_any[x, b] = measure_rows(
-                    known[x], rows, reach, nz, block_rows, row_cells, work, eights, distances, at
+                    known[x], rows, reach, nz, block_rows, work, eights, distances, at
                 )
         find_stale(changes, reach, block_rows, farthest[x], stale)
         for b in range(blocks):
@@ -284,11 +280,11 @@ def update_sections(
             greatest = copy_block(result, along, first)
             j = 1 if any_near else reach
             while j < reach and j * j < greatest:
-                greatest = lower(result, along, first, row_cells, j, reach)
+                greatest = lower(result, along, first, nz, j, reach)
                 j += 4
             farthest[x, b] = greatest
             plane = planes_around(reach) + x
-            at = (b * nearest.shape[1] + plane) * cells
+            at = (b * nearest.shape[1] + plane) * block_cells
             nearest[b, plane], least_change[b, x] = note_result(result, sections, at)
 
 
@@ -327,14 +323,13 @@ def list_bounds(
     rows: tuple[int, int],  # first and one past the last of a block
     shape: tuple[int, int, int],
     reach: int,
-    row_cells: int,
-    bounds: NDArray[np.uint16],  # (block_rows * row_cells,) out
+    bounds: NDArray[np.uint16],  # (block_cells,) out
 ) -> None:
     """Squared distances along y and z to what lies outside; 0 where a block has no cells."""
     _, ny, nz = shape
     fill(bounds, 0)
     for y in range(rows[0], min(rows[1], ny)):
-        across, first = border_distance(y, ny, reach), (y - rows[0]) * row_cells
+        across, first = border_distance(y, ny, reach), (y - rows[0]) * nz
         for z in range(nz):
             least = min(border_distance(z, nz, reach), across)
             bounds[first + z] = least * least
@@ -355,17 +350,16 @@ def bound(result: NDArray[np.uint16], bounds: NDArray[np.uint16], most: int) -> 
 def update_field(
     part: tuple[int, int],  # first and one past the last block along y
     shape: tuple[int, int, int],  # (nx, ny, nz)
-    sections: NDArray[np.uint16],  # (blocks * (around + nx + around) * cells,)
+    sections: NDArray[np.uint16],  # (blocks * (around + nx + around) * block_cells,)
     nearest: NDArray[np.uint16],  # (blocks, around + nx + around)
     reach: int,
     block_rows: int,
-    row_cells: int,
     least_change: NDArray[np.uint16],  # (blocks, nx) of the sections; no change afterwards
     farthest: NDArray[np.uint16],  # (blocks, nx) in, out: greatest value of each block of the field
     squared: NDArray[np.uint16],  # (nx * ny * nz,) out
     renewed: NDArray[np.bool_],  # (blocks, nx) out: true where values may have changed
-    result: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
-    bounds: NDArray[np.uint16],  # (block_rows * row_cells,) scratch
+    result: NDArray[np.uint16],  # (block_cells,) scratch: as long as a block of the sections
+    bounds: NDArray[np.uint16],  # (block_cells,) scratch
     reached: NDArray[np.uint16],  # (nx,) scratch
 ) -> None:
     """The squared distance where changes may reach, from the sections of the planes around.
@@ -375,16 +369,17 @@ def update_field(
     planes that they look at.
     """
     nx, ny, nz = shape
-    cells = result.shape[0]
+    block_cells = result.shape[0]
     for b in range(part[0], part[1]):
         if not spread_changes(least_change[b], reach, reached):
             continue
-        list_bounds((b * block_rows, (b + 1) * block_rows), shape, reach, row_cells, bounds)
+        list_bounds((b * block_rows, (b + 1) * block_rows), shape, reach, bounds)
+        first, cells = b * block_rows * nz, np.uint64(min(block_rows, ny - b * block_rows) * nz)
         for x in range(nx):
             if reached[x] > farthest[b, x]:
                 continue
             at = planes_around(reach) + x
-            place = (b * nearest.shape[1] + at) * cells
+            place = (b * nearest.shape[1] + at) * block_cells
             greatest = copy_block(result, sections, place)
             j = int(np.int64(1))  # a plain 1 would be compiled for itself
             while j < reach and j * j < greatest:
@@ -392,14 +387,13 @@ def update_field(
                 for far in range(j, j + 4):
                     least = min(least, min(nearest[b, at - far], nearest[b, at + far]))
                 if least + j * j < greatest:
-                    greatest = lower(result, sections, place, cells, j, reach)
+                    greatest = lower(result, sections, place, block_cells, j, reach)
                 j += 4
             farthest[b, x] = bound(result, bounds, border_distance(x, nx, reach) ** 2)
             renewed[b, x] = True
-            for y in range(b * block_rows, min(ny, (b + 1) * block_rows)):
-                row, to = np.uint64((y - b * block_rows) * row_cells), np.uint64((x * ny + y) * nz)
-                for z in range(np.uint64(nz)):
-                    squared[to + z] = result[row + z]
+            to = np.uint64(x * ny * nz + first)
+            for k in range(cells):
+                squared[to + k] = result[k]
 
 
 @kernel

@@ -15,7 +15,6 @@ from maps.team import Team
 BLOCK_ROWS = 8
 """Rows along y that are recomputed together; fewer cost more calls, more cost idle work."""
 
-ROW_MULTIPLE = 4  # cells: blocks of eight rows in whole vectors of 256 bits
 CACHE_LINE = 64  # bytes
 
 
@@ -57,9 +56,9 @@ class DistanceField:
         self.reach = reach
         self._team = team or Team(1)
         self.block_rows = min(BLOCK_ROWS, ny)
-        self._row_cells = -(-nz // ROW_MULTIPLE) * ROW_MULTIPLE
         self._blocks, most = -(-ny // self.block_rows), reach * reach
-        blocks, cells = self._blocks, self.block_rows * self._row_cells
+        blocks, cells = self._blocks, self.block_rows * nz
+        self._block_cells = -(-2 * cells // CACHE_LINE) * (CACHE_LINE // 2)  # in whole cache lines
         self.squared = np.empty(shape, np.uint16)
         self._inside = layer_bits(0, nz, nz)
         self._blocked = np.zeros((nx, ny, len(self._inside)), np.uint64)
@@ -67,8 +66,9 @@ class DistanceField:
         self._holds_any = np.zeros((nx, blocks), np.bool_)
         # More planes than there are: those outside hold nothing.
         planes = nx + 2 * kernels.planes_around(reach)
-        self._sections = _on_cache_lines(planes * blocks * cells)
+        self._sections = _on_cache_lines(planes * blocks * self._block_cells)
         self._sections[:] = most
+        self._sections.reshape(-1, self._block_cells)[:, cells:] = 0  # no cells: never the farthest
         self._nearest_in_section = np.full((blocks, planes), most, np.uint16)
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
         self._farthest = np.full((blocks, nx), most, np.uint16)
@@ -107,9 +107,9 @@ class DistanceField:
         self, part: tuple[int, int], blocked: NDArray[np.uint64], corner: tuple[int, int]
     ) -> None:
         """Take over some planes of a box of columns, and recompute their stale blocks."""
-        blocks, cells = self._blocks, self.block_rows * self._row_cells
+        blocks, cells = self._blocks, self.block_rows * self.shape[2]
         around = kernels.blocks_around(self.reach, self.block_rows)
-        pitch = -(-(self._row_cells + self.reach) // 8) * 8  # cells, in whole words
+        pitch = -(-(self.shape[2] + self.reach) // 8) * 8  # cells, in whole words
         work = np.empty((2, 2 * kernels.LONGEST_STEP + self.block_rows * pitch), np.uint8)
         kernels.update_sections(
             part,
@@ -119,7 +119,7 @@ class DistanceField:
             self.reach,
             self.shape[2],
             self.block_rows,
-            self._row_cells,
+            self._block_cells,
             self._blocked,
             self._along_z,
             self._holds_any,
@@ -138,7 +138,6 @@ class DistanceField:
 
     def _update_field(self, part: tuple[int, int]) -> None:
         """Recompute some rows of blocks where the changes of the sections reach."""
-        cells = self.block_rows * self._row_cells
         kernels.update_field(
             part,
             self.shape,
@@ -146,19 +145,18 @@ class DistanceField:
             self._nearest_in_section,
             self.reach,
             self.block_rows,
-            self._row_cells,
             self._least_change,
             self._farthest,
             self.squared.reshape(-1),
             self.renewed,
-            _on_cache_lines(cells),
-            np.empty(cells, np.uint16),
+            _on_cache_lines(self._block_cells),
+            np.empty(self._block_cells, np.uint16),
             np.empty(self.shape[0], np.uint16),
         )
 
 
 def _on_cache_lines(cells: int) -> NDArray[np.uint16]:
-    """An array (cells,) that begins where a cache line does, as blocks of eight rows then do.
+    """An array (cells,) that begins where a cache line does.
 
     A vector of 64 bytes that lies in two lines is read twice: a seventh of a pass along x.
     """
