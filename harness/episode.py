@@ -115,7 +115,7 @@ class Episode:
         if plant.traffic is not None:
             self.parts["traffic"] = plant.traffic
         if plant.rolling:
-            self.parts["steps"] = plant.steps
+            self.parts["steps"] = plant.step_poses
         self.delays: dict[int, float] = {}  # by sequence, in place of what is measured
         self._sequence = 0
         self._misses = 0
@@ -168,7 +168,7 @@ class Episode:
     def _decide(self) -> pb.Decision:
         """Sense, decide and log; the trajectory takes effect when its start time comes."""
         time_ns = self._plant.now_ns
-        if asked := self._plant.asked():  # nothing at the start of a fork, whose state has it
+        if asked := self._plant.take_asked():  # nothing at the start of a fork, whose state has it
             self._streams.update(CONTROL, asked)
         mujoco.mj_kinematics(self._scene.model, self._plant.data)
         sweeps, pose, sense_ms = self._sense(time_ns)

@@ -197,7 +197,9 @@ def inputs_from_messages(
         InputError: A sweep's codec or size is not what it says.
     """
     digest = hashlib.blake2b(digest_size=16)
-    for data in written or [serialized(message) for message in (*sweeps, pose)]:
+    if written is None:
+        written = [serialized(message) for message in (*sweeps, pose)]
+    for data in written:
         digest.update(data)
     return Inputs(
         time_ns=pose.timestamp.ToNanoseconds(),

@@ -34,7 +34,7 @@ class Plant:
         traffic: What moves by itself, if anything does.
         rolling: Whether a sensor's shutter rolls, so that the way since its sweep began matters.
         steps_a_decision: Physics steps from one decision to the next.
-        steps: The base's poses before each of these, for rolling shutters.
+        step_poses: The base's poses before each of these, for rolling shutters.
     """
 
     def __init__(self, scenario: Scenario, trajectory: Trajectory) -> None:
@@ -57,7 +57,7 @@ class Plant:
         legs = mission.motion == "ground"
         self.estimate = Estimate(scenario.config, timestep, steps, start, heading, legs)
         self.rolling = any(caster.table.moments > 1 for caster in scene.casters)
-        self.steps = StepPoses(steps)
+        self.step_poses = StepPoses(steps)
         self._following = trajectory
         self._on_the_way: deque[tuple[int, Trajectory]] = deque()  # ns of their arrival
         self._ahead = SetpointsAhead(round(timestep * 1e9), steps)
@@ -100,7 +100,7 @@ class Plant:
         self._asked.append(_as_bytes(setpoint))
         self._scene.controller.follow(self.data, setpoint)
         if self.rolling:
-            self.steps.append(pose)
+            self.step_poses.append(pose)
         self.estimate.remember()
         if remember:
             self.simulation.remember()
@@ -108,7 +108,7 @@ class Plant:
         self.truth.count_contacts(self.data)
         self._move_others(now_ns)
 
-    def asked(self) -> bytes:
+    def take_asked(self) -> bytes:
         """All that the body was asked for since this was called last."""
         asked = b"".join(self._asked)
         self._asked.clear()
@@ -117,7 +117,7 @@ class Plant:
     def trail(self) -> Trail:
         """True poses of the base since the sweeps began; the last alone if no shutter rolls."""
         now = np.concatenate([self.position, self.quaternion])
-        poses = np.array([*self.steps.poses, now] if self.rolling else [now])
+        poses = np.array([*self.step_poses.poses, now] if self.rolling else [now])
         return Trail(poses[:, :3], poses[:, 3:], self._timestep)
 
     def _move_others(self, since_ns: int) -> None:

@@ -170,7 +170,7 @@ class Costmap:
         """
         not_free, obstacles = self._fields
         wanted = edge, self.truncation, obstacles
-        renewed = obstacles.renewed | not_free.renewed
+        renewed = obstacles.take_renewed() | not_free.take_renewed()
         if self._presumed is None or self.motion == "ground":
             self._presumed, self._presumed_for = np.empty(self.shape, np.uint16), None
         if self._presumed_for != wanted:
@@ -180,7 +180,6 @@ class Costmap:
         layout = obstacles.shape, obstacles.block_rows, renewed
         fields = self.obstacle_clearance.reshape(-1), self.clearance.reshape(-1)
         self._team.share(lambda _, part: presume(part, *layout, *fields, edge, flat), len(renewed))
-        obstacles.renewed[:] = not_free.renewed[:] = False
         return self._presumed
 
     def admissible(self) -> NDArray[np.bool_]:

@@ -33,7 +33,6 @@ class DistanceField:
         reach: Greatest distance that is told, cells.
         squared: (nx, ny, nz) uint16, squared distances in cells. Others only read it.
         block_rows: Rows along y that are recomputed together.
-        renewed: (blocks, nx) which of them were, since whoever follows it last cleared this.
     """
 
     def __init__(self, shape: tuple[int, int, int], reach: int, team: Team | None = None) -> None:
@@ -73,7 +72,7 @@ class DistanceField:
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
         self._farthest = np.full((blocks, nx), most, np.uint16)
         self._least_change = np.zeros((blocks, nx), np.uint16)  # all is to be computed
-        self.renewed = np.ones((blocks, nx), np.bool_)
+        self._renewed = np.ones((blocks, nx), np.bool_)
         self._update_field((0, blocks))
 
     def update(self, blocked: NDArray[np.uint64], x0: int = 0, y0: int = 0) -> None:
@@ -89,6 +88,11 @@ class DistanceField:
             ValueError: The box is not within the window.
         """
         update_together([self], [blocked], x0, y0)
+
+    def take_renewed(self) -> NDArray[np.bool_]:
+        """Which blocks of rows (blocks, nx) were recomputed since this was last called."""
+        renewed, self._renewed = self._renewed, np.zeros_like(self._renewed)
+        return renewed
 
     def check(self, blocked: NDArray[np.uint64], x0: int, y0: int) -> None:
         """Refuse a box of columns that is not within the window.
@@ -148,7 +152,7 @@ class DistanceField:
             self._least_change,
             self._farthest,
             self.squared.reshape(-1),
-            self.renewed,
+            self._renewed,
             _on_cache_lines(self._block_cells),
             np.empty(self._block_cells, np.uint16),
             np.empty(self.shape[0], np.uint16),

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import operator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +88,8 @@ class OdometryConfig:
             raise ValueError(f"odometry.{name}: got {value:g}, expected {low:g} to {high:g}{unit}")
 
 
-class PoseError(NamedTuple):
+@dataclass(frozen=True)
+class PoseError:
     """Believed less true pose: a shift, and a turn about the vertical through the body.
 
     Attributes:
@@ -100,7 +100,7 @@ class PoseError(NamedTuple):
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turn: float = 0.0
 
-    def __add__(self, other: PoseError) -> PoseError:  # type: ignore[override]  # no longer tuple
+    def __add__(self, other: PoseError) -> PoseError:
         x, y, z = self.shift
         dx, dy, dz = other.shift
         return PoseError((x + dx, y + dy, z + dz), self.turn + other.turn)

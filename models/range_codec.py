@@ -9,48 +9,56 @@ from models._jit import kernel
 
 
 def encode(ranges_mm: NDArray[np.uint16], rows: int) -> bytes:
-    """Two bytes for each of the ranges (n,), mm, of so many rows of equal length."""
-    planes = np.empty((2, len(ranges_mm)), np.uint8)
-    write_differences(np.ascontiguousarray(ranges_mm), len(ranges_mm) // rows, planes)
+    """Two bytes for each of the ranges (n,), mm, of so many rows.
+
+    Raises:
+        ValueError: The rows are not of equal length.
+    """
+    image = np.ascontiguousarray(ranges_mm).reshape(rows, -1)
+    planes = np.empty((2, *image.shape), np.uint8)
+    write_differences(image, planes)
     return planes.tobytes()
 
 
 def decode(data: bytes, rows: int) -> NDArray[np.uint16]:
-    """The ranges (n,), mm, of 2 n bytes that `encode` made."""
-    planes = np.frombuffer(data, np.uint8).reshape(2, -1)
-    ranges_mm = np.empty(planes.shape[1], np.uint16)
-    add_differences(planes, planes.shape[1] // rows, ranges_mm)
-    return ranges_mm
+    """The ranges (n,), mm, of 2 n bytes that `encode` made.
+
+    Raises:
+        ValueError: There are not two bytes for each range of equal rows.
+    """
+    planes = np.frombuffer(data, np.uint8).reshape(2, rows, -1)
+    image = np.empty(planes.shape[1:], np.uint16)
+    add_differences(planes, image)
+    return image.reshape(-1)
 
 
 @kernel
 def write_differences(
-    ranges_mm: NDArray[np.uint16],  # (n,)
-    columns: int,
-    planes: NDArray[np.uint8],  # (2, n) out
+    image: NDArray[np.uint16],  # (rows, columns) mm
+    planes: NDArray[np.uint8],  # (2, rows, columns) out
 ) -> None:
     """What each range has more than the one before it in its row; less wraps around."""
-    for first in range(0, len(ranges_mm), columns):
+    for row in range(image.shape[0]):
         before = np.uint16(0)
-        for k in range(first, first + columns):
-            difference = np.uint16(ranges_mm[k] - before)
-            planes[0, k] = np.uint8(difference & np.uint16(0xFF))
-            planes[1, k] = np.uint8(difference >> np.uint16(8))
-            before = ranges_mm[k]
+        for k in range(image.shape[1]):
+            difference = np.uint16(image[row, k] - before)
+            planes[0, row, k] = np.uint8(difference & np.uint16(0xFF))
+            planes[1, row, k] = np.uint8(difference >> np.uint16(8))
+            before = image[row, k]
 
 
 @kernel
 def add_differences(
-    planes: NDArray[np.uint8],  # (2, n)
-    columns: int,
-    ranges_mm: NDArray[np.uint16],  # (n,) out
+    planes: NDArray[np.uint8],  # (2, rows, columns)
+    image: NDArray[np.uint16],  # (rows, columns) mm, out
 ) -> None:
     """Undo `write_differences`."""
-    for first in range(0, len(ranges_mm), columns):
+    for row in range(image.shape[0]):
         so_far = np.uint16(0)
-        for k in range(first, first + columns):
-            so_far += np.uint16(planes[0, k]) | (np.uint16(planes[1, k]) << np.uint16(8))
-            ranges_mm[k] = so_far
+        for k in range(image.shape[1]):
+            low, high = np.uint16(planes[0, row, k]), np.uint16(planes[1, row, k])
+            so_far += low | (high << np.uint16(8))
+            image[row, k] = so_far
 
 
 def warm_up() -> None:

@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from harness.bench import loop
 from harness.bench.rays import SAMPLE, SCENES, disagreement, within
 from harness.bench.stages import STAGES, print_rows
 from harness.cli import main
+from harness.config import Config, override
+from harness.scenario import build
 from models.rays.scenes import RELIEF, clutter, field_terrain, mesh_terrain
 
 FIELDS = [
@@ -192,5 +195,11 @@ def test_whole_episodes_under_one_load(capsys):
         assert 0.0 < row["decision_ms_p50"] <= row["decision_ms_p99"]
         # What a decision takes is part of what an episode of ten decisions a second takes.
         assert 0.0 < row["realtime_factor"] < 100.0 / sum(row["stage_ms"].values())
+    for robot in loop.ROBOTS:
+        for load in ("dense", "dense-on-two"):
+            scenario = build(override(Config(loop.WORLD, robot, 0), loop.LOADS[load]))
+            assert sum(one.table.beams for one in scenario.scene.casters) >= 100_000
+            assert scenario.config.map.resolution == 0.05
+            assert scenario.config.threads == (2 if load == "dense-on-two" else 1)
     assert main(["bench", "loop", "--only", "heavy"]) == 2
     assert "(available: dense, dense-on-two, light)" in capsys.readouterr().err

@@ -20,6 +20,12 @@ from models.beams import BeamTable, quantise
 from models.poses import Trail
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    """Else the first example takes as long as the compiler."""
+    range_codec.warm_up()
+
+
 @given(arrays(np.uint16, st.tuples(st.integers(1, 5), st.integers(1, 9))))
 def test_codec_round_trip(image):
     rows, columns = image.shape
