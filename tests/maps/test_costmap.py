@@ -385,3 +385,24 @@ def test_what_is_presumed_follows_every_change(voxel_map, make):
     for edge, margin in ((12, 0.0), (12, 0.1), (12, 0.0), (9, 0.0)):
         costmap.update(margin)
         assert_presumed(costmap, edge)
+
+
+def test_columns_across_words_are_projected_one_by_one():
+    """150 columns along y lie in three words; boxes that begin and end within them change some."""
+    rng = np.random.default_rng(5)
+    states = np.full((6, 150, 15), FREE, np.uint8)
+    states[:, :, :FLOOR] = UNKNOWN
+    states[:, :, FLOOR] = OCCUPIED
+    wide = DenseMap(states)
+    costmap = ground(wide, high=(0.6, 15.0, 1.125))
+    for y0, y1 in ((0, 150), (60, 70), (63, 64), (64, 128), (100, 150)):
+        odd = rng.random((6, y1 - y0, 15)) < 0.1
+        drawn = rng.choice([FREE, OCCUPIED, UNKNOWN], odd.shape)
+        wide.set(np.s_[:, y0:y1, :], np.where(odd, drawn, states[:, y0:y1]))
+        costmap.update(0.0)
+        band = states[:, :, BODY]
+        blocked = (band == OCCUPIED).any(axis=2) | (states[:, :, :FLOOR] == FREE).any(axis=2)
+        stands = (states[:, :, FLOOR : BODY.start] == OCCUPIED).any(axis=2)
+        clear = stands & (band == FREE).all(axis=2) & ~blocked
+        expected = np.where(blocked, OCCUPIED, np.where(clear, FREE, UNKNOWN))
+        np.testing.assert_array_equal(costmap.state[:, :, 0], expected)
