@@ -8,6 +8,7 @@ from maps.class_margins import ClassMargins
 from maps.columns import states_in
 from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
+from maps.distances import Distances
 from maps.dynamic import DynamicMap
 from maps.grid2d import Grid2D
 from maps.inflation import inflate
@@ -38,6 +39,7 @@ __all__ = [
     "UNLABELLED",
     "ClassMargins",
     "Costmap",
+    "Distances",
     "DynamicMap",
     "Grid2D",
     "MapConfig",
@@ -68,7 +70,9 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
     tiny.counts()
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
     Costmap(config, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
-    Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0).presumed(1)
+    Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0).presumed(
+        1
+    ).whole()
     if labels:
         layer = SemanticLayer(config.resolution, 1, memory_mib=1)
         told = np.zeros(2, np.uint8)

@@ -55,28 +55,35 @@ def note_changes(
 
 
 @kernel
-def find_stale(
+def find_pending(
     changes: NDArray[np.int64],  # (blocks, 2)
     reach: int,
     block_rows: int,
     farthest: NDArray[np.uint16],  # (blocks,) greatest value of each block of the section
-    stale: NDArray[np.bool_],  # (blocks,) out
+    x: int,
+    pending: NDArray[np.bool_],  # (blocks, nx) in, out
+    least_bound: NDArray[np.uint16],  # (blocks, nx) in, out
 ) -> None:
-    """Find the blocks of rows of a plane that its changed columns may change.
+    """Find the blocks of rows of a plane that its changed columns may change, and by how little.
 
-    A change at distance j along y matters only to a block that holds a value of j^2 or more: less
-    and nothing there was attained through the changed column, nor can be.
+    A change at distance j along y brings or takes away values of j^2 or more. It matters only to a
+    block that holds as much: less, and nothing there was attained through the changed column, nor
+    can be. What a block holds is not known while an earlier change is pending.
     """
-    blocks = stale.shape[0]
+    blocks = changes.shape[0]
     below = -reach  # nearest changed column
     for b in range(blocks):
-        j = b * block_rows - below
-        stale[b] = changes[b, 0] >= 0 or (j < reach and j * j <= farthest[b])
+        j = 0 if changes[b, 0] >= 0 else b * block_rows - below
+        if j < reach and (pending[b, x] or j * j <= farthest[b]):
+            pending[b, x] = True
+            least_bound[b, x] = min(least_bound[b, x], np.uint16(j * j))
         below = changes[b, 1] if changes[b, 1] >= 0 else below
     above = blocks * block_rows + reach
     for b in range(blocks - 1, -1, -1):
         j = above - (b + 1) * block_rows + 1
-        stale[b] |= j < reach and j * j <= farthest[b]
+        if j < reach and (pending[b, x] or j * j <= farthest[b]):
+            pending[b, x] = True
+            least_bound[b, x] = min(least_bound[b, x], np.uint16(j * j))
         above = changes[b, 0] if changes[b, 0] >= 0 else above
 
 
@@ -225,57 +232,136 @@ def planes_around(reach: int) -> int:
 
 
 @kernel
-def update_sections(
+def take_over(
     part: tuple[int, int],  # first and one past the last plane of the box
     blocked: NDArray[np.uint64],  # (kx, ky, words) the new cells of a box of columns
     corner: tuple[int, int],  # of its first column
     inside: NDArray[np.uint64],  # (words,) the bits that are cells of the window
     reach: int,
+    block_rows: int,
+    farthest: NDArray[np.uint16],  # (nx, blocks) greatest value of each block of the sections
+    known: NDArray[np.uint64],  # (nx, ny, words) in, out
+    unmeasured: NDArray[np.bool_],  # (nx, blocks) in, out: whether distances along z are outdated
+    pending: NDArray[np.bool_],  # (blocks, nx) in, out: whether a section is outdated
+    least_bound: NDArray[np.uint16],  # (blocks, nx) in, out: values less than it do not change
+    changes: NDArray[np.int64],  # (blocks, 2) scratch
+) -> None:
+    """Take over new cells, and note what they make outdated."""
+    for i in range(part[0], part[1]):
+        x = corner[0] + i
+        if not note_changes(blocked[i], corner[1], inside, block_rows, known[x], changes):
+            continue
+        for b in range(changes.shape[0]):
+            unmeasured[x, b] |= changes[b, 0] >= 0
+        find_pending(changes, reach, block_rows, farthest[x], x, pending, least_bound)
+
+
+@kernel
+def find_stale(
+    reach: int,
+    farthest: NDArray[np.uint16],  # (blocks, nx) greatest value of each block of the field
+    least_bound: NDArray[np.uint16],  # (blocks, nx) of the sections; no change afterwards
+    stale: NDArray[np.bool_],  # (blocks, nx) in, out
+    reached: NDArray[np.uint16],  # (nx,) scratch
+) -> None:
+    """Find the blocks of the field that changes of the sections may change, as along y."""
+    for b in range(stale.shape[0]):
+        if not spread_changes(least_bound[b], reach, reached):
+            continue
+        for x in range(reached.shape[0]):
+            stale[b, x] |= reached[x] <= farthest[b, x]
+            least_bound[b, x] = NO_CHANGE
+
+
+@kernel
+def find_needed(
+    wanted: NDArray[np.bool_],  # (blocks, nx) of the field
+    pending: NDArray[np.bool_],  # (blocks, nx)
+    reach: int,
+    needed: NDArray[np.bool_],  # (blocks, nx) out
+) -> None:
+    """Find the outdated sections from which values may lead to blocks of the field."""
+    blocks, nx = wanted.shape
+    for b in range(blocks):
+        last = -reach
+        for x in range(nx):
+            last = x if wanted[b, x] else last
+            needed[b, x] = pending[b, x] and x - last < reach
+        last = nx - 1 + reach
+        for x in range(nx - 1, -1, -1):
+            last = x if wanted[b, x] else last
+            needed[b, x] |= pending[b, x] and last - x < reach
+
+
+@kernel
+def widen(
+    marked: NDArray[np.bool_],  # (blocks, nx)
+    blocks_beside: int,
+    planes_beside: int,
+    wide: NDArray[np.bool_],  # (blocks, nx) out: marked, or so near to one that is
+) -> None:
+    """Mark the blocks around marked ones, too."""
+    blocks, nx = marked.shape
+    wide[:] = False
+    for b in range(blocks):
+        last = -planes_beside - 1
+        for x in range(-planes_beside, nx):
+            ahead = x + planes_beside
+            if ahead < nx and marked[b, ahead]:
+                last = ahead
+            if x >= 0 and x - last <= planes_beside:
+                for c in range(max(0, b - blocks_beside), min(blocks, b + blocks_beside + 1)):
+                    wide[c, x] = True
+
+
+@kernel
+def update_sections(
+    planes: NDArray[np.int64],  # (k,) where any is needed
+    part: tuple[int, int],  # first and one past the last of them
+    needed: NDArray[np.bool_],  # (blocks, nx)
+    reach: int,
     nz: int,
     block_rows: int,
     block_cells: int,  # from block to block of the sections
-    known: NDArray[np.uint64],  # (nx, ny, words) in, out
+    known: NDArray[np.uint64],  # (nx, ny, words)
+    unmeasured: NDArray[np.bool_],  # (nx, blocks) in, out
     distances: NDArray[np.uint8],  # (nx * blocks * cells,) along z, in, out
     holds_any: NDArray[np.bool_],  # (nx, blocks) whether any cell is blocked, in, out
     sections: NDArray[np.uint16],  # (blocks * (around + nx + around) * block_cells,) in, out
     farthest: NDArray[np.uint16],  # (nx, blocks) in, out: greatest value of each block of them
     nearest: NDArray[np.uint16],  # (blocks, around + nx + around) out: least value
-    least_change: NDArray[np.uint16],  # (blocks, nx) out: least value that came or went
+    pending: NDArray[np.bool_],  # (blocks, nx) in, out
+    least_change: NDArray[np.uint16],  # (blocks, nx) in, out: least value that came or went
     along: NDArray[np.uint16],  # ((blocks + 2 around) * cells,) scratch
     work: NDArray[np.uint8],  # (2, 2 * LONGEST_STEP + block_rows * pitch) scratch
     eights: NDArray[np.uint64],  # the same memory
     result: NDArray[np.uint16],  # (block_rows * nz,) scratch
-    changes: NDArray[np.int64],  # (blocks, 2) scratch
-    stale: NDArray[np.bool_],  # (blocks,) scratch
     squared: NDArray[np.int64],  # (blocks,) scratch: the plane whose squares a block holds
 ) -> None:
-    """Take over new cells, and find the squared distance within the planes that they change."""
-    blocks, cells = changes.shape[0], result.shape[0]
+    """Find the squared distance within planes where it is needed."""
+    blocks, cells = needed.shape[0], result.shape[0]
     around = blocks_around(reach, block_rows)
     fill(along, reach * reach)  # beyond the window nothing is blocked: its border comes at the end
     for b in range(blocks):
         squared[b] = -1
     for i in range(part[0], part[1]):
-        x = corner[0] + i
-        if not note_changes(blocked[i], corner[1], inside, block_rows, known[x], changes):
-            continue
+        x = planes[i]
         for b in range(blocks):
-            if changes[b, 0] >= 0:
-                at = (x * blocks + b) * cells
-                rows = b * block_rows
-                holds_any[x, b] = measure_rows(
-                    known[x], rows, reach, nz, block_rows, work, eights, distances, at
-                )
-        find_stale(changes, reach, block_rows, farthest[x], stale)
-        for b in range(blocks):
-            if not stale[b]:
+            if not needed[b, x]:
                 continue
             any_near = False
             for c in range(max(0, b - around), min(blocks, b + around + 1)):
+                at = (x * blocks + c) * cells
+                if unmeasured[x, c]:
+                    rows = c * block_rows
+                    holds_any[x, c] = measure_rows(
+                        known[x], rows, reach, nz, block_rows, work, eights, distances, at
+                    )
+                    unmeasured[x, c] = False
                 any_near |= holds_any[x, c]
                 if squared[c] != x:
                     squared[c] = x
-                    square(distances, (x * blocks + c) * cells, cells, along, (c + around) * cells)
+                    square(distances, at, cells, along, (c + around) * cells)
             first = (b + around) * cells
             greatest = copy_block(result, along, first)
             j = 1 if any_near else reach
@@ -285,12 +371,14 @@ def update_sections(
             farthest[x, b] = greatest
             plane = planes_around(reach) + x
             at = (b * nearest.shape[1] + plane) * block_cells
-            nearest[b, plane], least_change[b, x] = note_result(result, sections, at)
+            nearest[b, plane], change = note_result(result, sections, at)
+            least_change[b, x] = min(least_change[b, x], np.uint16(change))
+            pending[b, x] = False
 
 
 @kernel
 def spread_changes(
-    least_change: NDArray[np.uint16],  # (nx,) of a row of blocks; no change afterwards
+    least_change: NDArray[np.uint16],  # (nx,) of a row of blocks
     reach: int,
     reached: NDArray[np.uint16],  # (nx,) out
 ) -> bool:
@@ -307,8 +395,6 @@ def spread_changes(
             reached[x] = min(reached[x], np.uint16(least_change[x - step] + farther))
         for x in range(np.uint64(max(nx - j, 0))):
             reached[x] = min(reached[x], np.uint16(least_change[x + step] + farther))
-    for x in range(nx):
-        least_change[x] = NO_CHANGE
     return True
 
 
@@ -349,20 +435,21 @@ def bound(result: NDArray[np.uint16], bounds: NDArray[np.uint16], most: int) -> 
 @kernel
 def update_field(
     part: tuple[int, int],  # first and one past the last block along y
+    wanted: NDArray[np.bool_],  # (blocks, nx)
     shape: tuple[int, int, int],  # (nx, ny, nz)
     sections: NDArray[np.uint16],  # (blocks * (around + nx + around) * block_cells,)
     nearest: NDArray[np.uint16],  # (blocks, around + nx + around)
     reach: int,
     block_rows: int,
-    least_change: NDArray[np.uint16],  # (blocks, nx) of the sections; no change afterwards
+    least_change: NDArray[np.uint16],  # (blocks, nx) in, out: of the sections
     farthest: NDArray[np.uint16],  # (blocks, nx) in, out: greatest value of each block of the field
+    stale: NDArray[np.bool_],  # (blocks, nx) in, out
     squared: NDArray[np.uint16],  # (nx * ny * nz,) out
-    renewed: NDArray[np.bool_],  # (blocks, nx) out: true where values may have changed
     result: NDArray[np.uint16],  # (block_cells,) scratch: as long as a block of the sections
     bounds: NDArray[np.uint16],  # (block_cells,) scratch
     reached: NDArray[np.uint16],  # (nx,) scratch
 ) -> None:
-    """The squared distance where changes may reach, from the sections of the planes around.
+    """The squared distance in wanted blocks that are stale, from the sections around.
 
     What lies outside the window is blocked: the nearest such cell is straight across a border. A
     change matters to a block as along y. Block by block along x: neighbours share most of the
@@ -371,11 +458,16 @@ def update_field(
     nx, ny, nz = shape
     block_cells = result.shape[0]
     for b in range(part[0], part[1]):
-        if not spread_changes(least_change[b], reach, reached):
-            continue
-        list_bounds((b * block_rows, (b + 1) * block_rows), shape, reach, bounds)
-        first, cells = b * block_rows * nz, np.uint64(min(block_rows, ny - b * block_rows) * nz)
+        listed, left = False, False
         for x in range(nx):
+            if not (stale[b, x] and wanted[b, x]):
+                left |= stale[b, x]
+                continue
+            if not listed:
+                listed = True
+                list_bounds((b * block_rows, (b + 1) * block_rows), shape, reach, bounds)
+                spread_changes(least_change[b], reach, reached)
+            stale[b, x] = False
             if reached[x] > farthest[b, x]:
                 continue
             at = planes_around(reach) + x
@@ -390,10 +482,13 @@ def update_field(
                     greatest = lower(result, sections, place, block_cells, j, reach)
                 j += 4
             farthest[b, x] = bound(result, bounds, border_distance(x, nx, reach) ** 2)
-            renewed[b, x] = True
+            first = b * block_rows * nz
+            cells = np.uint64(min(block_rows, ny - b * block_rows) * nz)
             to = np.uint64(x * ny * nz + first)
             for k in range(cells):
                 squared[to + k] = result[k]
+        if not left:  # no earlier change matters any more
+            fill(least_change[b], NO_CHANGE)
 
 
 @kernel
@@ -401,21 +496,22 @@ def presume(
     part: tuple[int, int],  # first and one past the last block along y
     shape: tuple[int, int, int],  # (nx, ny, nz)
     block_rows: int,
-    renewed: NDArray[np.bool_],  # (blocks, nx) where to write anew
+    wanted: NDArray[np.bool_],  # (blocks, nx) where to write anew
     to_obstacles: NDArray[np.uint16],  # (nx * ny * nz,)
     to_not_free: NDArray[np.uint16],  # (nx * ny * nz,)
     edge: int,
+    greatest: int,
     presumed: NDArray[np.uint16],  # (nx * ny * nz,) in, out
 ) -> None:
     """Distances to obstacles, at most `edge` where something not free is nearer than that."""
     nx, ny, nz = shape
-    most = np.uint16(edge)
+    most, far = np.uint16(edge), np.uint16(greatest)
     for b in range(part[0], part[1]):
         first, end = b * block_rows, min(ny, (b + 1) * block_rows)
         for x in range(nx):
-            if not renewed[b, x]:
+            if not wanted[b, x]:
                 continue
             # Unsigned: in whole vectors.
             for k in range(np.uint64((x * ny + first) * nz), np.uint64((x * ny + end) * nz)):
-                limit = most if to_not_free[k] < most else np.uint16(0xFFFF)
+                limit = min(most, far) if to_not_free[k] < most else far
                 presumed[k] = min(to_obstacles[k], limit)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maps import _column_kernels as kernels
-from maps._field_kernels import MAX_REACH, presume
+from maps._field_kernels import MAX_REACH
 from maps.columns import ColumnMap, Window, unpack
 from maps.config import MapConfig
-from maps.field import DistanceField, update_together
+from maps.distances import Clearances, Distances
 from maps.projection import Airspace
 from maps.states import FREE, OCCUPIED
 from maps.team import Team
@@ -36,7 +35,8 @@ class Costmap:
     blocked.
 
     An update asks the map what changed since the last one, and works on that alone. The arrays hold
-    until the next update.
+    until the next update. One that looks at few places only can have distances worked out there
+    alone: see `Distances`.
 
     Attributes:
         config: The settings.
@@ -45,6 +45,8 @@ class Costmap:
         shape: (nx, ny, nz) cells; nz is 1 on the ground.
         margin: Localization margin of the last update, m.
         inflation_radius: Body's radius, margin and half a cell's diagonal, m.
+        clearances: The distances as they are kept; one that is kept at the greatest reach that was
+            ever needed.
         blocked_at_or_below: A cell is forbidden where its squared distance is at most this.
         truncation: Greatest squared distance that is told, cells^2.
         cost_table: (truncation + 1,) float64, cost by squared distance; inf where forbidden.
@@ -100,16 +102,17 @@ class Costmap:
             else Airspace(window, floor, ceiling)
         )
         self.shape, self.origin = self._cells.shape, self._cells.origin
-        self._fields: list[DistanceField] = []
-        self._presumed: NDArray[np.uint16] | None = None
-        self._presumed_for: tuple[int, int, DistanceField] | None = None
+        reach = self._set_margin(config.inflation_margin)
+        self._cells.read(voxel_map)
+        self.clearances = self._all_clearances(reach)
         self.update(config.inflation_margin)
 
-    def update(self, margin: float) -> None:
+    def update(self, margin: float, whole: bool = True) -> None:
         """Bring states, distances and costs up to date with the map.
 
         Args:
             margin: Localization margin that is added to the body's radius, m.
+            whole: Whether all distances are worked out now, and not when somebody looks at them.
 
         Raises:
             ValueError: The margin is negative or not finite, or the distances that it asks for are
@@ -118,25 +121,23 @@ class Costmap:
         reach = self._set_margin(margin)
         cells = self._cells
         changed = cells.read(self._map)
-        if not self._fields or self._fields[0].reach < reach:
-            self._fields = [DistanceField(cells.rows, reach, self._team) for _ in range(2)]
-            changed = slice(0, cells.rows[0]), slice(0, cells.rows[1])
-        if changed is not None:
-            x0, y0 = changed[0].start, changed[1].start
-            boxes = ~cells.free[changed], cells.occupied[changed]
-            update_together(self._fields, boxes, x0, y0)
-        self._told: dict[str, Any] = {}  # what was asked for since
+        if self.clearances.reach < reach:
+            self.clearances = self._all_clearances(reach)
+        elif changed is not None:
+            corner = changed[0].start, changed[1].start
+            self.clearances.take_over(cells.free[changed], cells.occupied[changed], *corner)
+        self.clearances.begin(whole)
+        self._state: NDArray[np.uint8] | None = None
 
     @property
     def state(self) -> NDArray[np.uint8]:
         """The three states, (nx, ny, nz) uint8."""
-        if "state" not in self._told:
+        if self._state is None:
             cells = self._cells
             states = unpack(cells.free, cells.rows[2]) * np.uint8(FREE)
             states += unpack(cells.occupied, cells.rows[2]) * np.uint8(OCCUPIED)
-            self._told["state"] = states.reshape(self.shape)
-        states_told: NDArray[np.uint8] = self._told["state"]
-        return states_told
+            self._state = states.reshape(self.shape)
+        return self._state
 
     @property
     def clearance(self) -> NDArray[np.uint16]:
@@ -144,43 +145,35 @@ class Costmap:
 
         To the nearest cell that is not free: occupied, unknown or outside.
         """
-        return self._squared("clearance", self._fields[0])
+        return self.known.whole()
 
     @property
     def obstacle_clearance(self) -> NDArray[np.uint16]:
         """The same to the nearest cell that is occupied or outside."""
-        return self._squared("obstacle_clearance", self._fields[1])
+        return self.clearances.to_obstacles(self.truncation).whole()
 
     def field(self) -> NDArray[np.uint16]:
         """The distances that the policy commits to, (nx, ny, nz).
 
         Under `forbid` those to anything not known to be free, otherwise those to obstacles.
         """
-        forbid = self.config.unknown_policy == "forbid"
-        return self.clearance if forbid else self.obstacle_clearance
+        return self.admitted.whole()
 
-    def presumed(self, edge: int) -> NDArray[np.uint16]:
-        """Distances to obstacles, where not all is known within `edge` at most that.
+    @property
+    def known(self) -> Distances:
+        """`clearance`, where somebody looks."""
+        return self.clearances.to_not_free(self.truncation)
 
-        Args:
-            edge: Squared distance, cells^2.
+    @property
+    def admitted(self) -> Distances:
+        """`field()`, where somebody looks."""
+        if self.config.unknown_policy == "forbid":
+            return self.known
+        return self.clearances.to_obstacles(self.truncation)
 
-        Returns:
-            (nx, ny, nz), of a body that flies the same array at every call, brought up to date.
-        """
-        not_free, obstacles = self._fields
-        wanted = edge, self.truncation, obstacles
-        renewed = obstacles.take_renewed() | not_free.take_renewed()
-        if self._presumed is None or self.motion == "ground":
-            self._presumed, self._presumed_for = np.empty(self.shape, np.uint16), None
-        if self._presumed_for != wanted:
-            renewed[:] = True
-        self._presumed_for = wanted
-        flat = self._presumed.reshape(-1)
-        layout = obstacles.shape, obstacles.block_rows, renewed
-        fields = self.obstacle_clearance.reshape(-1), self.clearance.reshape(-1)
-        self._team.share(lambda _, part: presume(part, *layout, *fields, edge, flat), len(renewed))
-        return self._presumed
+    def presumed(self, edge: int) -> Distances:
+        """Distances to obstacles, where not all is known within `edge` at most that, cells^2."""
+        return self.clearances.presumed(edge, self.truncation)
 
     def admissible(self) -> NDArray[np.bool_]:
         """Where the body's centre may be under the policy, (nx, ny, nz)."""
@@ -232,15 +225,10 @@ class Costmap:
         )
         return distances, gradients
 
-    def _squared(self, name: str, field: DistanceField) -> NDArray[np.uint16]:
-        """What a field tells, cut off at the truncation."""
-        if name not in self._told:
-            squared = field.squared.reshape(self.shape)
-            # A field keeps the greatest reach that it ever needed.
-            farther = field.reach * field.reach > self.truncation
-            self._told[name] = np.minimum(squared, self.truncation) if farther else squared
-        told: NDArray[np.uint16] = self._told[name]
-        return told
+    def _all_clearances(self, reach: int) -> Clearances:
+        clearances = Clearances(self._cells.rows, self.shape, reach, self._team)
+        clearances.take_over(self._cells.free, self._cells.occupied, 0, 0)
+        return clearances
 
     def _set_margin(self, margin: float) -> int:
         """Work out the forbidden distance and the costs; return the reach that they need, cells."""

@@ -17,6 +17,9 @@ BLOCK_ROWS = 8
 
 CACHE_LINE = 64  # bytes
 
+PLANE_US, BLOCK_US = 1.0, 0.7
+"""About what it takes to look for changes in a plane, and to recompute a block, microseconds."""
+
 
 class DistanceField:
     """Squared distances in cells to the nearest blocked cell, at most reach^2.
@@ -28,15 +31,21 @@ class DistanceField:
     and hands on only what really changed: the result is the same as of a new field, always. What
     lies outside the window is blocked, except along an axis of one cell, which is no axis.
 
+    New cells can be taken over now and worked out later, where somebody asks: see `take_over` and
+    `bring_up_to_date`.
+
     Attributes:
         shape: (nx, ny, nz) cells.
         reach: Greatest distance that is told, cells.
-        squared: (nx, ny, nz) uint16, squared distances in cells. Others only read it.
-        block_rows: Rows along y that are recomputed together.
+        squared: (nx, ny, nz) uint16, squared distances in cells, wherever they are not stale.
+            Others only read it.
+        team: Threads that share the work.
+        stale: (blocks, nx) which blocks of rows may be out of date: block b of plane x holds the
+            rows from `BLOCK_ROWS` b on. Others only read it.
     """
 
     def __init__(self, shape: tuple[int, int, int], reach: int, team: Team | None = None) -> None:
-        """Make the field of a window without blocked cells.
+        """Make the field of a window without blocked cells; all of it is stale.
 
         Args:
             shape: (nx, ny, nz) cells.
@@ -53,15 +62,17 @@ class DistanceField:
             raise ValueError(f"reach: got {reach} cells, expected 1 to {MAX_REACH}")
         nx, ny, nz = self.shape = shape
         self.reach = reach
-        self._team = team or Team(1)
-        self.block_rows = min(BLOCK_ROWS, ny)
-        self._blocks, most = -(-ny // self.block_rows), reach * reach
-        blocks, cells = self._blocks, self.block_rows * nz
+        self.team = team or Team(1)
+        self._block_rows = min(BLOCK_ROWS, ny)
+        self._blocks, most = -(-ny // self._block_rows), reach * reach
+        blocks, cells = self._blocks, self._block_rows * nz
         self._block_cells = -(-2 * cells // CACHE_LINE) * (CACHE_LINE // 2)  # in whole cache lines
-        self.squared = np.empty(shape, np.uint16)
+        self.squared = np.full(shape, most, np.uint16)
+        self.stale = np.ones((blocks, nx), np.bool_)
         self._inside = layer_bits(0, nz, nz)
         self._blocked = np.zeros((nx, ny, len(self._inside)), np.uint64)
         self._along_z = np.full(nx * blocks * cells, reach, np.uint8)
+        self._unmeasured = np.zeros((nx, blocks), np.bool_)
         self._holds_any = np.zeros((nx, blocks), np.bool_)
         # More planes than there are: those outside hold nothing.
         planes = nx + 2 * kernels.planes_around(reach)
@@ -71,9 +82,9 @@ class DistanceField:
         self._nearest_in_section = np.full((blocks, planes), most, np.uint16)
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
         self._farthest = np.full((blocks, nx), most, np.uint16)
+        self._pending = np.zeros((blocks, nx), np.bool_)
+        self._least_bound = np.full((blocks, nx), kernels.NO_CHANGE, np.uint16)
         self._least_change = np.zeros((blocks, nx), np.uint16)  # all is to be computed
-        self._renewed = np.ones((blocks, nx), np.bool_)
-        self._update_field((0, blocks))
 
     def update(self, blocked: NDArray[np.uint64], x0: int = 0, y0: int = 0) -> None:
         """Take over the cells of a box of columns, and bring the distances up to date.
@@ -87,12 +98,12 @@ class DistanceField:
         Raises:
             ValueError: The box is not within the window.
         """
-        update_together([self], [blocked], x0, y0)
+        take_over([self], [blocked], x0, y0)
+        bring_up_to_date([self])
 
-    def take_renewed(self) -> NDArray[np.bool_]:
-        """Which blocks of rows (blocks, nx) were recomputed since this was last called."""
-        renewed, self._renewed = self._renewed, np.zeros_like(self._renewed)
-        return renewed
+    def bring_up_to_date(self, wanted: NDArray[np.bool_] | None = None) -> None:
+        """Work out the distances of some blocks (blocks, nx) where they are stale, or of all."""
+        bring_up_to_date([self], wanted)
 
     def check(self, blocked: NDArray[np.uint64], x0: int, y0: int) -> None:
         """Refuse a box of columns that is not within the window.
@@ -107,52 +118,82 @@ class DistanceField:
                 f"blocked: got {blocked.shape} at ({x0}, {y0}), expected within {(nx, ny, words)}"
             )
 
-    def _update_sections(
+    def needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The outdated blocks of sections (blocks, nx) that wanted blocks of the field rest on."""
+        needed = np.empty_like(wanted)
+        kernels.find_needed(wanted, self._pending, self.reach, needed)
+        return needed
+
+    def take_over(
         self, part: tuple[int, int], blocked: NDArray[np.uint64], corner: tuple[int, int]
     ) -> None:
-        """Take over some planes of a box of columns, and recompute their stale blocks."""
-        blocks, cells = self._blocks, self.block_rows * self.shape[2]
-        around = kernels.blocks_around(self.reach, self.block_rows)
-        pitch = -(-(self.shape[2] + self.reach) // 8) * 8  # cells, in whole words
-        work = np.empty((2, 2 * kernels.LONGEST_STEP + self.block_rows * pitch), np.uint8)
-        kernels.update_sections(
+        """Take over some planes of a box of columns, and note what they make outdated."""
+        kernels.take_over(
             part,
             blocked,
             corner,
             self._inside,
             self.reach,
+            self._block_rows,
+            self._farthest_in_section,
+            self._blocked,
+            self._unmeasured,
+            self._pending,
+            self._least_bound,
+            np.empty((self._blocks, 2), np.int64),
+        )
+
+    def find_stale(self) -> None:
+        """Note which blocks the cells taken over may change."""
+        scratch = np.empty(self.shape[0], np.uint16)
+        kernels.find_stale(self.reach, self._farthest, self._least_bound, self.stale, scratch)
+
+    def update_sections(
+        self, planes: NDArray[np.int64], part: tuple[int, int], needed: NDArray[np.bool_]
+    ) -> None:
+        """Recompute the needed blocks of sections in some planes."""
+        blocks, cells = self._blocks, self._block_rows * self.shape[2]
+        around = kernels.blocks_around(self.reach, self._block_rows)
+        pitch = -(-(self.shape[2] + self.reach) // 8) * 8  # cells, in whole words
+        work = np.empty((2, 2 * kernels.LONGEST_STEP + self._block_rows * pitch), np.uint8)
+        kernels.update_sections(
+            planes,
+            part,
+            needed,
+            self.reach,
             self.shape[2],
-            self.block_rows,
+            self._block_rows,
             self._block_cells,
             self._blocked,
+            self._unmeasured,
             self._along_z,
             self._holds_any,
             self._sections,
             self._farthest_in_section,
             self._nearest_in_section,
+            self._pending,
             self._least_change,
             np.empty((blocks + 2 * around) * cells, np.uint16),
             work,
             work.view(np.uint64),
             np.empty(cells, np.uint16),
-            np.empty((blocks, 2), np.int64),
-            np.empty(blocks, np.bool_),
             np.empty(blocks, np.int64),
         )
 
-    def _update_field(self, part: tuple[int, int]) -> None:
-        """Recompute some rows of blocks where the changes of the sections reach."""
+    def update_rows(self, part: tuple[int, int], wanted: NDArray[np.bool_]) -> None:
+        """Recompute the wanted blocks that are stale in some rows of blocks."""
         kernels.update_field(
             part,
+            wanted,
             self.shape,
             self._sections,
             self._nearest_in_section,
             self.reach,
-            self.block_rows,
+            self._block_rows,
             self._least_change,
             self._farthest,
+            self.stale,
             self.squared.reshape(-1),
-            self._renewed,
             _on_cache_lines(self._block_cells),
             np.empty(self._block_cells, np.uint16),
             np.empty(self.shape[0], np.uint16),
@@ -170,16 +211,16 @@ def _on_cache_lines(cells: int) -> NDArray[np.uint16]:
     return array[first : first + cells]
 
 
-def update_together(
+def take_over(
     fields: Sequence[DistanceField],
     boxes: Sequence[NDArray[np.uint64]],
     x0: int = 0,
     y0: int = 0,
 ) -> None:
-    """Update fields of one window in common rounds of threads, those of the first one's team.
+    """Take new cells over into fields of one window, and note which distances they may change.
 
     Args:
-        fields: All of one shape.
+        fields: All of one shape; the first one's team shares the work.
         boxes: (kx, ky, words) for each field the blocked cells of one box of columns.
         x0: Index of its first column along x.
         y0: Index of its first column along y.
@@ -191,25 +232,61 @@ def update_together(
         field.check(box, x0, y0)
     # Another layout would be compiled anew.
     plain = [np.ascontiguousarray(box) for box in boxes]
-    planes, blocks, team = len(plain[0]), fields[0]._blocks, fields[0]._team
+    counts = [len(box) for box in plain]
+
+    def take(_: int, part: tuple[int, int]) -> None:
+        for n, some in _shares(part, counts):
+            fields[n].take_over(some, plain[n], (x0, y0))
+
+    fields[0].team.share(take, sum(counts), item_us=PLANE_US)
+    for field in fields:
+        field.find_stale()
+
+
+def bring_up_to_date(
+    fields: Sequence[DistanceField], wanted: NDArray[np.bool_] | None = None
+) -> None:
+    """Work out the distances of fields of one window where they are stale.
+
+    Args:
+        fields: All of one shape; the first one's team shares the work.
+        wanted: (blocks, nx) which blocks alone; None for all.
+    """
+    stale = [field.stale.copy() if wanted is None else field.stale & wanted for field in fields]
+    needed = [field.needed(blocks) for field, blocks in zip(fields, stale, strict=True)]
+    planes = [np.flatnonzero(blocks.any(axis=0)) for blocks in needed]
+    counts, rows = [len(some) for some in planes], [len(blocks) for blocks in stale]
+    team = fields[0].team
 
     def sections(_: int, part: tuple[int, int]) -> None:
-        for n, some in _shares(part, planes):
-            fields[n]._update_sections(some, plain[n], (x0, y0))
+        for n, some in _shares(part, counts):
+            fields[n].update_sections(planes[n], some, needed[n])
 
     def field_blocks(_: int, part: tuple[int, int]) -> None:
-        for n, some in _shares(part, blocks):
-            fields[n]._update_field(some)
+        for n, some in _shares(part, rows):
+            fields[n].update_rows(some, stale[n])
 
-    team.share(sections, len(fields) * planes)
-    team.share(field_blocks, len(fields) * blocks)
+    for work, blocks, items in ((sections, needed, sum(counts)), (field_blocks, stale, sum(rows))):
+        if (busy := sum(int(np.count_nonzero(some)) for some in blocks)) > 0:
+            team.share(work, items, item_us=BLOCK_US * busy / items)
 
 
-def _shares(part: tuple[int, int], each: int) -> Iterator[tuple[int, tuple[int, int]]]:
-    """Whose items a part of all is, and which of them, where everyone has equally many."""
-    first, end = part
-    while first < end:
-        owner, at = divmod(first, each)
-        count = min(each - at, end - first)
-        yield owner, (at, at + count)
-        first += count
+def update_together(
+    fields: Sequence[DistanceField],
+    boxes: Sequence[NDArray[np.uint64]],
+    x0: int = 0,
+    y0: int = 0,
+) -> None:
+    """Take over and bring up to date in common rounds of threads; see both."""
+    take_over(fields, boxes, x0, y0)
+    bring_up_to_date(fields)
+
+
+def _shares(part: tuple[int, int], counts: Sequence[int]) -> Iterator[tuple[int, tuple[int, int]]]:
+    """Whose items a part of all is, and which of them, where each has so many."""
+    begin = 0
+    for n, count in enumerate(counts):
+        first, end = max(part[0] - begin, 0), min(part[1] - begin, count)
+        if first < end:
+            yield n, (first, end)
+        begin += count

@@ -164,6 +164,37 @@ def look(lattice: Lattice, cell: int) -> int:
 
 
 @kernel
+def note_looked_at(
+    rate: Integers, shape: Longs, factor: Longs, block_bits: int, looked_at: NDArray[np.bool_]
+) -> None:
+    """Note the blocks of the field that hold what was looked at.
+
+    A step touches grid cells of lattice cells alone that were looked at: its ends, and those beside
+    it, which are neighbours along fewer axes.
+
+    Args:
+        rate: Of the lattice cells, UNSEEN where none looked.
+        shape: Lattice cells along the axes, border included.
+        factor: Grid cells to a lattice cell.
+        block_bits: Two to the power of this are the rows of a block.
+        looked_at: Shape (blocks, nx), true where any row of the block was looked at.
+    """
+    nx, last = looked_at.shape[1], looked_at.shape[0] - 1
+    for i in range(1, shape[0] - 1):
+        for j in range(1, shape[1] - 1):
+            column, seen = (i * shape[1] + j) * shape[2], False
+            for k in range(shape[2]):
+                seen |= rate[column + k] != UNSEEN
+            if not seen:
+                continue
+            x, y = (i - 1) * factor[0], (j - 1) * factor[1]
+            end = min((y + factor[1] - 1) >> block_bits, last)
+            for b in range(y >> block_bits, end + 1):
+                for plane in range(x, min(x + factor[0], nx)):
+                    looked_at[b, plane] = True
+
+
+@kernel
 def step_free(
     cells: NDArray[np.uint16], threshold: int, index: int, touched: Longs, counts: Longs, way: int
 ) -> bool:

@@ -19,6 +19,7 @@ from planners.kernels import Floats, Pose
 from planners.space import FreeSpace
 from planners.state_spaces import StateSpace
 
+NO_WAY, SPENT = -1, -2  # in place of a cell
 EXPANSIONS = 1000
 """Lattice cells that are closed in one turn, after which the termination condition is asked."""
 
@@ -143,16 +144,31 @@ def lattice_path(
     a, b = np.array(start[:3]), np.array(goal[:3])
     for factor in lattice.factors(space):
         grid = lattice.make_lattice(space, factor, weight)
-        entered, goal_cell = lattice.entry(grid, space, a), lattice.entry(grid, space, b)
-        if entered < 0 or goal_cell < 0:
-            continue
-        lattice.open_goal(grid, goal_cell, entered)
-        found = False
-        while not found and grid.now[_lattice_kernels.OPENED] > 0:
-            if until():
-                return None
-            found = _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, 0)
-        if found:
+        entered = _search(grid, space, a, b, until)
+        lattice.note_looked_at(grid, space)
+        if entered == SPENT:
+            return None
+        if entered >= 0:
             path = lattice.way_down(grid, space, a, b, entered)
             return kernels.prune(space.grid, space.blocked_at_or_below, weight, path), grid
     return None
+
+
+def _search(
+    grid: Lattice,
+    space: FreeSpace,
+    start: Floats,
+    goal: Floats,
+    until: ob.PlannerTerminationCondition,
+) -> int:
+    """The cell by which the start enters the lattice, its way found; or NO_WAY, or SPENT."""
+    entered, goal_cell = lattice.entry(grid, space, start), lattice.entry(grid, space, goal)
+    if entered < 0 or goal_cell < 0:
+        return NO_WAY
+    lattice.open_goal(grid, goal_cell, entered)
+    while grid.now[_lattice_kernels.OPENED] > 0:
+        if until():
+            return SPENT
+        if _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, 0):
+            return entered
+    return NO_WAY

@@ -62,6 +62,7 @@ class GoalField:
         Returns:
             The path with its cost, or a label that says why there is none.
         """
+        _ = space.field  # all of it up to date: what is kept does not note where it looks
         kind = state_space_for(self.config.state_space, space)
         costs, weight = searched(space, kind, float(self.config.clearance_weight))
         grid = self._follow(costs, weight, changed)
@@ -92,7 +93,7 @@ class GoalField:
     ) -> Lattice:
         """The lattice as the space is now, without the costs-to-go that a change may alter."""
         rates = lattice.rates(space, weight)
-        geometry = (space.field.shape, space.grid.origin.tobytes(), space.grid.resolution)
+        geometry = (space.grid.field.shape, space.grid.origin.tobytes(), space.grid.resolution)
         known = (*geometry, space.blocked_at_or_below, rates.tobytes())
         if self._lattice is None or known != self._known:
             return self._begin(space, weight, known)

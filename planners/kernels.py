@@ -20,6 +20,9 @@ from planners._jit import kernel
 
 SUBCELL_BITS = 16
 SUBCELLS = 1 << SUBCELL_BITS
+# Rows of cells along y share a block where it is noted who looked: ``maps.field.BLOCK_ROWS``. A
+# number of its own, because numba's cache does not see a change in another file.
+BLOCK_BITS = 3
 # Farther from the origin the products that compare crossing times could overflow 64 bits.
 FARTHEST_CELL = 1 << 14
 OUTSIDE = -1
@@ -59,6 +62,7 @@ class Grid(NamedTuple):
     """A distance field as the kernels see it."""
 
     field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
+    looked_at: NDArray[np.bool_]  # (blocks, nx) out: where any was read, in blocks along y
     origin: Floats  # (3,) low corner [m]
     resolution: float  # [m]
     cost_by_distance: Floats  # (t,) cost of a cell by its squared distance
@@ -72,12 +76,21 @@ class Discs(NamedTuple):
 
 
 @kernel
+def inside_value(
+    field: NDArray[np.uint16], looked_at: NDArray[np.bool_], i: int, j: int, k: int
+) -> int:
+    """Field value of a cell of the grid; as an unsigned index none is taken for one from behind."""
+    looked_at[np.uint64(j) >> np.uint64(BLOCK_BITS), np.uint64(i)] = True
+    return int(field[np.uint64(i), np.uint64(j), np.uint64(k)])
+
+
+@kernel
 def squared_distance(grid: Grid, i: int, j: int, k: int) -> int:
     """Field value of a cell; beyond the grid ``OUTSIDE``, which is below every threshold."""
     nx, ny, nz = grid.field.shape
     if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
         return OUTSIDE
-    return int(grid.field[i, j, k])
+    return inside_value(grid.field, grid.looked_at, i, j, k)
 
 
 @kernel
@@ -93,12 +106,6 @@ def to_subcells(grid: Grid, point: Point) -> tuple[bool, SubcellPoint]:
         math.floor(y * SUBCELLS),
         math.floor(z * SUBCELLS),
     )
-
-
-@kernel
-def inside_value(field: NDArray[np.uint16], i: int, j: int, k: int) -> int:
-    """Field value of a cell of the grid; as an unsigned index none is taken for one from behind."""
-    return int(field[np.uint64(i), np.uint64(j), np.uint64(k)])
 
 
 @kernel
@@ -195,7 +202,7 @@ def walk(
     # Below 0 where of two axes the first one's next face comes first.
     x_y, x_z = next_x * span_y - next_y * span_x, next_x * span_z - next_z * span_x
     y_z = next_y * span_z - next_z * span_y
-    field, cost_by_distance = grid.field, grid.cost_by_distance
+    field, looked_at, cost_by_distance = grid.field, grid.looked_at, grid.cost_by_distance
     furthest = len(cost_by_distance) - 1
     least, walked, cost = value, 0.0, 0.0
     if least <= threshold:
@@ -216,7 +223,7 @@ def walk(
             x_z, y_z = x_z - span_x * SUBCELLS, y_z - span_y * SUBCELLS
         else:
             return walk_anywhere(grid, threshold, start, end)
-        value = inside_value(field, i, j, k)
+        value = inside_value(field, looked_at, i, j, k)
         least = min(least, value)
         share = first / span
         if least <= threshold:
@@ -620,12 +627,13 @@ def box_free(grid: Grid, threshold: int, low: Point, high: Point, reach: float) 
         return False
     u, v, w = (i + x) >> 1, (j + y) >> 1, (k + z) >> 1
     du, dv, dw = x - u, y - v, z - w  # on the other side it is no farther to the corners
-    if all_above(inside_value(grid.field, u, v, w), threshold, du * du + dv * dv + dw * dw):
+    middle = inside_value(grid.field, grid.looked_at, u, v, w)
+    if all_above(middle, threshold, du * du + dv * dv + dw * dw):
         return True
     for u in range(i, x + 1):
         for v in range(j, y + 1):
             for w in range(k, z + 1):
-                if inside_value(grid.field, u, v, w) <= threshold:
+                if inside_value(grid.field, grid.looked_at, u, v, w) <= threshold:
                     return False
     return True
 

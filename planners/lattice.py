@@ -8,9 +8,10 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from maps import Distances
 from planners import _lattice_kernels as kernels
 from planners._lattice_kernels import FREE_RATE, LARGEST_FACTOR, LARGEST_RATE, STEPS, Lattice
-from planners.kernels import Floats
+from planners.kernels import BLOCK_BITS, Floats
 from planners.space import FreeSpace
 
 Cell = tuple[int, int, int]
@@ -110,6 +111,13 @@ def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
             if space.edge_free(point, centre):
                 return cell
     return -1
+
+
+def note_looked_at(lattice: Lattice, space: FreeSpace) -> None:
+    """Tell who works the distances out where a search looked."""
+    if isinstance(space.distances, Distances):
+        layout = lattice.rate, lattice.shape, lattice.factor, BLOCK_BITS
+        kernels.note_looked_at(*layout, space.distances.searched)
 
 
 def way_down(

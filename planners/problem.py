@@ -140,6 +140,24 @@ def plan(
     Raises:
         ValueError: If the state space does not suit the body or the grid.
     """
+    if config.name != "field":
+        _ = space.field  # all of it up to date: others do not note where they look
+    space.begin_search()
+    while True:
+        found = _plan(space, start, goal, config, seed, heading, goal_heading)
+        if not space.catch_up():
+            return found
+
+
+def _plan(
+    space: FreeSpace,
+    start: Floats,
+    goal: Floats,
+    config: PlannerConfig,
+    seed: int,
+    heading: float,
+    goal_heading: float | None,
+) -> Plan:
     kind = state_space_for(config.state_space, space)
     begin = _pose(start, heading)
     if not _fits(space, kind, begin):

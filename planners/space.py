@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from maps import Distances
 from planners import kernels
 from planners.body import Disc
 from planners.kernels import OUTSIDE, Discs, Floats, Grid
@@ -24,8 +25,9 @@ class FreeSpace:
     carry the height of that layer's centre. All points are in the world frame [m].
 
     Attributes:
-        field: Squared cell distances to the nearest blocked cell, truncated; uint16 (nx, ny, nz).
-            Where one is large enough, the cells around it are taken for free without a look.
+        distances: Squared cell distances to the nearest blocked cell, truncated; uint16
+            (nx, ny, nz), or what works them out where somebody looks. Where one is large enough,
+            the cells around it are taken for free without a look.
         origin: Low corner of the grid [m], shape (3,).
         resolution: Cell size [m].
         blocked_at_or_below: Largest forbidden squared cell distance.
@@ -41,7 +43,7 @@ class FreeSpace:
             not finite.
     """
 
-    field: NDArray[np.uint16]
+    distances: NDArray[np.uint16] | Distances
     origin: Floats
     resolution: float
     blocked_at_or_below: int
@@ -51,9 +53,11 @@ class FreeSpace:
     grid: Grid = dataclasses.field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        self._check()
+        field, looked_at = self._told()
+        self._check(field)
         grid = Grid(
-            np.ascontiguousarray(self.field),
+            np.ascontiguousarray(field),
+            looked_at,
             np.array(self.origin, dtype=np.float64),
             float(self.resolution),
             np.array(self.cost_by_distance, dtype=np.float64),
@@ -66,10 +70,19 @@ class FreeSpace:
         )
         object.__setattr__(self, "shape", shape)
 
-    def _check(self) -> None:
-        if self.field.ndim != 3 or self.field.dtype != np.uint16:
-            got = f"{self.field.dtype} {self.field.shape}"
-            raise ValueError(f"space.field: got {got}, expected uint16 (nx, ny, nz)")
+    def _told(self) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
+        """The distances, and where to note who looked at them."""
+        if isinstance(self.distances, Distances) and self.distances.cells.shape[2] > 1:
+            return self.distances.cells, self.distances.looked_at
+        field = self.field  # a plane is looked at by who does not note where
+        nx, ny = np.shape(field)[:1], np.shape(field)[1:2]
+        blocks = [(n >> kernels.BLOCK_BITS) + 1 for n in ny]
+        return field, np.zeros((*blocks, *nx), np.bool_)
+
+    def _check(self, field: NDArray[np.uint16]) -> None:
+        if field.ndim != 3 or field.dtype != np.uint16:
+            got = f"{field.dtype} {field.shape}"
+            raise ValueError(f"space.distances: got {got}, expected uint16 (nx, ny, nz)")
         if np.shape(self.origin) != (3,):
             raise ValueError(f"space.origin: got shape {np.shape(self.origin)}, expected (3,)")
         if not self.resolution > 0.0:
@@ -91,9 +104,29 @@ class FreeSpace:
             )
 
     @property
+    def field(self) -> NDArray[np.uint16]:
+        """All squared cell distances, up to date; uint16 (nx, ny, nz).
+
+        For who does not note where it looks; `grid.field` is up to date only where that is noted.
+        """
+        return self.distances.whole() if isinstance(self.distances, Distances) else self.distances
+
+    def begin_search(self) -> None:
+        """Bring the distances up to date where the last search looked."""
+        if isinstance(self.distances, Distances):
+            self.distances.begin_search()
+
+    def catch_up(self) -> bool:
+        """Bring the distances up to date that were looked at; whether any were not.
+
+        Then what was found rests on outdated ones, and is to be found again.
+        """
+        return isinstance(self.distances, Distances) and self.distances.catch_up()
+
+    @property
     def flat(self) -> bool:
         """Whether it is a plane, for a robot on the ground."""
-        return bool(self.field.shape[2] == 1)
+        return bool(self.grid.field.shape[2] == 1)
 
     def is_free(self, point: Floats) -> bool:
         """Whether a point lies in a free cell."""
@@ -180,7 +213,7 @@ class FreeSpace:
     def turnable(self, points: Floats) -> NDArray[np.bool_]:
         """At which points (n, 3) the body can turn to any heading, shape (n,)."""
         cells = np.floor((points - self.grid.origin) / self.resolution).astype(np.int64)
-        cells = np.clip(cells, 0, np.array(self.field.shape) - 1)
+        cells = np.clip(cells, 0, np.array(self.grid.field.shape) - 1)
         room = max(
             abs(offset) / self.resolution + math.sqrt(threshold)
             for offset, threshold in zip(self.shape.offsets, self.shape.thresholds, strict=True)

@@ -37,7 +37,7 @@ def _bounds(space: FreeSpace) -> ob.RealVectorBounds:
     bounds = ob.RealVectorBounds(dimensions)
     for axis in range(dimensions):
         bounds.setLow(axis, float(space.origin[axis]))
-        high = space.origin[axis] + space.field.shape[axis] * space.resolution
+        high = space.origin[axis] + space.grid.field.shape[axis] * space.resolution
         bounds.setHigh(axis, float(high))
     return bounds
 

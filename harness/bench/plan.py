@@ -311,7 +311,7 @@ def put_box(
     box[tuple(slice(a, b) for a, b in zip(low - first, high - first, strict=True))] = True
     field = space.field.copy()
     field[window] = np.minimum(field[window], squared_distances(box))
-    changed = replace(space, field=field)
+    changed = replace(space, distances=field)
     room = max(abs(o) for o in changed.shape.offsets) + 0.5
     if min(math.dist(path[n], point_at(path, ahead)) for n in (0, -1)) < 0.8 + room:
         return None

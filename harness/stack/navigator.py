@@ -25,7 +25,7 @@ from harness.stack.decision import add_points, seal, thinned, trajectory_message
 from harness.stack.footprint import HEADING_TOLERANCE, NARROWEST, body_of, costs, lever
 from harness.stack.view import Choice, Memory, View
 from harness.stack.width import decide_by_width
-from maps import MAPS, Costmap, VoxelMap
+from maps import MAPS, Costmap, Distances, VoxelMap
 from planners import Disc, FreeSpace, MotionLimits, Trajectory, hold
 from planners.body import blocked_at_or_below
 
@@ -126,15 +126,22 @@ class Navigator:
         clock = [time.perf_counter()]
         self.integrate(inputs)
         clock.append(time.perf_counter())
-        margin = self._margin(inputs)
-        self.costmap.update(margin)
+        self.inflate(inputs)
         version = bound_version(self.map.version(), self.labels)
         clock.append(time.perf_counter())
-        choice, self._draft, view = self._decide(self._view(inputs))
+        decision = self._settle(inputs, version)
         clock.append(time.perf_counter())
-        decision = self._record(inputs, view, choice, version, margin)
-        _write_stages(decision.stages, sense_ms, clock)
+        _write_stages(decision.stages, sense_ms, clock, self.costmap.clearances.spent_s)
         return decision
+
+    def _settle(self, inputs: Inputs, version: str) -> pb.Decision:
+        """Decide, until all distances that the decision and its record rest on are up to date."""
+        view = self._view(inputs)
+        while True:
+            choice, self._draft, decided_on = self._decide(view)
+            decision = self._record(inputs, decided_on, choice, version)
+            if not self.costmap.clearances.catch_up():
+                return decision
 
     def commit(self, decision: pb.Decision, delay_s: float) -> pb.Decision:
         """Settle the decision with the delay that it had, and bind it into the chain.
@@ -169,7 +176,8 @@ class Navigator:
 
     def inflate(self, inputs: Inputs) -> None:
         """Bring the costmap up to date with the map, for inputs that it has taken in."""
-        self.costmap.update(self._margin(inputs))
+        # A plane is worked out sooner than somebody looks around in it.
+        self.costmap.update(self._margin(inputs), whole=self._mission.motion == "ground")
 
     def _margin(self, inputs: Inputs) -> float:
         margin = self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
@@ -212,8 +220,8 @@ class Navigator:
             heading=inputs.pose.heading,
             goal=self._goal,
             goal_tolerance=0.8 * config.episode.goal_tolerance,
-            admitted=self._space(self.costmap.field()),
-            known=self._space(self.costmap.clearance),
+            admitted=self._space(self.costmap.admitted),
+            known=self._space(self.costmap.known),
             passable=self._passable(),
             turns_in_place=mission.motion == "ground",
             penalize_unknown=config.map.unknown_policy == "penalize",
@@ -232,14 +240,12 @@ class Navigator:
         """The same for the disc about a long body."""
         return replace(
             view,
-            admitted=self._space(self.costmap.field(), wide=True),
-            known=self._space(self.costmap.clearance, wide=True),
+            admitted=self._space(self.costmap.admitted, wide=True),
+            known=self._space(self.costmap.known, wide=True),
             passable=self._passable(wide=True),
         )
 
-    def _record(
-        self, inputs: Inputs, view: View, choice: Choice, version: str, margin: float
-    ) -> pb.Decision:
+    def _record(self, inputs: Inputs, view: View, choice: Choice, version: str) -> pb.Decision:
         path = choice.trajectory.path
         search = choice.search
         decision = pb.Decision(
@@ -250,7 +256,7 @@ class Navigator:
             resolution_m=self.map.resolution,
             unknown_policy=self._config.map.unknown_policy,
             inflation_radius_m=self._inflation_radius(view),
-            localization_margin_m=margin,
+            localization_margin_m=self.costmap.margin,
             blocked_at_or_below=view.admitted.blocked_at_or_below,
             position=inputs.pose.position.tolist(),
             quaternion=inputs.pose.quaternion.tolist(),
@@ -287,12 +293,12 @@ class Navigator:
         return float(time_ns - max(int(observed.min()), 0)) * 1e-9
 
     def _space(
-        self, field: NDArray[np.uint16], wide: bool = False, table: Array | None = None
+        self, distances: Distances, wide: bool = False, table: Array | None = None
     ) -> FreeSpace:
         """Free space for the body as it lies, or for the disc about it, by default at its costs."""
         costmap = self.costmap
         return FreeSpace(
-            field=field,
+            distances=distances,
             origin=costmap.origin,
             resolution=costmap.resolution,
             blocked_at_or_below=self._threshold(wide),
@@ -376,6 +382,11 @@ def _length(path: Array | None) -> float:
     return float(np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1)).sum())
 
 
-def _write_stages(stages: pb.StageLatency, sense_ms: float, clock: list[float]) -> None:
+def _write_stages(
+    stages: pb.StageLatency, sense_ms: float, clock: list[float], caught_up_s: float
+) -> None:
+    """What each stage took; distances that were worked out while planning are the costmap's."""
     stages.sense_ms = sense_ms
     stages.map_ms, stages.costmap_ms, stages.plan_ms = np.diff(clock) * 1e3
+    stages.costmap_ms += caught_up_s * 1e3
+    stages.plan_ms -= caught_up_s * 1e3

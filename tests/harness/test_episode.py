@@ -11,7 +11,7 @@ from harness.evidence.replay import replay
 from harness.logs.reader import open_log
 from harness.scenario import build
 from harness.stack.navigator import Navigator
-from maps import FREE
+from maps import FREE, Distances
 from models.robots import ROBOTS
 
 DRIVING = ("follow", "slow", "explore")
@@ -189,3 +189,19 @@ def test_a_gap_too_narrow_for_the_disc_is_taken_rather_than_gone_around(recorded
     result = recorded("warehouse", "quadruped", 80, "episode.time_limit=45", "record=decisions")
     assert result.outcome == "success"
     assert result.path_length_m < 1.5 * result.route_length_m
+
+
+@pytest.mark.parametrize("policy", ["forbid", "penalize"])
+def test_distances_worked_out_where_somebody_looked_decide_as_all_of_them_do(
+    recorded, monkeypatch, policy
+):
+    """A drone in a warehouse whose costmap works out everything decides the same, bit by bit."""
+    short = "episode.time_limit=6", f"map.unknown_policy={policy}", "odometry.scale=0.01"
+    result = recorded("warehouse", "drone", 4, *short)
+    log = open_log(Path(result.log))
+    monkeypatch.setattr(Distances, "begin", lambda self: self.whole())
+    navigator = Navigator(log.config, log.mission, log.beams)
+    for record in log.records():
+        navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
+        assert not navigator.costmap.clearances.catch_up()
+    assert navigator.chain == result.chain

@@ -5,7 +5,13 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from maps import _field_kernels as kernels
-from maps.field import DistanceField, update_together
+from maps.field import (
+    BLOCK_ROWS,
+    DistanceField,
+    bring_up_to_date,
+    take_over,
+    update_together,
+)
 from maps.team import Team
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
@@ -202,3 +208,48 @@ def test_no_kernel_is_compiled_again_for_another_part_of_the_window():
     np.testing.assert_array_equal(field.squared, scipy_squared(blocked, 4))
     for kernel in (kernels.update_sections, kernels.update_field):
         assert len(kernel.signatures) == 1
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_is_not_stale_is_true_whatever_was_worked_out(threads):
+    """Cells come and go, and only some blocks are brought up to date in between."""
+    shape, reach = (70, 50, 30), 7
+    rng = np.random.default_rng(threads)
+    field = DistanceField(shape, reach, Team(threads))
+    blocked = rng.random(shape) < 0.002
+    field.update(packed(blocked))
+    rows = np.arange(shape[1]) // BLOCK_ROWS
+    seen_stale = 0
+    for step in range(40):
+        x, y, z = (rng.integers(0, n) for n in shape)
+        blocked[x : x + 9, y : y + 5, z : z + 6] = step % 2
+        blocked ^= rng.random(shape) < 1e-5
+        take_over([field], [packed(blocked)])
+        wanted = rng.random(field.stale.shape) < rng.choice([0.0, 0.02, 0.3])
+        bring_up_to_date([field], wanted)
+        assert not (field.stale & wanted).any()
+        true = scipy_squared(blocked, reach)
+        differs = (field.squared != true).any(axis=2)  # (nx, ny)
+        assert not (differs & ~field.stale.T[:, rows]).any()
+        seen_stale += int(differs.sum())
+    assert seen_stale > 0
+    bring_up_to_date([field])
+    assert not field.stale.any()
+    np.testing.assert_array_equal(field.squared, true)
+
+
+def test_only_what_is_wanted_is_worked_out():
+    shape = (64, 64, 20)
+    blocked = np.zeros(shape, np.bool_)
+    field = DistanceField(shape, 5)
+    field.update(packed(blocked))
+    blocked[[10, 50], 10, 10] = True
+    take_over([field], [packed(blocked)])
+    field.squared[50] = 12345  # would be overwritten if it were recomputed
+    wanted = np.zeros_like(field.stale)
+    wanted[:, :40] = True
+    bring_up_to_date([field], wanted)
+    assert np.all(field.squared[50] == 12345)
+    np.testing.assert_array_equal(field.squared[:40], scipy_squared(blocked, 5)[:40])
+    bring_up_to_date([field])
+    assert field.squared[50, 10, 10] == 0

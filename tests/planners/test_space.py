@@ -251,7 +251,10 @@ def test_nearest_free_takes_the_nearest_then_the_lowest_index():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"field": np.zeros((3, 3), dtype=np.uint16)}, r"space\.field: got uint16 \(3, 3\)"),
+        (
+            {"distances": np.zeros((3, 3), dtype=np.uint16)},
+            r"space\.distances: got uint16 \(3, 3\)",
+        ),
         ({"origin": np.zeros(2)}, r"space\.origin: got shape \(2,\), expected \(3,\)"),
         ({"resolution": 0.0}, r"space\.resolution: got 0\.0, expected above 0"),
         ({"blocked_at_or_below": -1}, r"blocked_at_or_below: got -1, expected 0 or more"),
@@ -260,7 +263,7 @@ def test_nearest_free_takes_the_nearest_then_the_lowest_index():
 )
 def test_wrong_spaces_are_refused(change, message):
     right = {
-        "field": np.ones((3, 3, 1), dtype=np.uint16),
+        "distances": np.ones((3, 3, 1), dtype=np.uint16),
         "origin": np.zeros(3),
         "resolution": 0.1,
         "blocked_at_or_below": 0,

@@ -1,0 +1,209 @@
+"""Squared distances that are worked out where somebody looks, and nowhere else."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maps._field_kernels import presume, widen
+from maps.field import BLOCK_ROWS, DistanceField, bring_up_to_date, take_over
+from maps.team import Team
+
+Cells = NDArray[np.uint16]
+Blocks = NDArray[np.bool_]
+Words = NDArray[np.uint64]
+
+ROUNDS = 2
+AROUND = 2, 16
+"""Who still looks at something stale after so many rounds has everything brought up to date."""
+
+PRESUME_US = 0.15
+"""About what it takes to presume a block, microseconds."""
+
+
+class Source(Protocol):
+    """What holds squared distances and knows which of them are out of date."""
+
+    squared: Cells
+    stale: Blocks
+
+    def bring_up_to_date(self, wanted: Blocks | None = None) -> None:
+        """Work out the distances of some blocks, or of all."""
+
+
+class Distances:
+    """The squared distances of a window, for one who says where it looks.
+
+    A reader works with `cells` as they are and notes where it looked. Then it calls `catch_up`: if
+    any of that was stale, it has been worked out by now and the reader begins anew. So what is told
+    at last rests on up-to-date distances alone, and most of a window is never worked out.
+
+    Attributes:
+        cells: (nx, ny, nz) uint16, squared distances in cells, wherever they are not stale.
+        looked_at: (blocks, nx) where cells were looked at: cell (i, j, k) lies in
+            [j // BLOCK_ROWS, i]. A reader sets it.
+        searched: (blocks, nx) the same, for who looks all around, but not at every update.
+        spent_s: Wall time that catching up took since `begin`, for the record alone.
+    """
+
+    def __init__(self, source: Source, shape: tuple[int, int, int]) -> None:
+        """Tell what a source holds as an array of a shape."""
+        self._source = source
+        self.cells = source.squared.reshape(shape)
+        self.looked_at = np.zeros_like(source.stale)
+        self.searched = np.zeros_like(source.stale)
+        self._searched_before = np.zeros_like(source.stale)
+        self.spent_s = 0.0
+        self._rounds = 0
+
+    def begin(self) -> None:
+        """Bring up to date what was looked at of late, and forget who looked where."""
+        self._source.bring_up_to_date(self.looked_at)
+        self.looked_at[:] = False
+        if self.searched.any():
+            self._searched_before[:] = self.searched
+            self.searched[:] = False
+        self.spent_s, self._rounds = 0.0, 0
+
+    def begin_search(self) -> None:
+        """Bring up to date what the last search looked at: the next one will look there, too."""
+        began = time.perf_counter()
+        around = np.empty_like(self.searched)
+        widen(self._searched_before, *AROUND, around)
+        self._source.bring_up_to_date(around)
+        self.spent_s += time.perf_counter() - began
+
+    def catch_up(self) -> bool:
+        """Bring up to date what was looked at; whether any of it was stale."""
+        wanted = self.looked_at | self.searched
+        if not (wanted & self._source.stale).any():
+            return False
+        began = time.perf_counter()
+        self._rounds += 1
+        self._source.bring_up_to_date(wanted if self._rounds <= ROUNDS else None)
+        self.spent_s += time.perf_counter() - began
+        return True
+
+    def whole(self) -> Cells:
+        """All of them, up to date."""
+        self._source.bring_up_to_date()
+        return self.cells
+
+
+class Presumed:
+    """Distances to one kind of cells, at most an edge where the other kind is nearer than that.
+
+    Attributes:
+        squared: (nx, ny, nz) uint16, wherever they are not stale.
+        stale: (blocks, nx) which blocks of rows may be out of date.
+    """
+
+    def __init__(self, field: DistanceField, other: DistanceField, edge: int, most: int) -> None:
+        """Presume from two fields of one window.
+
+        Args:
+            field: What is told.
+            other: What bounds it where less than the edge; at an edge of 0 it does not matter.
+            edge: Squared distance, cells^2.
+            most: Greatest squared distance that is told, cells^2.
+        """
+        self._fields = field, other
+        self._limits = edge, most
+        self.squared = np.empty(field.shape, np.uint16)
+        self.stale = np.ones_like(field.stale)
+        self.bring_up_to_date()
+
+    def note_stale(self) -> None:
+        """Note what is out of date because one of the fields is."""
+        for field in self._fields:
+            self.stale |= field.stale
+
+    def bring_up_to_date(self, wanted: Blocks | None = None) -> None:
+        """Work them out in some blocks, or in all."""
+        blocks = self.stale.copy() if wanted is None else self.stale & wanted
+        if not (count := np.count_nonzero(blocks)):
+            return
+        bring_up_to_date(self._fields, blocks)
+        shape, team = self._fields[0].shape, self._fields[0].team
+        told, others = (field.squared.reshape(-1) for field in self._fields)
+        flat = self.squared.reshape(-1)
+
+        def work(_: int, part: tuple[int, int]) -> None:
+            presume(part, shape, BLOCK_ROWS, blocks, told, others, *self._limits, flat)
+
+        team.share(work, len(blocks), item_us=PRESUME_US * count / len(blocks))
+        self.stale &= ~blocks
+
+
+class Clearances:
+    """Distances of one window to what is not free and to obstacles, and what is presumed of them.
+
+    Attributes:
+        reach: Greatest distance that can be told, cells.
+    """
+
+    def __init__(
+        self, rows: tuple[int, int, int], shape: tuple[int, int, int], reach: int, team: Team
+    ) -> None:
+        """Tell the distances of a window (nx, ny, nz), laid out in rows of a shape, as that one."""
+        self.reach = reach
+        self._shape = shape
+        self._fields = DistanceField(rows, reach, team), DistanceField(rows, reach, team)
+        self._plain = [Distances(field, shape) for field in self._fields]
+        self._presumed: dict[tuple[int, int, int], tuple[Presumed, Distances]] = {}
+        self._asked_for: set[tuple[int, int, int]] = set()
+
+    def take_over(self, free: Words, occupied: Words, x0: int, y0: int) -> None:
+        """Take over a box of columns (kx, ky, words) from its first one on."""
+        take_over(self._fields, (~free, occupied), x0, y0)
+        for presumed, _ in self._presumed.values():
+            presumed.note_stale()
+
+    def begin(self, whole: bool) -> None:
+        """Bring up to date both distances, or only what was looked at of late.
+
+        What nobody asked for since the last time is presumed no more.
+        """
+        if whole:
+            bring_up_to_date(self._fields)
+        self._presumed = {asked: self._presumed[asked] for asked in sorted(self._asked_for)}
+        self._asked_for.clear()
+        for distances in self._all():
+            distances.begin()
+
+    def to_not_free(self, most: int) -> Distances:
+        """To the nearest cell that is not free, at most a squared distance, cells^2."""
+        return self._told(0, 0, most)
+
+    def to_obstacles(self, most: int) -> Distances:
+        """To the nearest cell that is occupied, at most a squared distance, cells^2."""
+        return self._told(1, 0, most)
+
+    def presumed(self, edge: int, most: int) -> Distances:
+        """To obstacles, where something not free is nearer than an edge at most that, cells^2."""
+        return self._told(1, edge, most)
+
+    def catch_up(self) -> bool:
+        """Bring everything up to date where somebody looked; whether any of it was stale."""
+        return any([distances.catch_up() for distances in self._all()])
+
+    @property
+    def spent_s(self) -> float:
+        """Wall time that catching up took since `begin`, for the record alone."""
+        return sum(distances.spent_s for distances in self._all())
+
+    def _told(self, kind: int, edge: int, most: int) -> Distances:
+        if edge == 0 and most >= self.reach * self.reach:
+            return self._plain[kind]
+        asked = kind, edge, most
+        if asked not in self._presumed:
+            presumed = Presumed(self._fields[kind], self._fields[1 - kind], edge, most)
+            self._presumed[asked] = presumed, Distances(presumed, self._shape)
+        self._asked_for.add(asked)
+        return self._presumed[asked][1]
+
+    def _all(self) -> list[Distances]:
+        return [distances for _, distances in self._presumed.values()] + self._plain

@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+
+from maps.distances import ROUNDS, Clearances, Distances
+from maps.field import BLOCK_ROWS, DistanceField
+from maps.team import Team
+from tests.maps.test_field import packed, scipy_squared
+
+SHAPE = (40, 30, 12)
+REACH = 6
+
+
+def drawn(rng, share):
+    return rng.random(SHAPE) < share
+
+
+def expected(free, occupied, edge, most):
+    """What is told by its definition, from scipy's distances."""
+    to_not_free = scipy_squared(~free, REACH)
+    to_obstacles = scipy_squared(occupied, REACH)
+    bounded = np.where(to_not_free < edge, np.minimum(to_obstacles, edge), to_obstacles)
+    return [np.minimum(one, most) for one in (to_not_free, to_obstacles, bounded)]
+
+
+@pytest.mark.parametrize("most", [REACH * REACH, 20])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_wherever_a_reader_caught_up_the_distances_are_true(threads, most):
+    rng = np.random.default_rng(threads)
+    clearances = Clearances(SHAPE, SHAPE, REACH, Team(threads))
+    free, occupied = ~drawn(rng, 0.01), drawn(rng, 0.005)
+    for step in range(25):
+        free ^= drawn(rng, 0.0005)
+        occupied ^= drawn(rng, 0.0003)
+        clearances.take_over(packed(free), packed(occupied), 0, 0)
+        clearances.begin(whole=step == 7)
+        told = [
+            clearances.to_not_free(most),
+            clearances.to_obstacles(most),
+            clearances.presumed(9, most),
+        ]
+        truth = expected(free, occupied, 9, most)
+        looked = [rng.random(SHAPE[:2]) < 0.02 for _ in told]
+        for distances, places in zip(told, looked, strict=True):
+            for i, j in np.argwhere(places):
+                distances.looked_at[j // BLOCK_ROWS, i] = True
+        clearances.catch_up()
+        assert not clearances.catch_up()
+        for distances, places, true in zip(told, looked, truth, strict=True):
+            np.testing.assert_array_equal(distances.cells[places], true[places])
+    for distances, true in zip(told, truth, strict=True):
+        np.testing.assert_array_equal(distances.whole(), true)
+
+
+def stale_field():
+    """A field in which a cell has come since it was brought up to date."""
+    field = DistanceField(SHAPE, REACH)
+    blocked = np.zeros(SHAPE, np.bool_)
+    field.update(packed(blocked))
+    blocked[20, 15, 6] = True
+    field.take_over((0, SHAPE[0]), packed(blocked), (0, 0))
+    field.find_stale()
+    return field
+
+
+def test_a_reader_begins_anew_only_where_something_was_stale():
+    distances = Distances(stale_field(), SHAPE)
+    distances.looked_at[0, 0] = True
+    assert not distances.catch_up()
+    assert distances.cells[20, 15, 6] > 0  # nobody looked
+    distances.looked_at[15 // BLOCK_ROWS, 20] = True
+    assert distances.catch_up()
+    assert distances.cells[20, 15, 6] == 0
+    assert not distances.catch_up()
+
+
+def test_what_was_looked_at_is_up_to_date_the_next_time():
+    field = stale_field()
+    distances = Distances(field, SHAPE)
+    distances.looked_at[15 // BLOCK_ROWS, 20] = True
+    distances.begin()
+    assert distances.cells[20, 15, 6] == 0
+    assert not distances.looked_at.any()
+
+
+def test_what_a_search_looked_at_is_up_to_date_with_what_lies_around_when_the_next_begins():
+    field = stale_field()
+    distances = Distances(field, SHAPE)
+    distances.searched[15 // BLOCK_ROWS, 25] = True
+    distances.begin()
+    assert not distances.searched.any()
+    assert field.stale[15 // BLOCK_ROWS, 20]
+    distances.begin_search()
+    assert distances.cells[20, 15, 6] == 0
+
+
+def test_who_goes_on_looking_elsewhere_has_everything_brought_up_to_date():
+    field = stale_field()
+    distances = Distances(field, SHAPE)
+    stale = np.argwhere(field.stale)
+    for n in range(ROUNDS + 1):
+        distances.looked_at[tuple(stale[n])] = True
+        assert field.stale.any()
+        assert distances.catch_up()
+    assert not field.stale.any()

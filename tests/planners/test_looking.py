@@ -1,0 +1,162 @@
+"""What a planner reads of distances that are worked out where somebody looks, it says."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from maps import Distances
+from maps.field import BLOCK_ROWS
+from planners import (
+    FreeSpace,
+    GoalField,
+    PlannerConfig,
+    _lattice_kernels,
+    best_frontier,
+    blend_corners,
+    lattice,
+    plan,
+)
+from planners.kernels import BLOCK_BITS
+from tests.planners.worlds import make_boxes, make_space, point
+
+
+class Known:
+    """Distances that are known all along, but told only where they are wanted."""
+
+    def __init__(self, true: np.ndarray, told: np.ndarray) -> None:
+        self.true, self.squared = true, told
+        self.stale = np.ones((-(-true.shape[1] // BLOCK_ROWS), true.shape[0]), np.bool_)
+        self.worked_out = 0
+
+    def bring_up_to_date(self, wanted: np.ndarray | None = None) -> None:
+        blocks = self.stale if wanted is None else self.stale & wanted
+        for b, x in np.argwhere(blocks):
+            rows = slice(b * BLOCK_ROWS, (b + 1) * BLOCK_ROWS)
+            self.squared[x, rows] = self.true[x, rows]
+            self.stale[b, x] = False
+            self.worked_out += 1
+
+
+def told_where_looked(space: FreeSpace, seed: int) -> tuple[FreeSpace, Known]:
+    """The same space, but of random distances wherever nobody has looked."""
+    rng = np.random.default_rng(seed)
+    true = space.field
+    told = rng.choice(true.reshape(-1), size=true.shape)
+    source = Known(true, told)
+    distances = Distances(source, true.shape)
+    return dataclasses.replace(space, distances=distances), source
+
+
+def settled(space: FreeSpace, ask):
+    """What is told at last."""
+    while True:
+        answer = ask(space)
+        if not space.catch_up():
+            return answer
+
+
+def test_blocks_are_those_of_the_field():
+    assert 1 << BLOCK_BITS == BLOCK_ROWS
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("resolution", [0.05, 0.07, 0.1, 0.2])
+def test_a_plan_rests_on_nothing_that_it_did_not_look_at(seed, resolution):
+    """Lattices of 4, 3, 2 and 1 cells, whose steps touch other blocks than their middles lie in."""
+    rng = np.random.default_rng(seed)
+    blocked = np.zeros((70, 45, 25), dtype=bool)
+    for low in rng.integers([15, 0, 0], [50, 40, 18], size=(12, 3)):
+        blocked[tuple(slice(corner, corner + 7) for corner in low)] = True
+    space = make_space(blocked, resolution)
+    told, source = told_where_looked(space, seed)
+    start, goal = point(space, 4.5, 20.5, 12.5), point(space, 65.5, 22.5, 12.5)
+    config = PlannerConfig()
+    one, same = plan(space, start, goal, config, seed), plan(told, start, goal, config, seed)
+    assert one.label == same.label
+    assert one.cost == same.cost
+    assert one.iterations == same.iterations
+    np.testing.assert_array_equal(one.waypoints, same.waypoints)
+    assert source.worked_out > 0
+
+
+def test_a_plan_along_a_corridor_leaves_most_distances_alone():
+    blocked = np.ones((60, 200, 20), dtype=bool)
+    blocked[:, 90:110] = False
+    space = make_space(blocked, 0.05)
+    told, source = told_where_looked(space, 0)
+    source.bring_up_to_date(None)
+    source.stale[:], source.worked_out = True, 0
+    start, goal = point(space, 2.5, 99.5, 9.5), point(space, 56.5, 99.5, 9.5)
+    assert plan(told, start, goal, PlannerConfig(), 1).label == "none"
+    assert 0 < source.worked_out < 0.25 * source.stale.size
+
+
+POINTS = np.random.default_rng(3).uniform([0, 0, 0], [60, 40, 25], size=(30, 3))
+
+ASKED = {
+    "is_free": lambda space, path: [space.is_free(place) for place in path],
+    "edge_free": lambda space, path: space.edge_free(path[0], path[1]),
+    "free_length": lambda space, path: space.free_length(path),
+    "nearest_free": lambda space, path: space.nearest_free(path[0], 1.0),
+    "least_clearance": lambda space, path: space.least_clearance(path),
+    "path_cost": lambda space, path: space.path_cost(path),
+    "sweep_free": lambda space, path: space.sweep_free([*path[0], 0.0], [*path[1], 1.0]),
+    "blend_corners": lambda space, path: blend_corners(space, path, 0.5),
+    "best_frontier": lambda space, path: best_frontier(
+        space, space, path[0], path[-1], np.empty((0, 3))
+    ),
+    "rrtconnect": lambda space, path: (
+        plan(space, path[0], path[-1], PlannerConfig("rrtconnect", iterations=50), 1).waypoints
+    ),
+    "goal_field": lambda space, path: (
+        GoalField(path[-1], PlannerConfig()).plan(space, path[0], 1).waypoints
+    ),
+}
+
+
+@pytest.mark.parametrize("name", sorted(ASKED))
+def test_every_question_is_answered_as_of_distances_that_are_all_worked_out(name):
+    space = make_boxes()
+    told, _ = told_where_looked(space, 5)
+    for n in range(0, len(POINTS), 3):
+        path = np.array([point(space, *place) for place in POINTS[n : n + 3]])
+        expected = ASKED[name](space, path)
+        answer = settled(told, lambda one, path=path: ASKED[name](one, path))
+        if expected is None:
+            assert answer is None
+        else:
+            np.testing.assert_array_equal(answer, expected)
+        told, _ = told_where_looked(space, n)
+
+
+@pytest.mark.parametrize("factor", [1, 2, 3, 4])
+def test_a_search_over_a_lattice_says_all_that_it_reads(factor):
+    """With other distances wherever it does not say that it looked, it is the same search."""
+    rng = np.random.default_rng(factor)
+    differed = 0
+    for _ in range(30):
+        place, budget = rng.uniform(5.0, [56.0, 38.0, 17.0]), int(rng.integers(1, 60))
+        space = make_space(rng.random((61, 43, 22)) < 0.002)
+        told, source = told_where_looked(space, factor)
+        source.bring_up_to_date()
+
+        def search(told=told, place=place, budget=budget):
+            grid = lattice.make_lattice(told, factor, 2.0)
+            goal = lattice.entry(grid, told, point(told, *place))
+            if goal >= 0:
+                lattice.open_goal(grid, goal)
+                _lattice_kernels.spread(grid, goal, -1, budget, 10**6)
+            return grid
+
+        first = search()
+        lattice.note_looked_at(first, told)
+        looked = told.distances.searched | told.distances.looked_at
+        others = ~looked.T[:, np.arange(43) // BLOCK_ROWS]  # (nx, ny)
+        source.squared[others] = 0
+        second = search()
+        differed += int(others.sum())
+        for name in ("rate", "state", "cost"):
+            seen = first.state != _lattice_kernels.NEW if name == "cost" else slice(None)
+            np.testing.assert_array_equal(getattr(second, name)[seen], getattr(first, name)[seen])
+    assert differed > 0
