@@ -76,13 +76,17 @@ class Distances:
         self._source.bring_up_to_date(around)
         self.spent_s += time.perf_counter() - began
 
+    def outdated(self) -> bool:
+        """Whether any of what was looked at is stale."""
+        return bool(((self.looked_at | self.searched) & self._source.stale).any())
+
     def catch_up(self) -> bool:
         """Bring up to date what was looked at; whether any of it was stale."""
-        wanted = self.looked_at | self.searched
-        if not (wanted & self._source.stale).any():
+        if not self.outdated():
             return False
         began = time.perf_counter()
         self._rounds += 1
+        wanted = self.looked_at | self.searched
         self._source.bring_up_to_date(wanted if self._rounds <= ROUNDS else None)
         self.spent_s += time.perf_counter() - began
         return True
@@ -200,8 +204,11 @@ class Clearances:
             return self._plain[kind]
         asked = kind, edge, most
         if asked not in self._presumed:
+            began = time.perf_counter()
             presumed = Presumed(self._fields[kind], self._fields[1 - kind], edge, most)
-            self._presumed[asked] = presumed, Distances(presumed, self._shape)
+            distances = Distances(presumed, self._shape)
+            distances.spent_s = time.perf_counter() - began
+            self._presumed[asked] = presumed, distances
         self._asked_for.add(asked)
         return self._presumed[asked][1]
 

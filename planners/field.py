@@ -146,7 +146,7 @@ def lattice_path(
         grid = lattice.make_lattice(space, factor, weight)
         entered = _search(grid, space, a, b, until)
         lattice.note_looked_at(grid, space)
-        if entered == SPENT:
+        if entered == SPENT or space.outdated():  # whatever was found is found again
             return None
         if entered >= 0:
             path = lattice.way_down(grid, space, a, b, entered)

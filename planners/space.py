@@ -116,6 +116,10 @@ class FreeSpace:
         if isinstance(self.distances, Distances):
             self.distances.begin_search()
 
+    def outdated(self) -> bool:
+        """Whether any of the distances that were looked at were out of date."""
+        return isinstance(self.distances, Distances) and self.distances.outdated()
+
     def catch_up(self) -> bool:
         """Bring the distances up to date that were looked at; whether any were not.
 
