@@ -18,6 +18,7 @@ from harness.config import Config
 from harness.robots import find_robot, warm_up_robot
 from models import devices, range_codec, rays, truth
 from models.robots import ROBOTS
+from models.worlds import solvability
 
 
 def warm_up(config: Config) -> None:
@@ -39,6 +40,7 @@ def perceive(config: Config) -> None:
     range_codec.warm_up()
     rays.warm_up()
     truth.warm_up()
+    solvability.warm_up()
 
 
 def act(config: Config) -> None:

@@ -10,6 +10,7 @@ from maps.config import MapConfig, UnknownPolicy
 from maps.costmap import INSCRIBED_COST, Costmap
 from maps.distances import Distances
 from maps.dynamic import DynamicMap
+from maps.field import DistanceField
 from maps.grid2d import Grid2D
 from maps.inflation import inflate
 from maps.octomap import OctoMap
@@ -39,6 +40,7 @@ __all__ = [
     "UNLABELLED",
     "ClassMargins",
     "Costmap",
+    "DistanceField",
     "Distances",
     "DynamicMap",
     "Grid2D",
@@ -70,9 +72,8 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
     tiny.counts()
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
     Costmap(config, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
-    Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0).presumed(
-        1
-    ).whole()
+    flown = Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)
+    flown.presumed(1).begin_search()
     if labels:
         layer = SemanticLayer(config.resolution, 1, memory_mib=1)
         told = np.zeros(2, np.uint8)

@@ -28,8 +28,10 @@ UNSET = np.array(
 
 @kernel
 def note_changes(
-    blocked: NDArray[np.uint64],  # (ky, words) the new cells of a plane's columns
-    y0: int,
+    cells: NDArray[np.uint64],  # (ny, words) the new cells of a plane's columns
+    rows: tuple[int, int],  # first and one past the last of them to look at
+    y0: int,  # where the first of all lies in the window
+    flip: np.uint64,  # all ones where the cells told are those that are not blocked
     inside: NDArray[np.uint64],  # (words,) the bits that are cells of the window
     block_rows: int,
     known: NDArray[np.uint64],  # (ny, words) in, out
@@ -39,10 +41,10 @@ def note_changes(
     found = False
     for b in range(changes.shape[0]):
         changes[b, 0], changes[b, 1] = -1, -1
-    for k in range(blocked.shape[0]):
+    for k in range(rows[0], rows[1]):
         y, changed = y0 + k, False
-        for w in range(blocked.shape[1]):
-            word = blocked[k, w] & inside[w]
+        for w in range(cells.shape[1]):
+            word = (cells[k, w] ^ flip) & inside[w]
             changed |= word != known[y, w]
             known[y, w] = word
         if changed:
@@ -233,9 +235,11 @@ def planes_around(reach: int) -> int:
 
 @kernel
 def take_over(
-    part: tuple[int, int],  # first and one past the last plane of the box
-    blocked: NDArray[np.uint64],  # (kx, ky, words) the new cells of a box of columns
-    corner: tuple[int, int],  # of its first column
+    planes: tuple[int, int],  # first and one past the last plane of the cells to look at
+    cells: NDArray[np.uint64],  # (kx, ky, words) new ones
+    rows: tuple[int, int],  # first and one past the last row of them to look at
+    corner: tuple[int, int],  # where the first column of them lies in the window
+    flip: np.uint64,  # all ones where the cells told are those that are not blocked
     inside: NDArray[np.uint64],  # (words,) the bits that are cells of the window
     reach: int,
     block_rows: int,
@@ -247,9 +251,9 @@ def take_over(
     changes: NDArray[np.int64],  # (blocks, 2) scratch
 ) -> None:
     """Take over new cells, and note what they make outdated."""
-    for i in range(part[0], part[1]):
-        x = corner[0] + i
-        if not note_changes(blocked[i], corner[1], inside, block_rows, known[x], changes):
+    for i in range(planes[0], planes[1]):
+        x, y0 = corner[0] + i, corner[1]
+        if not note_changes(cells[i], rows, y0, flip, inside, block_rows, known[x], changes):
             continue
         for b in range(changes.shape[0]):
             unmeasured[x, b] |= changes[b, 0] >= 0

@@ -124,8 +124,7 @@ class Costmap:
         if self.clearances.reach < reach:
             self.clearances = self._all_clearances(reach)
         elif changed is not None:
-            corner = changed[0].start, changed[1].start
-            self.clearances.take_over(cells.free[changed], cells.occupied[changed], *corner)
+            self.clearances.take_over(cells.free, cells.occupied, *changed)
         self.clearances.begin(whole)
         self._state: NDArray[np.uint8] | None = None
 
@@ -227,7 +226,8 @@ class Costmap:
 
     def _all_clearances(self, reach: int) -> Clearances:
         clearances = Clearances(self._cells.rows, self.shape, reach, self._team)
-        clearances.take_over(self._cells.free, self._cells.occupied, 0, 0)
+        all_x, all_y = (slice(0, count) for count in self._cells.rows[:2])
+        clearances.take_over(self._cells.free, self._cells.occupied, all_x, all_y)
         return clearances
 
     def _set_margin(self, margin: float) -> int:

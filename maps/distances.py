@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps._field_kernels import presume, widen
-from maps.field import BLOCK_ROWS, DistanceField, bring_up_to_date, take_over
+from maps.field import BLOCK_ROWS, DistanceField, News, bring_up_to_date, take_over
 from maps.team import Team
 
 Cells = NDArray[np.uint16]
@@ -22,6 +22,8 @@ AROUND = 2, 16
 
 PRESUME_US = 0.15
 """About what it takes to presume a block, microseconds."""
+
+ALL_ONES = (1 << 64) - 1
 
 
 class Source(Protocol):
@@ -160,9 +162,10 @@ class Clearances:
         self._presumed: dict[tuple[int, int, int], tuple[Presumed, Distances]] = {}
         self._asked_for: set[tuple[int, int, int]] = set()
 
-    def take_over(self, free: Words, occupied: Words, x0: int, y0: int) -> None:
-        """Take over a box of columns (kx, ky, words) from its first one on."""
-        take_over(self._fields, (~free, occupied), x0, y0)
+    def take_over(self, free: Words, occupied: Words, x: slice, y: slice) -> None:
+        """Take over a box of the columns (nx, ny, words) of the window."""
+        box = (x.start, x.stop), (y.start, y.stop)
+        take_over(self._fields, News((free, occupied), (ALL_ONES, 0), (0, 0), *box))
         for presumed, _ in self._presumed.values():
             presumed.note_stale()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,31 @@ CACHE_LINE = 64  # bytes
 
 PLANE_US, BLOCK_US = 1.0, 0.7
 """About what it takes to look for changes in a plane, and to recompute a block, microseconds."""
+
+
+class News(NamedTuple):
+    """New cells of columns, for one field or several of a window.
+
+    Attributes:
+        cells: For each field (kx, ky, words): bit k of word w is cell 64 w + k along z.
+        flips: For each field all ones where the bits tell what is not blocked, else 0.
+        corner: Where their first column lies in the window, along x and y.
+        planes: Along x first and one past the last of them that may have changed.
+        rows: The same along y.
+    """
+
+    cells: tuple[NDArray[np.uint64], ...]
+    flips: tuple[int, ...]
+    corner: tuple[int, int]
+    planes: tuple[int, int]
+    rows: tuple[int, int]
+
+
+def boxes(blocked: Sequence[NDArray[np.uint64]], x0: int = 0, y0: int = 0) -> News:
+    """Blocked cells of a box of columns (kx, ky, words) that begins at (x0, y0)."""
+    cells = tuple(np.ascontiguousarray(one) for one in blocked)  # or all is compiled anew
+    kx, ky = cells[0].shape[:2]
+    return News(cells, (0,) * len(cells), (x0, y0), (0, kx), (0, ky))
 
 
 class DistanceField:
@@ -98,24 +124,24 @@ class DistanceField:
         Raises:
             ValueError: The box is not within the window.
         """
-        take_over([self], [blocked], x0, y0)
+        take_over([self], boxes([blocked], x0, y0))
         bring_up_to_date([self])
 
     def bring_up_to_date(self, wanted: NDArray[np.bool_] | None = None) -> None:
         """Work out the distances of some blocks (blocks, nx) where they are stale, or of all."""
         bring_up_to_date([self], wanted)
 
-    def check(self, blocked: NDArray[np.uint64], x0: int, y0: int) -> None:
-        """Refuse a box of columns that is not within the window.
+    def check(self, cells: NDArray[np.uint64], x0: int, y0: int) -> None:
+        """Refuse cells that are not all within the window.
 
         Raises:
-            ValueError: It is not.
+            ValueError: They are not.
         """
         nx, ny, words = self._blocked.shape
-        kx, ky, got_words = blocked.shape
+        kx, ky, got_words = cells.shape
         if x0 < 0 or y0 < 0 or x0 + kx > nx or y0 + ky > ny or got_words != words:
             raise ValueError(
-                f"blocked: got {blocked.shape} at ({x0}, {y0}), expected within {(nx, ny, words)}"
+                f"blocked: got {cells.shape} at ({x0}, {y0}), expected within {(nx, ny, words)}"
             )
 
     def needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -124,14 +150,14 @@ class DistanceField:
         kernels.find_needed(wanted, self._pending, self.reach, needed)
         return needed
 
-    def take_over(
-        self, part: tuple[int, int], blocked: NDArray[np.uint64], corner: tuple[int, int]
-    ) -> None:
-        """Take over some planes of a box of columns, and note what they make outdated."""
+    def take_over(self, planes: tuple[int, int], news: News, number: int) -> None:
+        """Take over some planes of new cells, and note what they make outdated."""
         kernels.take_over(
-            part,
-            blocked,
-            corner,
+            planes,
+            news.cells[number],
+            news.rows,
+            news.corner,
+            np.uint64(news.flips[number]),
             self._inside,
             self.reach,
             self._block_rows,
@@ -211,32 +237,24 @@ def _on_cache_lines(cells: int) -> NDArray[np.uint16]:
     return array[first : first + cells]
 
 
-def take_over(
-    fields: Sequence[DistanceField],
-    boxes: Sequence[NDArray[np.uint64]],
-    x0: int = 0,
-    y0: int = 0,
-) -> None:
+def take_over(fields: Sequence[DistanceField], news: News) -> None:
     """Take new cells over into fields of one window, and note which distances they may change.
 
     Args:
         fields: All of one shape; the first one's team shares the work.
-        boxes: (kx, ky, words) for each field the blocked cells of one box of columns.
-        x0: Index of its first column along x.
-        y0: Index of its first column along y.
+        news: The cells.
 
     Raises:
-        ValueError: The box is not within the window.
+        ValueError: They are not within the window.
     """
-    for field, box in zip(fields, boxes, strict=True):
-        field.check(box, x0, y0)
-    # Another layout would be compiled anew.
-    plain = [np.ascontiguousarray(box) for box in boxes]
-    counts = [len(box) for box in plain]
+    for field, cells in zip(fields, news.cells, strict=True):
+        field.check(cells, *news.corner)
+    first, end = news.planes
+    counts = [end - first for _ in fields]
 
     def take(_: int, part: tuple[int, int]) -> None:
-        for n, some in _shares(part, counts):
-            fields[n].take_over(some, plain[n], (x0, y0))
+        for n, (begin, stop) in _shares(part, counts):
+            fields[n].take_over((first + begin, first + stop), news, n)
 
     fields[0].team.share(take, sum(counts), item_us=PLANE_US)
     for field in fields:
@@ -271,14 +289,9 @@ def bring_up_to_date(
             team.share(work, items, item_us=BLOCK_US * busy / items)
 
 
-def update_together(
-    fields: Sequence[DistanceField],
-    boxes: Sequence[NDArray[np.uint64]],
-    x0: int = 0,
-    y0: int = 0,
-) -> None:
+def update_together(fields: Sequence[DistanceField], news: News) -> None:
     """Take over and bring up to date in common rounds of threads; see both."""
-    take_over(fields, boxes, x0, y0)
+    take_over(fields, news)
     bring_up_to_date(fields)
 
 

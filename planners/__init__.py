@@ -1,7 +1,10 @@
 """Paths over a costmap and the trajectories along them."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from maps import DistanceField, Distances
 from planners.body import Body, Disc, blocked_at_or_below
 from planners.frontier import best_frontier
 from planners.goal_field import GoalField
@@ -90,6 +93,9 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
             to_goal.plan(space, start, seed=1)
     for one in [PlannerConfig(), PlannerConfig(name="rrtconnect")] if config is None else [config]:
         plan(space, start, goal, one, seed=1)
+    distances = Distances(DistanceField((20, 20, 20), 8), (20, 20, 20))
+    flown, (near, far) = replace(space, distances=distances), ([0.5] * 3, [1.5, 1.5, 0.5])
+    plan(flown, np.array(near), np.array(far), PlannerConfig(), seed=1)
     corner = np.array([start, [1.75, 0.25, 0.05], goal])
     path = blend_corners(space, corner, blend_length=0.4)
     space.free_length(path)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
+from models._jit import kernel
 from models.worlds.solids import Band, Solid
 from models.worlds.world import World
 
@@ -269,17 +270,28 @@ def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
     """Indices of the path's corners: from each, the farthest cell in line of sight is next."""
     corners = [0]
     while corners[-1] < len(cells) - 1:
-        here = corners[-1]
-        ahead = range(len(cells) - 1, here + 1, -1)
-        seen = (i for i in ahead if _line_is_free(free, cells[here], cells[i]))
-        corners.append(next(seen, here + 1))
+        corners.append(_farthest_in_sight(free, cells, corners[-1]))
     return corners
 
 
-def _line_is_free(
-    free: NDArray[np.bool_], tail: NDArray[np.int64], head: NDArray[np.int64]
-) -> bool:
-    steps = 2 * int(np.abs(head - tail).max()) + 1  # two samples a cell
-    fraction = np.linspace(0.0, 1.0, steps)[:, None]
-    line = np.rint(tail + fraction * (head - tail)).astype(np.int64)
-    return bool(free[line[:, 0], line[:, 1]].all())
+def warm_up() -> None:
+    """Compile what finds corners."""
+    _taut(np.ones((3, 3), np.bool_), np.array([[0, 0], [1, 1], [2, 2]]))
+
+
+@kernel
+def _farthest_in_sight(free: NDArray[np.bool_], cells: NDArray[np.int64], here: int) -> int:
+    """The last cell of a path that is seen from one of them, at least the next one."""
+    x, y = cells[here]
+    for ahead in range(len(cells) - 1, here + 1, -1):
+        dx, dy = cells[ahead, 0] - x, cells[ahead, 1] - y
+        steps = 2 * max(abs(dx), abs(dy))  # two samples a cell
+        seen = True
+        for n in range(steps + 1):
+            fraction = n * (1.0 / steps) if n < steps else 1.0
+            seen &= free[int(np.rint(x + fraction * dx)), int(np.rint(y + fraction * dy))]
+            if not seen:
+                break
+        if seen:
+            return ahead
+    return here + 1

@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 
 from maps.distances import ROUNDS, Clearances, Distances
-from maps.field import BLOCK_ROWS, DistanceField
+from maps.field import BLOCK_ROWS, DistanceField, boxes, take_over
 from maps.team import Team
 from tests.maps.test_field import packed, scipy_squared
 
 SHAPE = (40, 30, 12)
 REACH = 6
+EVERYWHERE = slice(0, SHAPE[0]), slice(0, SHAPE[1])
 
 
 def drawn(rng, share):
@@ -31,7 +32,7 @@ def test_wherever_a_reader_caught_up_the_distances_are_true(threads, most):
     for step in range(25):
         free ^= drawn(rng, 0.0005)
         occupied ^= drawn(rng, 0.0003)
-        clearances.take_over(packed(free), packed(occupied), 0, 0)
+        clearances.take_over(packed(free), packed(occupied), *EVERYWHERE)
         clearances.begin(whole=step == 7)
         told = [
             clearances.to_not_free(most),
@@ -57,8 +58,7 @@ def stale_field():
     blocked = np.zeros(SHAPE, np.bool_)
     field.update(packed(blocked))
     blocked[20, 15, 6] = True
-    field.take_over((0, SHAPE[0]), packed(blocked), (0, 0))
-    field.find_stale()
+    take_over([field], boxes([packed(blocked)]))
     return field
 
 

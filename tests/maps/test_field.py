@@ -8,6 +8,7 @@ from maps import _field_kernels as kernels
 from maps.field import (
     BLOCK_ROWS,
     DistanceField,
+    boxes,
     bring_up_to_date,
     take_over,
     update_together,
@@ -104,11 +105,11 @@ def test_fields_updated_together_equal_those_updated_alone(threads):
     together = [DistanceField(shape, 9, team) for _ in range(2)]
     for density in (0.02, 0.001, 0.3):
         both = rng.random((2, *shape)) < density
-        update_together(together, [packed(cells) for cells in both])
+        update_together(together, boxes([packed(cells) for cells in both]))
         for field, cells in zip(together, both, strict=True):
             np.testing.assert_array_equal(field.squared, scipy_squared(cells, 9))
     with pytest.raises(ValueError, match=r"expected within \(33, 21, 1\)"):
-        update_together(together, [packed(cells)[:5] for cells in both], 30, 0)
+        update_together(together, boxes([packed(cells)[:5] for cells in both], 30, 0))
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
@@ -224,7 +225,7 @@ def test_what_is_not_stale_is_true_whatever_was_worked_out(threads):
         x, y, z = (rng.integers(0, n) for n in shape)
         blocked[x : x + 9, y : y + 5, z : z + 6] = step % 2
         blocked ^= rng.random(shape) < 1e-5
-        take_over([field], [packed(blocked)])
+        take_over([field], boxes([packed(blocked)]))
         wanted = rng.random(field.stale.shape) < rng.choice([0.0, 0.02, 0.3])
         bring_up_to_date([field], wanted)
         assert not (field.stale & wanted).any()
@@ -244,7 +245,7 @@ def test_only_what_is_wanted_is_worked_out():
     field = DistanceField(shape, 5)
     field.update(packed(blocked))
     blocked[[10, 50], 10, 10] = True
-    take_over([field], [packed(blocked)])
+    take_over([field], boxes([packed(blocked)]))
     field.squared[50] = 12345  # would be overwritten if it were recomputed
     wanted = np.zeros_like(field.stale)
     wanted[:, :40] = True
