@@ -95,7 +95,8 @@ class Distances:
 
     def whole(self) -> Cells:
         """All of them, up to date."""
-        self._source.bring_up_to_date()
+        if self._source.stale.any():
+            self._source.bring_up_to_date()
         return self.cells
 
 

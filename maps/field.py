@@ -271,6 +271,8 @@ def bring_up_to_date(
         wanted: (blocks, nx) which blocks alone; None for all.
     """
     stale = [field.stale.copy() if wanted is None else field.stale & wanted for field in fields]
+    if not any(blocks.any() for blocks in stale):
+        return
     needed = [field.needed(blocks) for field, blocks in zip(fields, stale, strict=True)]
     planes = [np.flatnonzero(blocks.any(axis=0)) for blocks in needed]
     counts, rows = [len(some) for some in planes], [len(blocks) for blocks in stale]
