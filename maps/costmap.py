@@ -124,7 +124,7 @@ class Costmap:
         if self.clearances.reach < reach:
             self.clearances = self._all_clearances(reach)
         elif changed is not None:
-            self.clearances.take_over(cells.free, cells.occupied, *changed)
+            self.clearances.take_over(cells.free, cells.occupied, *changed, whole)
         self.clearances.begin(whole)
         self._state: NDArray[np.uint8] | None = None
 

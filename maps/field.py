@@ -68,6 +68,7 @@ class DistanceField:
         team: Threads that share the work.
         stale: (blocks, nx) which blocks of rows may be out of date: block b of plane x holds the
             rows from `BLOCK_ROWS` b on. Others only read it.
+        pending: (blocks, nx) the same of the distances within planes.
     """
 
     def __init__(self, shape: tuple[int, int, int], reach: int, team: Team | None = None) -> None:
@@ -108,7 +109,7 @@ class DistanceField:
         self._nearest_in_section = np.full((blocks, planes), most, np.uint16)
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
         self._farthest = np.full((blocks, nx), most, np.uint16)
-        self._pending = np.zeros((blocks, nx), np.bool_)
+        self.pending = np.zeros((blocks, nx), np.bool_)
         self._least_bound = np.full((blocks, nx), kernels.NO_CHANGE, np.uint16)
         self._least_change = np.zeros((blocks, nx), np.uint16)  # all is to be computed
 
@@ -124,8 +125,7 @@ class DistanceField:
         Raises:
             ValueError: The box is not within the window.
         """
-        take_over([self], boxes([blocked], x0, y0))
-        bring_up_to_date([self])
+        update_together([self], boxes([blocked], x0, y0))
 
     def bring_up_to_date(self, wanted: NDArray[np.bool_] | None = None) -> None:
         """Work out the distances of some blocks (blocks, nx) where they are stale, or of all."""
@@ -147,7 +147,7 @@ class DistanceField:
     def needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The outdated blocks of sections (blocks, nx) that wanted blocks of the field rest on."""
         needed = np.empty_like(wanted)
-        kernels.find_needed(wanted, self._pending, self.reach, needed)
+        kernels.find_needed(wanted, self.pending, self.reach, needed)
         return needed
 
     def take_over(self, planes: tuple[int, int], news: News, number: int) -> None:
@@ -164,7 +164,7 @@ class DistanceField:
             self._farthest_in_section,
             self._blocked,
             self._unmeasured,
-            self._pending,
+            self.pending,
             self._least_bound,
             np.empty((self._blocks, 2), np.int64),
         )
@@ -197,7 +197,7 @@ class DistanceField:
             self._sections,
             self._farthest_in_section,
             self._nearest_in_section,
-            self._pending,
+            self.pending,
             self._least_change,
             np.empty((blocks + 2 * around) * cells, np.uint16),
             work,
@@ -237,12 +237,14 @@ def _on_cache_lines(cells: int) -> NDArray[np.uint16]:
     return array[first : first + cells]
 
 
-def take_over(fields: Sequence[DistanceField], news: News) -> None:
+def take_over(fields: Sequence[DistanceField], news: News, whole: bool = False) -> None:
     """Take new cells over into fields of one window, and note which distances they may change.
 
     Args:
         fields: All of one shape; the first one's team shares the work.
         news: The cells.
+        whole: Whether all will be brought up to date next: distances within the planes that change
+            are then worked out at once, while these are at hand.
 
     Raises:
         ValueError: They are not within the window.
@@ -251,12 +253,17 @@ def take_over(fields: Sequence[DistanceField], news: News) -> None:
         field.check(cells, *news.corner)
     first, end = news.planes
     counts = [end - first for _ in fields]
+    planes = np.arange(end)
 
     def take(_: int, part: tuple[int, int]) -> None:
         for n, (begin, stop) in _shares(part, counts):
-            fields[n].take_over((first + begin, first + stop), news, n)
+            some = first + begin, first + stop
+            fields[n].take_over(some, news, n)
+            if whole:
+                fields[n].update_sections(news.corner[0] + planes, some, fields[n].pending)
 
-    fields[0].team.share(take, sum(counts), item_us=PLANE_US)
+    team, us = fields[0].team, PLANE_US + len(fields[0].stale) * BLOCK_US * whole
+    team.share(take, sum(counts), item_us=us)
     for field in fields:
         field.find_stale()
 
@@ -270,30 +277,44 @@ def bring_up_to_date(
         fields: All of one shape; the first one's team shares the work.
         wanted: (blocks, nx) which blocks alone; None for all.
     """
-    stale = [field.stale.copy() if wanted is None else field.stale & wanted for field in fields]
-    if not any(blocks.any() for blocks in stale):
+    stale = [field.stale if wanted is None else field.stale & wanted for field in fields]
+    counts = [int(np.count_nonzero(blocks)) for blocks in stale]
+    if not any(counts):
         return
-    needed = [field.needed(blocks) for field, blocks in zip(fields, stale, strict=True)]
-    planes = [np.flatnonzero(blocks.any(axis=0)) for blocks in needed]
-    counts, rows = [len(some) for some in planes], [len(blocks) for blocks in stale]
-    team = fields[0].team
+    _bring_sections_up_to_date(fields, stale, whole=wanted is None)
+    rows = [len(blocks) for blocks in stale]
 
-    def sections(_: int, part: tuple[int, int]) -> None:
-        for n, some in _shares(part, counts):
-            fields[n].update_sections(planes[n], some, needed[n])
-
-    def field_blocks(_: int, part: tuple[int, int]) -> None:
+    def work(_: int, part: tuple[int, int]) -> None:
         for n, some in _shares(part, rows):
             fields[n].update_rows(some, stale[n])
 
-    for work, blocks, items in ((sections, needed, sum(counts)), (field_blocks, stale, sum(rows))):
-        if (busy := sum(int(np.count_nonzero(some)) for some in blocks)) > 0:
-            team.share(work, items, item_us=BLOCK_US * busy / items)
+    fields[0].team.share(work, sum(rows), item_us=BLOCK_US * sum(counts) / sum(rows))
+
+
+def _bring_sections_up_to_date(
+    fields: Sequence[DistanceField], stale: Sequence[NDArray[np.bool_]], whole: bool
+) -> None:
+    """Work out the distances within planes that stale blocks rest on, or all that are outdated."""
+    needed = [
+        field.pending if whole else field.needed(blocks)
+        for field, blocks in zip(fields, stale, strict=True)
+    ]
+    count = sum(int(np.count_nonzero(blocks)) for blocks in needed)
+    if count == 0:
+        return
+    planes = [np.flatnonzero(blocks.any(axis=0)) for blocks in needed]
+    counts = [len(some) for some in planes]
+
+    def work(_: int, part: tuple[int, int]) -> None:
+        for n, some in _shares(part, counts):
+            fields[n].update_sections(planes[n], some, needed[n])
+
+    fields[0].team.share(work, sum(counts), item_us=BLOCK_US * count / sum(counts))
 
 
 def update_together(fields: Sequence[DistanceField], news: News) -> None:
     """Take over and bring up to date in common rounds of threads; see both."""
-    take_over(fields, news)
+    take_over(fields, news, whole=True)
     bring_up_to_date(fields)
 
 
