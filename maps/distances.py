@@ -51,13 +51,24 @@ class Distances:
         spent_s: Wall time that catching up took since `begin`, for the record alone.
     """
 
-    def __init__(self, source: Source, shape: tuple[int, int, int]) -> None:
-        """Tell what a source holds as an array of a shape."""
+    def __init__(
+        self, source: Source, shape: tuple[int, int, int], searched_before: Blocks | None = None
+    ) -> None:
+        """Tell what a source holds.
+
+        Args:
+            source: Of one window.
+            shape: (nx, ny, nz) of the array that is told.
+            searched_before: (blocks, nx) where the last search looked, in these distances or in
+                others of the same window, which keep it up to date; None for these alone.
+        """
         self._source = source
         self.cells = source.squared.reshape(shape)
         self.looked_at = np.zeros_like(source.stale)
         self.searched = np.zeros_like(source.stale)
-        self._searched_before = np.zeros_like(source.stale)
+        if searched_before is None:
+            searched_before = np.zeros_like(source.stale)
+        self._searched_before = searched_before
         self.spent_s = 0.0
         self._rounds = 0
 
@@ -65,13 +76,11 @@ class Distances:
         """Bring up to date what was looked at of late, and forget who looked where."""
         self._source.bring_up_to_date(self.looked_at)
         self.looked_at[:] = False
-        if self.searched.any():
-            self._searched_before[:] = self.searched
-            self.searched[:] = False
+        self.searched[:] = False
         self.spent_s, self._rounds = 0.0, 0
 
     def begin_search(self) -> None:
-        """Bring up to date what the last search looked at: the next one will look there, too."""
+        """Bring up to date where the last search looked: this one will look there, too."""
         began = time.perf_counter()
         around = np.empty_like(self.searched)
         widen(self._searched_before, *AROUND, around)
@@ -159,7 +168,8 @@ class Clearances:
         self.reach = reach
         self._shape = shape
         self._fields = DistanceField(rows, reach, team), DistanceField(rows, reach, team)
-        self._plain = [Distances(field, shape) for field in self._fields]
+        self._searched_before = np.zeros_like(self._fields[0].stale)
+        self._plain = [Distances(field, shape, self._searched_before) for field in self._fields]
         self._presumed: dict[tuple[int, int, int], tuple[Presumed, Distances]] = {}
         self._asked_for: set[tuple[int, int, int]] = set()
 
@@ -187,6 +197,9 @@ class Clearances:
         """
         if whole:
             bring_up_to_date(self._fields)
+        searched = np.logical_or.reduce([distances.searched for distances in self._all()])
+        if searched.any():
+            self._searched_before[:] = searched
         self._presumed = {asked: self._presumed[asked] for asked in sorted(self._asked_for)}
         self._asked_for.clear()
         for distances in self._all():
@@ -220,7 +233,7 @@ class Clearances:
         if asked not in self._presumed:
             began = time.perf_counter()
             presumed = Presumed(self._fields[kind], self._fields[1 - kind], edge, most)
-            distances = Distances(presumed, self._shape)
+            distances = Distances(presumed, self._shape, self._searched_before)
             distances.spent_s = time.perf_counter() - began
             self._presumed[asked] = presumed, distances
         self._asked_for.add(asked)

@@ -142,6 +142,7 @@ def lattice_path(
 ) -> tuple[Floats, Lattice] | None:
     """The cheapest way on the first lattice that has one, pulled straight, shape (n, 3) [m]."""
     a, b = np.array(start[:3]), np.array(goal[:3])
+    space.begin_search()
     for factor in lattice.factors(space):
         grid = lattice.make_lattice(space, factor, weight)
         entered = _search(grid, space, a, b, until)

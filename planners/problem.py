@@ -142,7 +142,6 @@ def plan(
     """
     if config.name != "field":
         _ = space.field  # all of it up to date: others do not note where they look
-    space.begin_search()
     while True:
         found = _plan(space, start, goal, config, seed, heading, goal_heading)
         if not space.catch_up():

@@ -82,15 +82,21 @@ def test_what_was_looked_at_is_up_to_date_the_next_time():
     assert not distances.looked_at.any()
 
 
-def test_what_a_search_looked_at_is_up_to_date_with_what_lies_around_when_the_next_begins():
-    field = stale_field()
-    distances = Distances(field, SHAPE)
-    distances.searched[15 // BLOCK_ROWS, 25] = True
-    distances.begin()
-    assert not distances.searched.any()
-    assert field.stale[15 // BLOCK_ROWS, 20]
-    distances.begin_search()
-    assert distances.cells[20, 15, 6] == 0
+def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_lies_around():
+    """In other distances of the window, too."""
+    clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
+    free = np.ones(SHAPE, np.bool_)
+    clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
+    clearances.begin(whole=True)
+    clearances.to_obstacles(REACH**2).searched[15 // BLOCK_ROWS, 25] = True
+    free[20, 15, 6] = False
+    clearances.take_over(packed(free), packed(~free), *EVERYWHERE, whole=False)
+    clearances.begin(whole=False)
+    for distances in (clearances.to_not_free(REACH**2), clearances.to_obstacles(REACH**2)):
+        assert not distances.searched.any()
+        assert distances.cells[20, 15, 6] > 0
+        distances.begin_search()
+        assert distances.cells[20, 15, 6] == 0
 
 
 def test_who_goes_on_looking_elsewhere_has_everything_brought_up_to_date():
