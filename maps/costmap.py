@@ -105,6 +105,7 @@ class Costmap:
         reach = self._set_margin(config.inflation_margin)
         self._cells.read(voxel_map)
         self.clearances = self._all_clearances(reach)
+        self._state: NDArray[np.uint8] | None = None
         self.update(config.inflation_margin)
 
     def update(self, margin: float, whole: bool = True) -> None:
@@ -126,7 +127,7 @@ class Costmap:
         elif changed is not None:
             self.clearances.take_over(cells.free, cells.occupied, *changed, whole)
         self.clearances.begin(whole)
-        self._state: NDArray[np.uint8] | None = None
+        self._state = None
 
     @property
     def state(self) -> NDArray[np.uint8]:

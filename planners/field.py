@@ -140,14 +140,17 @@ def lattice_path(
     weight: float,
     until: ob.PlannerTerminationCondition,
 ) -> tuple[Floats, Lattice] | None:
-    """The cheapest way on the first lattice that has one, pulled straight, shape (n, 3) [m]."""
+    """The cheapest way on the first lattice that has one, pulled straight, shape (n, 3) [m].
+
+    None if none has one, or if something that was read is outdated: then ``plan`` begins anew.
+    """
     a, b = np.array(start[:3]), np.array(goal[:3])
-    space.begin_search()
+    if not space.begin_search():
+        return None
     for factor in lattice.factors(space):
         grid = lattice.make_lattice(space, factor, weight)
         entered = _search(grid, space, a, b, until)
-        lattice.note_looked_at(grid, space)
-        if entered == SPENT or space.outdated():  # whatever was found is found again
+        if not lattice.note_searched(grid, space) or entered == SPENT:
             return None
         if entered >= 0:
             path = lattice.way_down(grid, space, a, b, entered)

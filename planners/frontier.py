@@ -58,7 +58,7 @@ VISITED_RADIUS = 0.35
 
 def _cell(space: FreeSpace, point: Array) -> tuple[int, ...]:
     cell = np.floor((point - space.origin) / space.resolution).astype(int)
-    return tuple(np.clip(cell, 0, np.array(space.field.shape) - 1).tolist())
+    return tuple(np.clip(cell, 0, np.array(space.grid.field.shape) - 1).tolist())
 
 
 def _distances(points: Array, place: Array) -> Array:

@@ -62,7 +62,7 @@ class GoalField:
         Returns:
             The path with its cost, or a label that says why there is none.
         """
-        _ = space.field  # all of it up to date: what is kept does not note where it looks
+        space.bring_up_to_date()  # what is kept does not note where it looked
         kind = state_space_for(self.config.state_space, space)
         costs, weight = searched(space, kind, float(self.config.clearance_weight))
         grid = self._follow(costs, weight, changed)

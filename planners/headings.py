@@ -95,7 +95,7 @@ def _searched_lattice(space: FreeSpace, start: Pose, goal: Pose) -> Lattice | No
 def _finer(space: FreeSpace, known: Lattice, bounds: NDArray[np.int32]) -> NDArray[np.int32]:
     """Bounds by node of a coarse lattice as those of the grid's cells, which lie between them."""
     nodes = bounds.reshape(known.shape[0] - 2, known.shape[1] - 2)
-    finer = np.empty(space.field.shape[:2], np.int32)
+    finer = np.empty(space.grid.field.shape[:2], np.int32)
     heading_kernels.refine(nodes, int(known.factor[0]), finer)
     return finer.ravel()
 
@@ -149,7 +149,7 @@ def _path_on(
         space.blocked_at_or_below,
         lattice.rates(space, 1.0),
         factor,
-        (space.field.shape[0] // factor, space.field.shape[1] // factor),
+        (space.grid.field.shape[0] // factor, space.grid.field.shape[1] // factor),
     )
     if plane.shape[0] * plane.shape[1] * WAYS >= 1 << heading_kernels.NODE_BITS:
         return None

@@ -8,7 +8,6 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from maps import Distances
 from planners import _lattice_kernels as kernels
 from planners._lattice_kernels import FREE_RATE, LARGEST_FACTOR, LARGEST_RATE, STEPS, Lattice
 from planners.kernels import BLOCK_BITS, Floats
@@ -113,11 +112,10 @@ def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
     return -1
 
 
-def note_looked_at(lattice: Lattice, space: FreeSpace) -> None:
-    """Tell who works the distances out where a search looked."""
-    if isinstance(space.distances, Distances):
-        layout = lattice.rate, lattice.shape, lattice.factor, BLOCK_BITS
-        kernels.note_looked_at(*layout, space.distances.searched)
+def note_searched(lattice: Lattice, space: FreeSpace) -> bool:
+    """Note where a search looked; whether what it read there was up to date."""
+    layout = lattice.rate, lattice.shape, lattice.factor, BLOCK_BITS
+    return space.note_searched(lambda searched: kernels.note_looked_at(*layout, searched))
 
 
 def way_down(

@@ -140,8 +140,9 @@ def plan(
     Raises:
         ValueError: If the state space does not suit the body or the grid.
     """
+    space.remember()
     if config.name != "field":
-        _ = space.field  # all of it up to date: others do not note where they look
+        space.bring_up_to_date()  # others need not note where they look
     while True:
         found = _plan(space, start, goal, config, seed, heading, goal_heading)
         if not space.catch_up():

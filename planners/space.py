@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,11 +54,12 @@ class FreeSpace:
     grid: Grid = dataclasses.field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        field, looked_at = self._told()
+        lazy = self._lazy
+        field = self.field if lazy is None else lazy.cells
         self._check(field)
         grid = Grid(
             np.ascontiguousarray(field),
-            looked_at,
+            _blocks_of(field) if lazy is None else lazy.looked_at,
             np.array(self.origin, dtype=np.float64),
             float(self.resolution),
             np.array(self.cost_by_distance, dtype=np.float64),
@@ -69,15 +71,6 @@ class FreeSpace:
             np.array([disc.blocked_at_or_below for disc in discs]),
         )
         object.__setattr__(self, "shape", shape)
-
-    def _told(self) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
-        """The distances, and where to note who looked at them."""
-        if isinstance(self.distances, Distances) and self.distances.cells.shape[2] > 1:
-            return self.distances.cells, self.distances.looked_at
-        field = self.field  # a plane is looked at by who does not note where
-        nx, ny = np.shape(field)[:1], np.shape(field)[1:2]
-        blocks = [(n >> kernels.BLOCK_BITS) + 1 for n in ny]
-        return field, np.zeros((*blocks, *nx), np.bool_)
 
     def _check(self, field: NDArray[np.uint16]) -> None:
         if field.ndim != 3 or field.dtype != np.uint16:
@@ -104,6 +97,13 @@ class FreeSpace:
             )
 
     @property
+    def _lazy(self) -> Distances | None:
+        """What works the distances out where somebody looks; those of a plane are all at hand."""
+        if isinstance(self.distances, Distances) and self.distances.cells.shape[2] > 1:
+            return self.distances
+        return None
+
+    @property
     def field(self) -> NDArray[np.uint16]:
         """All squared cell distances, up to date; uint16 (nx, ny, nz).
 
@@ -111,21 +111,41 @@ class FreeSpace:
         """
         return self.distances.whole() if isinstance(self.distances, Distances) else self.distances
 
-    def begin_search(self) -> None:
-        """Bring the distances up to date where the last search looked."""
-        if isinstance(self.distances, Distances):
-            self.distances.begin_search()
+    def bring_up_to_date(self) -> None:
+        """Have all distances worked out."""
+        if self._lazy is not None:
+            self._lazy.whole()
 
-    def outdated(self) -> bool:
-        """Whether any of the distances that were looked at were out of date."""
-        return isinstance(self.distances, Distances) and self.distances.outdated()
+    def remember(self) -> None:
+        """Note what was read so far, before a part of it that begins anew by itself."""
+        if self._lazy is not None:
+            self._lazy.remember()
+
+    def begin_search(self) -> bool:
+        """Bring the distances up to date where the last search looked.
+
+        Returns:
+            Whether to go on; not if what was read so far was out of date.
+        """
+        return self._lazy is None or self._lazy.begin_search()
+
+    def note_searched(self, note: Callable[[NDArray[np.bool_]], None]) -> bool:
+        """Have a search note the blocks of cells that it read, shape (blocks, nx).
+
+        Returns:
+            Whether they were up to date; if not, what was found is worth nothing.
+        """
+        if self._lazy is None:
+            return True
+        note(self._lazy.searched)
+        return not self._lazy.outdated()
 
     def catch_up(self) -> bool:
-        """Bring the distances up to date that were looked at; whether any were not.
+        """Bring the distances up to date that were read; whether any were not.
 
         Then what was found rests on outdated ones, and is to be found again.
         """
-        return isinstance(self.distances, Distances) and self.distances.catch_up()
+        return self._lazy is not None and self._lazy.catch_up()
 
     @property
     def flat(self) -> bool:
@@ -254,6 +274,12 @@ class FreeSpace:
             self.grid, threshold, float(weight), points
         )
         return walked
+
+
+def _blocks_of(field: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """Blocks of cells that nobody has read, shape (blocks, nx)."""
+    nx, ny, _ = field.shape
+    return np.zeros(((ny >> kernels.BLOCK_BITS) + 1, nx), np.bool_)
 
 
 def _point(point: Floats) -> kernels.Point:

@@ -203,5 +203,4 @@ def test_distances_worked_out_where_somebody_looked_decide_as_all_of_them_do(
     navigator = Navigator(log.config, log.mission, log.beams)
     for record in log.records():
         navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
-        assert not navigator.costmap.clearances.catch_up()
     assert navigator.chain == result.chain

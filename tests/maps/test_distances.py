@@ -95,7 +95,7 @@ def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_
     for distances in (clearances.to_not_free(REACH**2), clearances.to_obstacles(REACH**2)):
         assert not distances.searched.any()
         assert distances.cells[20, 15, 6] > 0
-        distances.begin_search()
+        assert distances.begin_search()
         assert distances.cells[20, 15, 6] == 0
 
 
@@ -108,3 +108,47 @@ def test_who_goes_on_looking_elsewhere_has_everything_brought_up_to_date():
         assert field.stale.any()
         assert distances.catch_up()
     assert not field.stale.any()
+
+
+def window_with_news():
+    """Distances of a window in which a cell has come where nobody has looked for long."""
+    clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
+    free = np.ones(SHAPE, np.bool_)
+    clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
+    clearances.begin(whole=True)
+    clearances.presumed(9, REACH**2)
+    free[20, 15, 6] = False
+    clearances.take_over(packed(free), packed(~free), *EVERYWHERE, whole=False)
+    clearances.begin(whole=False)
+    return clearances
+
+
+def search(distances):
+    """One that looks everywhere until nothing is stale, as a plan does."""
+    distances.remember()
+    while True:
+        if distances.begin_search():
+            distances.searched[:] = True
+        if not distances.catch_up():
+            return
+
+
+@pytest.mark.parametrize("work_out", [search, Distances.whole, Distances.begin_search])
+@pytest.mark.parametrize("kind", ["to_not_free", "to_obstacles", "presumed"])
+@pytest.mark.parametrize("other", ["to_not_free", "to_obstacles", "presumed"])
+def test_what_was_read_while_it_was_stale_is_read_anew_whoever_worked_it_out_since(
+    work_out, kind, other
+):
+    clearances = window_with_news()
+    limits = {"presumed": (9, REACH**2)}
+    reader, worker = (
+        getattr(clearances, name)(*limits.get(name, (REACH**2,))) for name in (kind, other)
+    )
+    block = 15 // BLOCK_ROWS, 20
+    reader.looked_at[block] = True
+    assert reader.outdated()
+    clearances._searched_before[block] = True
+    work_out(worker)
+    assert clearances.catch_up()
+    assert not clearances.catch_up()
+    assert reader.cells[20, 15, 6] == 0

@@ -18,33 +18,14 @@ from planners import (
     plan,
 )
 from planners.kernels import BLOCK_BITS
+from tests.planners.garbage import Known
 from tests.planners.worlds import make_boxes, make_space, point
-
-
-class Known:
-    """Distances that are known all along, but told only where they are wanted."""
-
-    def __init__(self, true: np.ndarray, told: np.ndarray) -> None:
-        self.true, self.squared = true, told
-        self.stale = np.ones((-(-true.shape[1] // BLOCK_ROWS), true.shape[0]), np.bool_)
-        self.worked_out = 0
-
-    def bring_up_to_date(self, wanted: np.ndarray | None = None) -> None:
-        blocks = self.stale if wanted is None else self.stale & wanted
-        for b, x in np.argwhere(blocks):
-            rows = slice(b * BLOCK_ROWS, (b + 1) * BLOCK_ROWS)
-            self.squared[x, rows] = self.true[x, rows]
-            self.stale[b, x] = False
-            self.worked_out += 1
 
 
 def told_where_looked(space: FreeSpace, seed: int) -> tuple[FreeSpace, Known]:
     """The same space, but of random distances wherever nobody has looked."""
-    rng = np.random.default_rng(seed)
-    true = space.field
-    told = rng.choice(true.reshape(-1), size=true.shape)
-    source = Known(true, told)
-    distances = Distances(source, true.shape)
+    source = Known(space.field, seed)
+    distances = Distances(source, space.field.shape)
     return dataclasses.replace(space, distances=distances), source
 
 
@@ -53,6 +34,15 @@ def settled(space: FreeSpace, ask):
     while True:
         answer = ask(space)
         if not space.catch_up():
+            return answer
+
+
+def settled_for_all(space: FreeSpace, ask):
+    """What is told at last, though what is asked begins anew by itself in part."""
+    while True:
+        space.distances.missed = False
+        answer = ask(space)
+        if not (space.catch_up() or space.distances.missed):
             return answer
 
 
@@ -150,7 +140,7 @@ def test_a_search_over_a_lattice_says_all_that_it_reads(factor):
             return grid
 
         first = search()
-        lattice.note_looked_at(first, told)
+        lattice.note_searched(first, told)
         looked = told.distances.searched | told.distances.looked_at
         others = ~looked.T[:, np.arange(43) // BLOCK_ROWS]  # (nx, ny)
         source.squared[others] = 0
@@ -160,3 +150,24 @@ def test_a_search_over_a_lattice_says_all_that_it_reads(factor):
             seen = first.state != _lattice_kernels.NEW if name == "cost" else slice(None)
             np.testing.assert_array_equal(getattr(second, name)[seen], getattr(first, name)[seen])
     assert differed > 0
+
+
+@pytest.mark.parametrize("name", sorted(ASKED))
+def test_a_question_before_a_plan_is_answered_anew_if_the_plan_worked_out_what_it_rests_on(name):
+    """Start and goal in blocks that are stale when they are read first, by whoever reads them."""
+    space = make_boxes()
+    for n in range(10):
+        start, goal = (point(space, *place) for place in (POINTS[n], POINTS[-n - 1]))
+        path = np.array([start, 0.5 * (start + goal), goal])
+
+        def ask(one, path=path):
+            answer = ASKED[name](one, path)
+            return answer, plan(one, path[0], path[-1], PlannerConfig(), 1)
+
+        told, _ = told_where_looked(space, n)
+        (answer, planned), (expected, true_plan) = settled_for_all(told, ask), ask(space)
+        assert (planned.label, planned.cost) == (true_plan.label, true_plan.cost)
+        if expected is None:
+            assert answer is None
+        else:
+            np.testing.assert_array_equal(answer, expected)

@@ -1,0 +1,101 @@
+"""A decision rests on no distance that was out of date when it was looked at."""
+
+import numpy as np
+import pytest
+
+from harness.stack.behaviour import decide
+from harness.stack.view import BehaviourConfig, Memory, View
+from planners import FreeSpace, MotionLimits, PlannerConfig, hold
+from tests.maps.test_field import scipy_squared
+from tests.planners.garbage import told
+
+SHAPE = (110, 70, 16)
+CELL, REACH, THRESHOLD = 0.1, 14, 16  # m; cells; cells^2
+EDGE = THRESHOLD + 1
+LIMITS = MotionLimits(2.0, 2.5, 15.0, 2.5, 2.0)
+GOAL = np.array([10.2, 3.5, 0.8])
+STEP_NS = 100_000_000
+
+
+def costs(unknown=None):
+    distances = np.sqrt(np.arange(REACH**2 + 1)) - np.sqrt(THRESHOLD)
+    table = np.exp(-1.5 * CELL * np.maximum(distances, 0.0))
+    table[-1] = 0.0
+    if unknown is not None:
+        table[EDGE] = unknown
+    return table
+
+
+def make_view(known, passable, position, sequence):
+    grid = np.zeros(3), CELL, THRESHOLD
+    known = FreeSpace(known, *grid, costs())
+    return View(
+        time_ns=sequence * STEP_NS,
+        effect_ns=(sequence + 1) * STEP_NS,
+        sequence=sequence,
+        seed=1,
+        position=position,
+        heading=0.0,
+        goal=GOAL,
+        goal_tolerance=0.4,
+        admitted=known,
+        known=known,
+        passable=FreeSpace(passable, *grid, costs(4.0)),
+        turns_in_place=False,
+        penalize_unknown=False,
+        limits=LIMITS,
+        planner=PlannerConfig(),
+        behaviour=BehaviourConfig(),
+    )
+
+
+def settle(window, view, memory):
+    """As a navigator does: decide until nothing that was looked at had been out of date."""
+    while True:
+        choice, after = decide(view, memory)
+        outdated = [distances.outdated() for distances in window]
+        if not any(outdated) and not any(distances.missed for distances in window):
+            return choice, after
+        for distances in window:
+            distances.catch_up()
+        for distances in window:
+            distances.missed = False
+
+
+def content(choice, memory):
+    paths = choice.trajectory.path, choice.guide, memory.guide
+    kept = [None if path is None else path.tobytes() for path in paths]
+    return choice.action, choice.reason, choice.label, choice.trajectory.duration_s, *kept
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_decisions_among_spoilt_distances_are_those_among_true_ones(seed):
+    """A flight on which boxes come and go, each decision taken twice."""
+    rng = np.random.default_rng(seed)
+    occupied = np.zeros(SHAPE, np.bool_)
+    for low in rng.integers([14, 0], [90, 60], size=(14, 2)):
+        occupied[low[0] : low[0] + 5, low[1] : low[1] + 14] = True
+    centres = (np.stack(np.meshgrid(*map(np.arange, SHAPE), indexing="ij"), -1) + 0.5) * CELL
+    position = np.array([0.8, 3.5, 0.8])
+    memory, known, taken = Memory(hold(position, 0, 0.0)), np.zeros(SHAPE, np.bool_), 0
+    for sequence in range(60):
+        known |= np.square(centres - position).sum(axis=-1) < 3.0**2
+        if sequence % 6 == 3:
+            low = rng.integers([20, 0], [90, 60])
+            occupied[low[0] : low[0] + 4, low[1] : low[1] + 8] ^= True
+        to_not_free = scipy_squared(~known | occupied, REACH).astype(np.uint16)
+        to_obstacles = scipy_squared(known & occupied, REACH).astype(np.uint16)
+        unsure = np.where(to_not_free < EDGE, np.minimum(to_obstacles, EDGE), to_obstacles)
+        passable = unsure.astype(np.uint16)
+        true = decide(make_view(to_not_free, passable, position, sequence), memory)
+        window = told([to_not_free, passable], 100 * sequence, rng.choice([0.05, 0.4, 1.0]))
+        again = settle(window, make_view(*window, position, sequence), memory)
+        assert content(*again) == content(*true)
+        taken += 1
+        choice, memory = true
+        if choice.action in ("goal", "abort"):
+            break
+        flown = [*memory.earlier, memory.trajectory]
+        now = [one for one in flown if one.start_ns <= (sequence + 1) * STEP_NS][-1]
+        position = now.at((sequence + 1) * STEP_NS).position
+    assert taken > 20
