@@ -171,3 +171,20 @@ def test_a_question_before_a_plan_is_answered_anew_if_the_plan_worked_out_what_i
             assert answer is None
         else:
             np.testing.assert_array_equal(answer, expected)
+
+
+@pytest.mark.parametrize(("end", "label"), [(0, "start_blocked"), (1, "goal_blocked")])
+def test_an_end_that_was_blocked_since_the_last_search_is_seen_to_be(end, label):
+    """Where that search looked is worked out first, though the ends are read before."""
+    free = make_space(np.zeros((60, 40, 20), dtype=bool))
+    ends = [point(free, *place) for place in ((5.5, 20.5, 9.5), (50.5, 20.5, 9.5))]
+    told, source = told_where_looked(free, 0)
+    config = PlannerConfig()
+    assert plan(told, *ends, config, 1).label == "none"
+    told.distances.begin()
+    told.distances._searched_before[:] = True
+    x = int((ends[end] - told.origin)[0] / told.resolution)
+    source.true = source.true.copy()
+    source.true[x, 18:24] = 0
+    source.stale[:] = True
+    assert plan(told, *ends, config, 1).label == label
