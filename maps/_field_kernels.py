@@ -456,8 +456,10 @@ def update_field(
     """The squared distance in wanted blocks that are stale, from the sections around.
 
     What lies outside the window is blocked: the nearest such cell is straight across a border. A
-    change matters to a block as along y. Block by block along x: neighbours share most of the
-    planes that they look at.
+    block that is not stale is what the sections make of it, though some of these may be outdated
+    where that does not matter to it. So of one that is stale all changes of sections are noted
+    since it was not, and where none of them reaches a value that it holds it is true as it is.
+    Block by block along x: neighbours share most of the planes that they look at.
     """
     nx, ny, nz = shape
     block_cells = result.shape[0]

@@ -35,8 +35,8 @@ class Costmap:
     blocked.
 
     An update asks the map what changed since the last one, and works on that alone. The arrays hold
-    until the next update. One that looks at few places only can have distances worked out there
-    alone: see `Distances`.
+    until the next update. Who looks at few places only can have distances worked out there alone:
+    see `Distances`.
 
     Attributes:
         config: The settings.
@@ -45,8 +45,7 @@ class Costmap:
         shape: (nx, ny, nz) cells; nz is 1 on the ground.
         margin: Localization margin of the last update, m.
         inflation_radius: Body's radius, margin and half a cell's diagonal, m.
-        clearances: The distances as they are kept; one that is kept at the greatest reach that was
-            ever needed.
+        clearances: The distances as they are kept, up to the greatest reach that was ever needed.
         blocked_at_or_below: A cell is forbidden where its squared distance is at most this.
         truncation: Greatest squared distance that is told, cells^2.
         cost_table: (truncation + 1,) float64, cost by squared distance; inf where forbidden.

@@ -87,7 +87,8 @@ class Distances:
 
     def begin(self) -> None:
         """Bring up to date what was looked at of late, and forget who looked where."""
-        self._source.bring_up_to_date(self.looked_at)
+        if self.looked_at.any():
+            self._source.bring_up_to_date(self.looked_at)
         self.looked_at[:] = False
         self.searched[:] = False
         self.missed, self.spent_s, self._rounds = False, 0.0, 0

@@ -29,8 +29,8 @@ class News(NamedTuple):
         cells: For each field (kx, ky, words): bit k of word w is cell 64 w + k along z.
         flips: For each field all ones where the bits tell what is not blocked, else 0.
         corner: Where their first column lies in the window, along x and y.
-        planes: Along x first and one past the last of them that may have changed.
-        rows: The same along y.
+        planes: Which of them may have changed, along x: the first, and one past the last.
+        rows: The same along y; both count from the corner.
     """
 
     cells: tuple[NDArray[np.uint64], ...]
@@ -54,8 +54,9 @@ class DistanceField:
     Huttenlocher 2012, "Distance transforms of sampled functions"); truncated, a pass looks only
     `reach` cells around and works on whole rows at once. The distances within planes of constant x
     are kept, so that an update recomputes only the blocks of rows that a changed column can reach,
-    and hands on only what really changed: the result is the same as of a new field, always. What
-    lies outside the window is blocked, except along an axis of one cell, which is no axis.
+    and hands on only what really changed: wherever it is not stale, the result is the same as of a
+    new field. What lies outside the window is blocked, except along an axis of one cell, which is
+    no axis.
 
     New cells can be taken over now and worked out later, where somebody asks: see `take_over` and
     `bring_up_to_date`.
@@ -68,7 +69,7 @@ class DistanceField:
         team: Threads that share the work.
         stale: (blocks, nx) which blocks of rows may be out of date: block b of plane x holds the
             rows from `BLOCK_ROWS` b on. Others only read it.
-        pending: (blocks, nx) the same of the distances within planes.
+        pending: (blocks, nx) the same of the sections, the distances within planes.
     """
 
     def __init__(self, shape: tuple[int, int, int], reach: int, team: Team | None = None) -> None:
@@ -131,27 +132,30 @@ class DistanceField:
         """Work out the distances of some blocks (blocks, nx) where they are stale, or of all."""
         bring_up_to_date([self], wanted)
 
-    def check(self, cells: NDArray[np.uint64], x0: int, y0: int) -> None:
-        """Refuse cells that are not all within the window.
+    def check(self, news: News, number: int) -> None:
+        """Refuse new cells that are not all within the window.
 
         Raises:
             ValueError: They are not.
         """
-        nx, ny, words = self._blocked.shape
-        kx, ky, got_words = cells.shape
-        if x0 < 0 or y0 < 0 or x0 + kx > nx or y0 + ky > ny or got_words != words:
+        (nx, ny, words), (x0, y0) = self._blocked.shape, news.corner
+        kx, ky, got_words = got = news.cells[number].shape
+        inside = x0 >= 0 and y0 >= 0 and x0 + kx <= nx and y0 + ky <= ny and got_words == words
+        parts = (news.planes, kx), (news.rows, ky)
+        if not inside or not all(0 <= first <= end <= count for (first, end), count in parts):
             raise ValueError(
-                f"blocked: got {cells.shape} at ({x0}, {y0}), expected within {(nx, ny, words)}"
+                f"blocked: got {got} at ({x0}, {y0}), of these planes {news.planes} and rows "
+                f"{news.rows}, expected within {(nx, ny, words)}"
             )
 
-    def needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def sections_needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The outdated blocks of sections (blocks, nx) that wanted blocks of the field rest on."""
         needed = np.empty_like(wanted)
         kernels.find_needed(wanted, self.pending, self.reach, needed)
         return needed
 
-    def take_over(self, planes: tuple[int, int], news: News, number: int) -> None:
-        """Take over some planes of new cells, and note what they make outdated."""
+    def take_planes(self, planes: tuple[int, int], news: News, number: int) -> None:
+        """Take over some planes of new cells, and note which sections they make outdated."""
         kernels.take_over(
             planes,
             news.cells[number],
@@ -249,8 +253,8 @@ def take_over(fields: Sequence[DistanceField], news: News, whole: bool = False) 
     Raises:
         ValueError: They are not within the window.
     """
-    for field, cells in zip(fields, news.cells, strict=True):
-        field.check(cells, *news.corner)
+    for n, field in enumerate(fields):
+        field.check(news, n)
     first, end = news.planes
     counts = [end - first for _ in fields]
     planes = np.arange(end)
@@ -258,7 +262,7 @@ def take_over(fields: Sequence[DistanceField], news: News, whole: bool = False) 
     def take(_: int, part: tuple[int, int]) -> None:
         for n, (begin, stop) in _shares(part, counts):
             some = first + begin, first + stop
-            fields[n].take_over(some, news, n)
+            fields[n].take_planes(some, news, n)
             if whole:
                 fields[n].update_sections(news.corner[0] + planes, some, fields[n].pending)
 
@@ -296,7 +300,7 @@ def _bring_sections_up_to_date(
 ) -> None:
     """Work out the distances within planes that stale blocks rest on, or all that are outdated."""
     needed = [
-        field.pending if whole else field.needed(blocks)
+        field.pending if whole else field.sections_needed(blocks)
         for field, blocks in zip(fields, stale, strict=True)
     ]
     count = sum(int(np.count_nonzero(blocks)) for blocks in needed)

@@ -254,3 +254,12 @@ def test_only_what_is_wanted_is_worked_out():
     np.testing.assert_array_equal(field.squared[:40], scipy_squared(blocked, 5)[:40])
     bring_up_to_date([field])
     assert field.squared[50, 10, 10] == 0
+
+
+@pytest.mark.parametrize(
+    ("planes", "rows"), [((0, 6), (0, 2)), ((-1, 2), (0, 2)), ((0, 2), (1, 3))]
+)
+def test_planes_and_rows_beyond_the_new_cells_are_refused(planes, rows):
+    news = boxes([np.zeros((5, 2, 1), np.uint64)])._replace(planes=planes, rows=rows)
+    with pytest.raises(ValueError, match=r"expected within \(5, 5, 1\)"):
+        take_over([DistanceField((5, 5, 5), 3)], news)
