@@ -39,6 +39,27 @@ class Source(Protocol):
         """Work out the distances of some blocks, or of all."""
 
 
+class Reader:
+    """Where somebody looked at what a source holds.
+
+    Attributes:
+        looked_at: (blocks, nx) as `Distances` tells it.
+        searched: (blocks, nx) likewise.
+        missed: Whether something was looked at while it was stale, and has been worked out since.
+    """
+
+    def __init__(self, source: Source) -> None:
+        """Nobody has looked yet."""
+        self._source = source
+        self.looked_at = np.zeros_like(source.stale)
+        self.searched = np.zeros_like(source.stale)
+        self.missed = False
+
+    def outdated(self) -> bool:
+        """Whether any of what was looked at is stale."""
+        return bool(((self.looked_at | self.searched) & self._source.stale).any())
+
+
 class Distances:
     """The squared distances of a window, for one who says where it looks.
 
@@ -54,7 +75,7 @@ class Distances:
         looked_at: (blocks, nx) where cells were looked at: cell (i, j, k) lies in
             [j // BLOCK_ROWS, i]. A reader sets it.
         searched: (blocks, nx) the same, for who looks all around, but not at every update.
-        missed: Whether something was looked at while it was stale, and has been worked out since.
+        reader: Who looked there.
         spent_s: Wall time that working out took since `begin`, for the record alone.
     """
 
@@ -62,7 +83,7 @@ class Distances:
         self,
         source: Source,
         shape: tuple[int, int, int],
-        siblings: list[Distances] | None = None,
+        readers: list[Reader] | None = None,
         searched_before: Blocks | None = None,
     ) -> None:
         """Tell what a source holds.
@@ -70,18 +91,19 @@ class Distances:
         Args:
             source: Of one window.
             shape: (nx, ny, nz) of the array that is told.
-            siblings: All distances of the window, this one among them; None for this one alone.
+            readers: Of all distances of the window, to which this one adds its own; None where
+                there are no others.
             searched_before: (blocks, nx) where the last search in any of them looked.
         """
         self._source = source
-        self._siblings = [self] if siblings is None else siblings
+        self.reader = Reader(source)
+        self._readers = [] if readers is None else readers
+        self._readers.append(self.reader)
         if searched_before is None:
             searched_before = np.zeros_like(source.stale)
         self._searched_before = searched_before
         self.cells = source.squared.reshape(shape)
-        self.looked_at = np.zeros_like(source.stale)
-        self.searched = np.zeros_like(source.stale)
-        self.missed = False
+        self.looked_at, self.searched = self.reader.looked_at, self.reader.searched
         self.spent_s = 0.0
         self._rounds = 0
 
@@ -91,11 +113,11 @@ class Distances:
             self._source.bring_up_to_date(self.looked_at)
         self.looked_at[:] = False
         self.searched[:] = False
-        self.missed, self.spent_s, self._rounds = False, 0.0, 0
+        self.reader.missed, self.spent_s, self._rounds = False, 0.0, 0
 
     def outdated(self) -> bool:
         """Whether any of what was looked at is stale."""
-        return bool(((self.looked_at | self.searched) & self._source.stale).any())
+        return self.reader.outdated()
 
     def remember(self) -> None:
         """Note who looked at something stale so far, here and in all distances of the window.
@@ -103,8 +125,8 @@ class Distances:
         To be called before a part of a reader's work that catches up by itself, and done before
         anything is worked out: afterwards nothing tells that it was stale.
         """
-        for distances in self._siblings:
-            distances.missed |= distances.outdated()
+        for reader in self._readers:
+            reader.missed |= reader.outdated()
 
     def begin_search(self) -> bool:
         """Bring up to date where the last search looked: this one will look there, too.
@@ -124,10 +146,10 @@ class Distances:
         if not self.outdated():
             return False
         self._rounds += 1
-        known = self.missed
+        known = self.reader.missed
         wanted = self.looked_at | self.searched
         self._work_out(wanted if self._rounds <= ROUNDS else None)
-        self.missed = known  # the reader begins anew
+        self.reader.missed = known  # the reader begins anew
         return True
 
     def whole(self) -> Cells:
@@ -207,6 +229,7 @@ class Clearances:
         self._shape = shape
         self._fields = DistanceField(rows, reach, team), DistanceField(rows, reach, team)
         self._all: list[Distances] = []
+        self._readers: list[Reader] = []
         self._searched_before = np.zeros_like(self._fields[0].stale)
         self._plain = [self._distances(field) for field in self._fields]
         self._presumed: dict[tuple[int, int, int], tuple[Presumed, Distances]] = {}
@@ -240,7 +263,8 @@ class Clearances:
         if searched.any():
             self._searched_before[:] = searched
         self._presumed = {asked: self._presumed[asked] for asked in sorted(self._asked_for)}
-        self._all[:] = [*(one for _, one in self._presumed.values()), *self._plain]
+        self._all = [*(one for _, one in self._presumed.values()), *self._plain]
+        self._readers[:] = [distances.reader for distances in self._all]
         self._asked_for.clear()
         for distances in self._all:
             distances.begin()
@@ -260,11 +284,11 @@ class Clearances:
     def catch_up(self) -> bool:
         """Bring everything up to date where somebody looked; whether any of it was stale then."""
         outdated = [distances for distances in self._all if distances.outdated()]
-        missed = any(distances.missed for distances in self._all)
+        missed = any(reader.missed for reader in self._readers)
         for distances in outdated:
             distances.catch_up()
-        for distances in self._all:
-            distances.missed = False
+        for reader in self._readers:
+            reader.missed = False
         return missed or bool(outdated)
 
     @property
@@ -283,6 +307,6 @@ class Clearances:
         return self._presumed[asked][1]
 
     def _distances(self, source: Source) -> Distances:
-        distances = Distances(source, self._shape, self._all, self._searched_before)
+        distances = Distances(source, self._shape, self._readers, self._searched_before)
         self._all.append(distances)
         return distances

@@ -54,12 +54,12 @@ def settle(window, view, memory):
     while True:
         choice, after = decide(view, memory)
         outdated = [distances.outdated() for distances in window]
-        if not any(outdated) and not any(distances.missed for distances in window):
+        if not any(outdated) and not any(distances.reader.missed for distances in window):
             return choice, after
         for distances in window:
             distances.catch_up()
         for distances in window:
-            distances.missed = False
+            distances.reader.missed = False
 
 
 def content(choice, memory):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from maps import Distances
+from maps.distances import Reader
 from maps.field import BLOCK_ROWS
 
 
@@ -37,7 +38,6 @@ class Known:
 
 def told(true: list[np.ndarray], seed: int, share: float) -> list[Distances]:
     """Several of one window; of each a share of the blocks is spoilt."""
-    window: list[Distances] = []
-    for n, one in enumerate(true):
-        window.append(Distances(Known(one, seed + n, share), one.shape, window))
-    return window
+    readers: list[Reader] = []
+    sources = [Known(one, seed + n, share) for n, one in enumerate(true)]
+    return [Distances(source, source.true.shape, readers) for source in sources]

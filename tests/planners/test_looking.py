@@ -40,9 +40,9 @@ def settled(space: FreeSpace, ask):
 def settled_for_all(space: FreeSpace, ask):
     """What is told at last, though what is asked begins anew by itself in part."""
     while True:
-        space.distances.missed = False
+        space.distances.reader.missed = False
         answer = ask(space)
-        if not (space.catch_up() or space.distances.missed):
+        if not (space.catch_up() or space.distances.reader.missed):
             return answer
 
 
