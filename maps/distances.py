@@ -136,8 +136,10 @@ class Distances:
         """
         if self.outdated():
             return False
-        around = np.empty_like(self.searched)
-        widen(self._searched_before, *AROUND, around)
+        around = None  # for the first search: one among outdated distances leads anywhere
+        if self._searched_before.any():
+            around = np.empty_like(self.searched)
+            widen(self._searched_before, *AROUND, around)
         self._work_out(around)
         return True
 
