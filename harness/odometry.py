@@ -155,29 +155,27 @@ class Estimate:
             message.trail_period_s = sampled.period
         return message
 
-    def setpoint(self, planned: Setpoint, position: Array) -> Setpoint:
+    def setpoint(self, planned: Setpoint, true_x: float, true_y: float) -> Setpoint:
         """What the controller is asked for: the plan by the error, see the head of this file.
 
         Args:
             planned: By the trajectory, in the believed frame.
-            position: (3,) true, m.
+            true_x: True position, world, m.
+            true_y: The same.
         """
         off_x, off_y, off_z, turn = self.tracked
         c, s = math.cos(turn), math.sin(turn)
-        (x, y, z), (true_x, true_y, _) = planned.position.tolist(), position.tolist()
-        vx, vy, vz = planned.velocity.tolist()
+        (x, y, z), (vx, vy, vz), heading, yaw_rate = planned
         to_x, to_y = x - true_x - off_x, y - true_y - off_y
         return Setpoint(
-            np.array(
-                [
-                    x - off_x - ((1.0 - c) * to_x - s * to_y),
-                    y - off_y - (s * to_x + (1.0 - c) * to_y),
-                    z - off_z,
-                ]
+            (
+                x - off_x - ((1.0 - c) * to_x - s * to_y),
+                y - off_y - (s * to_x + (1.0 - c) * to_y),
+                z - off_z,
             ),
-            np.array([c * vx + s * vy, c * vy - s * vx, vz]),
-            planned.heading - turn,
-            planned.yaw_rate,
+            (c * vx + s * vy, c * vy - s * vx, vz),
+            heading - turn,
+            yaw_rate,
         )
 
     def _look(self, time_ns: int) -> None:

@@ -51,7 +51,7 @@ class Plant:
         self._move_others(0)
         base = int(scene.model.body_jntadr[scene.base])
         first = int(scene.model.jnt_qposadr[base])
-        self._base_coordinates = slice(first, first + 7)
+        self._pose = self.data.qpos[first : first + 7]  # of a simulation it stays the same array
         self._timestep = timestep = float(scene.model.opt.timestep)
         self.steps_a_decision = steps = round(decision_period(scenario) / timestep)
         legs = mission.motion == "ground"
@@ -93,14 +93,14 @@ class Plant:
         now_ns = self.now_ns
         while self._on_the_way and self._on_the_way[0][0] <= now_ns:
             self._following = self._on_the_way.popleft()[1]
-        pose = self.data.qpos[self._base_coordinates].copy()
-        self.estimate.advance(now_ns, pose[:3], pose[3:])
+        self.estimate.advance(now_ns, self._pose[:3], self._pose[3:])
         planned = self._ahead.at(self._following, now_ns)
-        setpoint = self.estimate.setpoint(planned, pose[:3])
+        x, y, *_ = self._pose.tolist()
+        setpoint = self.estimate.setpoint(planned, x, y)
         self._asked.append(_as_bytes(setpoint))
         self._scene.controller.follow(self.data, setpoint)
         if self.rolling:
-            self.step_poses.append(pose)
+            self.step_poses.append(self._pose.copy())
         self.estimate.remember()
         if remember:
             self.simulation.remember()
@@ -128,5 +128,5 @@ class Plant:
 
 def _as_bytes(setpoint: Setpoint) -> bytes:
     """All of it: where two trajectories begin alike, they may ask for other speeds already."""
-    turning = struct.pack("<2d", setpoint.heading, setpoint.yaw_rate)
-    return setpoint.position.tobytes() + setpoint.velocity.tobytes() + turning
+    position, velocity, heading, yaw_rate = setpoint
+    return struct.pack("<8d", *position, *velocity, heading, yaw_rate)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.robots import Setpoint
-from planners import Setpoints, Trajectory
+from planners import Trajectory
 
 
 class SetpointsAhead:
@@ -19,17 +19,15 @@ class SetpointsAhead:
         self._offsets = step_ns * np.arange(steps, dtype=np.int64)
         self._trajectory: Trajectory | None = None
         self._times: list[int] = []
+        self._setpoints: list[Setpoint] = []
         self._next = 0
 
     def at(self, trajectory: Trajectory, time_ns: int) -> Setpoint:
         """The setpoint of a simulated time, in the frame of the trajectory."""
         if not self._holds(trajectory, time_ns):
             self._sample(trajectory, time_ns)
-        k, ahead = self._next, self._setpoints
         self._next += 1
-        return Setpoint(
-            ahead.positions[k], ahead.velocities[k], self._headings[k], self._yaw_rates[k]
-        )
+        return self._setpoints[self._next - 1]
 
     def _holds(self, trajectory: Trajectory, time_ns: int) -> bool:
         """Whether the next sample is that of this time; a step need not last whole ns."""
@@ -41,7 +39,7 @@ class SetpointsAhead:
 
     def _sample(self, trajectory: Trajectory, time_ns: int) -> None:
         times = time_ns + self._offsets
-        self._setpoints: Setpoints = trajectory.setpoints(times)
-        self._headings: list[float] = self._setpoints.headings.tolist()
-        self._yaw_rates: list[float] = self._setpoints.yaw_rates.tolist()
+        positions, velocities, *turning = (array.tolist() for array in trajectory.setpoints(times))
+        points = map(tuple, positions), map(tuple, velocities)
+        self._setpoints = list(map(Setpoint, *points, *turning))
         self._trajectory, self._times, self._next = trajectory, times.tolist(), 0

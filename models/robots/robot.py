@@ -12,18 +12,21 @@ from numpy.typing import NDArray
 from models.devices import Mount
 
 
-class Setpoint(NamedTuple):  # two are made at every physics step, five times faster than others
+class Setpoint(NamedTuple):
     """Where the body should be now, as sampled from a trajectory.
 
+    In plain floats: two are made at every physics step, and three numbers cost an array ten times
+    as much.
+
     Attributes:
-        position: (3,) world frame, m; ground robots ignore z.
-        velocity: (3,) world frame, m/s.
+        position: (x, y, z) world frame, m; ground robots ignore z.
+        velocity: (x, y, z) world frame, m/s.
         heading: Yaw in the world frame, rad.
         yaw_rate: rad/s.
     """
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float]
     heading: float
     yaw_rate: float
 

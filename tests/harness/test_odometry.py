@@ -21,7 +21,7 @@ from harness.schema import wayproof_pb2 as pb
 from harness.stack.footprint import HEADING_TOLERANCE
 from models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
 from models.poses import Trail, rotation_matrices
-from planners import hold
+from models.robots import Setpoint
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 0.01
@@ -136,30 +136,26 @@ def test_the_setpoint_asks_of_the_true_pose_what_the_plan_asks_of_the_believed_o
     estimate.tracked = 0.4, -0.3, 0.1, 0.5
     position, heading = np.array([2.0, 1.0, 1.5]), 0.7
     believed, believed_heading = position + estimate.tracked[:3], heading + 0.5
-    rest = hold(np.array([3.0, 2.0, 1.0]), 0, 1.0).at(0)
-    sample = rest._replace(velocity=np.array([1.0, 0.5, 0.2]))
-    setpoint = estimate.setpoint(sample, position)
+    planned = Setpoint((3.0, 2.0, 1.0), (1.0, 0.5, 0.2), 1.0, 0.0)
+    setpoint = estimate.setpoint(planned, *position[:2])
     true_axes = rotation_matrices(heading_quaternion(heading)[None])[0].T
     believed_axes = rotation_matrices(heading_quaternion(believed_heading)[None])[0].T
     np.testing.assert_allclose(
         true_axes @ (setpoint.position - position),
-        believed_axes @ (sample.position - believed),
+        believed_axes @ (planned.position - believed),
         atol=1e-12,
     )
     np.testing.assert_allclose(
-        true_axes @ setpoint.velocity, believed_axes @ sample.velocity, atol=1e-12
+        true_axes @ setpoint.velocity, believed_axes @ planned.velocity, atol=1e-12
     )
-    assert setpoint.heading - heading == pytest.approx(sample.heading - believed_heading)
+    assert setpoint.heading - heading == pytest.approx(planned.heading - believed_heading)
 
 
 def test_without_error_the_setpoint_is_the_plans_own_bit_by_bit():
     config = override(Config("empty", "drone", 0), EXACTLY)
     estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
-    sample = hold(np.array([0.1, 0.2, 0.3]), 0, 0.7).at(0)
-    setpoint = estimate.setpoint(sample, np.array([5.1, -3.3, 1.7]))
-    assert (setpoint.position == sample.position).all()
-    assert (setpoint.velocity == sample.velocity).all()
-    assert setpoint.heading == sample.heading
+    planned = Setpoint((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7, 0.8)
+    assert estimate.setpoint(planned, 5.1, -3.3) == planned
 
 
 def test_the_error_moves_only_with_new_estimates():

@@ -148,7 +148,7 @@ def test_a_craft_that_is_not_ours_flies(tmp_path):
     controller.reset(data, np.array([0.0, 0.0, 1.0]), 0.0)
     goal = np.array([0.5, -0.3, 1.4])
     for _ in range(2000):
-        controller.follow(data, Setpoint(goal, np.zeros(3), 1.0, 0.0))
+        controller.follow(data, Setpoint(tuple(goal), (0.0, 0.0, 0.0), 1.0, 0.0))
         mujoco.mj_step(model, data)
     assert np.linalg.norm(data.qpos[:3] - goal) < 0.02
     assert 2.0 * np.arctan2(data.qpos[6], data.qpos[3]) == pytest.approx(1.0, abs=0.05)

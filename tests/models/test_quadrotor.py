@@ -46,7 +46,7 @@ def build(prefix="robot_"):
 
 
 def setpoint(position, heading=0.0):
-    return Setpoint(np.asarray(position, float), np.zeros(3), heading, 0.0)
+    return Setpoint(tuple(position), (0.0, 0.0, 0.0), heading, 0.0)
 
 
 def fly(course, seconds, start, heading=0.0):

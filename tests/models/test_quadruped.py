@@ -19,6 +19,7 @@ from models.robots.robot import Setpoint
 
 QUADRUPED = Quadruped()
 TIMESTEP = 0.002
+REST = 0.0, 0.0, 0.0
 TORQUE_LIMIT = np.tile([23.7, 23.7, 35.55], 4)
 UPRIGHT = math.cos(QUADRUPED.spec.max_tilt)
 
@@ -116,7 +117,7 @@ def test_stops_short_and_stands(model):
 
 def line(distance, speed, acceleration, heading):
     """A trapezoidal speed profile from the origin."""
-    ramp, along = speed / acceleration, np.array([math.cos(heading), math.sin(heading), 0.0])
+    ramp, along = speed / acceleration, (math.cos(heading), math.sin(heading))
     cruise = distance / speed - ramp
 
     def at(t):
@@ -124,7 +125,8 @@ def line(distance, speed, acceleration, heading):
         s = 0.5 * acceleration * min(t, ramp) ** 2 + speed * min(max(t - ramp, 0.0), cruise)
         left = min(max(t - ramp - cruise, 0.0), ramp)
         s += speed * left - 0.5 * acceleration * left**2
-        return Setpoint(s * along, v * along, heading, 0.0)
+        position, velocity = ((x * along[0], x * along[1], 0.0) for x in (s, v))
+        return Setpoint(position, velocity, heading, 0.0)
 
     return at
 
@@ -146,7 +148,7 @@ def test_follows_a_line_and_stops_at_its_end(model):
 
 def test_setpoint_at_the_start_takes_no_step(model):
     ride = Ride(model, heading=2.0)
-    still = Setpoint(np.array([0.01, 0.0, 0.0]), np.zeros(3), 2.0, 0.0)
+    still = Setpoint((0.01, 0.0, 0.0), REST, 2.0, 0.0)
     ride.follow(lambda _: still, 1.0)
     assert not ride.walking
     assert ride.controller.memory.calm_time > 0.9
@@ -240,14 +242,14 @@ def test_torques_stay_finite_and_limited_however_it_lies(model):
 
 def test_a_setpoint_that_is_not_finite_is_refused(model):
     ride = Ride(model)
-    broken = Setpoint(np.array([math.nan, 0.0, 0.0]), np.zeros(3), 0.0, 0.0)
+    broken = Setpoint((math.nan, 0.0, 0.0), REST, 0.0, 0.0)
     with pytest.raises(ValueError, match="expected finite numbers"):
         ride.controller.follow(ride.data, broken)
 
 
 def test_velocity_command_turns_into_the_body_frame_and_clips():
     tracker = Tracker(Tracking(), 0.02)
-    north = Setpoint(np.zeros(3), np.array([0.0, 0.7, 0.0]), math.pi / 2, 0.1)
+    north = Setpoint((0.0, 0.0, 0.0), (0.0, 0.7, 0.0), math.pi / 2, 0.1)
     command = tracker.velocity_command(np.zeros(3), math.pi / 2, north)
     np.testing.assert_allclose(command, [0.7, 0.0, 0.1], atol=1e-12)
     command = tracker.velocity_command(np.array([-9.0, 9.0, 0.0]), 0.0, north)
@@ -256,7 +258,7 @@ def test_velocity_command_turns_into_the_body_frame_and_clips():
 
 def test_arrival_has_hysteresis():
     tracker = Tracker(Tracking(), 0.02)
-    goal = Setpoint(np.zeros(3), np.zeros(3), 0.0, 0.0)
+    goal = Setpoint((0.0, 0.0, 0.0), REST, 0.0, 0.0)
     moves = []
     for x in (0.05, 0.03, 0.01, 0.05, 0.07, 0.05):
         moves.append(tracker.velocity_command(np.array([x, 0.0, 0.0]), 0.0, goal).any())

@@ -163,7 +163,8 @@ def test_driving_into_a_wall_is_one_collision(placed):
     for tick in range(2500):
         share = min(tick / 2000, 1.0)
         position = start + share * (into_the_wall - start)
-        setpoint = Setpoint(position, (into_the_wall - start) / 4.0, np.pi, 0.0)
+        velocity = (into_the_wall - start) / 4.0
+        setpoint = Setpoint(tuple(position), tuple(velocity), np.pi, 0.0)
         scene.controller.follow(data, setpoint)
         mujoco.mj_step(scene.model, data)
         truth.count_contacts(data)

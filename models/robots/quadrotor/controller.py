@@ -104,7 +104,7 @@ class QuadrotorController:
         Raises:
             ValueError: The setpoint is not finite.
         """
-        x, y, z = setpoint.position.tolist()
+        x, y, z = setpoint.position
         self._setpoint[:] = x, y, z, setpoint.heading
         if not isfinite(x + y + z + setpoint.heading):
             raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")

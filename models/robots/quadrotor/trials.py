@@ -115,7 +115,7 @@ def fly(
     while tick < ticks and not crashed:
         x, y, z, heading = course(tick * TIMESTEP)
         wanted[tick], was[tick] = (x, y, z), data.qpos[:3]
-        setpoint = Setpoint(wanted[tick], _NO_VELOCITY, heading, 0.0)
+        setpoint = Setpoint((x, y, z), _NO_VELOCITY, heading, 0.0)
         controller.wind[:] = wind[tick]
         if estimate is None:
             controller.follow(data, setpoint)
@@ -137,7 +137,7 @@ def fly(
     return Flown(crashed, error, top, energy, tick * TIMESTEP)
 
 
-_NO_VELOCITY = np.zeros(3)
+_NO_VELOCITY = 0.0, 0.0, 0.0
 
 
 def _compile(robot: Quadrotor) -> mujoco.MjModel:

@@ -43,17 +43,16 @@ class Tracker:
             ValueError: The setpoint is not finite.
         """
         t = self._tracking
-        (to_x, to_y, _), (x, y, _) = setpoint.position.tolist(), position.tolist()
+        ((to_x, to_y, _), (vx, vy, _), heading, yaw_rate), (x, y, _) = setpoint, position.tolist()
         dx, dy = to_x - x, to_y - y
-        turn = setpoint.heading - yaw
+        turn = heading - yaw
         turn = math.atan2(math.sin(turn), math.cos(turn))
-        vx, vy, _ = setpoint.velocity.tolist()
-        moving = max(math.hypot(vx, vy), abs(setpoint.yaw_rate)) > self._resting_speed
+        moving = max(math.hypot(vx, vy), abs(yaw_rate)) > self._resting_speed
         if self._stays(moving, math.hypot(dx, dy), abs(turn)):
             return np.zeros(3)
         vx += t.position_gain * dx
         vy += t.position_gain * dy
-        rate = setpoint.yaw_rate + t.heading_gain * turn
+        rate = yaw_rate + t.heading_gain * turn
         if not math.isfinite(vx + vy + rate):
             raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
         c, s = math.cos(yaw), math.sin(yaw)

@@ -256,8 +256,8 @@ def follow_path(
         pace = min(pace + acceleration * TIMESTEP, speed)
         along += pace * TIMESTEP
         x, y, heading, curvature = course_at(course, along)
-        velocity = pace * np.array([math.cos(heading), math.sin(heading), 0.0])
-        ride.follow(Setpoint(np.array([x, y, 0.0]), velocity, heading, pace * curvature))
+        velocity = pace * math.cos(heading), pace * math.sin(heading), 0.0
+        ride.follow(Setpoint((x, y, 0.0), velocity, heading, pace * curvature))
         wanted[ride.tick - 1] = x, y
         was[ride.tick - 1] = ride.data.qpos[:2]
     distances, _ = KDTree(wanted[: ride.tick]).query(was[: ride.tick])
