@@ -105,64 +105,9 @@ def strike_out(
 
 
 @kernel
-def column_states(
-    eights: NDArray[np.uint64],  # (8,)
-    settled: np.uint64,  # cells known to lie at the lower clamp
-) -> tuple[np.uint64, np.uint64]:
-    """The occupied and the free cells of a column, a bit each."""
-    occupied, free = np.uint64(0), settled
-    shift = np.uint64(0)
-    for k in range(8):
-        eight = eights[k] if (settled >> shift) & BYTE != BYTE else np.uint64(0)
-        if eight != 0:
-            above = ((((eight & B7F) + B7F) | eight) & ~eight & B80) >> np.uint64(7)
-            below = (eight & B80) >> np.uint64(7)
-            occupied |= ((above * GATHER) >> np.uint64(56)) << shift
-            free |= ((below * GATHER) >> np.uint64(56)) << shift
-        shift += np.uint64(8)
-    return occupied, free
-
-
-@kernel
-def write_block(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
-    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
-    settled: NDArray[np.uint64],  # (slots, COLUMNS)
-    block: tuple[Integer, Integer],  # index of the bricks along x and y
-    low: tuple[int, int, int],  # cell
-    occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
-    free: NDArray[np.uint64],  # (nx, ny, words) in, out
-) -> None:
-    """Write anew the states of the columns of a window that lie in bricks above each other."""
-    nx, ny, words = occupied.shape
-    bx, by = block
-    first_x, end_x = max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)
-    first_y, end_y = max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)
-    for x in range(first_x - low[0], end_x - low[0]):
-        for y in range(first_y - low[1], end_y - low[1]):
-            for word in range(words):
-                occupied[x, y, word] = 0
-                free[x, y, word] = 0
-    bottom = low[2] + BELOW_FLOOR
-    first_z, shift = bottom >> 6, np.uint64(bottom & 63)
-    back = np.uint64(64) - shift
-    for k in range(words + (1 if shift != 0 else 0)):
-        slot = find(heads, links, keys, bx, by, first_z + k)
-        if slot < 0:
-            continue
-        for x in range(first_x, end_x):
-            for y in range(first_y, end_y):
-                column = (x - bx * EDGE) * EDGE + y - by * EDGE
-                held, clear = column_states(eights[slot, column], settled[slot, column])
-                i, j = x - low[0], y - low[1]
-                if k < words:
-                    occupied[i, j, k] |= held >> shift
-                    free[i, j, k] |= clear >> shift
-                if k > 0 and shift != 0:
-                    occupied[i, j, k - 1] |= held << back
-                    free[i, j, k - 1] |= clear << back
+def column_of(x: Integer, y: Integer) -> Integer:
+    """Index of a column of cells in its brick."""
+    return ((x & (EDGE - 1)) << EDGE_BITS) + (y & (EDGE - 1))
 
 
 @kernel
@@ -170,24 +115,40 @@ def rewrite_columns(
     heads: NDArray[np.int32],
     links: NDArray[np.int32],
     keys: NDArray[np.int32],
-    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
-    settled: NDArray[np.uint64],  # (slots, COLUMNS)
+    held: NDArray[np.uint64],  # (slots, COLUMNS) occupied cells
+    clear: NDArray[np.uint64],  # (slots, COLUMNS) free cells
     blocks: NDArray[np.int64],  # (k, 2) indices of bricks along x and y
     part: tuple[int, int],  # first and one past the last of them to write
     low: tuple[int, int, int],  # cell
     occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
     free: NDArray[np.uint64],  # (nx, ny, words) in, out
+    changed: NDArray[np.bool_],  # (nx, ny) set where a state is another than before
 ) -> None:
-    """Write the states of some columns of a window anew."""
-    held = (heads, links, keys, eights, settled)
+    """Write anew the states of the columns of a window that lie in some bricks."""
+    nx, ny, words = occupied.shape
+    bottom, nothing = low[2] + BELOW_FLOOR, np.uint64(0)
+    first_z, shift = bottom >> 6, np.uint64(bottom & 63)
     for n in range(part[0], part[1]):
-        write_block(*held, (blocks[n, 0], blocks[n, 1]), low, occupied, free)
-
-
-@kernel
-def column_of(x: Integer, y: Integer) -> Integer:
-    """Index of a column of cells in its brick."""
-    return ((x & (EDGE - 1)) << EDGE_BITS) + (y & (EDGE - 1))
+        bx, by = blocks[n, 0], blocks[n, 1]
+        first_x, end_x = max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)
+        first_y, end_y = max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)
+        slot = find(heads, links, keys, bx, by, first_z)
+        for k in range(words):
+            # Where the window cuts bricks, a word of it is of two of them.
+            below = slot
+            slot = find(heads, links, keys, bx, by, first_z + k + 1)
+            for x in range(first_x, end_x):
+                for y in range(first_y, end_y):
+                    column = column_of(x, y)
+                    new_held = held[below, column] >> shift if below >= 0 else nothing
+                    new_clear = clear[below, column] >> shift if below >= 0 else nothing
+                    if shift != 0 and slot >= 0:
+                        new_held |= held[slot, column] << (np.uint64(64) - shift)
+                        new_clear |= clear[slot, column] << (np.uint64(64) - shift)
+                    i, j = x - low[0], y - low[1]
+                    if new_held != occupied[i, j, k] or new_clear != free[i, j, k]:
+                        occupied[i, j, k], free[i, j, k] = new_held, new_clear
+                        changed[i, j] = True
 
 
 @kernel

@@ -120,9 +120,42 @@ def update_column(
         after = min(before + hit, high)
         cells[z] = after
         differ |= np.uint64(before != after)
-        turned |= np.uint64((before > 0) != (after > 0))
+        turned |= np.uint64((before > 0) != (after > 0) or (before < 0) != (after < 0))
     changed = CONTENT_CHANGED if differ != 0 else 0
     return settled, changed | (STATES_CHANGED if turned != 0 else 0)
+
+
+@kernel
+def tell_states(
+    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    slot: int | np.int64,
+    column: int,
+    occupied: NDArray[np.uint64],  # (slots, COLUMNS) out
+    free: NDArray[np.uint64],  # (slots, COLUMNS) out
+) -> None:
+    """Find the occupied and the free cells of a column, a bit each, from their log-odds."""
+    held, clear, shift = np.uint64(0), np.uint64(0), np.uint64(0)
+    for k in range(8):
+        eight = eights[slot, column, k]
+        above, below = positive(eight) >> np.uint64(7), (eight & B80) >> np.uint64(7)
+        held |= ((above * GATHER) >> np.uint64(56)) << shift
+        clear |= ((below * GATHER) >> np.uint64(56)) << shift
+        shift += np.uint64(8)
+    occupied[slot, column], free[slot, column] = held, clear
+
+
+@kernel
+def tell_all_states(
+    slots: NDArray[np.int64],  # (k,)
+    part: tuple[int, int],  # first and one past the last of them
+    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    occupied: NDArray[np.uint64],  # (slots, COLUMNS) out
+    free: NDArray[np.uint64],  # (slots, COLUMNS) out
+) -> None:
+    """Find the occupied and the free cells of whole bricks from their log-odds."""
+    for i in range(part[0], part[1]):
+        for column in range(COLUMNS):
+            tell_states(eights, slots[i], column, occupied, free)
 
 
 @kernel
@@ -132,12 +165,14 @@ def update_bricks(
     part: tuple[int, int],  # first and one past the last of them to update
     strides: tuple[int, int],  # words from column to column along x and y
     hits: NDArray[np.uint64],  # (nx * ny * words,) zero after
-    free: NDArray[np.uint64],  # (nx * ny * words,) zero after
+    crossings: NDArray[np.uint64],  # (nx * ny * words,) zero after
     steps: tuple[int, int, int, int],
     cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8) the same memory
     fresh: NDArray[np.uint64],  # (slots, COLUMNS)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
+    occupied: NDArray[np.uint64],  # (slots, COLUMNS)
+    free: NDArray[np.uint64],  # (slots, COLUMNS)
     changes: NDArray[np.uint8],  # (k,) out
     updated: NDArray[np.int64],  # (k,) out: cells
 ) -> None:
@@ -149,9 +184,9 @@ def update_bricks(
             x, y = column >> EDGE_BITS, column & (EDGE - 1)
             at = np.uint64(places[i] + x * strides[0] + y * strides[1])
             hit = hits[at]
-            crossed = free[at] & ~hit
+            crossed = crossings[at] & ~hit
             hits[at] = 0
-            free[at] = 0
+            crossings[at] = 0
             if hit | crossed == 0 or slot < 0:
                 continue
             seen += count_bits(hit | crossed)
@@ -166,6 +201,8 @@ def update_bricks(
                     steps,
                 )
                 flags |= changed
+                if changed & STATES_CHANGED:
+                    tell_states(eights, slot, column, occupied, free)
         changes[i] = flags
         updated[i] = seen
 
