@@ -1,8 +1,7 @@
 """Compiled kernels of bricks: where each is held, and what it tells of its cells.
 
 A brick is 16 x 16 columns of 64 cells. The log-odds of a column are one cache line, and a bit for
-each of its cells is one word. Eight cells are often looked at together, so a brick's cells are also
-seen as words; the byte order is little-endian, as on every processor that numba knows.
+each of its cells is one word.
 
 All kernels that call each other live in this file because a cached kernel is not recompiled when
 another file changes.
@@ -21,11 +20,6 @@ EDGE = 1 << EDGE_BITS  # columns along a brick's edge
 HEIGHT = 64  # cells
 COLUMNS = EDGE * EDGE
 BELOW_FLOOR = 2  # layers: else the noise of the floor's returns would open a second brick
-
-BYTE = np.uint64(0xFF)
-B7F = np.uint64(0x7F7F7F7F7F7F7F7F)
-B80 = np.uint64(0x8080808080808080)
-GATHER = np.uint64(0x0102040810204080)  # times eight bytes of 0 or 1: their bits, in the top byte
 
 Integer = int | np.int64
 

@@ -1,7 +1,8 @@
 """Compiled kernels of an update: from marks in a sweep's window to the log-odds of bricks.
 
-Eight cells are updated at once in an integer register. All kernels that call each other live in
-this file because a cached kernel is not recompiled when another file changes.
+Eight cells are updated at once in an integer register, so a brick's cells are also seen as words;
+the byte order is little-endian, as on every processor that numba knows. All kernels that call each
+other live in this file because a cached kernel is not recompiled when another file changes.
 """
 
 from __future__ import annotations
@@ -9,11 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._brick_kernels import B7F, B80, COLUMNS, EDGE, EDGE_BITS, GATHER
+from maps._brick_kernels import COLUMNS, EDGE, EDGE_BITS
 from maps._jit import kernel
 
 ONE = np.uint64(1)
 BYTE = np.uint64(0xFF)
+GATHER = np.uint64(0x0102040810204080)  # times eight bytes of 0 or 1: their bits, in the top byte
+B7F, B80 = np.uint64(0x7F7F7F7F7F7F7F7F), np.uint64(0x8080808080808080)
 B01, B55, B33, B0F = (np.uint64(0x0101010101010101 * byte) for byte in (0x01, 0x55, 0x33, 0x0F))
 SPREAD = np.array(
     [sum(0xFF << (8 * k) for k in range(8) if byte >> k & 1) for byte in range(256)], np.uint64

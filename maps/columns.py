@@ -123,6 +123,16 @@ class Window:
         x, y, z = self.first
         return Window(self.resolution, (x, y, z + first), (*self.shape[:2], end - first))
 
+    def touched_by(self, boxes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Those of some boxes of the map's cells that hold any of the window's.
+
+        Args:
+            boxes: (k, 6) first cell and one past the last: x, y, z, x, y, z.
+        """
+        low = np.maximum(boxes[:, :3], self.first)
+        high = np.minimum(boxes[:, 3:], np.add(self.first, self.shape))
+        return boxes[np.all(low < high, axis=1)]
+
     def columns_within(self, boxes: NDArray[np.int64]) -> tuple[slice, slice] | None:
         """The columns of the window, along x and y, that boxes of the map's cells touch.
 
@@ -132,12 +142,12 @@ class Window:
         Returns:
             The least rectangle that holds them all; None if no box touches the window.
         """
-        low = np.maximum(boxes[:, :3] - self.first, 0)
-        high = np.minimum(boxes[:, 3:] - self.first, self.shape)
-        touching = np.all(low < high, axis=1)
-        if not touching.any():
+        touching = self.touched_by(boxes)
+        if len(touching) == 0:
             return None
-        (x0, y0), (x1, y1) = low[touching, :2].min(axis=0), high[touching, :2].max(axis=0)
+        low = np.maximum(touching[:, :2] - self.first[:2], 0)
+        high = np.minimum(touching[:, 3:5] - self.first[:2], self.shape[:2])
+        (x0, y0), (x1, y1) = low.min(axis=0), high.max(axis=0)
         return slice(int(x0), int(x1)), slice(int(y0), int(y1))
 
 

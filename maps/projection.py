@@ -46,9 +46,10 @@ class Projection:
         """Take over what changed in the map since the last time.
 
         Returns:
-            (rows_x, rows_y) which rows of bits may have changed; None if there are none.
+            (rows_x, rows_y) which rows of bits may have changed; None if nothing was looked at.
         """
         boxes, self._stamp = voxel_map.changed(self._stamp)
+        boxes = self._window.touched_by(boxes)  # its words may hold layers that it does not
         box = self._window.columns_within(boxes)
         if box is None:
             return None

@@ -144,22 +144,21 @@ def plan(
     if config.name != "field":
         space.bring_up_to_date()  # others need not note where they look
     while True:
-        found = _plan(space, start, goal, config, seed, heading, goal_heading)
+        found = _cheapest(space, _pose(start, heading), goal, goal_heading, config, seed)
         if not space.catch_up():
             return found
 
 
-def _plan(
+def _cheapest(
     space: FreeSpace,
-    start: Floats,
+    begin: Pose,
     goal: Floats,
+    goal_heading: float | None,
     config: PlannerConfig,
     seed: int,
-    heading: float,
-    goal_heading: float | None,
 ) -> Plan:
+    """The cheapest path of all restarts, on the distances as they are."""
     kind = state_space_for(config.state_space, space)
-    begin = _pose(start, heading)
     if not _fits(space, kind, begin):
         return _without_path("start_blocked", 0)
     ends = _goal_poses(space, kind, begin, goal, goal_heading)

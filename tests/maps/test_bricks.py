@@ -20,6 +20,14 @@ def words_of(cells):
     return np.packbits(cells, axis=-1, bitorder="little").view(np.uint64)[..., 0]
 
 
+def assert_states_told(voxel_map):
+    """Of all bricks, by the sign of their cells."""
+    bricks = voxel_map._bricks
+    live = bricks.live()
+    np.testing.assert_array_equal(bricks.occupied[live], words_of(bricks.cells[live] > 0))
+    np.testing.assert_array_equal(bricks.free[live], words_of(bricks.cells[live] < 0))
+
+
 def step_along(voxel_map, count, pitch=20.0, start=0):
     """One short beam every 20 m: two bricks each at most."""
     for k in range(start, start + count):
@@ -112,10 +120,20 @@ def test_bricks_given_up_leave_no_states_to_those_that_take_their_place():
         ranges_mm = np.full(6, 800, np.uint16)
         voxel_map.integrate(rng.uniform(-9.0, 9.0, 3), towards, ranges_mm, 1.0, k)
     bricks = voxel_map._bricks
-    live = bricks.live()
-    assert bricks.capacity >= len(live) > bricks.capacity // 2
-    np.testing.assert_array_equal(bricks.occupied[live], words_of(bricks.cells[live] > 0))
-    np.testing.assert_array_equal(bricks.free[live], words_of(bricks.cells[live] < 0))
+    assert bricks.capacity >= len(bricks.live()) > bricks.capacity // 2
+    assert_states_told(voxel_map)
+
+
+def test_the_states_of_a_brick_follow_its_decay():
+    voxel_map = make(half_life=1.0)
+    counts = set()
+    for k in range(12):
+        if k < 3:
+            step_along(voxel_map, 2, start=k)
+        voxel_map.advance(k * 700_000_000)
+        assert_states_told(voxel_map)
+        counts.add(tuple(voxel_map.counts().values()))
+    assert len(counts) > 3
 
 
 def test_the_change_set_holds_every_cell_whose_state_changed():
@@ -139,6 +157,7 @@ def test_the_change_set_holds_every_cell_whose_state_changed():
         boxes, now = voxel_map.changed(now)
         voxel_map.rewrite_columns(low, boxes, *followed)
         np.testing.assert_array_equal(followed, after)
+        assert_states_told(voxel_map)
         for x, y, word in np.argwhere(differ)[::7]:
             bit = int(differ[x, y, word]) & -int(differ[x, y, word])
             cell = np.array([x, y, 64 * word + bit.bit_length() - 1]) + low

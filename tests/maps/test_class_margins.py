@@ -67,6 +67,24 @@ def test_cells_of_a_class_grow_by_its_margin(margins):
     assert grown.any() == bool(margins)
 
 
+def test_margins_in_the_air_outlive_changes_above_the_window():
+    voxel_map, layer = VoxelMap(MapConfig(half_life=0.0, memory_mib=16)), SemanticLayer(0.1, 3)
+    ahead, ranges_mm = np.array([[1.0, 0.0, 0.0]]), np.array([1000], np.uint16)
+    voxel_map.integrate((1.05, 1.05, 1.0), ahead, ranges_mm, 3.0, 0)
+    layer.integrate_sweep((1.05, 1.05, 1.0), ahead, ranges_mm, (0.3, 3.0), np.ones(1, np.uint8))
+    margined = ClassMargins(voxel_map, layer, {1: 0.5})
+    body = (0.0, 0.0, 0.5), (10.0, 10.0, 4.0), "air", 0.15, 0.3, 0.1
+    costmap = Costmap(voxel_map.config, margined, *body)
+    assert (costmap.state == OCCUPIED).sum() > 500
+    for origin in ((8.55, 9.05, 1.0), (0.05, 1.05, 6.5)):  # in the window, and above it
+        voxel_map.integrate(origin, ahead, ranges_mm, 3.0, 0)
+    costmap.update(0.1)
+    anew = Costmap(voxel_map.config, ClassMargins(voxel_map, layer, {1: 0.5}), *body)
+    anew.update(0.1)
+    np.testing.assert_array_equal(costmap.state, anew.state)
+    np.testing.assert_array_equal(costmap.obstacle_clearance, anew.obstacle_clearance)
+
+
 @pytest.mark.parametrize(("motion", "slope"), [("ground", 0.0), ("ground", 0.3), ("air", 0.0)])
 def test_a_costmap_that_follows_is_one_made_anew(motion, slope):
     voxel_map, layer = seen(5)

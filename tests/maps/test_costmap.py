@@ -321,6 +321,22 @@ def test_the_gradient_leads_away_at_a_metre_per_metre(pillar):
         np.testing.assert_allclose(pillar.gradient_at(points)[:, axis], difference, atol=1e-6)
 
 
+@pytest.mark.parametrize("max_slope", [0.0, 0.3])
+@pytest.mark.parametrize("y", [3, 64, 99])
+def test_a_change_anywhere_along_a_wide_plane_is_followed(max_slope, y):
+    states = np.full((30, 100, 15), UNKNOWN, np.uint8)
+    states[:, :, FLOOR], states[:, :, FLOOR + 1 :] = OCCUPIED, FREE
+    wide, high = DenseMap(states), (HIGH[0], 10.0, HIGH[2])
+    costmap = ground(wide, high=high, max_slope=max_slope)
+    wide.set(np.s_[12:13, y : y + 1, BODY], OCCUPIED)
+    costmap.update(0.1)
+    fresh = ground(wide, high=high, max_slope=max_slope)
+    fresh.update(0.1)
+    assert costmap.state[12, y, 0] == OCCUPIED
+    np.testing.assert_array_equal(costmap.clearance, fresh.clearance)
+    np.testing.assert_array_equal(costmap.obstacle_clearance, fresh.obstacle_clearance)
+
+
 def test_on_the_ground_height_does_not_matter(voxel_map):
     voxel_map.set(np.s_[15, 10, BODY], OCCUPIED)
     costmap = ground(voxel_map)
