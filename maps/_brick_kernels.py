@@ -1,7 +1,8 @@
 """Compiled kernels of bricks: where each is held, and what it tells of its cells.
 
 A brick is 16 x 16 columns of 64 cells. The log-odds of a column are one cache line, and a bit for
-each of its cells is one word.
+each of its cells is one word. Eight cells are often looked at together, so a brick's cells are also
+seen as words; the byte order is little-endian, as on every processor that numba knows.
 
 All kernels that call each other live in this file because a cached kernel is not recompiled when
 another file changes.
@@ -20,6 +21,11 @@ EDGE = 1 << EDGE_BITS  # columns along a brick's edge
 HEIGHT = 64  # cells
 COLUMNS = EDGE * EDGE
 BELOW_FLOOR = 2  # layers: else the noise of the floor's returns would open a second brick
+
+BYTE = np.uint64(0xFF)
+B7F = np.uint64(0x7F7F7F7F7F7F7F7F)
+B80 = np.uint64(0x8080808080808080)
+GATHER = np.uint64(0x0102040810204080)  # times eight bytes of 0 or 1: their bits, in the top byte
 
 Integer = int | np.int64
 
@@ -99,9 +105,58 @@ def strike_out(
 
 
 @kernel
+def column_states(
+    eights: NDArray[np.uint64],  # (8,)
+    settled: np.uint64,  # cells known to lie at the lower clamp
+) -> tuple[np.uint64, np.uint64]:
+    """The occupied and the free cells of a column, a bit each."""
+    occupied, free = np.uint64(0), settled
+    shift = np.uint64(0)
+    for k in range(8):
+        eight = eights[k] if (settled >> shift) & BYTE != BYTE else np.uint64(0)
+        if eight != 0:
+            above = ((((eight & B7F) + B7F) | eight) & ~eight & B80) >> np.uint64(7)
+            below = (eight & B80) >> np.uint64(7)
+            occupied |= ((above * GATHER) >> np.uint64(56)) << shift
+            free |= ((below * GATHER) >> np.uint64(56)) << shift
+        shift += np.uint64(8)
+    return occupied, free
+
+
+@kernel
 def column_of(x: Integer, y: Integer) -> Integer:
     """Index of a column of cells in its brick."""
     return ((x & (EDGE - 1)) << EDGE_BITS) + (y & (EDGE - 1))
+
+
+@kernel
+def write_column(
+    slots: NDArray[np.int64],  # (k,) of bricks above each other, -1: none
+    column: Integer,
+    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    settled: NDArray[np.uint64],  # (slots, COLUMNS)
+    shift: np.uint64,  # cells of the lowest brick that lie below
+    occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
+    free: NDArray[np.uint64],  # (nx, ny, words) in, out
+    i: Integer,
+    j: Integer,
+) -> bool:
+    """Write the states of a column of a window; whether any is another than before."""
+    nothing, changed = np.uint64(0), False
+    held, clear = nothing, nothing
+    if slots[0] >= 0:
+        held, clear = column_states(eights[slots[0], column], settled[slots[0], column])
+    for word in range(occupied.shape[2]):
+        low_held, low_clear = held >> shift, clear >> shift
+        held, clear, k = nothing, nothing, word + 1
+        if k < slots.shape[0] and slots[k] >= 0:
+            held, clear = column_states(eights[slots[k], column], settled[slots[k], column])
+        if shift != 0:
+            low_held |= held << (np.uint64(64) - shift)
+            low_clear |= clear << (np.uint64(64) - shift)
+        changed |= low_held != occupied[i, j, word] or low_clear != free[i, j, word]
+        occupied[i, j, word], free[i, j, word] = low_held, low_clear
+    return changed
 
 
 @kernel
@@ -109,8 +164,8 @@ def rewrite_columns(
     heads: NDArray[np.int32],
     links: NDArray[np.int32],
     keys: NDArray[np.int32],
-    held: NDArray[np.uint64],  # (slots, COLUMNS) occupied cells
-    clear: NDArray[np.uint64],  # (slots, COLUMNS) free cells
+    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
+    settled: NDArray[np.uint64],  # (slots, COLUMNS)
     blocks: NDArray[np.int64],  # (k, 2) indices of bricks along x and y
     part: tuple[int, int],  # first and one past the last of them to write
     low: tuple[int, int, int],  # cell
@@ -120,29 +175,20 @@ def rewrite_columns(
 ) -> None:
     """Write anew the states of the columns of a window that lie in some bricks."""
     nx, ny, words = occupied.shape
-    bottom, nothing = low[2] + BELOW_FLOOR, np.uint64(0)
+    bottom = low[2] + BELOW_FLOOR
     first_z, shift = bottom >> 6, np.uint64(bottom & 63)
+    slots = np.empty(words + (1 if shift != 0 else 0), np.int64)
     for n in range(part[0], part[1]):
         bx, by = blocks[n, 0], blocks[n, 1]
+        for k in range(slots.shape[0]):
+            slots[k] = find(heads, links, keys, bx, by, first_z + k)
         first_x, end_x = max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)
         first_y, end_y = max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)
-        slot = find(heads, links, keys, bx, by, first_z)
-        for k in range(words):
-            # Where the window cuts bricks, a word of it is of two of them.
-            below = slot
-            slot = find(heads, links, keys, bx, by, first_z + k + 1)
-            for x in range(first_x, end_x):
-                for y in range(first_y, end_y):
-                    column = column_of(x, y)
-                    new_held = held[below, column] >> shift if below >= 0 else nothing
-                    new_clear = clear[below, column] >> shift if below >= 0 else nothing
-                    if shift != 0 and slot >= 0:
-                        new_held |= held[slot, column] << (np.uint64(64) - shift)
-                        new_clear |= clear[slot, column] << (np.uint64(64) - shift)
-                    i, j = x - low[0], y - low[1]
-                    if new_held != occupied[i, j, k] or new_clear != free[i, j, k]:
-                        occupied[i, j, k], free[i, j, k] = new_held, new_clear
-                        changed[i, j] = True
+        for x in range(first_x, end_x):
+            for y in range(first_y, end_y):
+                column, i, j = column_of(x, y), x - low[0], y - low[1]
+                if write_column(slots, column, eights, settled, shift, occupied, free, i, j):
+                    changed[i, j] = True
 
 
 @kernel

@@ -1,8 +1,7 @@
 """Compiled kernels of an update: from marks in a sweep's window to the log-odds of bricks.
 
-Eight cells are updated at once in an integer register, so a brick's cells are also seen as words;
-the byte order is little-endian, as on every processor that numba knows. All kernels that call each
-other live in this file because a cached kernel is not recompiled when another file changes.
+Eight cells are updated at once in an integer register. All kernels that call each other live in
+this file because a cached kernel is not recompiled when another file changes.
 """
 
 from __future__ import annotations
@@ -10,13 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._brick_kernels import COLUMNS, EDGE, EDGE_BITS
+from maps._brick_kernels import B7F, B80, COLUMNS, EDGE, EDGE_BITS, GATHER
 from maps._jit import kernel
 
 ONE = np.uint64(1)
 BYTE = np.uint64(0xFF)
-GATHER = np.uint64(0x0102040810204080)  # times eight bytes of 0 or 1: their bits, in the top byte
-B7F, B80 = np.uint64(0x7F7F7F7F7F7F7F7F), np.uint64(0x8080808080808080)
 B01, B55, B33, B0F = (np.uint64(0x0101010101010101 * byte) for byte in (0x01, 0x55, 0x33, 0x0F))
 SPREAD = np.array(
     [sum(0xFF << (8 * k) for k in range(8) if byte >> k & 1) for byte in range(256)], np.uint64
@@ -129,53 +126,18 @@ def update_column(
 
 
 @kernel
-def tell_states(
-    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
-    slot: int | np.int64,
-    column: int,
-    occupied: NDArray[np.uint64],  # (slots, COLUMNS) out
-    free: NDArray[np.uint64],  # (slots, COLUMNS) out
-) -> None:
-    """Find the occupied and the free cells of a column, a bit each, from their log-odds."""
-    held, clear, shift = np.uint64(0), np.uint64(0), np.uint64(0)
-    for k in range(8):
-        eight = eights[slot, column, k]
-        above, below = positive(eight) >> np.uint64(7), (eight & B80) >> np.uint64(7)
-        held |= ((above * GATHER) >> np.uint64(56)) << shift
-        clear |= ((below * GATHER) >> np.uint64(56)) << shift
-        shift += np.uint64(8)
-    occupied[slot, column], free[slot, column] = held, clear
-
-
-@kernel
-def tell_all_states(
-    slots: NDArray[np.int64],  # (k,)
-    part: tuple[int, int],  # first and one past the last of them
-    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
-    occupied: NDArray[np.uint64],  # (slots, COLUMNS) out
-    free: NDArray[np.uint64],  # (slots, COLUMNS) out
-) -> None:
-    """Find the occupied and the free cells of whole bricks from their log-odds."""
-    for i in range(part[0], part[1]):
-        for column in range(COLUMNS):
-            tell_states(eights, slots[i], column, occupied, free)
-
-
-@kernel
 def update_bricks(
     slots: NDArray[np.int64],  # (k,) -1: there was no room
     places: NDArray[np.int64],  # (k,) first word of each brick in the window
     part: tuple[int, int],  # first and one past the last of them to update
     strides: tuple[int, int],  # words from column to column along x and y
     hits: NDArray[np.uint64],  # (nx * ny * words,) zero after
-    crossings: NDArray[np.uint64],  # (nx * ny * words,) zero after
+    free: NDArray[np.uint64],  # (nx * ny * words,) zero after
     steps: tuple[int, int, int, int],
     cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8) the same memory
     fresh: NDArray[np.uint64],  # (slots, COLUMNS)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
-    occupied: NDArray[np.uint64],  # (slots, COLUMNS)
-    free: NDArray[np.uint64],  # (slots, COLUMNS)
     changes: NDArray[np.uint8],  # (k,) out
     updated: NDArray[np.int64],  # (k,) out: cells
 ) -> None:
@@ -187,9 +149,9 @@ def update_bricks(
             x, y = column >> EDGE_BITS, column & (EDGE - 1)
             at = np.uint64(places[i] + x * strides[0] + y * strides[1])
             hit = hits[at]
-            crossed = crossings[at] & ~hit
+            crossed = free[at] & ~hit
             hits[at] = 0
-            crossings[at] = 0
+            free[at] = 0
             if hit | crossed == 0 or slot < 0:
                 continue
             seen += count_bits(hit | crossed)
@@ -204,8 +166,6 @@ def update_bricks(
                     steps,
                 )
                 flags |= changed
-                if changed & STATES_CHANGED:
-                    tell_states(eights, slot, column, occupied, free)
         changes[i] = flags
         updated[i] = seen
 

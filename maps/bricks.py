@@ -14,14 +14,14 @@ from maps.marks import brick_cells
 from maps.team import Team
 
 CELLS_IN_BRICK = kernels.COLUMNS * kernels.HEIGHT
-BYTES_IN_BRICK = CELLS_IN_BRICK * 3 // 2 + 80
+BYTES_IN_BRICK = CELLS_IN_BRICK * 5 // 4 + 80
 MEBIBYTE = 1 << 20
 
 DROPPED_AT_ONCE = 64
 """A full pool drops this part of its bricks, so that looking for them costs little a sweep."""
 
 MAX_GONE = 1 << 16
-DIGEST_US, TELL_US = 2.0, 4.0  # about, a brick
+DIGEST_US = 2.0  # about, a brick
 EVERYWHERE = np.array([[-(1 << 40)] * 3 + [1 << 40] * 3])
 MODULUS = 1 << 128
 RECORD = np.dtype([("key", "<i4", 3), ("ticks", "<i8"), ("lanes", "<u8", 8)])  # without gaps
@@ -42,8 +42,6 @@ class Bricks:
         eights: (slots, 256, 8) uint64, the same memory.
         fresh: (slots, 256) uint64, cells that were updated since the last tick.
         settled: (slots, 256) uint64, cells known to lie at the lower clamp.
-        occupied: (slots, 256) uint64, cells that are, as their log-odds tell.
-        free: (slots, 256) uint64, cells that are.
         observed_ns: (slots,) last observation.
         ticks: (slots,) decay ticks that the cells have seen.
         dues: (slots,) tick at which a brick has to be looked at.
@@ -58,8 +56,6 @@ class Bricks:
         self.eights = self.cells.view(np.uint64)
         self.fresh = np.zeros((slots, kernels.COLUMNS), np.uint64)
         self.settled = np.zeros((slots, kernels.COLUMNS), np.uint64)
-        self.occupied = np.zeros((slots, kernels.COLUMNS), np.uint64)
-        self.free = np.zeros((slots, kernels.COLUMNS), np.uint64)
         self.observed_ns = np.zeros(slots, np.int64)
         self.ticks = np.zeros(slots, np.int64)
         self.dues = np.zeros(slots, np.int64)
@@ -129,8 +125,6 @@ class Bricks:
         self.cells[slots] = 0
         self.fresh[slots] = 0
         self.settled[slots] = 0
-        self.occupied[slots] = 0
-        self.free[slots] = 0
         self.held[slots] = False
         self.dirty[slots] = False
         self._spare.extend(slots[::-1].tolist())
@@ -140,14 +134,6 @@ class Bricks:
         if len(self._gone) > MAX_GONE:
             self._gone.clear()
             self._forgotten = stamp
-
-    def tell_states(self, slots: NDArray[np.int64], team: Team) -> None:
-        """Find the occupied and the free cells of bricks (k,) anew from their log-odds."""
-
-        def tell(_: int, part: tuple[int, int]) -> None:
-            update.tell_all_states(slots, part, self.eights, self.occupied, self.free)
-
-        team.share(tell, len(slots), 1, TELL_US)
 
     def changed(self, since: int) -> NDArray[np.int64]:
         """Boxes of cells (k, 6) of the bricks whose states changed after a stamp."""

@@ -19,7 +19,7 @@ from maps.marks import brick_cells, unpack_bits
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from maps.team import Team
 
-BLOCK_US = 1.0  # about, to write the columns of a brick
+BLOCK_US = 4.0  # about, to write the columns of a brick
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ class VoxelQueries:
         def write(_: int, part: tuple[int, int]) -> None:
             kernels.rewrite_columns(
                 *bricks.directory,
-                bricks.occupied,
-                bricks.free,
+                bricks.eights,
+                bricks.settled,
                 blocks,
                 part,
                 low_cell,

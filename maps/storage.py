@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from maps import _brick_kernels as kernels
 from maps.bricks import Bricks
 from maps.config import MapConfig
-from maps.team import Team
 
 MAGIC = b"wayproof voxels 1\n"
 HEAD = struct.Struct("<IqI")  # bytes of the settings, ticks, bricks
@@ -91,7 +90,7 @@ def read(path: str | PathLike[str]) -> tuple[MapConfig, int, NDArray[np.void]]:
     return config, ticks, np.frombuffer(rest, RECORD, count, length)
 
 
-def restore(records: NDArray[np.void], bricks: Bricks, stamp: int, team: Team) -> None:
+def restore(records: NDArray[np.void], bricks: Bricks, stamp: int) -> None:
     """Put records into a pool that holds no bricks yet.
 
     Raises:
@@ -107,7 +106,6 @@ def restore(records: NDArray[np.void], bricks: Bricks, stamp: int, team: Team) -
     bricks.cells[slots] = records["cells"]
     bricks.dirty[slots] = True
     bricks.stamps[slots] = stamp
-    bricks.tell_states(slots, team)
 
 
 def _record(bricks: Bricks, slot: int) -> NDArray[np.void]:

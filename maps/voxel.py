@@ -279,7 +279,7 @@ class VoxelMap(VoxelQueries):
         config, ticks, records = storage.read(path)
         loaded = cls(config, threads, low, high)
         loaded._ticks = ticks
-        storage.restore(records, loaded._bricks, loaded._stamp, loaded._team)
+        storage.restore(records, loaded._bricks, loaded._stamp)
         return loaded
 
     def _mark(
@@ -317,8 +317,6 @@ class VoxelMap(VoxelQueries):
                 bricks.eights,
                 bricks.fresh,
                 bricks.settled,
-                bricks.occupied,
-                bricks.free,
                 changes,
                 updated,
             )
@@ -360,7 +358,6 @@ class VoxelMap(VoxelQueries):
         self._team.share(fade, len(behind), 2, FADE_US)
         bricks.dirty[behind] = True
         bricks.stamps[behind[turned]] = self._stamp
-        bricks.tell_states(behind[turned], self._team)
         if not to_now:
             bricks.release(behind[~alive], self._stamp)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from maps import _brick_kernels as kernels
 from maps import _update_kernels as updates
 from maps.bricks import BYTES_IN_BRICK, Bricks
 
@@ -13,19 +14,6 @@ FORWARD = np.array([[1.0, 0.0, 0.0]])
 
 def make(memory_mib=4, **settings):
     return VoxelMap(MapConfig(memory_mib=memory_mib, **({"half_life": 0.0} | settings)))
-
-
-def words_of(cells):
-    """Cells (..., 64) as words (...,)."""
-    return np.packbits(cells, axis=-1, bitorder="little").view(np.uint64)[..., 0]
-
-
-def assert_states_told(voxel_map):
-    """Of all bricks, by the sign of their cells."""
-    bricks = voxel_map._bricks
-    live = bricks.live()
-    np.testing.assert_array_equal(bricks.occupied[live], words_of(bricks.cells[live] > 0))
-    np.testing.assert_array_equal(bricks.free[live], words_of(bricks.cells[live] < 0))
 
 
 def step_along(voxel_map, count, pitch=20.0, start=0):
@@ -111,31 +99,6 @@ def inside(boxes, cell):
     return any(np.all(box[:3] <= cell) and np.all(cell < box[3:]) for box in boxes)
 
 
-def test_bricks_given_up_leave_no_states_to_those_that_take_their_place():
-    voxel_map = make(memory_mib=1)
-    rng = np.random.default_rng(3)
-    for k in range(200):
-        towards = rng.normal(size=(6, 3))
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        ranges_mm = np.full(6, 800, np.uint16)
-        voxel_map.integrate(rng.uniform(-9.0, 9.0, 3), towards, ranges_mm, 1.0, k)
-    bricks = voxel_map._bricks
-    assert bricks.capacity >= len(bricks.live()) > bricks.capacity // 2
-    assert_states_told(voxel_map)
-
-
-def test_the_states_of_a_brick_follow_its_decay():
-    voxel_map = make(half_life=1.0)
-    counts = set()
-    for k in range(12):
-        if k < 3:
-            step_along(voxel_map, 2, start=k)
-        voxel_map.advance(k * 700_000_000)
-        assert_states_told(voxel_map)
-        counts.add(tuple(voxel_map.counts().values()))
-    assert len(counts) > 3
-
-
 def test_the_change_set_holds_every_cell_whose_state_changed():
     voxel_map = make(half_life=2.0, memory_mib=1)
     rng = np.random.default_rng(0)
@@ -157,7 +120,6 @@ def test_the_change_set_holds_every_cell_whose_state_changed():
         boxes, now = voxel_map.changed(now)
         voxel_map.rewrite_columns(low, boxes, *followed)
         np.testing.assert_array_equal(followed, after)
-        assert_states_told(voxel_map)
         for x, y, word in np.argwhere(differ)[::7]:
             bit = int(differ[x, y, word]) & -int(differ[x, y, word])
             cell = np.array([x, y, 64 * word + bit.bit_length() - 1]) + low
@@ -277,22 +239,20 @@ def test_a_cell_that_is_no_longer_free_is_told_though_it_is_not_occupied():
     assert len(voxel_map.changed(now)[0]) == 1
 
 
-@both(updates.tell_all_states)
-def test_states_are_the_signs_of_the_log_odds(run, monkeypatch):
-    if run is updates.tell_all_states.py_func:
-        monkeypatch.setattr(updates, "tell_states", updates.tell_states.py_func)
-        monkeypatch.setattr(updates, "positive", updates.positive.py_func)
+@both(kernels.column_states)
+def test_column_states(run):
     rng = np.random.default_rng(5)
-    cells = rng.integers(-128, 128, (4, 256, 64)).astype(np.int8)
-    cells[rng.random(cells.shape) < 0.4] = 0
-    cells[0, :, :16] = -60
-    occupied, free = np.full((2, 4, 256), 7, np.uint64)
-    with np.errstate(over="ignore"):
-        run(np.array([3, 2, 0, 1]), (0, 3), cells.view(np.uint64), occupied, free)
-    told = [0, 2, 3]
-    np.testing.assert_array_equal(occupied[told], words_of(cells[told] > 0))
-    np.testing.assert_array_equal(free[told], words_of(cells[told] < 0))
-    assert (occupied[1] == 7).all()
+    for _ in range(30):
+        cells = rng.integers(-128, 128, 64).astype(np.int8)
+        cells[rng.random(64) < 0.4] = 0
+        cells[:16] = -60
+        cells[16:40][rng.random(24) < 0.7] = -60
+        known = rng.integers(0, 2**63, dtype=np.uint64) | np.uint64(0xFFFF)
+        settled = np.packbits(cells == -60, bitorder="little").view(np.uint64)[0] & known
+        with np.errstate(over="ignore"):
+            occupied, free = run(cells.view(np.uint64), settled)
+        assert [int(occupied) >> z & 1 for z in range(64)] == (cells > 0).tolist()
+        assert [int(free) >> z & 1 for z in range(64)] == (cells < 0).tolist()
 
 
 @both(updates.digest_bricks)

@@ -6,7 +6,7 @@ from maps import _brick_kernels as kernels
 from maps.bricks import EVERYWHERE
 
 EYE = (0.55, 1.05, 0.475)
-REWRITING = "rewrite_columns", "find", "bucket_of", "column_of"
+REWRITING = "rewrite_columns", "write_column", "column_states", "column_of", "find", "bucket_of"
 
 
 @pytest.fixture
