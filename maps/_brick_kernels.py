@@ -124,39 +124,45 @@ def column_states(
 
 
 @kernel
-def column_of(x: Integer, y: Integer) -> Integer:
-    """Index of a column of cells in its brick."""
-    return ((x & (EDGE - 1)) << EDGE_BITS) + (y & (EDGE - 1))
-
-
-@kernel
-def write_column(
-    slots: NDArray[np.int64],  # (k,) of bricks above each other, -1: none
-    column: Integer,
+def write_block(
+    heads: NDArray[np.int32],
+    links: NDArray[np.int32],
+    keys: NDArray[np.int32],
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
-    shift: np.uint64,  # cells of the lowest brick that lie below
+    block: tuple[Integer, Integer],  # index of the bricks along x and y
+    low: tuple[int, int, int],  # cell
     occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
     free: NDArray[np.uint64],  # (nx, ny, words) in, out
-    i: Integer,
-    j: Integer,
-) -> bool:
-    """Write the states of a column of a window; whether any is another than before."""
-    nothing, changed = np.uint64(0), False
-    held, clear = nothing, nothing
-    if slots[0] >= 0:
-        held, clear = column_states(eights[slots[0], column], settled[slots[0], column])
-    for word in range(occupied.shape[2]):
-        low_held, low_clear = held >> shift, clear >> shift
-        held, clear, k = nothing, nothing, word + 1
-        if k < slots.shape[0] and slots[k] >= 0:
-            held, clear = column_states(eights[slots[k], column], settled[slots[k], column])
-        if shift != 0:
-            low_held |= held << (np.uint64(64) - shift)
-            low_clear |= clear << (np.uint64(64) - shift)
-        changed |= low_held != occupied[i, j, word] or low_clear != free[i, j, word]
-        occupied[i, j, word], free[i, j, word] = low_held, low_clear
-    return changed
+) -> None:
+    """Write anew the states of the columns of a window that lie in bricks above each other."""
+    nx, ny, words = occupied.shape
+    bx, by = block
+    first_x, end_x = max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)
+    first_y, end_y = max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)
+    for x in range(first_x - low[0], end_x - low[0]):
+        for y in range(first_y - low[1], end_y - low[1]):
+            for word in range(words):
+                occupied[x, y, word] = 0
+                free[x, y, word] = 0
+    bottom = low[2] + BELOW_FLOOR
+    first_z, shift = bottom >> 6, np.uint64(bottom & 63)
+    back = np.uint64(64) - shift
+    for k in range(words + (1 if shift != 0 else 0)):
+        slot = find(heads, links, keys, bx, by, first_z + k)
+        if slot < 0:
+            continue
+        for x in range(first_x, end_x):
+            for y in range(first_y, end_y):
+                column = (x - bx * EDGE) * EDGE + y - by * EDGE
+                held, clear = column_states(eights[slot, column], settled[slot, column])
+                i, j = x - low[0], y - low[1]
+                if k < words:
+                    occupied[i, j, k] |= held >> shift
+                    free[i, j, k] |= clear >> shift
+                if k > 0 and shift != 0:
+                    occupied[i, j, k - 1] |= held << back
+                    free[i, j, k - 1] |= clear << back
 
 
 @kernel
@@ -171,24 +177,17 @@ def rewrite_columns(
     low: tuple[int, int, int],  # cell
     occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
     free: NDArray[np.uint64],  # (nx, ny, words) in, out
-    changed: NDArray[np.bool_],  # (nx, ny) set where a state is another than before
 ) -> None:
-    """Write anew the states of the columns of a window that lie in some bricks."""
-    nx, ny, words = occupied.shape
-    bottom = low[2] + BELOW_FLOOR
-    first_z, shift = bottom >> 6, np.uint64(bottom & 63)
-    slots = np.empty(words + (1 if shift != 0 else 0), np.int64)
+    """Write the states of some columns of a window anew."""
+    held = (heads, links, keys, eights, settled)
     for n in range(part[0], part[1]):
-        bx, by = blocks[n, 0], blocks[n, 1]
-        for k in range(slots.shape[0]):
-            slots[k] = find(heads, links, keys, bx, by, first_z + k)
-        first_x, end_x = max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)
-        first_y, end_y = max(by * EDGE, low[1]), min(by * EDGE + EDGE, low[1] + ny)
-        for x in range(first_x, end_x):
-            for y in range(first_y, end_y):
-                column, i, j = column_of(x, y), x - low[0], y - low[1]
-                if write_column(slots, column, eights, settled, shift, occupied, free, i, j):
-                    changed[i, j] = True
+        write_block(*held, (blocks[n, 0], blocks[n, 1]), low, occupied, free)
+
+
+@kernel
+def column_of(x: Integer, y: Integer) -> Integer:
+    """Index of a column of cells in its brick."""
+    return ((x & (EDGE - 1)) << EDGE_BITS) + (y & (EDGE - 1))
 
 
 @kernel

@@ -29,8 +29,8 @@ UNSET = np.array(
 @kernel
 def note_changes(
     cells: NDArray[np.uint64],  # (ny, words) the new cells of a plane's columns
-    news: NDArray[np.bool_],  # (ny,) which of them to look at
-    y0: int,  # where the first lies in the window
+    rows: tuple[int, int],  # first and one past the last of them to look at
+    y0: int,  # where the first of all lies in the window
     flip: np.uint64,  # all ones where the cells told are those that are not blocked
     inside: NDArray[np.uint64],  # (words,) the bits that are cells of the window
     block_rows: int,
@@ -41,9 +41,7 @@ def note_changes(
     found = False
     for b in range(changes.shape[0]):
         changes[b, 0], changes[b, 1] = -1, -1
-    for k in range(news.shape[0]):
-        if not news[k]:
-            continue
+    for k in range(rows[0], rows[1]):
         y, changed = y0 + k, False
         for w in range(cells.shape[1]):
             word = (cells[k, w] ^ flip) & inside[w]
@@ -237,10 +235,9 @@ def planes_around(reach: int) -> int:
 
 @kernel
 def take_over(
-    planes: NDArray[np.int64],  # (k,) of the cells to look at
-    part: tuple[int, int],  # first and one past the last of these
+    planes: tuple[int, int],  # first and one past the last plane of the cells to look at
     cells: NDArray[np.uint64],  # (kx, ky, words) new ones
-    news: NDArray[np.bool_],  # (kx, ky) which columns of them to look at
+    rows: tuple[int, int],  # first and one past the last row of them to look at
     corner: tuple[int, int],  # where the first column of them lies in the window
     flip: np.uint64,  # all ones where the cells told are those that are not blocked
     inside: NDArray[np.uint64],  # (words,) the bits that are cells of the window
@@ -254,10 +251,9 @@ def take_over(
     changes: NDArray[np.int64],  # (blocks, 2) scratch
 ) -> None:
     """Take over new cells, and note what they make outdated."""
-    for n in range(part[0], part[1]):
-        i, y0 = planes[n], corner[1]
-        x = corner[0] + i
-        if not note_changes(cells[i], news[i], y0, flip, inside, block_rows, known[x], changes):
+    for i in range(planes[0], planes[1]):
+        x, y0 = corner[0] + i, corner[1]
+        if not note_changes(cells[i], rows, y0, flip, inside, block_rows, known[x], changes):
             continue
         for b in range(changes.shape[0]):
             unmeasured[x, b] |= changes[b, 0] >= 0

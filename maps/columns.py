@@ -37,7 +37,7 @@ class ColumnMap(Protocol):
         boxes: NDArray[np.int64],
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
-    ) -> NDArray[np.bool_]:
+    ) -> None:
         """Write the columns of a window anew where they changed.
 
         Of a map that derives from this they are those of the least rectangle that holds all boxes.
@@ -47,20 +47,14 @@ class ColumnMap(Protocol):
             boxes: (k, 6) where, as `changed` tells.
             occupied: (nx, ny, words) what `columns` told before; brought up to date.
             free: (nx, ny, words) likewise.
-
-        Returns:
-            (nx, ny) which columns may have changed.
         """
         nx, ny, words = occupied.shape
-        changed = np.zeros((nx, ny), np.bool_)
         window = Window(self.resolution, low_cell, (nx, ny, WORD_BITS * words))
         if (box := window.columns_within(boxes)) is not None:
             x, y = box
             low = low_cell[0] + x.start, low_cell[1] + y.start, low_cell[2]
             shape = x.stop - x.start, y.stop - y.start, words
             occupied[x, y], free[x, y] = self.columns(low, shape)
-            changed[x, y] = True
-        return changed
 
 
 @dataclass(frozen=True)

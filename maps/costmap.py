@@ -124,7 +124,7 @@ class Costmap:
         if self.clearances.reach < reach:
             self.clearances = self._all_clearances(reach)
         elif changed is not None:
-            self.clearances.take_over(cells.free, cells.occupied, changed, whole)
+            self.clearances.take_over(cells.free, cells.occupied, *changed, whole)
         self.clearances.begin(whole)
         self._state = None
 
@@ -226,8 +226,8 @@ class Costmap:
 
     def _all_clearances(self, reach: int) -> Clearances:
         clearances = Clearances(self._cells.rows, self.shape, reach, self._team)
-        everywhere = np.ones(self._cells.rows[:2], np.bool_)
-        clearances.take_over(self._cells.free, self._cells.occupied, everywhere)
+        all_x, all_y = (slice(0, count) for count in self._cells.rows[:2])
+        clearances.take_over(self._cells.free, self._cells.occupied, all_x, all_y)
         return clearances
 
     def _set_margin(self, margin: float) -> int:

@@ -237,16 +237,20 @@ class Clearances:
         self._presumed: dict[tuple[int, int, int], tuple[Presumed, Distances]] = {}
         self._asked_for: set[tuple[int, int, int]] = set()
 
-    def take_over(self, free: Words, occupied: Words, changed: Blocks, whole: bool = True) -> None:
-        """Take over the columns (nx, ny, words) of the window.
+    def take_over(
+        self, free: Words, occupied: Words, x: slice, y: slice, whole: bool = True
+    ) -> None:
+        """Take over a box of the columns (nx, ny, words) of the window.
 
         Args:
             free: Which cells are, bit by bit.
             occupied: Which are.
-            changed: (nx, ny) in which columns any may not be as it was told before.
+            x: First and one past the last of the box.
+            y: The same.
             whole: Whether `begin` will bring all up to date.
         """
-        take_over(self._fields, News((free, occupied), (ALL_ONES, 0), (0, 0), changed), whole)
+        box = (x.start, x.stop), (y.start, y.stop)
+        take_over(self._fields, News((free, occupied), (ALL_ONES, 0), (0, 0), *box), whole)
         for presumed, _ in self._presumed.values():
             presumed.note_stale()
 

@@ -173,14 +173,11 @@ class DynamicMap(VoxelMap):
         boxes: NDArray[np.int64],
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
-    ) -> NDArray[np.bool_]:
+    ) -> None:
         """Write the states of a window of cells anew, as `VoxelMap.rewrite_columns` does."""
-        before = occupied.copy(), free.copy()
         super().rewrite_columns(low_cell, boxes, occupied, free)
         # Where nothing changed it lies over them already, and once more changes nothing.
         self._lay_over(low_cell, occupied, free)
-        changed: NDArray[np.bool_] = ((occupied != before[0]) | (free != before[1])).any(axis=2)
-        return changed
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""

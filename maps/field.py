@@ -29,19 +29,22 @@ class News(NamedTuple):
         cells: For each field (kx, ky, words): bit k of word w is cell 64 w + k along z.
         flips: For each field all ones where the bits tell what is not blocked, else 0.
         corner: Where their first column lies in the window, along x and y.
-        changed: (kx, ky) in which columns any may not be as it was told before.
+        planes: Which of them may have changed, along x: the first, and one past the last.
+        rows: The same along y; both count from the corner.
     """
 
     cells: tuple[NDArray[np.uint64], ...]
     flips: tuple[int, ...]
     corner: tuple[int, int]
-    changed: NDArray[np.bool_]
+    planes: tuple[int, int]
+    rows: tuple[int, int]
 
 
 def boxes(blocked: Sequence[NDArray[np.uint64]], x0: int = 0, y0: int = 0) -> News:
     """Blocked cells of a box of columns (kx, ky, words) that begins at (x0, y0)."""
     cells = tuple(np.ascontiguousarray(one) for one in blocked)  # or all is compiled anew
-    return News(cells, (0,) * len(cells), (x0, y0), np.ones(cells[0].shape[:2], np.bool_))
+    kx, ky = cells[0].shape[:2]
+    return News(cells, (0,) * len(cells), (x0, y0), (0, kx), (0, ky))
 
 
 class DistanceField:
@@ -138,12 +141,12 @@ class DistanceField:
         (nx, ny, words), (x0, y0) = self._blocked.shape, news.corner
         kx, ky, got_words = got = news.cells[number].shape
         inside = x0 >= 0 and y0 >= 0 and x0 + kx <= nx and y0 + ky <= ny and got_words == words
-        if not inside:
+        parts = (news.planes, kx), (news.rows, ky)
+        if not inside or not all(0 <= first <= end <= count for (first, end), count in parts):
             raise ValueError(
-                f"blocked: got {got} at ({x0}, {y0}), expected within {(nx, ny, words)}"
+                f"blocked: got {got} at ({x0}, {y0}), of these planes {news.planes} and rows "
+                f"{news.rows}, expected within {(nx, ny, words)}"
             )
-        if news.changed.shape != (kx, ky):
-            raise ValueError(f"changed: got {news.changed.shape}, expected {(kx, ky)}")
 
     def sections_needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The outdated blocks of sections (blocks, nx) that wanted blocks of the field rest on."""
@@ -151,15 +154,12 @@ class DistanceField:
         kernels.find_needed(wanted, self.pending, self.reach, needed)
         return needed
 
-    def take_planes(
-        self, planes: NDArray[np.int64], part: tuple[int, int], news: News, number: int
-    ) -> None:
+    def take_planes(self, planes: tuple[int, int], news: News, number: int) -> None:
         """Take over some planes of new cells, and note which sections they make outdated."""
         kernels.take_over(
             planes,
-            part,
             news.cells[number],
-            news.changed,
+            news.rows,
             news.corner,
             np.uint64(news.flips[number]),
             self._inside,
@@ -255,12 +255,14 @@ def take_over(fields: Sequence[DistanceField], news: News, whole: bool = False) 
     """
     for n, field in enumerate(fields):
         field.check(news, n)
-    planes = np.flatnonzero(news.changed.any(axis=1))
-    counts = [len(planes) for _ in fields]
+    first, end = news.planes
+    counts = [end - first for _ in fields]
+    planes = np.arange(end)
 
     def take(_: int, part: tuple[int, int]) -> None:
-        for n, some in _shares(part, counts):
-            fields[n].take_planes(planes, some, news, n)
+        for n, (begin, stop) in _shares(part, counts):
+            some = first + begin, first + stop
+            fields[n].take_planes(some, news, n)
             if whole:
                 fields[n].update_sections(news.corner[0] + planes, some, fields[n].pending)
 

@@ -14,6 +14,9 @@ from maps.columns import WORD_BITS, ColumnMap, Window, layer_bits
 
 ROUNDING = 1e-6  # of a cell
 
+Columns = tuple[slice, slice]
+"""A box of columns of words, along their first two axes."""
+
 
 class Projection:
     """The occupied and the free cells that one body meets, kept up to date with a map.
@@ -36,28 +39,27 @@ class Projection:
         self._window = window
         nx, ny, layers = window.shape
         self._words = -(-layers // WORD_BITS)
-        held = np.zeros((2, nx, ny, self._words), np.uint64)
-        self._held = held[0], held[1]  # occupied and free, along z
+        self._held = np.zeros((2, nx, ny, self._words), np.uint64)  # occupied and free, along z
         self._stamp = 0  # of the map, when it was last looked at
         self.occupied = np.zeros((*self.rows[:2], -(-self.rows[2] // WORD_BITS)), np.uint64)
         self.free = np.zeros_like(self.occupied)
 
-    def read(self, voxel_map: ColumnMap) -> NDArray[np.bool_] | None:
+    def read(self, voxel_map: ColumnMap) -> Columns | None:
         """Take over what changed in the map since the last time.
 
         Returns:
-            (rows_x, rows_y) which rows of bits may have changed; None if nothing was looked at.
+            The columns of words that it may have changed; None if there are none.
         """
         boxes, self._stamp = voxel_map.changed(self._stamp)
         boxes = self._window.touched_by(boxes)  # its words may hold layers that it does not
         box = self._window.columns_within(boxes)
         if box is None:
             return None
-        changed = voxel_map.rewrite_columns(self._window.first, boxes, *self._held)
+        voxel_map.rewrite_columns(self._window.first, boxes, self._held[0], self._held[1])
         grown = None
         if isinstance(voxel_map, ClassMargins):
             grown = voxel_map.grown(*self._part(*box))
-        return self._take(changed, grown, *box)
+        return self._take(grown, *box)
 
     def _part(self, x: slice, y: slice) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Least cell and size (nx, ny, words) of a box of columns."""
@@ -65,24 +67,8 @@ class Projection:
         shape = x.stop - x.start, y.stop - y.start, self._words
         return (first_x + x.start, first_y + y.start, first_z), shape
 
-    def _take(
-        self,
-        changed: NDArray[np.bool_],
-        grown: NDArray[np.uint64] | None,
-        x: slice,
-        y: slice,
-    ) -> NDArray[np.bool_]:
-        """Take over what changed of the columns held.
-
-        Args:
-            changed: (nx, ny) which of them.
-            grown: What to keep out of besides in a box that holds these, if there is any.
-            x: First and one past the last column of the box.
-            y: The same.
-
-        Returns:
-            (rows_x, rows_y) which rows of bits may have changed.
-        """
+    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
+        """Take over a box of the columns held, and what to keep out of besides, if there is any."""
         raise NotImplementedError
 
 
@@ -115,17 +101,11 @@ class Airspace(Projection):
         super().__init__(window.layers(first, end))
         self.occupied, self.free = self._held  # as they are
 
-    def _take(
-        self,
-        changed: NDArray[np.bool_],
-        grown: NDArray[np.uint64] | None,
-        x: slice,
-        y: slice,
-    ) -> NDArray[np.bool_]:
+    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         if grown is not None:
             self.occupied[x, y] |= grown
             self.free[x, y] &= ~grown
-        return changed
+        return x, y
 
 
 class Ground(Projection):
@@ -157,13 +137,7 @@ class Ground(Projection):
         self._band = layer_bits(first, end, end)
         super().__init__(window.layers(0, end))
 
-    def _take(
-        self,
-        changed: NDArray[np.bool_],
-        grown: NDArray[np.uint64] | None,
-        x: slice,
-        y: slice,
-    ) -> NDArray[np.bool_]:
+    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         kernels.project_columns(
             self._held[0],
             self._held[1],
@@ -179,8 +153,7 @@ class Ground(Projection):
             first = np.full(grown.shape[:2], self._first, np.int16)
             columns = self.occupied[:, 0], self.free[:, 0]
             labels.block_columns(grown, first, self._layers, x.start, y.start, *columns)
-        rows: NDArray[np.bool_] = np.any(changed, axis=1, keepdims=True)
-        return rows
+        return x, slice(0, 1)
 
 
 def walking_layers(window: Window, height: float, step_height: float) -> tuple[int, int, int]:

@@ -98,7 +98,7 @@ class VoxelQueries:
         boxes: NDArray[np.int64],
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
-    ) -> NDArray[np.bool_]:
+    ) -> None:
         """Write the states of a window of cells anew where they changed.
 
         Args:
@@ -106,9 +106,6 @@ class VoxelQueries:
             boxes: (k, 6) where, as `changed` tells; columns of bricks above and below are included.
             occupied: (nx, ny, words) what `columns` told before; brought up to date.
             free: (nx, ny, words) likewise.
-
-        Returns:
-            (nx, ny) in which columns any state is another than it was.
         """
         low = np.array(low_cell[:2])
         high = low + occupied.shape[:2]
@@ -122,7 +119,6 @@ class VoxelQueries:
         for (x0, y0), (x1, y1) in zip(first[wide], end[wide], strict=True):
             touched[x0:x1, y0:y1] = True
         blocks, bricks = np.ascontiguousarray(np.argwhere(touched) + corner), self._bricks
-        changed = np.zeros(occupied.shape[:2], np.bool_)
 
         def write(_: int, part: tuple[int, int]) -> None:
             kernels.rewrite_columns(
@@ -134,11 +130,9 @@ class VoxelQueries:
                 low_cell,
                 occupied,
                 free,
-                changed,
             )
 
         self._team.share(write, len(blocks), 3, BLOCK_US)
-        return changed
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call.

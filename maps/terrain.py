@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from maps import _label_kernels as labels
 from maps import _terrain_kernels as kernels
 from maps.columns import Window
-from maps.projection import ROUNDING, Ground, Projection, walking_layers
+from maps.projection import ROUNDING, Columns, Ground, Projection, walking_layers
 
 BASELINE = 8  # cells: over less, a slope drowns in the height of a cell
 SLOPE_STEPS = 1 << 20  # tangents are whole multiples of one over this
@@ -57,13 +57,7 @@ class Terrain(Projection):
         self.ground = np.full((nx, ny), floor, np.int16)
         self.seen = np.zeros((nx, ny), np.bool_)
 
-    def _take(
-        self,
-        changed: NDArray[np.bool_],
-        grown: NDArray[np.uint64] | None,
-        x: slice,
-        y: slice,
-    ) -> NDArray[np.bool_]:
+    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         new = np.zeros((2, *self.occupied[:, 0].shape), np.uint64)
         kernels.project_terrain(
             self._held[0],
@@ -80,11 +74,12 @@ class Terrain(Projection):
             _, foot, tall = self._body
             feet = (self.ground + foot).astype(np.int16)
             labels.block_columns(self._grown, feet, tall - foot, 0, 0, new[0], new[1])
-        # One column that turns into ground may open a way to others far off.
         differ = (new[0] != self.occupied[:, 0]) | (new[1] != self.free[:, 0])
+        # One column that turns into ground may open a way to others far off.
+        rows = np.flatnonzero(differ.any(axis=1))
         self.occupied[:, 0], self.free[:, 0] = new
-        rows: NDArray[np.bool_] = np.any(differ, axis=1, keepdims=True)
-        return rows
+        first, end = (int(rows[0]), int(rows[-1]) + 1) if len(rows) else (x.start, x.stop)
+        return slice(first, end), slice(0, 1)
 
 
 def walked(window: Window, height: float, step_height: float, max_slope: float) -> Projection:

@@ -8,7 +8,7 @@ from tests.maps.test_field import packed, scipy_squared
 
 SHAPE = (40, 30, 12)
 REACH = 6
-EVERYWHERE = np.ones(SHAPE[:2], np.bool_)
+EVERYWHERE = slice(0, SHAPE[0]), slice(0, SHAPE[1])
 
 
 def drawn(rng, share):
@@ -32,7 +32,7 @@ def test_wherever_a_reader_caught_up_the_distances_are_true(threads, most):
     for step in range(25):
         free ^= drawn(rng, 0.0005)
         occupied ^= drawn(rng, 0.0003)
-        clearances.take_over(packed(free), packed(occupied), EVERYWHERE)
+        clearances.take_over(packed(free), packed(occupied), *EVERYWHERE)
         clearances.begin(whole=step == 7)
         told = [
             clearances.to_not_free(most),
@@ -86,11 +86,11 @@ def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_
     """In other distances of the window, too."""
     clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
     free = np.ones(SHAPE, np.bool_)
-    clearances.take_over(packed(free), packed(~free), EVERYWHERE)
+    clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
     clearances.begin(whole=True)
     clearances.to_obstacles(REACH**2).searched[15 // BLOCK_ROWS, 25] = True
     free[20, 15, 6] = False
-    clearances.take_over(packed(free), packed(~free), EVERYWHERE, whole=False)
+    clearances.take_over(packed(free), packed(~free), *EVERYWHERE, whole=False)
     clearances.begin(whole=False)
     for distances in (clearances.to_not_free(REACH**2), clearances.to_obstacles(REACH**2)):
         assert not distances.searched.any()
@@ -114,11 +114,11 @@ def window_with_news():
     """Distances of a window in which a cell has come where nobody has looked for long."""
     clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
     free = np.ones(SHAPE, np.bool_)
-    clearances.take_over(packed(free), packed(~free), EVERYWHERE)
+    clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
     clearances.begin(whole=True)
     clearances.presumed(9, REACH**2)
     free[20, 15, 6] = False
-    clearances.take_over(packed(free), packed(~free), EVERYWHERE, whole=False)
+    clearances.take_over(packed(free), packed(~free), *EVERYWHERE, whole=False)
     clearances.begin(whole=False)
     return clearances
 

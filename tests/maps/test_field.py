@@ -256,21 +256,10 @@ def test_only_what_is_wanted_is_worked_out():
     assert field.squared[50, 10, 10] == 0
 
 
-def test_only_columns_that_may_have_changed_are_looked_at():
-    shape = (12, 20, 9)
-    blocked = np.zeros(shape, np.bool_)
-    field = DistanceField(shape, 4)
-    field.update(packed(blocked))
-    blocked[3, 11, 4] = blocked[3, 12, 4] = blocked[8, 2, 4] = True
-    news = boxes([packed(blocked)])
-    news.changed[:] = False
-    news.changed[3, 11] = True
-    update_together([field], news)
-    blocked[3, 12, 4] = blocked[8, 2, 4] = False
-    np.testing.assert_array_equal(field.squared, scipy_squared(blocked, 4))
-
-
-def test_columns_that_are_not_those_of_the_new_cells_are_refused():
-    news = boxes([np.zeros((5, 2, 1), np.uint64)])._replace(changed=np.ones((5, 3), np.bool_))
-    with pytest.raises(ValueError, match=r"changed: got \(5, 3\), expected \(5, 2\)"):
+@pytest.mark.parametrize(
+    ("planes", "rows"), [((0, 6), (0, 2)), ((-1, 2), (0, 2)), ((0, 2), (1, 3))]
+)
+def test_planes_and_rows_beyond_the_new_cells_are_refused(planes, rows):
+    news = boxes([np.zeros((5, 2, 1), np.uint64)])._replace(planes=planes, rows=rows)
+    with pytest.raises(ValueError, match=r"expected within \(5, 5, 1\)"):
         take_over([DistanceField((5, 5, 5), 3)], news)

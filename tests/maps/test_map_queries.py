@@ -6,7 +6,6 @@ from maps import _brick_kernels as kernels
 from maps.bricks import EVERYWHERE
 
 EYE = (0.55, 1.05, 0.475)
-REWRITING = "rewrite_columns", "write_column", "column_states", "column_of", "find", "bucket_of"
 
 
 @pytest.fixture
@@ -102,7 +101,7 @@ def test_occupied_cells_are_exported_by_their_centres(voxel_map):
 @pytest.mark.parametrize("low", [(-7, -16, -2), (3, 5, 11)])
 def test_columns_written_where_they_changed_are_those_written_whole(run, low, monkeypatch):
     if run == "python":
-        for name in REWRITING:
+        for name in ("rewrite_columns", "write_block", "find", "bucket_of", "column_states"):
             monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
     rng = np.random.default_rng(9)
     threads = 2 if run == "compiled" else 1
@@ -120,11 +119,9 @@ def test_columns_written_where_they_changed_are_those_written_whole(run, low, mo
             voxel_map.integrate(origin, directions, ranges_mm, 2.0, k * 10**9)
         else:  # some bricks are forgotten, then all
             voxel_map.advance(k * 3 * 10**9)
-        before = np.array((occupied, free))
         boxes, stamp = voxel_map.changed(stamp)
         with np.errstate(over="ignore"):
-            changed = voxel_map.rewrite_columns(low, boxes, occupied, free)
-        np.testing.assert_array_equal(changed, (before != (occupied, free)).any(axis=(0, 3)))
+            voxel_map.rewrite_columns(low, boxes, occupied, free)
         states = voxel_map.state_at(points).reshape(37, 40, 64)
         for state, told in ((OCCUPIED, occupied), (FREE, free)):
             bits = np.packbits(states == state, axis=2, bitorder="little").view(np.uint64)

@@ -29,6 +29,8 @@ def test_a_map_comes_back_as_it_was(tmp_path, settings):
         points = np.random.default_rng(1).uniform(-2, 2, (200, 3))
         assert np.array_equal(loaded.probability_at(points), voxel_map.probability_at(points))
         assert np.array_equal(loaded.observed_ns_at(points), voxel_map.observed_ns_at(points))
+        window = (-60, -60, -40), (120, 120, 2)
+        np.testing.assert_array_equal(loaded.columns(*window), voxel_map.columns(*window))
     assert [path.name for path in tmp_path.iterdir()] == ["map"]
 
 

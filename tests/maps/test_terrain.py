@@ -279,21 +279,6 @@ def test_the_ground_is_told_with_whether_it_was_seen():
     assert terrain.seen.sum() == terrain.seen.size - 1
 
 
-def test_rows_that_changed_are_told_wherever_in_them():
-    terrain = Terrain(Window.covering(LOW, HIGH, 0.1), 0.45, 0.03, 0.3)
-    cells = world(ramp(0.3))
-    terrain.read(cells)
-    assert terrain.read(cells) is None
-    before = terrain.occupied | terrain.free
-    unknown = np.full((1, 1, LAYERS), UNKNOWN, np.uint8)
-    for x, y in ((7, 20), (30, 5)):
-        cells.set(slice(x, x + 1), slice(y, y + 1), unknown)
-    changed = terrain.read(cells)
-    differs = (before != terrain.occupied | terrain.free).any(axis=2)
-    assert differs[[7, 30], 0].all()
-    np.testing.assert_array_equal(changed, differs)
-
-
 @pytest.mark.parametrize("angle", [0.1, 0.2, 0.3])
 def test_a_ramp_that_is_swept_from_below_is_walked_over(angle):
     """A lidar of 120 rows at 0.6 m that comes up to a ramp and looks at it."""
