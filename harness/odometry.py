@@ -160,8 +160,8 @@ class Estimate:
 
         Args:
             planned: By the trajectory, in the believed frame.
-            true_x: True position, world, m.
-            true_y: The same.
+            true_x: Where the body truly is, world, m.
+            true_y: Likewise.
         """
         off_x, off_y, off_z, turn = self.tracked
         c, s = math.cos(turn), math.sin(turn)

@@ -51,7 +51,8 @@ class Projection:
             The columns of words that it may have changed; None if there are none.
         """
         boxes, self._stamp = voxel_map.changed(self._stamp)
-        boxes = self._window.touched_by(boxes)  # its words may hold layers that it does not
+        # The words of its columns may hold layers that the window does not.
+        boxes = self._window.touched_by(boxes)
         box = self._window.columns_within(boxes)
         if box is None:
             return None
