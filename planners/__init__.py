@@ -10,6 +10,7 @@ from planners.frontier import best_frontier
 from planners.goal_field import GoalField
 from planners.headings import turning_path
 from planners.kernels import Floats
+from planners.lattice import draw_by_columns, entry, make_lattice
 from planners.path import (
     arc_lengths,
     blend_corners,
@@ -96,6 +97,9 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
     distances = Distances(DistanceField((20, 20, 20), 8), (20, 20, 20))
     flown, (near, far) = replace(space, distances=distances), ([0.5] * 3, [1.5, 1.5, 0.5])
     plan(flown, np.array(near), np.array(far), PlannerConfig(), seed=1)
+    long = make_lattice(flown, factor=1, weight=1.0)
+    ends = (entry(long, flown, np.array(end)) for end in (near, far))
+    draw_by_columns(long, *ends)
     corner = np.array([start, [1.75, 0.25, 0.05], goal])
     path = blend_corners(space, corner, blend_length=0.4)
     space.free_length(path)

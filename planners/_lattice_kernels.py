@@ -36,6 +36,7 @@ LARGEST_FACTOR = 4
 
 NEW, OPEN, CLOSED, FORGOTTEN = 0, 1, 2, 3
 UNKNOWN_KEY = 2**62
+UNKNOWN_COST = 2**30
 KEY, OPENED, EXPANDED = 0, 1, 2  # places in Lattice.now
 
 Place = tuple[int, int, int]  # of a lattice cell along the axes, border included
@@ -72,6 +73,7 @@ class Lattice(NamedTuple):
     head: Integers  # (b,) first cell of each bucket, -1 if none; b is a power of two
     after: Integers  # (n,) next cell in the same bucket
     before: Integers  # (n,) previous cell in the same bucket
+    least: Integers  # (columns,) what any way from a column to the target costs at least
     now: Longs  # (3,) key in progress, open cells, expansions
 
 
@@ -218,17 +220,19 @@ def step_free_by_mask(mask: Longs, cell: int, blocks: Longs, bits: Longs, way: i
 
 
 @kernel
-def estimate(shape: Longs, cell: int, target: int) -> int:
-    """Least cost between two cells if all were free: never more than it costs, step by step."""
+def estimate(lattice: Lattice, cell: int, target: int) -> int:
+    """Least cost between two cells as far as it is known: never more than it costs."""
     if target < 0:
         return 0
-    return rest_between(place_of(shape, cell), place_of(shape, target))
+    shape = lattice.shape
+    return rest_between(shape, lattice.least, place_of(shape, cell), place_of(shape, target))
 
 
 @kernel
-def rest_between(a: Place, b: Place) -> int:
-    """Least cost between two places if all were free."""
-    return least_cost(a[0] - b[0], a[1] - b[1], a[2] - b[2])
+def rest_between(shape: Longs, least: Integers, a: Place, b: Place) -> int:
+    """Least cost between two places if all were free, or from the column of the first at least."""
+    rest = least_cost(a[0] - b[0], a[1] - b[1], a[2] - b[2])
+    return max(rest, int(least[np.uint64(a[0] * shape[1] + a[1])]))
 
 
 @kernel
@@ -309,7 +313,7 @@ def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) 
     mask, state, cost, via = lattice.mask, lattice.state, lattice.cost, lattice.via
     head, after, before, keys = lattice.head, lattice.after, lattice.before, lattice.key
     key, opened, closed = lattice.now[KEY], lattice.now[OPENED], 0
-    aim = place_of(shape, max(target, 0))
+    least, aim = lattice.least, place_of(shape, max(target, 0))
     while opened > 0 and closed < budget:
         if state[until] == CLOSED and key >= cost[until] + beyond:
             break
@@ -348,7 +352,7 @@ def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) 
             if state[at] == OPEN:
                 remove(head, after, before, keys, other)
                 opened -= 1
-            rest = rest_between(place, aim) if target >= 0 else 0
+            rest = rest_between(shape, least, place, aim) if target >= 0 else 0
             insert(head, after, before, keys, other, through + rest)
             opened += 1
             state[at] = OPEN
@@ -357,6 +361,95 @@ def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) 
     lattice.now[KEY], lattice.now[OPENED] = key, opened
     lattice.now[EXPANDED] += closed
     return bool(state[until] == CLOSED)
+
+
+@kernel
+def best_rate(
+    field: NDArray[np.uint16],
+    threshold: int,
+    factor: Longs,
+    shape: Longs,
+    rate_by_distance: Integers,
+    i: int,
+    j: int,
+) -> int:
+    """Least rate of a column's lattice cells, BLOCKED if none is free."""
+    least, last = LARGEST_RATE + 1, len(rate_by_distance) - 1
+    if in_border(shape, (i, j, 1)):
+        return BLOCKED
+    x, y, z = middle_of(factor, (i, j, 1))
+    row = field[np.uint64(x), np.uint64(y)]
+    for at in range(np.uint64(z), np.uint64(len(row)), np.uint64(factor[2])):
+        value = int(row[at])
+        if value > threshold:
+            least = min(least, int(rate_by_distance[np.uint64(min(value, last))]))
+    return least if least <= LARGEST_RATE else BLOCKED
+
+
+@kernel
+def bound_columns(lattice: Lattice, goal: int, target: int) -> bool:
+    """Find what it costs at least to get from each column of the lattice to a target cell.
+
+    Where each column is as cheap as its cheapest cell, and up and down cost nothing, a way in the
+    plane costs no more than any way above it (an abstraction of the search, after Holte et al.,
+    "Hierarchical A*", AAAI 1996). It is searched from the target's column until the goal's is
+    closed: closed columns are told their cost, others the least that it still can be. So the bound
+    falls by no more than it costs from step to step, as A* asks for.
+
+    Args:
+        lattice: In space, without masks; `least` is written.
+        goal: Cell from which the lattice is searched.
+        target: Cell to which.
+
+    Returns:
+        Whether there is a way in the plane; where there is none, there is none in space.
+    """
+    field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
+    shape, table, looked_at = lattice.shape, lattice.rate_by_distance, lattice.rate
+    head = np.full_like(lattice.head, -1)
+    columns, begin, end = shape[0] * shape[1], target // shape[2], goal // shape[2]
+    x, y = end // shape[1], end % shape[1]
+    rate, cost = np.zeros(columns, np.int32), np.full(columns, UNKNOWN_COST, np.int32)
+    closed = np.zeros(columns, np.bool_)
+    keys, after, before = np.empty_like(cost), np.empty_like(cost), np.empty_like(cost)
+    i, j = begin // shape[1], begin % shape[1]
+    rate[begin], cost[begin] = best_rate(field, threshold, factor, shape, table, i, j), 0
+    looked_at[begin * shape[2]] = BLOCKED  # in the border: now the whole column was
+    key, opened = least_cost(i - x, j - y, 0), 1
+    insert(head, after, before, keys, begin, key)
+    while opened > 0 and not closed[end]:
+        column = int(head[bucket_of(head, key)])
+        if column < 0:
+            key += 1
+            continue
+        remove(head, after, before, keys, column)
+        closed[column] = True
+        opened -= 1
+        i, j = column // shape[1], column % shape[1]
+        for a in range(i - 1, i + 2):
+            for b in range(j - 1, j + 2):
+                other = a * shape[1] + b
+                if closed[other]:
+                    continue
+                if rate[other] == UNSEEN:
+                    rate[other] = best_rate(field, threshold, factor, shape, table, a, b)
+                    looked_at[other * shape[2]] = BLOCKED
+                if rate[other] < 0:
+                    continue
+                step = STEPS[0] if a == i or b == j else STEPS[1]
+                through = cost[column] + step * (rate[column] + rate[other])
+                if through >= cost[other]:
+                    continue
+                if cost[other] < UNKNOWN_COST:
+                    remove(head, after, before, keys, other)
+                    opened -= 1
+                cost[other] = through
+                insert(head, after, before, keys, other, through + least_cost(a - x, b - y, 0))
+                opened += 1
+    for column in range(columns):
+        open_yet = key - least_cost(column // shape[1] - x, column % shape[1] - y, 0)
+        lattice.least[column] = cost[column] if closed[column] else max(open_yet, 0)
+    return bool(closed[end])
 
 
 @kernel
@@ -440,15 +533,15 @@ def look_again(lattice: Lattice, low: Longs, high: Longs) -> Integers:
 @kernel
 def draw_to(lattice: Lattice, target: int, cells: Longs) -> None:
     """Queue all open cells anew, for a search that is drawn to another cell; -1 for none."""
-    shape, cost = lattice.shape, lattice.cost
+    cost = lattice.cost
     head, after, before, keys = lattice.head, lattice.after, lattice.before, lattice.key
     head[:] = -1
-    least = UNKNOWN_KEY
+    first = UNKNOWN_KEY
     for cell in cells:
-        key = cost[cell] + estimate(shape, cell, target)
+        key = cost[cell] + estimate(lattice, cell, target)
         insert(head, after, before, keys, cell, key)
-        least = min(least, key)
-    lattice.now[KEY], lattice.now[OPENED] = least, len(cells)
+        first = min(first, key)
+    lattice.now[KEY], lattice.now[OPENED] = first, len(cells)
 
 
 @kernel

@@ -165,14 +165,22 @@ def _search(
     goal: Floats,
     until: ob.PlannerTerminationCondition,
 ) -> int:
-    """The cell by which the start enters the lattice, its way found; or NO_WAY, or SPENT."""
+    """The cell by which the start enters the lattice, its way found; or NO_WAY, or SPENT.
+
+    A search in space that takes more than a turn is drawn by what the plane of its columns tells.
+    All cells of all cheapest ways are closed in it: which way is taken does not depend on that.
+    """
     entered, goal_cell = lattice.entry(grid, space, start), lattice.entry(grid, space, goal)
     if entered < 0 or goal_cell < 0:
         return NO_WAY
     lattice.open_goal(grid, goal_cell, entered)
+    drawn, beyond = space.flat, 0 if space.flat else 1
     while grid.now[_lattice_kernels.OPENED] > 0:
         if until():
             return SPENT
-        if _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, 0):
+        if _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, beyond):
             return entered
+        if not drawn and not lattice.draw_by_columns(grid, goal_cell, entered):
+            return NO_WAY
+        drawn = True
     return NO_WAY

@@ -71,13 +71,14 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
         head=np.full(1 << (2 * longest).bit_length(), -1, np.int32),
         after=np.empty(cells, np.int32),
         before=np.empty(cells, np.int32),
+        least=np.zeros(shape[0] * shape[1], np.int32),
         now=np.zeros(3, np.int64),
     )
 
 
 def open_goal(lattice: Lattice, goal: int, target: int = -1) -> None:
     """Begin a search at the goal's cell, drawn to a target cell unless that is -1."""
-    key = kernels.estimate(lattice.shape, goal, target)
+    key = kernels.estimate(lattice, goal, target)
     lattice.now[kernels.KEY] = key
     kernels.put(lattice, goal, 0, key)
 
@@ -85,6 +86,18 @@ def open_goal(lattice: Lattice, goal: int, target: int = -1) -> None:
 def draw_to(lattice: Lattice, target: int) -> None:
     """Draw a search to another cell, or to none if that is -1."""
     kernels.draw_to(lattice, target, np.flatnonzero(lattice.state == kernels.OPEN))
+
+
+def draw_by_columns(lattice: Lattice, goal: int, target: int) -> bool:
+    """Draw a search from the goal's cell by what it costs at least from column to column.
+
+    Returns:
+        Whether there may be a way to the target cell.
+    """
+    if not kernels.bound_columns(lattice, goal, target):
+        return False
+    draw_to(lattice, target)
+    return True
 
 
 def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:

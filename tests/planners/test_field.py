@@ -18,12 +18,14 @@ from planners.kernels import walk_path
 from tests.planners.worlds import make_space, point
 
 
-def random_space(seed: int, shape=(24, 20, 1)) -> FreeSpace:
+def random_space(seed: int, shape=(24, 20, 1), pillars: int = 0) -> FreeSpace:
     """Random boxes in cells of 1 m from the origin, whose centres are exact in binary."""
     rng = np.random.default_rng(seed)
     blocked = np.zeros(shape, dtype=bool)
     for low in rng.integers(0, np.array(shape), size=(6, 3)):
         blocked[tuple(slice(corner, corner + 4) for corner in low)] = True
+    for x, y in rng.integers(0, np.array(shape[:2]), size=(pillars, 2)):
+        blocked[x : x + 4, y : y + 4] = True
     return dataclasses.replace(make_space(blocked), origin=np.zeros(3), resolution=1.0)
 
 
@@ -83,6 +85,89 @@ def test_a_search_drawn_to_a_target_costs_the_same_and_looks_at_less():
         assert drawn.now[2] <= whole.now[2]
         cells = _lattice_kernels.descend(drawn, start)
         assert (cells[0], cells[-1]) == (start, goal)
+
+
+def lattice_in_space(seed: int, factor: int):
+    """A lattice in space on which nothing is searched; two of its cells that a way joins, far off.
+
+    Also all costs-to-go from the second.
+    """
+    space = random_space(seed, (62, 57, 12), pillars=20)
+    grid, free = free_lattice(space, factor)
+    start, costs = free[3], {}
+    while len(costs) < 0.5 * len(free):  # it may lie between boxes
+        grid, _ = free_lattice(space, factor)
+        lattice.open_goal(grid, start)
+        _lattice_kernels.spread(grid, 0, -1, 10**6, 0)
+        costs = closed_costs(grid)
+        start = free[free.index(start) + 1] if len(costs) < 0.5 * len(free) else start
+    goal = max(costs, key=costs.__getitem__)
+    return space, opened(space, factor, start, goal), goal, start, costs
+
+
+def opened(space: FreeSpace, factor: int, start: int, goal: int):
+    grid = lattice.make_lattice(space, factor, 2.0)
+    _lattice_kernels.look(grid, goal)
+    lattice.open_goal(grid, goal, start)
+    return grid
+
+
+@pytest.mark.parametrize(("seed", "factor"), [(5, 1), (6, 2), (7, 3)])
+def test_columns_tell_never_more_than_it_costs(seed, factor):
+    _, grid, goal, start, costs = lattice_in_space(seed, factor)
+    straight = {cell: _lattice_kernels.estimate(grid, cell, start) for cell in costs}
+    assert _lattice_kernels.bound_columns(grid, goal, start)
+    told = {cell: int(grid.least[cell // grid.shape[2]]) for cell in costs}
+    assert all(told[cell] <= cost for cell, cost in costs.items())
+    assert sum(told[cell] > 1.2 * straight[cell] for cell in costs) > 0.4 * len(costs)
+    for cell in list(costs)[::9]:
+        for offset, step in zip(grid.offsets.tolist(), grid.steps.tolist(), strict=True):
+            if cell + offset in costs:  # as A* asks for, no step gains more than it costs
+                both = sum(_lattice_kernels.look(grid, at) for at in (cell, cell + offset))
+                assert told[cell] <= told[cell + offset] + step * both
+
+
+@pytest.mark.parametrize(("seed", "factor"), [(5, 1), (6, 2), (7, 3)])
+def test_a_search_drawn_by_columns_finds_the_same_way_and_looks_at_less(seed, factor):
+    space, straight, goal, start, costs = lattice_in_space(seed, factor)
+    by_columns = opened(space, factor, start, goal)
+    for grid in (straight, by_columns):
+        assert not _lattice_kernels.spread(grid, start, start, 5, 1)
+        assert grid is straight or lattice.draw_by_columns(grid, goal, start)
+        assert _lattice_kernels.spread(grid, start, start, 10**6, 1)
+        assert grid.cost[start] == costs[goal]
+    ways = [_lattice_kernels.descend(grid, start).tolist() for grid in (straight, by_columns)]
+    assert ways[0] == ways[1]
+    assert by_columns.now[2] < 0.7 * straight.now[2]
+
+
+def test_columns_that_were_not_noted_decide_nothing():
+    space, grid, _, start, costs = lattice_in_space(5, 1)
+    near = min(costs, key=lambda cell: abs(costs[cell] - 2000))
+    assert _lattice_kernels.bound_columns(grid, near, start)
+    noted = np.zeros((grid.shape[1] - 2, grid.shape[0] - 2), np.bool_)
+    _lattice_kernels.note_looked_at(grid.rate, grid.shape, grid.factor, 0, noted)
+    assert 0 < noted.sum() < 0.5 * noted.size
+    space.grid.field[~noted.T] = 0
+    again = opened(space, 1, start, near)
+    assert _lattice_kernels.bound_columns(again, near, start)
+    assert again.least.tobytes() == grid.least.tobytes()
+
+
+def test_compiled_columns_equal_python():
+    _, grid, goal, start, _ = lattice_in_space(5, 2)
+    _lattice_kernels.bound_columns(grid, goal, start)
+    compiled = grid.least.copy()
+    _lattice_kernels.bound_columns.py_func(grid, goal, start)
+    assert compiled.tobytes() == grid.least.tobytes()
+
+
+def test_where_columns_have_no_way_there_is_none():
+    blocked = np.zeros((12, 10, 8), dtype=bool)
+    blocked[6] = True
+    grid, free = free_lattice(make_space(blocked), 1)
+    assert not lattice.draw_by_columns(grid, free[0], free[-1])
+    assert lattice.draw_by_columns(grid, free[0], free[9])
 
 
 def test_a_straight_way_costs_its_length_by_hand():
