@@ -63,7 +63,7 @@ class Lattice(NamedTuple):
     touched: Longs  # (m, k) flat offsets of the grid cells that each step touches
     counts: Longs  # (m,) how many they are
     blocks: Longs  # (m, 8) flat offsets of the lattice cells that each step touches
-    bits: Longs  # (m, 8) the bits of their masks that it needs
+    bits: Longs  # (m, 8) the bits of their masks that it needs; neither if no masks are kept
     rate: Integers  # (n,) cost per length, UNSEEN or BLOCKED
     mask: Longs  # (n,) which of a block's grid cells are free, bit by bit; (0,) if not kept
     state: Bytes  # (n,)
@@ -290,7 +290,7 @@ def remove(head: Integers, after: Integers, before: Integers, keys: Integers, ce
 
 @kernel
 def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) -> bool:
-    """Close cells in the order of their keys until a given one is closed.
+    """Close cells in the order of their keys until a given one is closed, and all `beyond` says.
 
     Args:
         lattice: With the cells open that the search goes on from.
@@ -302,7 +302,7 @@ def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) 
             these are all cells of all its cheapest ways.
 
     Returns:
-        Whether the cell is closed; if not, the budget is spent or no cell is open.
+        Whether that is done; if not, the budget is spent or no cell is open.
     """
     # Arrays are taken out of the tuple here: taken out in the loop they are counted each time.
     field, threshold, cells = lattice.field, lattice.threshold, lattice.cells
@@ -360,7 +360,7 @@ def spread(lattice: Lattice, until: int, target: int, budget: int, beyond: int) 
             via[at] = way
     lattice.now[KEY], lattice.now[OPENED] = key, opened
     lattice.now[EXPANDED] += closed
-    return bool(state[until] == CLOSED)
+    return bool(state[until] == CLOSED and (opened == 0 or key >= cost[until] + beyond))
 
 
 @kernel

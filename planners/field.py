@@ -167,18 +167,18 @@ def _search(
 ) -> int:
     """The cell by which the start enters the lattice, its way found; or NO_WAY, or SPENT.
 
-    A search in space that takes more than a turn is drawn by what the plane of its columns tells.
-    All cells of all cheapest ways are closed in it: which way is taken does not depend on that.
+    A search in space that takes more than a turn is drawn by what the plane of its columns tells,
+    for which it looks at many of them.
     """
     entered, goal_cell = lattice.entry(grid, space, start), lattice.entry(grid, space, goal)
     if entered < 0 or goal_cell < 0:
         return NO_WAY
     lattice.open_goal(grid, goal_cell, entered)
-    drawn, beyond = space.flat, 0 if space.flat else 1
+    drawn = space.flat or space.sparing
     while grid.now[_lattice_kernels.OPENED] > 0:
         if until():
             return SPENT
-        if _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, beyond):
+        if _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, 0):
             return entered
         if not drawn and not lattice.draw_by_columns(grid, goal_cell, entered):
             return NO_WAY

@@ -44,7 +44,7 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
     ways = _ways(flat=space.flat)
     strides = np.array([shape[1] * shape[2], shape[2], 1])
     touched, counts = _steps_touch(ways, factor, field.shape)
-    blocks, bits = _steps_need(ways, along)
+    blocks, bits = _steps_need(ways if repairable else ways[:0], along)  # for masks alone
     rate_by_distance = rates(space, weight)
     cells = int(shape.prod())
     longest = STEPS[2] * 2 * int(rate_by_distance.max())
@@ -206,7 +206,8 @@ def _steps_need(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The blocks that each step touches, (m, 8, 3), and the bits that it needs of each, (m, 8)."""
     table = [_needed(tuple(way), tuple(along.tolist())) for way in ways.tolist()]
-    return np.array([blocks for blocks, _ in table]), np.array([bits for _, bits in table])
+    blocks, bits = [blocks for blocks, _ in table], [bits for _, bits in table]
+    return np.array(blocks, np.int64).reshape(-1, 8, 3), np.array(bits, np.int64).reshape(-1, 8)
 
 
 @functools.lru_cache(maxsize=64)

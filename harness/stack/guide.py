@@ -64,7 +64,7 @@ def keep_or_replan_guide(
         return replace(memory, guide=None, on_errand=False), None, 0
     seed = plan_seed(view.seed, "guide", view.sequence)
     only_known = valid and memory.on_errand
-    search, fresh = _search(view, prefix, now.heading, seed, only_known)
+    search, fresh = _search(view, prefix, now.heading, seed, only_known, anew=guide is None)
     if valid and guide is not None and not _better(view, memory, fresh, guide):
         return replace(memory, guide=guide, improved_ns=view.time_ns), search, seed
     return replace(memory, guide=fresh, on_errand=False, improved_ns=view.time_ns), search, seed
@@ -87,9 +87,12 @@ def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> A
 
 
 def _search(
-    view: View, prefix: Array, heading: float, seed: int, only_known: bool
+    view: View, prefix: Array, heading: float, seed: int, only_known: bool, anew: bool
 ) -> tuple[Plan, Array | None]:
-    """Plan from the prefix's end: through known space if that reaches the goal, else beyond it."""
+    """Plan from the prefix's end: through known space if that reaches the goal, else beyond it.
+
+    Beyond known space, with no guide to improve on, a way may lead anywhere: nothing is spared.
+    """
     straight = _straight_on(view, prefix)
     if len(straight) > 1:
         heading = heading_at(straight, length(straight))
@@ -98,7 +101,7 @@ def _search(
     space = view.known
     search = plan(space, straight[-1], view.goal, view.planner, seed, heading)
     if search.waypoints is None and not only_known:
-        space = view.passable
+        space = replace(view.passable, sparing=not anew)
         search = plan(space, straight[-1], view.goal, view.planner, seed, heading)
     if search.waypoints is None:
         return search, None

@@ -304,6 +304,7 @@ class Navigator:
             blocked_at_or_below=self._threshold(wide),
             cost_by_distance=self._costs() if table is None else table,
             discs=() if wide else self._discs(),
+            sparing=True,
         )
 
     def _costs(self) -> Array:

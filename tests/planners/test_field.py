@@ -141,6 +141,22 @@ def test_a_search_drawn_by_columns_finds_the_same_way_and_looks_at_less(seed, fa
     assert by_columns.now[2] < 0.7 * straight.now[2]
 
 
+def test_plans_that_spare_distances_are_as_cheap_and_search_more_cells():
+    blocked = np.zeros((82, 76, 40), dtype=bool)
+    rng = np.random.default_rng(2)
+    for x, y in rng.integers(6, [66, 60], size=(16, 2)):
+        blocked[x : x + 9, y : y + 9] = True
+    space = make_space(blocked, 0.2)
+    start, goal = point(space, 3.5, 3.5, 10.5), point(space, 78.5, 72.5, 30.5)
+    config = PlannerConfig(name="field", shortcuts=0, corner_price=0.0)
+    plans = [
+        plan(dataclasses.replace(space, sparing=sparing), start, goal, config, seed=1)
+        for sparing in (False, True)
+    ]
+    assert plans[0].cost == pytest.approx(plans[1].cost, rel=0.02)
+    assert plans[0].iterations < 0.7 * plans[1].iterations
+
+
 def test_columns_that_were_not_noted_decide_nothing():
     space, grid, _, start, costs = lattice_in_space(5, 1)
     near = min(costs, key=lambda cell: abs(costs[cell] - 2000))
