@@ -36,8 +36,8 @@ class FreeSpace:
             of the forbidden cells, falling to 0; the last entry holds for all beyond.
         discs: Of a body that is checked at its heading, each with a threshold of its own, the
             least of which is ``blocked_at_or_below``. Empty for a body that is one disc or ball.
-        sparing: Whether a search in space is to spare distances rather than cells: where they are
-            worked out as somebody looks, as many more cost more time than cells that are searched.
+        sparing: Whether a search in space is to look at few distances rather than search few cells:
+            for distances that are worked out where somebody looks.
         shape: The discs, as the kernels take them.
         grid: The same arrays, as the kernels take them.
 

@@ -142,12 +142,12 @@ def test_a_search_drawn_by_columns_finds_the_same_way_and_looks_at_less(seed, fa
 
 
 def test_plans_that_spare_distances_are_as_cheap_and_search_more_cells():
-    blocked = np.zeros((82, 76, 40), dtype=bool)
+    blocked = np.zeros((280, 260, 60), dtype=bool)
     rng = np.random.default_rng(2)
-    for x, y in rng.integers(6, [66, 60], size=(16, 2)):
-        blocked[x : x + 9, y : y + 9] = True
-    space = make_space(blocked, 0.2)
-    start, goal = point(space, 3.5, 3.5, 10.5), point(space, 78.5, 72.5, 30.5)
+    for x, y in rng.integers(20, [230, 210], size=(16, 2)):
+        blocked[x : x + 30, y : y + 30] = True
+    space = make_space(blocked, 0.05)  # a lattice cell is 4 of them along each axis
+    start, goal = point(space, 8.5, 8.5, 20.5), point(space, 270.5, 250.5, 40.5)
     config = PlannerConfig(name="field", shortcuts=0, corner_price=0.0)
     plans = [
         plan(dataclasses.replace(space, sparing=sparing), start, goal, config, seed=1)
