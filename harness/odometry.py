@@ -114,7 +114,7 @@ class Estimate:
         self._odometry.advance(position, heading)
         self._look(time_ns)
 
-    def remember(self) -> None:
+    def step(self) -> None:
         """Keep the error of this physics step for the trail, and move the tracked one after it."""
         self._errors.append(self.error)
         x, y, z, turn = self.tracked

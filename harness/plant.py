@@ -101,7 +101,7 @@ class Plant:
         self._scene.controller.follow(self.data, setpoint)
         if self.rolling:
             self.step_poses.append(self._pose.copy())
-        self.estimate.remember()
+        self.estimate.step()
         if remember:
             self.simulation.remember()
         mujoco.mj_step(self._scene.model, self.data)

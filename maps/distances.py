@@ -68,7 +68,7 @@ class Distances:
     at last rests on up-to-date distances alone, and most of a window is never worked out.
 
     Who reads a part of what another reads, and begins anew by itself, works out what the other may
-    have looked at before: see `remember`. They hold until the next update of the window.
+    have looked at before: see `note_missed`. They hold until the next update of the window.
 
     Attributes:
         cells: (nx, ny, nz) uint16, squared distances in cells, wherever they are not stale.
@@ -119,7 +119,7 @@ class Distances:
         """Whether any of what was looked at is stale."""
         return self.reader.outdated()
 
-    def remember(self) -> None:
+    def note_missed(self) -> None:
         """Note who looked at something stale so far, here and in all distances of the window.
 
         To be called before a part of a reader's work that catches up by itself, and done before
@@ -162,7 +162,7 @@ class Distances:
 
     def _work_out(self, wanted: Blocks | None) -> None:
         began = time.perf_counter()
-        self.remember()
+        self.note_missed()
         self._source.bring_up_to_date(wanted)
         self.spent_s += time.perf_counter() - began
 

@@ -140,7 +140,7 @@ def plan(
     Raises:
         ValueError: If the state space does not suit the body or the grid.
     """
-    space.remember()
+    space.note_missed()
     if config.name != "field":
         space.bring_up_to_date()  # others need not note where they look
     while True:

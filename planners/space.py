@@ -119,10 +119,10 @@ class FreeSpace:
         if self._lazy is not None:
             self._lazy.whole()
 
-    def remember(self) -> None:
+    def note_missed(self) -> None:
         """Note what was read so far, before a part of it that begins anew by itself."""
         if self._lazy is not None:
-            self._lazy.remember()
+            self._lazy.note_missed()
 
     def begin_search(self) -> bool:
         """Bring the distances up to date where the last search looked.

@@ -176,7 +176,7 @@ def test_the_controller_feels_a_step_of_the_error_without_a_kink():
     estimate.error = PoseError((1.0, 0.0, 0.0), 0.5)
     felt = []
     for _ in range(500):
-        estimate.remember()
+        estimate.step()
         felt.append(estimate.tracked)
     wt = 10.0 * 0.002 * np.arange(1, 501)
     expected = 1.0 - (1.0 + wt) * np.exp(-wt)

@@ -125,7 +125,7 @@ def window_with_news():
 
 def search(distances):
     """One that looks everywhere until nothing is stale, as a plan does."""
-    distances.remember()
+    distances.note_missed()
     while True:
         if distances.begin_search():
             distances.searched[:] = True
