@@ -20,6 +20,10 @@ MEBIBYTE = 1 << 20
 DROPPED_AT_ONCE = 64
 """A full pool drops this part of its bricks, so that looking for them costs little a sweep."""
 
+READY = 1024
+"""Bricks whose memory is taken before the first sweep: 100,000 rays at 5 cm meet some 850 at once.
+To be given it page by page took 8 of the 20 ms of the first sweep, on two threads."""
+
 MAX_GONE = 1 << 16
 DIGEST_US = 2.0  # about, a brick
 EVERYWHERE = np.array([[-(1 << 40)] * 3 + [1 << 40] * 3])
@@ -31,9 +35,9 @@ RECORD = np.dtype([("key", "<i4", 3), ("ticks", "<i8"), ("lanes", "<u8", 8)])  #
 class Bricks:
     """A pool of bricks, found by their index.
 
-    The pool is reserved at once, but the system gives memory only as bricks are first used. When it
-    is full, the sixty-fourth part of it that was observed longest ago is dropped, of equally old
-    bricks those of least index: the same sweeps drop the same bricks.
+    The pool is reserved at once, but beyond the first `READY` bricks the system gives memory only
+    as they are first used. When it is full, the sixty-fourth part of it that was observed longest
+    ago is dropped, of equally old bricks those of least index: the same sweeps drop the same ones.
 
     Attributes:
         capacity: Bricks that fit the memory.
@@ -62,6 +66,8 @@ class Bricks:
         self.held = np.zeros(slots, np.bool_)
         self.dirty = np.zeros(slots, np.bool_)  # its digest is not that of its content
         self.stamps = np.zeros(slots, np.int64)  # of the last change of a state
+        for layer in (self.cells, self.fresh, self.settled):
+            layer[:READY] = 0
         self._heads = np.full(1 << (2 * slots - 1).bit_length(), -1, np.int32)
         self._links = np.zeros(slots, np.int32)
         self._used = 0  # slots ever used

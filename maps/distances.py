@@ -190,6 +190,11 @@ class Presumed:
         self.stale = field.stale | other.stale
         self._presume(np.ones_like(self.stale))
 
+    def limit(self, edge: int, most: int) -> None:
+        """Presume with other limits from now on; all is out of date."""
+        self._limits = edge, most
+        self.stale[:] = True
+
     def note_stale(self) -> None:
         """Note what is out of date because one of the fields is."""
         for field in self._fields:
@@ -303,10 +308,20 @@ class Clearances:
             return self._plain[kind]
         asked = kind, edge, most
         if asked not in self._presumed:
-            presumed = Presumed(self._fields[kind], self._fields[1 - kind], edge, most)
-            self._presumed[asked] = presumed, self._distances(presumed)
+            self._presumed[asked] = self._presume(*asked)
         self._asked_for.add(asked)
         return self._presumed[asked][1]
+
+    def _presume(self, kind: int, edge: int, most: int) -> tuple[Presumed, Distances]:
+        """Distances that nobody asked for since the last update, with these limits; or new ones."""
+        kept = (asked for asked in self._presumed if asked[0] == kind)
+        idle = min((asked for asked in kept if asked not in self._asked_for), default=None)
+        if idle is None:
+            presumed = Presumed(self._fields[kind], self._fields[1 - kind], edge, most)
+            return presumed, self._distances(presumed)
+        presumed, distances = self._presumed.pop(idle)
+        presumed.limit(edge, most)
+        return presumed, distances
 
     def _distances(self, source: Source) -> Distances:
         distances = Distances(source, self._shape, self._readers, self._searched_before)

@@ -94,6 +94,8 @@ class View:
         limits: What the body may be asked for.
         planner: Search settings.
         behaviour: Waiting and giving up.
+        plans: Those made for this decision, by what was asked for: they rest on distances that hold
+            until the next one, so they hold for a decision that begins anew.
     """
 
     time_ns: int
@@ -112,6 +114,7 @@ class View:
     limits: MotionLimits
     planner: PlannerConfig
     behaviour: BehaviourConfig
+    plans: dict[tuple[object, ...], Plan] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

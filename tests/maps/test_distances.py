@@ -82,21 +82,49 @@ def test_what_was_looked_at_is_up_to_date_the_next_time():
     assert not distances.looked_at.any()
 
 
-def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_lies_around():
-    """In other distances of the window, too."""
+def window_with_news(searched=None):
+    """Distances of a window in which a cell has come where nobody has looked for long.
+
+    Args:
+        searched: Block in which the last search looked, if there was one.
+    """
     clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
     free = np.ones(SHAPE, np.bool_)
     clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
     clearances.begin(whole=True)
-    clearances.to_obstacles(REACH**2).searched[15 // BLOCK_ROWS, 25] = True
+    clearances.presumed(9, REACH**2)
+    if searched is not None:
+        clearances.to_obstacles(REACH**2).searched[searched] = True
     free[20, 15, 6] = False
     clearances.take_over(packed(free), packed(~free), *EVERYWHERE, whole=False)
     clearances.begin(whole=False)
+    return clearances
+
+
+def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_lies_around():
+    """In other distances of the window, too."""
+    clearances = window_with_news(searched=(15 // BLOCK_ROWS, 25))
     for distances in (clearances.to_not_free(REACH**2), clearances.to_obstacles(REACH**2)):
         assert not distances.searched.any()
         assert distances.cells[20, 15, 6] > 0
         assert distances.begin_search()
         assert distances.cells[20, 15, 6] == 0
+
+
+def test_limits_that_nobody_asks_for_give_their_memory_to_others_and_nothing_else():
+    """As the edge moves with the margin."""
+    rng = np.random.default_rng(0)
+    clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
+    free, occupied = ~drawn(rng, 0.01), drawn(rng, 0.005)
+    clearances.take_over(packed(free), packed(occupied), *EVERYWHERE)
+    clearances.begin(whole=True)
+    nine = clearances.presumed(9, REACH**2)
+    clearances.begin(whole=False)
+    twelve = clearances.presumed(12, REACH**2)
+    assert np.shares_memory(twelve.cells, nine.cells)
+    for distances, edge in ((twelve, 12), (clearances.presumed(9, REACH**2), 9)):
+        true = expected(free, occupied, edge, REACH**2)[2]
+        np.testing.assert_array_equal(distances.whole(), true)
 
 
 def test_who_goes_on_looking_elsewhere_has_everything_brought_up_to_date():
@@ -108,19 +136,6 @@ def test_who_goes_on_looking_elsewhere_has_everything_brought_up_to_date():
         assert field.stale.any()
         assert distances.catch_up()
     assert not field.stale.any()
-
-
-def window_with_news():
-    """Distances of a window in which a cell has come where nobody has looked for long."""
-    clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
-    free = np.ones(SHAPE, np.bool_)
-    clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
-    clearances.begin(whole=True)
-    clearances.presumed(9, REACH**2)
-    free[20, 15, 6] = False
-    clearances.take_over(packed(free), packed(~free), *EVERYWHERE, whole=False)
-    clearances.begin(whole=False)
-    return clearances
 
 
 def search(distances):
