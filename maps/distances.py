@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps._field_kernels import presume, widen
-from maps.field import BLOCK_ROWS, DistanceField, News, bring_up_to_date, take_over
+from maps.field import ALL_ONES, BLOCK_ROWS, DistanceField, News, bring_up_to_date, take_over
 from maps.team import Team
 
 Cells = NDArray[np.uint16]
@@ -25,8 +25,6 @@ AROUND = 2, 16
 
 PRESUME_US = 0.15
 """About what it takes to presume a block, microseconds."""
-
-ALL_ONES = (1 << 64) - 1
 
 
 class Source(Protocol):

@@ -22,12 +22,16 @@ PLANE_US, BLOCK_US = 1.0, 0.7
 """About what it takes to look for changes in a plane, and to recompute a block, microseconds."""
 
 
+ALL_ONES = (1 << 64) - 1
+"""Flips of cells that are told as not blocked."""
+
+
 class News(NamedTuple):
     """New cells of columns, for one field or several of a window.
 
     Attributes:
         cells: For each field (kx, ky, words): bit k of word w is cell 64 w + k along z.
-        flips: For each field all ones where the bits tell what is not blocked, else 0.
+        flips: For each field `ALL_ONES` where the bits tell what is not blocked, else 0.
         corner: Where their first column lies in the window, along x and y.
         planes: Which of them may have changed, along x: the first, and one past the last.
         rows: The same along y; both count from the corner.

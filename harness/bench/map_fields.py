@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from harness.bench.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
 from maps import MapConfig, VoxelMap, inflate
 from maps.columns import Window, unpack
-from maps.field import DistanceField
+from maps.field import ALL_ONES, DistanceField, News, update_together
 from maps.team import Team
 
 REACH = 1.0  # m, of the distances
@@ -82,7 +82,8 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
             continue
         for threads, team in teams.items():
             began = time.perf_counter()
-            kept[threads].update(~free[changed], changed[0].start, changed[1].start)
+            news = News((free,), (ALL_ONES,), (0, 0), *((s.start, s.stop) for s in changed))
+            update_together([kept[threads]], news)
             if number < MAPPED:
                 continue
             timed("wayproof", f"{REACH:g} m field, after a sweep", threads, began)
