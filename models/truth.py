@@ -42,7 +42,7 @@ class Truth:
         self._fromto = np.zeros(6)
         self._is_mover = model.body_mocapid[model.geom_bodyid] >= 0
         window = round(REST_WINDOW / float(model.opt.timestep)) + 1
-        self._places: deque[NDArray[np.float64]] = deque(maxlen=window)
+        self._places: deque[list[float]] = deque(maxlen=window)
         self._touching = False
         self.collisions = 0
         self.struck = 0
@@ -50,7 +50,7 @@ class Truth:
 
     def count_contacts(self, data: mujoco.MjData) -> None:
         """Count a collision whenever the robot starts to touch something but the floor."""
-        self._places.append(data.xpos[self._base].copy())
+        self._places.append(data.xpos[self._base].tolist())
         obstacle = self._touched_obstacle(data)
         if obstacle >= 0 and not self._touching:
             self._note(obstacle)
@@ -69,7 +69,7 @@ class Truth:
         if len(self._places) < 2:
             return 0.0
         time = (len(self._places) - 1) * float(self._model.opt.timestep)
-        return float(np.linalg.norm(self._places[-1] - self._places[0])) / time
+        return float(np.linalg.norm(np.subtract(self._places[-1], self._places[0]))) / time
 
     def clearance(self, data: mujoco.MjData, limit: float = 2.0) -> float:
         """Least distance from any robot geom to any geom but the floor, m, at most `limit`.
@@ -108,14 +108,13 @@ class Truth:
         self.collisions = int(state["collisions"])
         self.struck = int(state["struck"])
         self._places.clear()
-        self._places.extend(state["places"].copy())
+        self._places.extend(state["places"].tolist())
 
     def _touched_obstacle(self, data: mujoco.MjData) -> int:
         """Geom id of an obstacle that the robot touches, -1 if there is none."""
-        count = data.ncon
-        if not count:
+        if not data.ncon:
             return -1
-        return int(touched(data.contact.geom[:count], self._is_robot, self._is_obstacle))
+        return int(touched(data.contact.geom, self._is_robot, self._is_obstacle))
 
     def _sphere_gaps(self, data: mujoco.MjData) -> NDArray[np.float64]:
         model, pairs = self._model, (self._robot, self._obstacles)

@@ -210,8 +210,10 @@ class Navigator:
             self.informant(inputs)
 
     def _view(self, inputs: Inputs) -> View:
+        """Of a long body for the disc about it."""
         config, mission = self._config, self._mission
         delay_ns = round(config.latency.expected * 1e9)
+        admitted, known, passable = self._spaces(wide=bool(mission.discs))
         return View(
             time_ns=inputs.time_ns,
             effect_ns=inputs.time_ns + delay_ns,
@@ -221,9 +223,9 @@ class Navigator:
             heading=inputs.pose.heading,
             goal=self._goal,
             goal_tolerance=0.8 * config.episode.goal_tolerance,
-            admitted=self._space(self.costmap.admitted),
-            known=self._space(self.costmap.known),
-            passable=self._passable(),
+            admitted=admitted,
+            known=known,
+            passable=passable,
             turns_in_place=mission.motion == "ground",
             penalize_unknown=config.map.unknown_policy == "penalize",
             limits=_limits(config, mission),
@@ -233,18 +235,14 @@ class Navigator:
 
     def _decide(self, view: View) -> tuple[Choice, Memory, View]:
         """The choice, the memory that it leaves, and the view that it was made on."""
-        if not view.admitted.discs:
+        if not self._mission.discs:
             return *decide(view, self._memory), view
-        return decide_by_width(view, self._widened(view), self._memory)
+        return decide_by_width(view, lambda: self._as_it_lies(view), self._memory)
 
-    def _widened(self, view: View) -> View:
-        """The same for the disc about a long body."""
-        return replace(
-            view,
-            admitted=self._space(self.costmap.admitted, wide=True),
-            known=self._space(self.costmap.known, wide=True),
-            passable=self._passable(wide=True),
-        )
+    def _as_it_lies(self, view: View) -> View:
+        """The same for the discs of a long body at their heading."""
+        admitted, known, passable = self._spaces()
+        return replace(view, admitted=admitted, known=known, passable=passable)
 
     def _record(self, inputs: Inputs, view: View, choice: Choice, version: str) -> pb.Decision:
         path = choice.trajectory.path
@@ -292,6 +290,14 @@ class Navigator:
         """Age of the oldest evidence along the path, s; the declared start counts as time 0."""
         observed = self.map.observed_ns_at(path)
         return float(time_ns - max(int(observed.min()), 0)) * 1e-9
+
+    def _spaces(self, wide: bool = False) -> tuple[FreeSpace, FreeSpace, FreeSpace]:
+        """What the policy admits, what is known to be free, and what is not known to be blocked."""
+        costmap = self.costmap
+        admitted = known = self._space(costmap.admitted, wide)
+        if costmap.known is not costmap.admitted:
+            known = self._space(costmap.known, wide)
+        return admitted, known, self._passable(wide)
 
     def _space(
         self, distances: Distances, wide: bool = False, table: Array | None = None

@@ -8,6 +8,7 @@ body planned for by its discs at their heading, through gaps in which it cannot 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from harness.stack.behaviour import decide
@@ -21,34 +22,38 @@ it replaces, and so many metres more. A gap that is too narrow for the disc look
 afar, where what bounds it is hardly seen: without this a robot went to and fro between two ways."""
 
 
-def decide_by_width(slender: View, wide: View, memory: Memory) -> tuple[Choice, Memory, View]:
+def decide_by_width(
+    wide: View, as_it_lies: Callable[[], View], memory: Memory
+) -> tuple[Choice, Memory, View]:
     """Choose the next action as a disc, or if that leads nowhere or far as discs at their heading.
 
     Args:
-        slender: The view for the body as it lies.
-        wide: The same for the disc about it.
+        wide: The view for the disc about the body.
+        as_it_lies: Makes the same for the body as it lies, which is seldom asked for.
         memory: Of the last decision.
 
     Returns:
         The choice, the memory that it leaves, and the view that it was made on.
     """
-    if memory.slender and not _widens(slender, wide, memory):
+    if memory.slender and not _widens(wide, memory):
+        slender = as_it_lies()
         return *decide(slender, memory), slender
     as_disc, after = decide(wide, replace(memory, slender=False))
-    farthest = DETOUR * _left(memory, slender) + WORTH
+    farthest = DETOUR * _left(memory, wide) + WORTH
     if _leads_on(as_disc) and _way(after) <= farthest:
         return as_disc, after, wide
-    as_it_lies, squeezed = decide(slender, replace(memory, slender=True))
-    if _leads_on(as_it_lies) and (not _leads_on(as_disc) or _way(squeezed) <= farthest):
-        return as_it_lies, squeezed, slender
+    slender = as_it_lies()
+    as_discs, squeezed = decide(slender, replace(memory, slender=True))
+    if _leads_on(as_discs) and (not _leads_on(as_disc) or _way(squeezed) <= farthest):
+        return as_discs, squeezed, slender
     return as_disc, after, wide
 
 
-def _widens(slender: View, wide: View, memory: Memory) -> bool:
+def _widens(wide: View, memory: Memory) -> bool:
     """Whether the rest of a way begun as discs is one for the disc about the body, too."""
     if memory.guide is None:
         return True
-    now = memory.trajectory.at(slender.effect_ns)
+    now = memory.trajectory.at(wide.effect_ns)
     guide = remaining(memory.guide, now.arc_length)
     if wide.passable.free_length(guide) < length(guide) - 1e-6:
         return False
