@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -42,7 +41,7 @@ class Truth:
         self._fromto = np.zeros(6)
         self._is_mover = model.body_mocapid[model.geom_bodyid] >= 0
         window = round(REST_WINDOW / float(model.opt.timestep)) + 1
-        self._places: deque[list[float]] = deque(maxlen=window)
+        self._places, self._steps = np.zeros((window, 3)), 0  # of the base, written round and round
         self._touching = False
         self.collisions = 0
         self.struck = 0
@@ -50,7 +49,8 @@ class Truth:
 
     def count_contacts(self, data: mujoco.MjData) -> None:
         """Count a collision whenever the robot starts to touch something but the floor."""
-        self._places.append(data.xpos[self._base].tolist())
+        self._places[self._steps % len(self._places)] = data.xpos[self._base]
+        self._steps += 1
         obstacle = self._touched_obstacle(data)
         if obstacle >= 0 and not self._touching:
             self._note(obstacle)
@@ -66,10 +66,18 @@ class Truth:
 
     def _speed(self) -> float:
         """Of the base over the last moments, m/s: a standing trot sways."""
-        if len(self._places) < 2:
+        places = self._lately()
+        if len(places) < 2:
             return 0.0
-        time = (len(self._places) - 1) * float(self._model.opt.timestep)
-        return float(np.linalg.norm(np.subtract(self._places[-1], self._places[0]))) / time
+        time = (len(places) - 1) * float(self._model.opt.timestep)
+        return float(np.linalg.norm(places[-1] - places[0])) / time
+
+    def _lately(self) -> NDArray[np.float64]:
+        """Where the base was at the last steps, (n, 3), the latest last."""
+        oldest = self._steps % len(self._places)
+        if self._steps < len(self._places):
+            return self._places[:oldest].copy()
+        return np.concatenate((self._places[oldest:], self._places[:oldest]))
 
     def clearance(self, data: mujoco.MjData, limit: float = 2.0) -> float:
         """Least distance from any robot geom to any geom but the floor, m, at most `limit`.
@@ -99,7 +107,7 @@ class Truth:
             "touching": np.array(self._touching, np.int64),
             "collisions": np.array(self.collisions, np.int64),
             "struck": np.array(self.struck, np.int64),
-            "places": np.array(self._places).reshape(-1, 3),
+            "places": self._lately(),
         }
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
@@ -107,8 +115,8 @@ class Truth:
         self._touching = bool(state["touching"])
         self.collisions = int(state["collisions"])
         self.struck = int(state["struck"])
-        self._places.clear()
-        self._places.extend(state["places"].tolist())
+        self._steps = len(state["places"])
+        self._places[: self._steps] = state["places"]
 
     def _touched_obstacle(self, data: mujoco.MjData) -> int:
         """Geom id of an obstacle that the robot touches, -1 if there is none."""
