@@ -118,7 +118,7 @@ class Costmap:
             ValueError: The margin is negative or not finite, or the distances that it asks for are
                 longer than 181 cells.
         """
-        reach = self._set_margin(margin)
+        reach = self.clearances.reach if margin == self.margin else self._set_margin(margin)
         cells = self._cells
         changed = cells.read(self._map)
         if self.clearances.reach < reach:
