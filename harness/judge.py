@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Sequence
 
 import mujoco
@@ -31,9 +30,9 @@ class Judge:
     def __init__(self, scenario: Scenario, data: mujoco.MjData, truth: Truth) -> None:
         """Watch what is simulated in `data`."""
         self._scenario = scenario
-        self._data = data
         self._truth = truth
-        self._base = scenario.scene.base
+        base = scenario.scene.base
+        self._position, self._axes = data.xpos[base], data.xmat[base]  # they stay the same arrays
         self._least_uprightness = math.cos(scenario.spec.max_tilt)
 
     def of_decision(
@@ -68,16 +67,15 @@ class Judge:
             return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
         if truth.struck:
             return "collision", f"was hit by {truth.touched} while at rest at {self._place()}"
-        if not truth.uprightness(self._data) > self._least_uprightness:
+        if not self._axes[8] > self._least_uprightness:  # of the body's z axis along the world's
             return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"
-        position = self._data.xpos[self._base].tolist()
+        x, y, z = self._position.tolist()
         spec = self._scenario.spec
-        if spec.motion == "ground" and position[2] < LYING * spec.rest_height:
+        if spec.motion == "ground" and z < LYING * spec.rest_height:
             return "fall", f"lies on the floor at {self._place()}"
-        if not all(map(operator.le, mission.low, position)) or not all(
-            map(operator.le, position, mission.high)
-        ):
-            finite = all(map(math.isfinite, position))
+        (x0, y0, z0), (x1, y1, z1) = mission.low, mission.high
+        if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
+            finite = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
             outcome: Outcome = "out_of_bounds" if finite else "error"
             return outcome, f"left the geofence at {self._place()}"
         return None
@@ -85,12 +83,11 @@ class Judge:
     def goal_distance(self) -> float:
         """True distance from the goal, m; in the plane for a ground robot."""
         axes = 2 if self._scenario.mission.motion == "ground" else 3
-        offset = self._data.xpos[self._base] - np.array(self._scenario.mission.goal)
+        offset = self._position - np.array(self._scenario.mission.goal)
         return float(np.linalg.norm(offset[:axes]))
 
     def _place(self) -> str:
-        position = self._data.xpos[self._base]
-        return "(" + ", ".join(f"{value:.2f}" for value in position) + ")"
+        return "(" + ", ".join(f"{value:.2f}" for value in self._position) + ")"
 
 
 def _spread(positions: Sequence[NDArray[np.float64]]) -> float:

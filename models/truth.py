@@ -97,10 +97,6 @@ class Truth:
             least = min(least, float(distance))
         return least
 
-    def uprightness(self, data: mujoco.MjData) -> float:
-        """Cosine of the angle between the base's z axis and the world's."""
-        return float(data.xmat[self._base, 8])
-
     def state(self) -> dict[str, NDArray[Any]]:
         """What one step hands to the next."""
         return {
