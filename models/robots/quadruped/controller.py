@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from models.robots.packed import packed
 from models.robots.quadruped.admm import solve_forces
-from models.robots.quadruped.foothold import place_feet
 from models.robots.quadruped.gait import advance, begin
 from models.robots.quadruped.horizon import look_ahead
 from models.robots.quadruped.kinematics import observe, standing_joints
@@ -149,9 +148,15 @@ class QuadrupedController:
             begin(self._geometry, self._observation, self._memory)
 
     def _act(self, data: mujoco.MjData, command: Array) -> None:
-        body, records = (self._gait, self._geometry), (self._observation, self._memory)
-        advance(*body, self._timestep, command, self._views.touch, *records)
-        place_feet(*body, *records)
+        advance(
+            self._gait,
+            self._geometry,
+            self._timestep,
+            command,
+            self._views.touch,
+            self._observation,
+            self._memory,
+        )
         if self._tick % self._ticks_per_plan == 0:
             self._plan_forces()
         if self._tick % self._ticks_per_inertia == 0:
