@@ -80,16 +80,17 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
         occupied, free = voxel_map.columns(window.first, (*window.shape[:2], 1))
         if changed is None:
             continue
+        news = News((free,), (ALL_ONES,), (0, 0), *((s.start, s.stop) for s in changed))
+        all_news = News((free,), (ALL_ONES,), (0, 0), *((0, count) for count in free.shape[:2]))
         for threads, team in teams.items():
             began = time.perf_counter()
-            news = News((free,), (ALL_ONES,), (0, 0), *((s.start, s.stop) for s in changed))
             update_together([kept[threads]], news)
             if number < MAPPED:
                 continue
             timed("wayproof", f"{REACH:g} m field, after a sweep", threads, began)
             whole = DistanceField(window.shape, reach, team)
             began = time.perf_counter()
-            whole.update(~free)
+            update_together([whole], all_news)
             timed("wayproof", f"{REACH:g} m field, whole", threads, began)
             began = time.perf_counter()
             inflate(occupied, ball * ball, team)
