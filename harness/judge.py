@@ -32,7 +32,7 @@ class Judge:
         self._scenario = scenario
         self._truth = truth
         base = scenario.scene.base
-        self._position, self._axes = data.xpos[base], data.xmat[base]  # they stay the same arrays
+        self._position, self._rotation = data.xpos[base], data.xmat[base]  # views
         self._least_uprightness = math.cos(scenario.spec.max_tilt)
 
     def of_decision(
@@ -67,7 +67,7 @@ class Judge:
             return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
         if truth.struck:
             return "collision", f"was hit by {truth.touched} while at rest at {self._place()}"
-        if not self._axes[8] > self._least_uprightness:  # of the body's z axis along the world's
+        if not self._rotation[8] > self._least_uprightness:  # z axis along the world's
             return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"
         x, y, z = self._position.tolist()
         spec = self._scenario.spec
@@ -75,7 +75,7 @@ class Judge:
             return "fall", f"lies on the floor at {self._place()}"
         (x0, y0, z0), (x1, y1, z1) = mission.low, mission.high
         if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
-            finite = math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
+            finite = all(map(math.isfinite, (x, y, z)))
             outcome: Outcome = "out_of_bounds" if finite else "error"
             return outcome, f"left the geofence at {self._place()}"
         return None

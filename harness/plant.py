@@ -52,7 +52,7 @@ class Plant:
         base = int(scene.model.body_jntadr[scene.base])
         first = int(scene.model.jnt_qposadr[base])
         self._pose = self.data.qpos[first : first + 7]  # of a simulation it stays the same array
-        self._true_position, self._true_quaternion = self._pose[:3], self._pose[3:]
+        self._pose_position, self._pose_quaternion = self._pose[:3], self._pose[3:]
         self._timestep = timestep = float(scene.model.opt.timestep)
         self.steps_a_decision = steps = round(decision_period(scenario) / timestep)
         legs = mission.motion == "ground"
@@ -94,9 +94,9 @@ class Plant:
         now_ns = self.now_ns
         while self._on_the_way and self._on_the_way[0][0] <= now_ns:
             self._following = self._on_the_way.popleft()[1]
-        self.estimate.advance(now_ns, self._true_position, self._true_quaternion)
+        self.estimate.advance(now_ns, self._pose_position, self._pose_quaternion)
         planned = self._ahead.at(self._following, now_ns)
-        x, y, _ = self._true_position.tolist()
+        x, y, _ = self._pose_position.tolist()
         setpoint = self.estimate.setpoint(planned, x, y)
         self._asked.append(_as_bytes(setpoint))
         self._scene.controller.follow(self.data, setpoint)

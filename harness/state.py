@@ -120,7 +120,7 @@ def state_message(parts: Mapping[str, Stateful], sequence: int) -> pb.State:
     message = pb.State(sequence=sequence)
     for part, stateful in parts.items():
         for name, array in stateful.state().items():
-            _pack(message, f"{part}/{name}", array)
+            _add(message, f"{part}/{name}", array)
     return message
 
 
@@ -145,7 +145,7 @@ def restore_parts(parts: Mapping[str, Stateful], message: pb.State) -> None:
             raise InputError(f"state at decision {message.sequence}: {part}: {error}") from None
 
 
-def _pack(message: pb.State, name: str, array: NDArray[Any]) -> None:
+def _add(message: pb.State, name: str, array: NDArray[Any]) -> None:
     dtype = LOGGED.get(array.dtype)
     if dtype is None:
         dtype = array.dtype.newbyteorder("<").str

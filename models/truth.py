@@ -107,12 +107,19 @@ class Truth:
         }
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on from what `state` returned."""
+        """Go on from what `state` returned.
+
+        Raises:
+            ValueError: The places are none, or more than are kept.
+        """
         self._touching = bool(state["touching"])
         self.collisions = int(state["collisions"])
         self.struck = int(state["struck"])
-        self._steps = len(state["places"])
-        self._places[: self._steps] = state["places"]
+        places = state["places"]
+        if places.shape[1:] != (3,) or len(places) > len(self._places):
+            raise ValueError(f"places: got {places.shape}, expected at most {self._places.shape}")
+        self._steps = len(places)
+        self._places[: self._steps] = places
 
     def _touched_obstacle(self, data: mujoco.MjData) -> int:
         """Geom id of an obstacle that the robot touches, -1 if there is none."""

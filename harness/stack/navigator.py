@@ -91,7 +91,7 @@ class Navigator:
         self._costs_of: Array | None = None
         self._cost_by_distance = np.empty(0)
         self.informant: Callable[[Inputs], None] | None = None
-        self._passable()  # takes its memory here: the system makes a first decision wait for it
+        self._spaces(wide=bool(mission.discs))  # the system gives memory here, not in a decision
 
     @property
     def trajectory(self) -> Trajectory:

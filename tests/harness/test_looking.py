@@ -73,7 +73,7 @@ def content(choice, memory):
 
 
 def count_plans(monkeypatch):
-    """How often each plan of a guide was asked for, by decision and what was asked."""
+    """How often each plan of a guide was made, by what was asked for."""
     counts = Counter()
 
     def counted(space, start, goal, config, seed, heading):

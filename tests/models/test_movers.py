@@ -10,7 +10,7 @@ import pytest
 
 from models.robots import ROBOTS
 from models.scene import compose
-from models.truth import Truth, touched
+from models.truth import REST_WINDOW, Truth, touched
 from models.worlds import (
     WORLDS,
     Box,
@@ -143,6 +143,33 @@ def test_a_wall_never_strikes():
         mujoco.mj_collision(scene.model, data)
         truth.count_contacts(data)
     assert (truth.struck, truth.collisions, truth.touched) == (0, 1, "")
+
+
+@pytest.mark.parametrize("steps", [0, 3, 100, 101, 102, 250])
+def test_the_last_moments_are_told_in_order_and_taken_up_again(steps):
+    scene = compose(hall(), ROBOTS["drone"])
+    data = mujoco.MjData(scene.model)
+    truth, other = (Truth(scene.model, scene.base, scene.floor) for _ in range(2))
+    window = round(REST_WINDOW / scene.model.opt.timestep) + 1
+    assert window == 101
+    walked = np.random.default_rng(0).normal(size=(steps + 60, 3))
+    for n, place in enumerate(walked):
+        if n == steps:
+            other.restore(truth.state())
+        data.xpos[scene.base] = place
+        for one in (truth, other)[: 1 + (n >= steps)]:
+            one.count_contacts(data)
+        np.testing.assert_array_equal(truth.state()["places"], walked[: n + 1][-window:])
+    np.testing.assert_array_equal(other.state()["places"], truth.state()["places"])
+    assert other._speed() == truth._speed() > 0.0
+
+
+@pytest.mark.parametrize("shape", [(4, 1), (4,), (102, 3), (2, 3, 1)])
+def test_places_that_are_none_are_refused(shape):
+    scene = compose(hall(), ROBOTS["drone"])
+    truth = Truth(scene.model, scene.base, scene.floor)
+    with pytest.raises(ValueError, match="places: got"):
+        truth.restore({**truth.state(), "places": np.zeros(shape)})
 
 
 def test_clearance_counts_movers_and_forgets_the_vanished():
