@@ -183,15 +183,16 @@ class Presumed:
             most: Greatest squared distance that is told, cells^2.
         """
         self._fields = field, other
-        self._limits = edge, most
         self.squared = np.empty(field.shape, np.uint16)
-        self.stale = field.stale | other.stale
-        self._presume(np.ones_like(self.stale))
+        self.stale = np.empty_like(field.stale)
+        self.limit(edge, most)
 
     def limit(self, edge: int, most: int) -> None:
-        """Presume with other limits from now on; all is out of date."""
+        """Presume with these limits from now on: all of it anew, from the fields as they are."""
         self._limits = edge, most
-        self.stale[:] = True
+        field, other = self._fields
+        np.logical_or(field.stale, other.stale, out=self.stale)
+        self._presume(np.ones_like(self.stale))
 
     def note_stale(self) -> None:
         """Note what is out of date because one of the fields is."""
