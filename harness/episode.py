@@ -161,8 +161,8 @@ class Episode:
             for left in reversed(range(self._plant.steps_a_decision)):
                 if verdict is not None:
                     break
-                self._plant.step(remember=left == 0)
-                verdict = self._judge.of_physics()
+                if self._plant.step(remember=left == 0):
+                    verdict = self._judge.of_physics()
         return self._finish(*verdict, time.perf_counter() - began)
 
     def _decide(self) -> pb.Decision:

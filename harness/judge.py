@@ -61,7 +61,7 @@ class Judge:
         return None
 
     def of_physics(self) -> Verdict | None:
-        """What a physics step ends; called at each, so it compares plain floats."""
+        """What a physics step ends; asked wherever `limits_of` are left or something is touched."""
         mission, truth = self._scenario.mission, self._truth
         if truth.collisions:
             return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
@@ -88,6 +88,17 @@ class Judge:
 
     def _place(self) -> str:
         return "(" + ", ".join(f"{value:.2f}" for value in self._position) + ")"
+
+
+def limits_of(scenario: Scenario) -> NDArray[np.float64]:
+    """Inside them no place of the base ends an episode: (7,) as `models.between_steps` takes them.
+
+    Least and greatest x, y and z, m, and the least cosine of the tilt.
+    """
+    spec, (x, y, z) = scenario.spec, scenario.mission.low
+    if spec.motion == "ground":
+        z = max(z, LYING * spec.rest_height)
+    return np.array([x, y, z, *scenario.mission.high, math.cos(spec.max_tilt)])
 
 
 def _spread(positions: Sequence[NDArray[np.float64]]) -> float:

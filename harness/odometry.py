@@ -1,20 +1,10 @@
 """What the body believes of its own pose, between the simulator's truth and stack and controller.
 
-Plans are made in the believed frame, so the controller has to track the believed pose. It holds the
-true state, so the setpoint is moved instead. With the believed position b = p + e and heading
-psi_b = psi + a, a setpoint s asks a controller that believed b for the offset s - b, which it would
-turn into the body by R_z(a)' too much. The setpoint
-
-    s' = s - e - (I - R_z(a)') (s - b),   v' = R_z(a)' v,   psi' = psi_s - a
-
-asks the same of a controller that knows p: s' - p = R_z(a)' (s - b). The stack gets each estimate
-as it is. Controllers get it smoothed, as an inertial sensor would carry them from one estimate to
-the next: e and a pass a critically damped filter, so that setpoints have neither steps nor kinks.
+The stack gets each estimate as it is, controllers get it smoothed: see `models.between_steps`.
 """
 
 from __future__ import annotations
 
-import math
 from collections import deque
 
 import numpy as np
@@ -26,15 +16,8 @@ from harness.perturbations import UNPERTURBED
 from harness.schema import wayproof_pb2 as pb
 from models.odometry import Odometry, PoseError, believed_trail
 from models.poses import Trail
-from models.robots import Setpoint
 
 Array = NDArray[np.float64]
-
-BANDWIDTH = 10.0
-"""Of the filter between estimate and controller, rad/s: half that of the quadrotor's reference.
-
-Unsmoothed, 1 cm of white error at 100 Hz drove its snap feed-forward into the rotors' limits.
-"""
 
 
 class Estimate:
@@ -43,7 +26,9 @@ class Estimate:
     Attributes:
         error: Believed less true pose, of the newest estimate, with what a perturbation adds.
         added: What the perturbation adds, of which the stated standard deviations know nothing.
-        tracked: The error as the controller feels it: x, y, z, m, and heading, rad.
+        error_row: (4,) the same as x, y, z, m, and heading, rad; it stays the same array.
+        tracked: (2, 4) the error as the controller feels it, and its rate; written at every
+            physics step.
     """
 
     def __init__(
@@ -75,11 +60,9 @@ class Estimate:
         self._period_ns = round(period * 1e9)
         self._due_ns = self._period_ns
         self._errors: deque[PoseError] = deque(maxlen=steps)
+        self.error_row = np.zeros(4)
         self._look(0)
-        self._timestep = timestep
-        # Plain floats: at every physics step four numbers cost an array ten times as much.
-        self.tracked = (*self.error.shift, self.error.turn)
-        self._tracked_rate = (0.0, 0.0, 0.0, 0.0)
+        self.tracked = np.array([self.error_row, np.zeros(4)])
 
     def state(self) -> dict[str, Array]:
         """The estimator's memory, when it looks next, errors of the trail (n, 4), the filter."""
@@ -89,11 +72,17 @@ class Estimate:
             "due_ns": np.array(self._due_ns, np.int64),
             "errors": np.array(errors).reshape(-1, 4),
             "added": np.array([*self.added.shift, self.added.turn]),
-            "tracked": np.array([self.tracked, self._tracked_rate]),
+            "tracked": self.tracked.copy(),
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go on from what `state` returned."""
+        """Go on from what `state` returned.
+
+        Raises:
+            ValueError: The tracked error is of another shape.
+        """
+        if state["tracked"].shape != self.tracked.shape:
+            raise ValueError(f"tracked: got {state['tracked'].shape}, expected (2, 4)")
         prefix = "odometry."
         own = {n.removeprefix(prefix): a for n, a in state.items() if n.startswith(prefix)}
         self._odometry.restore(own)
@@ -101,8 +90,8 @@ class Estimate:
         self._errors.clear()
         self._errors.extend(_pose_error(row) for row in state["errors"])
         self.added = _pose_error(state["added"])
-        self.error = self._odometry.error + self.added
-        self.tracked, self._tracked_rate = map(tuple, state["tracked"].tolist())
+        self._believe()
+        self.tracked[:] = state["tracked"]
 
     def advance(self, time_ns: int, position: Array, quaternion: Array) -> None:
         """Make the next estimate if its time has come; the true pose is (3,) and (4,)."""
@@ -114,23 +103,9 @@ class Estimate:
         self._odometry.advance(position, heading)
         self._look(time_ns)
 
-    def step(self) -> None:
-        """Keep the error of this physics step for the trail, and move the tracked one after it."""
+    def keep(self) -> None:
+        """Keep the error of this physics step for the trail."""
         self._errors.append(self.error)
-        x, y, z, turn = self.tracked
-        x_rate, y_rate, z_rate, turn_rate = self._tracked_rate
-        (to_x, to_y, to_z), to_turn, timestep = self.error.shift, self.error.turn, self._timestep
-        x_rate += timestep * _pull(to_x - x, x_rate)
-        y_rate += timestep * _pull(to_y - y, y_rate)
-        z_rate += timestep * _pull(to_z - z, z_rate)
-        turn_rate += timestep * _pull(to_turn - turn, turn_rate)
-        self._tracked_rate = x_rate, y_rate, z_rate, turn_rate
-        self.tracked = (
-            x + timestep * x_rate,
-            y + timestep * y_rate,
-            z + timestep * z_rate,
-            turn + timestep * turn_rate,
-        )
 
     def pose(self, trail: Trail, rolling: bool) -> pb.Pose:
         """The believed pose as the log states it.
@@ -155,38 +130,14 @@ class Estimate:
             message.trail_period_s = sampled.period
         return message
 
-    def setpoint(self, planned: Setpoint, true_x: float, true_y: float) -> Setpoint:
-        """What the controller is asked for: the plan by the error, see the head of this file.
-
-        Args:
-            planned: By the trajectory, in the believed frame.
-            true_x: Where the body truly is, world, m.
-            true_y: Likewise.
-        """
-        off_x, off_y, off_z, turn = self.tracked
-        c, s = math.cos(turn), math.sin(turn)
-        (x, y, z), (vx, vy, vz), heading, yaw_rate = planned
-        to_x, to_y = x - true_x - off_x, y - true_y - off_y
-        return Setpoint(
-            (
-                x - off_x - ((1.0 - c) * to_x - s * to_y),
-                y - off_y - (s * to_x + (1.0 - c) * to_y),
-                z - off_z,
-            ),
-            (c * vx + s * vy, c * vy - s * vx, vz),
-            heading - turn,
-            yaw_rate,
-        )
-
     def _look(self, time_ns: int) -> None:
         travelled = self._odometry.travelled
         self.added = self._perturbation.pose_error(self._config.seed, time_ns, travelled)
+        self._believe()
+
+    def _believe(self) -> None:
         self.error = self._odometry.error + self.added
-
-
-def _pull(behind: float, rate: float) -> float:
-    """Acceleration of the critically damped filter."""
-    return BANDWIDTH * (BANDWIDTH * behind - 2.0 * rate)
+        self.error_row[:] = *self.error.shift, self.error.turn
 
 
 def _pose_error(row: Array) -> PoseError:

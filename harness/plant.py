@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import struct
 from collections import deque
 from collections.abc import Iterable
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.judge import limits_of
 from harness.odometry import Estimate
 from harness.scenario import Scenario, decision_period
 from harness.setpoints import SetpointsAhead
 from harness.state import Simulation, StepPoses
+from models.between_steps import ask, look_and_ask
 from models.poses import Trail
-from models.robots import Setpoint
 from models.truth import Truth
 from models.worlds import Traffic
 from planners import Trajectory
@@ -62,7 +63,12 @@ class Plant:
         self._following = trajectory
         self._on_the_way: deque[tuple[int, Trajectory]] = deque()  # ns of their arrival
         self._ahead = SetpointsAhead(round(timestep * 1e9), steps)
-        self._asked: list[bytes] = []
+        self._looked_at: tuple[Any, ...] = (
+            *(self.truth.is_robot, self.truth.is_obstacle),
+            *(self.data.xpos[scene.base], self.data.xmat[scene.base], limits_of(scenario)),
+            self.truth.places,
+            *(self.estimate.error_row, self.estimate.tracked, timestep, self._pose),
+        )
 
     @property
     def now_ns(self) -> int:
@@ -85,35 +91,39 @@ class Plant:
         """Follow each of these from its arrival on, ns; in the order of their arrivals."""
         self._on_the_way.extend(trajectories)
 
-    def step(self, remember: bool) -> None:
+    def step(self, remember: bool) -> bool:
         """One step of contact physics under the controller's torques and thrusts.
 
         Args:
             remember: A decision comes next, so the state before this step is the one to save.
+
+        Returns:
+            Whether it may have ended the episode.
         """
         now_ns = self.now_ns
         while self._on_the_way and self._on_the_way[0][0] <= now_ns:
             self._following = self._on_the_way.popleft()[1]
         self.estimate.advance(now_ns, self._pose_position, self._pose_quaternion)
-        planned = self._ahead.at(self._following, now_ns)
-        x, y, _ = self._pose_position.tolist()
-        setpoint = self.estimate.setpoint(planned, x, y)
-        self._asked.append(_as_bytes(setpoint))
-        self._scene.controller.follow(self.data, setpoint)
+        ahead, truth = self._ahead, self.truth
+        if not ahead.holds(self._following, now_ns):
+            ahead.sample(self._following, now_ns)
+            ask(ahead.planned[0], self.estimate.tracked[0], self._pose, ahead.asked[0])
+        self._scene.controller.follow(self.data, ahead.next())
         if self.rolling:
             self.step_poses.append(self._pose.copy())
-        self.estimate.step()
+        self.estimate.keep()
         if remember:
             self.simulation.remember()
         mujoco.mj_step(self._scene.model, self.data)
-        self.truth.count_contacts(self.data)
+        rows = ahead.row, ahead.planned, ahead.asked
+        met, left = look_and_ask(self.data.contact.geom, truth.steps, *rows, *self._looked_at)
+        truth.see(met)
         self._move_others(now_ns)
+        return left or truth.collisions > 0 or truth.struck > 0
 
     def take_asked(self) -> bytes:
         """All that the body was asked for since this was called last."""
-        asked = b"".join(self._asked)
-        self._asked.clear()
-        return asked
+        return self._ahead.take_asked()
 
     def trail(self) -> Trail:
         """True poses of the base since the sweeps began; the last alone if no shutter rolls."""
@@ -125,9 +135,3 @@ class Plant:
         """Bring what moves by itself to the present."""
         if self.traffic is not None:
             self.traffic.advance(self.data, self.now_ns, self.now_ns - since_ns)
-
-
-def _as_bytes(setpoint: Setpoint) -> bytes:
-    """All of it: where two trajectories begin alike, they may ask for other speeds already."""
-    position, velocity, heading, yaw_rate = setpoint
-    return struct.pack("<8d", *position, *velocity, heading, yaw_rate)

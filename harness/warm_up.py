@@ -16,7 +16,7 @@ import maps
 import planners
 from harness.config import Config
 from harness.robots import find_robot, warm_up_robot
-from models import devices, range_codec, rays, truth
+from models import between_steps, devices, range_codec, rays, truth
 from models.robots import ROBOTS
 from models.worlds import solvability
 
@@ -45,6 +45,7 @@ def perceive(config: Config) -> None:
 
 def act(config: Config) -> None:
     """And what plans and controls."""
+    between_steps.warm_up()
     planners.warm_up(config.planner, oriented=bool(find_robot(config).spec.discs))
     warm_up_robot(config)
 

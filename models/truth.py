@@ -27,31 +27,37 @@ class Truth:
             something that stays where it is, at rest.
         struck: How often a mover started to touch the robot at rest.
         touched: Name of the mover last touched, or nothing.
+        is_robot: (geoms,) which are the robot's.
+        is_obstacle: (geoms,) which are neither the robot's nor the floor.
+        places: (k, 3) the base's latest, written round and round: step n into row n modulo k.
+        steps: Physics steps so far.
     """
 
     def __init__(self, model: mujoco.MjModel, base: int, floor: Sequence[int]) -> None:
         """Sort the geoms into the robot's, the floor (ids, to be stepped on), and the rest."""
         self._model = model
         self._base = base
-        self._is_robot = model.geom_group == ROBOT_GROUP
-        self._is_obstacle = ~self._is_robot
-        self._is_obstacle[list(floor)] = False
-        self._robot = np.flatnonzero(self._is_robot)
-        self._obstacles = np.flatnonzero(self._is_obstacle)
+        self.is_robot = model.geom_group == ROBOT_GROUP
+        self.is_obstacle = ~self.is_robot
+        self.is_obstacle[list(floor)] = False
+        self._robot = np.flatnonzero(self.is_robot)
+        self._obstacles = np.flatnonzero(self.is_obstacle)
         self._fromto = np.zeros(6)
         self._is_mover = model.body_mocapid[model.geom_bodyid] >= 0
         window = round(REST_WINDOW / float(model.opt.timestep)) + 1
-        self._places, self._steps = np.zeros((window, 3)), 0  # of the base, written round and round
+        self.places, self.steps = np.zeros((window, 3)), 0
         self._touching = False
         self.collisions = 0
         self.struck = 0
         self.touched = ""
 
-    def count_contacts(self, data: mujoco.MjData) -> None:
-        """Count a collision whenever the robot starts to touch something but the floor."""
-        self._places[self._steps % len(self._places)] = data.xpos[self._base]
-        self._steps += 1
-        obstacle = self._touched_obstacle(data)
+    def see(self, obstacle: int) -> None:
+        """End a physics step; a collision counts whenever the robot starts to touch something.
+
+        Args:
+            obstacle: Geom id of what it touches, -1 if nothing; its place is in `places` already.
+        """
+        self.steps += 1
         if obstacle >= 0 and not self._touching:
             self._note(obstacle)
         self._touching = obstacle >= 0
@@ -74,10 +80,10 @@ class Truth:
 
     def _lately(self) -> NDArray[np.float64]:
         """Where the base was at the last steps, (n, 3), the latest last."""
-        oldest = self._steps % len(self._places)
-        if self._steps < len(self._places):
-            return self._places[:oldest].copy()
-        return np.concatenate((self._places[oldest:], self._places[:oldest]))
+        oldest = self.steps % len(self.places)
+        if self.steps < len(self.places):
+            return self.places[:oldest].copy()
+        return np.concatenate((self.places[oldest:], self.places[:oldest]))
 
     def clearance(self, data: mujoco.MjData, limit: float = 2.0) -> float:
         """Least distance from any robot geom to any geom but the floor, m, at most `limit`.
@@ -116,16 +122,10 @@ class Truth:
         self.collisions = int(state["collisions"])
         self.struck = int(state["struck"])
         places = state["places"]
-        if places.shape[1:] != (3,) or len(places) > len(self._places):
-            raise ValueError(f"places: got {places.shape}, expected at most {self._places.shape}")
-        self._steps = len(places)
-        self._places[: self._steps] = places
-
-    def _touched_obstacle(self, data: mujoco.MjData) -> int:
-        """Geom id of an obstacle that the robot touches, -1 if there is none."""
-        if not data.ncon:
-            return -1
-        return int(touched(data.contact.geom, self._is_robot, self._is_obstacle))
+        if places.shape[1:] != (3,) or len(places) > len(self.places):
+            raise ValueError(f"places: got {places.shape}, expected at most {self.places.shape}")
+        self.steps = len(places)
+        self.places[: self.steps] = places
 
     def _sphere_gaps(self, data: mujoco.MjData) -> NDArray[np.float64]:
         model, pairs = self._model, (self._robot, self._obstacles)
@@ -169,23 +169,8 @@ def sphere_gaps(
     return gaps
 
 
-@kernel
-def touched(
-    pairs: NDArray[np.int32], is_robot: NDArray[np.bool_], is_obstacle: NDArray[np.bool_]
-) -> int:
-    """The first geom among pairs (n, 2) in contact that the robot should not touch; -1 if none."""
-    for k in range(len(pairs)):
-        a, b = pairs[k, 0], pairs[k, 1]
-        if is_robot[a] and is_obstacle[b]:
-            return int(b)
-        if is_robot[b] and is_obstacle[a]:
-            return int(a)
-    return -1
-
-
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
     none = np.zeros(1, np.int64)
     places, axes, boxes = (np.zeros((1, n)) for n in (3, 9, 6))
     sphere_gaps(none, none, places, axes, boxes, np.zeros(1))
-    touched(np.zeros((1, 2), np.int32), np.zeros(1, np.bool_), np.zeros(1, np.bool_))

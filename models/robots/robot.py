@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, Protocol
 
 import mujoco
 import numpy as np
@@ -12,23 +12,63 @@ from numpy.typing import NDArray
 from models.devices import Mount
 
 
-class Setpoint(NamedTuple):
+class Setpoint:
     """Where the body should be now, as sampled from a trajectory.
 
-    In plain floats: two are made at every physics step, and three numbers cost an array ten times
-    as much.
+    Eight numbers in a row, told by name: two setpoints are made at every physics step, and kernels
+    take a row as it is.
 
     Attributes:
-        position: (x, y, z) world frame, m; ground robots ignore z.
-        velocity: (x, y, z) world frame, m/s.
-        heading: Yaw in the world frame, rad.
-        yaw_rate: rad/s.
+        row: (8,) position, velocity, heading and yaw rate; not to be written.
     """
 
-    position: tuple[float, float, float]
-    velocity: tuple[float, float, float]
-    heading: float
-    yaw_rate: float
+    __slots__ = ("row",)
+
+    row: NDArray[np.float64]
+
+    def __init__(
+        self,
+        position: tuple[float, float, float],
+        velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        heading: float = 0.0,
+        yaw_rate: float = 0.0,
+    ) -> None:
+        """Write a row down; units as told by the properties."""
+        self.row = np.array([*position, *velocity, heading, yaw_rate])
+
+    @classmethod
+    def of(cls, row: NDArray[np.float64]) -> Setpoint:
+        """Read one out of a row (8,)."""
+        setpoint = cls.__new__(cls)
+        setpoint.row = row
+        return setpoint
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        """(x, y, z) world frame, m; ground robots ignore z."""
+        x, y, z = self.row[:3].tolist()
+        return x, y, z
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """(x, y, z) world frame, m/s."""
+        x, y, z = self.row[3:6].tolist()
+        return x, y, z
+
+    @property
+    def heading(self) -> float:
+        """Yaw in the world frame, rad."""
+        return float(self.row[6])
+
+    @property
+    def yaw_rate(self) -> float:
+        """In rad/s."""
+        return float(self.row[7])
+
+    def __repr__(self) -> str:
+        """All of it, by name."""
+        told = f"position={self.position}, velocity={self.velocity}"
+        return f"Setpoint({told}, heading={self.heading}, yaw_rate={self.yaw_rate})"
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,8 @@ from models.robots.brought.writing import (
     sensor_sites,
     surface,
 )
-from models.robots.quadruped.kinematics import standing_joints
 from models.robots.quadruped.model import FOOT_CONTACT, TOUCH_MARGIN
-from models.robots.quadruped.parameters import (
-    JOINTS,
-    LEGS,
-)
+from models.robots.quadruped.parameters import JOINTS, LEGS, standing_joints
 
 Array = NDArray[np.float64]
 Objects = mujoco.mjtObj

@@ -9,7 +9,6 @@ import numpy as np
 
 from models.robots.brought.source import Unusable
 from models.robots.brought.spec_file import SpecFile
-from models.robots.quadruped.kinematics import foot_jacobian, standing_joints
 from models.robots.quadruped.parameters import (
     JOINTS,
     LEGS,
@@ -20,7 +19,9 @@ from models.robots.quadruped.parameters import (
     Parameters,
     Prediction,
     Tracking,
+    standing_joints,
 )
+from models.robots.quadruped.walking import foot_jacobian
 
 STANCE = 0.65
 """Share of the stretched leg that it stands on; the gait was tuned at this."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, isfinite, sin
+from math import cos, sin
 
 import mujoco
 import numpy as np
@@ -57,14 +57,12 @@ class QuadrotorController:
         motors = [model.actuator(prefix + name) for name, *_ in ROTORS]
         self._controls = np.array([motor.id for motor in motors])
         self._activations = np.array([int(motor.actadr[0]) for motor in motors])
-        self._data: mujoco.MjData | None = None
-        self._setpoint = np.zeros(4)
         self._command = np.zeros(4)
-        self._drag = np.zeros(3)
         self._rest(np.zeros(3), 0.0)
 
     def _rest(self, position: Array, heading: float) -> None:
         hover = self.parameters.airframe.mass * GRAVITY / 4
+        self._data: mujoco.MjData | None = None  # that the kernel's arguments are of
         self._integral = np.zeros(3)
         self._lag = np.zeros((2, 4))
         self._lag[0] = hover
@@ -104,36 +102,27 @@ class QuadrotorController:
         Raises:
             ValueError: The setpoint is not finite.
         """
-        x, y, z = setpoint.position
-        self._setpoint[:] = x, y, z, setpoint.heading
-        if not isfinite(x + y + z + setpoint.heading):
-            raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
         if data is not self._data:
-            self._data, self._views = data, self._views_of(data)
-        qpos, qvel, controls, force = self._views
-        fly(
+            self._bind(data)
+        if not fly(setpoint.row, *self._flying):
+            raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
+        self._written[self._controls] = self._command
+
+    def _bind(self, data: mujoco.MjData) -> None:
+        """Put the kernel's arguments together; at every step that would take as long as it does."""
+        self._data, self._written = data, data.ctrl
+        self._flying = (
             *self._packed,
             self.reference,
-            self._setpoint,
-            qpos,
-            qvel,
+            data.qpos[self._qpos],
+            data.qvel[self._qvel],
             self.wind,
             self._integral,
             self._lag,
             self._timestep,
             self._command,
-            self._drag,
+            data.xfrc_applied[self.body, :3],
         )
-        controls[self._controls] = self._command
-        force[:] = self._drag
-
-    def _views_of(self, data: mujoco.MjData) -> tuple[Array, Array, Array, Array]:
-        """Pose, velocity, controls and force on the body: to look them up costs as much as to fly.
-
-        Of a simulation they stay the same arrays.
-        """
-        force = data.xfrc_applied[self.body, :3]
-        return data.qpos[self._qpos], data.qvel[self._qvel], data.ctrl, force
 
     def apply_drag(self, data: mujoco.MjData) -> None:
         """Write the plant's drag as the external force on the base; no part of control."""

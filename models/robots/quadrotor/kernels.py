@@ -7,7 +7,7 @@ quadrotors", ICRA 2011. World z up, body x forward and z along the thrust.
 
 from __future__ import annotations
 
-from math import cos, floor, pi, sin, sqrt
+from math import cos, floor, isfinite, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,11 @@ ROTOR_SPIN = (-1.0, 1.0, -1.0, 1.0)
 
 @kernel
 def fly(
+    asked: Array,
     airframes: Any,
     gains: Any,
     smoothings: Any,
     reference: Array,
-    setpoint: Array,
     qpos: Array,
     qvel: Array,
     wind: Array,
@@ -38,15 +38,15 @@ def fly(
     timestep: float,
     command: Array,
     drag: Array,
-) -> None:
+) -> bool:
     """One tick of everything: smooth reference, control, and the plant's drag.
 
     Args:
+        asked: (8,) the setpoint's row, of which position and heading count.
         airframes: (1,) body and rotors, packed.
         gains: (1,) of the controller, packed.
         smoothings: (1,) of the reference, packed.
         reference: (5, 4) of `smooth_setpoint`, updated.
-        setpoint: (4,) x, y, z, m, and heading, rad.
         qpos: (7,) free joint: position, m, and quaternion wxyz.
         qvel: (6,) free joint: velocity, world frame, and angular velocity, body axes.
         wind: (3,) velocity of the air, world frame, m/s.
@@ -55,11 +55,18 @@ def fly(
         timestep: s.
         command: (4,) rotor commands, N; output.
         drag: (3,) on the body, world frame, N; output.
+
+    Returns:
+        Whether the setpoint was finite; nothing is written where it was not.
     """
+    x, y, z, heading = asked[0], asked[1], asked[2], asked[6]
+    if not isfinite(x + y + z + heading):
+        return False
     airframe = airframes[0]
-    smooth_setpoint(smoothings[0], reference, setpoint, timestep)
+    smooth_setpoint(smoothings[0], reference, np.array((x, y, z, heading)), timestep)
     track(airframe, gains[0], reference, qpos, qvel, integral, lag, timestep, command)
     drag[:] = air_drag(airframe, rotation_matrix(qpos[3:]), qvel[:3] - wind)
+    return True
 
 
 @kernel

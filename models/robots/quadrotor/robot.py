@@ -75,4 +75,4 @@ def warm_up() -> None:
     data = mujoco.MjData(model)
     controller = quadrotor.controller(model, "")
     controller.reset(data, np.zeros(3), 0.0)
-    controller.follow(data, Setpoint((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0))
+    controller.follow(data, Setpoint((0.0, 0.0, 0.0)))

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 
 from models.robots.packed import packed
 from models.robots.quadruped.admm import solve_forces
-from models.robots.quadruped.gait import advance, begin
 from models.robots.quadruped.horizon import look_ahead
-from models.robots.quadruped.kinematics import observe, standing_joints
 from models.robots.quadruped.mpc import condense
-from models.robots.quadruped.parameters import Parameters
+from models.robots.quadruped.parameters import Parameters, standing_joints
 from models.robots.quadruped.rigid_body import composite_rigid_body
 from models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from models.robots.quadruped.torque import joint_torques
-from models.robots.quadruped.tracking import Tracker
+from models.robots.quadruped.walking import begin, follow, observe, walk
 from models.robots.quadruped.wiring import views_of, wire
 from models.robots.robot import Setpoint
 
@@ -55,12 +53,12 @@ class QuadrupedController:
         gait, prediction = self.parameters.gait, self.parameters.prediction
         self._geometry = packed(self.parameters.geometry)
         self._gait = packed(gait)
+        self._tracking = packed(self.parameters.tracking)
         self._legs = packed(self.parameters.legs)
         self._motors = packed(self.parameters.actuators)
         self._model = model
         self._wiring = wire(model, prefix)
         self._standing = np.array(4 * standing_joints(self.parameters.geometry, gait.height))
-        self._data: mujoco.MjData | None = None
         root = self._wiring.qpos.start, self._wiring.dofs.start
         self.body = composite_rigid_body(model, *root, self._standing)
         self._inverse_inertia = np.linalg.inv(self.body.inertia).astype(np.float64)
@@ -77,14 +75,10 @@ class QuadrupedController:
 
     def _restart(self) -> None:
         self._tick = 0
-        self._tracker = Tracker(self.parameters.tracking, self.parameters.gait.standing_speed)
+        self._data: mujoco.MjData | None = None  # that the kernels' arguments are of
         self.observation, self._observation = record(OBSERVATION)
         self.memory, self._memory = record(MEMORY)
-        # Views: to read a record's attribute takes as long as a kernel.
-        self._position, self._angles = (
-            self._observation[name][0] for name in ("position", "angles")
-        )
-        self._force = self._memory["force"][0]
+        self._force = self._memory["force"][0]  # to read a record's attribute takes longer
         self._warm = np.zeros((2, self.parameters.prediction.steps, 4, 3))
 
     def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
@@ -102,7 +96,7 @@ class QuadrupedController:
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of what one step hands to the next."""
         return {
-            **self._tracker.state(),
+            "arrived": np.array(self._memory["arrived"][0]),
             "tick": np.array(self._tick),
             "memory": np.frombuffer(self._memory.tobytes(), np.uint8).copy(),
             "warm": self._warm.copy(),
@@ -111,7 +105,6 @@ class QuadrupedController:
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Go on from what `state` returned, bit by bit."""
-        self._tracker.restore(state)
         self._tick = int(state["tick"])
         memory = np.frombuffer(state["memory"].tobytes(), MEMORY)[0]
         for name in MEMORY.names or ():
@@ -125,9 +118,9 @@ class QuadrupedController:
         Raises:
             ValueError: The setpoint is not finite.
         """
-        self._observe(data)
-        yaw = float(self._angles[2])
-        self._act(data, self._tracker.velocity_command(self._position, yaw, setpoint))
+        if not follow(setpoint.row, self._tracking, *self._seen(data)):
+            raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
+        self._act(data)
 
     def walk(self, data: mujoco.MjData, velocity_command: Array) -> None:
         """Write the torques of one physics step; call before `mj_step`.
@@ -136,32 +129,49 @@ class QuadrupedController:
             data: State after the last step.
             velocity_command: (3,) forward m/s, left m/s, yaw rate rad/s, in the body's yaw frame.
         """
-        self._observe(data)
-        self._act(data, velocity_command)
+        walk(velocity_command, *self._seen(data))
+        self._act(data)
 
-    def _observe(self, data: mujoco.MjData) -> None:
+    def _seen(self, data: mujoco.MjData) -> tuple[Any, ...]:
+        """What the kernels of walking take, of a simulation."""
         if data is not self._data:
-            self._data, self._views = data, views_of(data, self._wiring)
-        qpos, qvel = self._views.qpos, self._views.qvel
-        observe(self._geometry, self.body.centre, qpos, qvel, self._observation)
+            self._bind(data)
         if self._tick == 0:
+            observe(self._geometry, *self._body, self._observation)
             begin(self._geometry, self._observation, self._memory)
+        return self._walking
 
-    def _act(self, data: mujoco.MjData, command: Array) -> None:
-        advance(
+    def _bind(self, data: mujoco.MjData) -> None:
+        """Put the kernels' arguments together; at every step that would take as long as they do."""
+        joints, records = views_of(data, self._wiring), (self._observation, self._memory)
+        self._data = data
+        self._body = self.body.centre, joints.qpos, joints.qvel
+        self._walking = (
             self._gait,
             self._geometry,
             self._timestep,
-            command,
-            self._views.touch,
-            self._observation,
-            self._memory,
+            *self._body,
+            joints.touch,
+            *records,
         )
+        self._pushing = (
+            self._gait,
+            self._legs,
+            self._motors,
+            joints.rates,
+            joints.bias,
+            joints.passive,
+            self._leg_inertia,
+            *records,
+            joints.torques,
+        )
+
+    def _act(self, data: mujoco.MjData) -> None:
         if self._tick % self._ticks_per_plan == 0:
             self._plan_forces()
         if self._tick % self._ticks_per_inertia == 0:
             self._read_leg_inertia(data)
-        self._write_torques()
+        joint_torques(*self._pushing)
         self._tick += 1
 
     def _plan_forces(self) -> None:
@@ -194,18 +204,3 @@ class QuadrupedController:
         for leg in range(4):
             first = self._wiring.dofs.start + 6 + 3 * leg
             self._leg_inertia[leg] = self._mass_matrix[first : first + 3, first : first + 3]
-
-    def _write_torques(self) -> None:
-        joints = self._views
-        joint_torques(
-            self._gait,
-            self._legs,
-            self._motors,
-            joints.rates,
-            joints.bias,
-            joints.passive,
-            self._leg_inertia,
-            self._observation,
-            self._memory,
-            joints.torques,
-        )

@@ -5,6 +5,7 @@ NamedTuples of floats rather than dataclasses, because numba kernels take them a
 
 from __future__ import annotations
 
+from math import acos, atan2, cos, sin
 from typing import NamedTuple
 
 LEGS = ("FL", "FR", "RL", "RR")
@@ -189,3 +190,21 @@ class Parameters(NamedTuple):
     prediction: Prediction = Prediction()
     legs: Legs = Legs()
     tracking: Tracking = Tracking()
+
+
+def standing_joints(geometry: Geometry, height: float) -> tuple[float, float, float]:
+    """Hip, thigh and calf angle that put the foot under the hip, by the law of cosines, rad.
+
+    Args:
+        geometry: Leg geometry.
+        height: Base origin above the ground, m.
+
+    Raises:
+        ValueError: The leg does not reach that far.
+    """
+    thigh, calf = geometry.thigh_length, geometry.calf_length
+    reach = height - geometry.foot_radius
+    if not abs(thigh - calf) < reach < thigh + calf:
+        raise ValueError(f"height: got {height} m, legs reach to {thigh + calf} m above the foot")
+    bend = acos((reach**2 - thigh**2 - calf**2) / (2.0 * thigh * calf))
+    return 0.0, atan2(calf * sin(bend), thigh + calf * cos(bend)), -bend

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import mujoco
-import numpy as np
 
 from models.devices import Mount
 from models.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 from models.robots.quadruped.controller import QuadrupedController
 from models.robots.quadruped.model import LIDAR_SITE, quadruped_mjcf
 from models.robots.quadruped.parameters import Parameters
-from models.robots.robot import RobotSpec
+from models.robots.robot import RobotSpec, Setpoint
 
 
 def _spec(parameters: Parameters) -> RobotSpec:
@@ -77,4 +76,4 @@ def warm_up() -> None:
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
     model = spec.compile()
     data = mujoco.MjData(model)
-    quadruped.controller(model, "").walk(data, np.zeros(3))
+    quadruped.controller(model, "").follow(data, Setpoint((0.0, 0.0, 0.0)))

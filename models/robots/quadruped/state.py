@@ -34,6 +34,7 @@ MEMORY = np.dtype(
     [
         ("command", "f8", 3),  # slewed: forward m/s, left m/s, yaw rate rad/s
         ("walking", "?"),  # trots, else stands on four feet
+        ("arrived", "?"),  # at a setpoint that rests
         ("phase", "f8"),  # of the cycle, [0, 1)
         ("calm_time", "f8"),  # since anything last asked for a step, s
         ("waited", "f8"),  # for a late foot, s

@@ -1,0 +1,462 @@
+"""From the joints and what is asked for to where the feet should go, tick by tick.
+
+Where the body and the feet are; how fast the body should walk; when to stand and when to trot;
+which foot stands; and where the swinging ones land. In one file, because numba's cache does not
+notice when a kernel that another one calls changes elsewhere; in one compiled call a tick, because
+to call a kernel after a physics step takes longer than what it computes.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, floor, hypot, isfinite, pi, sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models._jit import kernel
+from models.robots.quadruped.parameters import Gait, Geometry, Tracking
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def follow(
+    asked: Array,
+    trackings: Any,
+    gaits: Any,
+    geometries: Any,
+    timestep: float,
+    com_in_body: Array,
+    qpos: Array,
+    qvel: Array,
+    touch: Array,
+    observations: Any,
+    memories: Any,
+) -> bool:
+    """One tick towards a setpoint: `walk` with the velocity command that leads there.
+
+    Args:
+        asked: (8,) the setpoint's row.
+        trackings: (1,) gains and limits of the command, packed.
+        gaits: See `walk`, as all that follow.
+        geometries: Likewise.
+        timestep: Likewise.
+        com_in_body: Likewise.
+        qpos: Likewise.
+        qvel: Likewise.
+        touch: Likewise.
+        observations: Likewise.
+        memories: Likewise.
+
+    Returns:
+        Whether the setpoint was finite; nothing is carried on where it was not.
+    """
+    command = np.empty(3)
+    observe(geometries, com_in_body, qpos, qvel, observations)
+    observation, memory = observations[0], memories[0]
+    if not velocity_command(
+        trackings[0], gaits[0].standing_speed, asked, observation, memory, command
+    ):
+        return False
+    advance(gaits, geometries, timestep, command, touch, observations, memories)
+    return True
+
+
+@kernel
+def walk(
+    command: Array,
+    gaits: Any,
+    geometries: Any,
+    timestep: float,
+    com_in_body: Array,
+    qpos: Array,
+    qvel: Array,
+    touch: Array,
+    observations: Any,
+    memories: Any,
+) -> None:
+    """One tick under a velocity command: see where the body is, and carry the gait on.
+
+    Args:
+        command: (3,) forward m/s, left m/s, yaw rate rad/s, in the base's yaw frame.
+        gaits: (1,) trot parameters, packed.
+        geometries: (1,) leg geometry, packed.
+        timestep: s.
+        com_in_body: (3,) base origin to centre of mass in the body frame, m.
+        qpos: (19,) free joint (position, quaternion wxyz), then 4 x (hip, thigh, calf).
+        qvel: (18,) linear velocity in the world, angular velocity in the body, joint rates.
+        touch: (4,) normal force on each foot, N.
+        observations: (1,) this tick's `OBSERVATION` record, to fill.
+        memories: (1,) `MEMORY` record, to carry on.
+    """
+    observe(geometries, com_in_body, qpos, qvel, observations)
+    advance(gaits, geometries, timestep, command, touch, observations, memories)
+
+
+@kernel
+def observe(
+    geometries: Any, com_in_body: Array, qpos: Array, qvel: Array, observations: Any
+) -> None:
+    """Fill the `OBSERVATION` record.
+
+    Args:
+        geometries: (1,) leg geometry, packed.
+        com_in_body: (3,) base origin to centre of mass in the body frame, m.
+        qpos: (19,) free joint (position, quaternion wxyz), then 4 x (hip, thigh, calf).
+        qvel: (18,) linear velocity in the world, angular velocity in the body, joint rates.
+        observations: (1,) record to fill.
+    """
+    geometry, observation = geometries[0], observations[0]
+    R = observation.rotation
+    rotation_from_quaternion(qpos[3:7], R)
+    observation.angles[0] = atan2(R[2, 1], R[2, 2])
+    observation.angles[1] = -atan2(R[2, 0], hypot(R[0, 0], R[1, 0]))
+    observation.angles[2] = atan2(R[1, 0], R[0, 0])
+    _rotate(R, qvel[3:6], observation.angular_velocity)
+    _rotate(R, com_in_body, observation.lever)
+    for i in range(3):
+        observation.position[i] = qpos[i]
+        observation.com[i] = qpos[i] + observation.lever[i]
+    _add_cross(qvel[:3], observation.angular_velocity, observation.lever, observation.com_velocity)
+    for leg in range(4):
+        _observe_foot(geometry, leg, qpos, qvel, observation)
+
+
+@kernel
+def _observe_foot(geometry: Geometry, leg: int, qpos: Array, qvel: Array, observation: Any) -> None:
+    in_body = np.empty(3)
+    jacobian = np.empty((3, 3))
+    arm = np.empty(3)
+    relative = np.empty(3)
+    joint = 3 * leg
+    foot_position(geometry, leg, qpos[7 + joint : 10 + joint], in_body)
+    foot_jacobian(geometry, leg, qpos[7 + joint : 10 + joint], jacobian)
+    _rotate(observation.rotation, in_body, arm)
+    for i in range(3):
+        relative[i] = qvel[i]
+        observation.foot[leg, i] = qpos[i] + arm[i]
+        for j in range(3):
+            entry = 0.0
+            for k in range(3):
+                entry += observation.rotation[i, k] * jacobian[k, j]
+            observation.jacobian[leg, i, j] = entry
+            relative[i] += entry * qvel[6 + joint + j]
+    _add_cross(relative, observation.angular_velocity, arm, observation.foot_velocity[leg])
+
+
+@kernel
+def rotation_from_quaternion(quaternion: Array, R: Array) -> None:
+    """R_world_body (3, 3) of a unit quaternion wxyz (4,)."""
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+
+
+@kernel
+def foot_position(geometry: Geometry, leg: int, joints: Array, position: Array) -> None:
+    """Foot centre (3,) in the body frame for hip, thigh and calf angles (3,)."""
+    front, side = 1.0 - 2.0 * (leg // 2), 1.0 - 2.0 * (leg % 2)
+    outward = side * geometry.thigh_y
+    thigh, shank = joints[1], joints[1] + joints[2]
+    forward = -geometry.thigh_length * sin(thigh) - geometry.calf_length * sin(shank)
+    upward = -geometry.thigh_length * cos(thigh) - geometry.calf_length * cos(shank)
+    position[0] = front * geometry.hip_x + forward
+    position[1] = side * geometry.hip_y + cos(joints[0]) * outward - sin(joints[0]) * upward
+    position[2] = sin(joints[0]) * outward + cos(joints[0]) * upward
+
+
+@kernel
+def foot_jacobian(geometry: Geometry, leg: int, joints: Array, jacobian: Array) -> None:
+    """Derivative (3, 3) of `foot_position` by the joint angles, body frame, m/rad."""
+    outward = (1.0 - 2.0 * (leg % 2)) * geometry.thigh_y
+    s, c = sin(joints[0]), cos(joints[0])
+    thigh, shank = joints[1], joints[1] + joints[2]
+    upward = -geometry.thigh_length * cos(thigh) - geometry.calf_length * cos(shank)
+    forward_by_calf = -geometry.calf_length * cos(shank)
+    upward_by_calf = geometry.calf_length * sin(shank)
+    upward_by_thigh = geometry.thigh_length * sin(thigh) + upward_by_calf
+    jacobian[0, 0], jacobian[0, 1], jacobian[0, 2] = 0.0, upward, forward_by_calf
+    jacobian[1, 0], jacobian[1, 1] = -s * outward - c * upward, -s * upward_by_thigh
+    jacobian[2, 0], jacobian[2, 1] = c * outward - s * upward, c * upward_by_thigh
+    jacobian[1, 2], jacobian[2, 2] = -s * upward_by_calf, c * upward_by_calf
+
+
+@kernel
+def _rotate(R: Array, vector: Array, rotated: Array) -> None:
+    for i in range(3):
+        rotated[i] = R[i, 0] * vector[0] + R[i, 1] * vector[1] + R[i, 2] * vector[2]
+
+
+@kernel
+def _add_cross(start: Array, a: Array, b: Array, total: Array) -> None:
+    """Total = start + a x b."""
+    total[0] = start[0] + a[1] * b[2] - a[2] * b[1]
+    total[1] = start[1] + a[2] * b[0] - a[0] * b[2]
+    total[2] = start[2] + a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def velocity_command(
+    tracking: Tracking,
+    resting_speed: float,
+    asked: Array,
+    observation: Any,
+    memory: Any,
+    command: Array,
+) -> bool:
+    """Velocity feed-forward plus proportional feedback, clipped to what the gait can do.
+
+    A setpoint at rest counts as reached inside a small circle and as lost outside a larger one,
+    so that the robot stands still there instead of stepping after millimetres.
+
+    Args:
+        tracking: Gains and limits.
+        resting_speed: A setpoint slower than this is at rest, m/s and rad/s.
+        asked: (8,) the setpoint's row.
+        observation: Where the body is.
+        memory: Whether it has arrived; updated.
+        command: (3,) forward m/s, left m/s and yaw rate rad/s, in the base's yaw frame; output.
+
+    Returns:
+        Whether the setpoint is finite.
+    """
+    yaw = observation.angles[2]
+    dx, dy = asked[0] - observation.position[0], asked[1] - observation.position[1]
+    vx, vy, rate = asked[3], asked[4], asked[7]
+    turn = asked[6] - yaw
+    turn = atan2(sin(turn), cos(turn))
+    moving = max(hypot(vx, vy), abs(rate)) > resting_speed
+    arrived = not moving and _is_there(tracking, memory.arrived, hypot(dx, dy), abs(turn))
+    vx += tracking.position_gain * dx
+    vy += tracking.position_gain * dy
+    rate += tracking.heading_gain * turn
+    if not (arrived or isfinite(vx + vy + rate)):
+        return False
+    memory.arrived = arrived
+    if arrived:
+        command[:] = 0.0
+        return True
+    c, s = cos(yaw), sin(yaw)
+    command[0] = min(max(c * vx + s * vy, tracking.forward_low), tracking.forward_high)
+    command[1] = min(max(c * vy - s * vx, -tracking.lateral), tracking.lateral)
+    command[2] = min(max(rate, -tracking.yaw_rate), tracking.yaw_rate)
+    return True
+
+
+@kernel
+def _is_there(tracking: Tracking, arrived: bool, distance: float, angle: float) -> bool:
+    if arrived:
+        return distance < tracking.depart_distance and angle < tracking.depart_angle
+    return distance < tracking.arrive_distance and angle < tracking.arrive_angle
+
+
+@kernel
+def begin(geometries: Any, observations: Any, memories: Any) -> None:
+    """Start from standing on all feet where they are; the memory comes zeroed. Arrays (1,)."""
+    geometry, observation, memory = geometries[0], observations[0], memories[0]
+    memory.reference[0] = observation.position[0]
+    memory.reference[1] = observation.position[1]
+    memory.reference[2] = observation.angles[2]
+    for leg in range(4):
+        memory.touching[leg] = 1
+        _stand_here(leg, observation, memory)
+    _estimate_ground(geometry, 1.0, memory)
+
+
+@kernel
+def advance(
+    gaits: Any,
+    geometries: Any,
+    timestep: float,
+    command: Array,
+    touch: Array,
+    observations: Any,
+    memories: Any,
+) -> None:
+    """Carry the `MEMORY` record one tick on.
+
+    Args:
+        gaits: (1,) trot parameters, packed.
+        geometries: (1,) leg geometry, packed.
+        timestep: s.
+        command: (3,) forward m/s, left m/s, yaw rate rad/s, in the base's yaw frame.
+        touch: (4,) normal force on each foot, N.
+        observations: (1,) this tick's `OBSERVATION` record.
+        memories: (1,) record to carry on.
+    """
+    gait, geometry, observation, memory = gaits[0], geometries[0], observations[0], memories[0]
+    _slew(gait, timestep, command, memory)
+    _choose_mode(gait, timestep, observation, memory)
+    _estimate_ground(geometry, timestep / gait.ground_time, memory)
+    _move_reference(gait, timestep, observation, memory)
+    for leg in range(4):
+        _schedule_foot(gait, leg, touch[leg], observation, memory)
+        if memory.swinging[leg]:
+            _place_foot(gait, geometry, leg, observation, memory)
+
+
+@kernel
+def _slew(gait: Gait, timestep: float, command: Array, memory: Any) -> None:
+    for i in range(3):
+        limit = timestep * (gait.linear_acceleration if i < 2 else gait.yaw_acceleration)
+        memory.command[i] += min(max(command[i] - memory.command[i], -limit), limit)
+
+
+@kernel
+def _choose_mode(gait: Gait, timestep: float, observation: Any, memory: Any) -> None:
+    """Trot on a command or off balance; back to standing once calm, when a stride ends."""
+    if _commanded(gait, memory.command) or _off_balance(gait, observation):
+        memory.calm_time = 0.0
+        if not memory.walking:
+            memory.walking = True
+            memory.phase = 0.0
+    else:
+        memory.calm_time += timestep
+    if memory.walking and not _awaits_touch_down(gait, timestep, memory):
+        before = floor(2.0 * memory.phase)
+        memory.phase += timestep / gait.period
+        stride_ends = floor(2.0 * memory.phase) != before
+        if stride_ends and memory.calm_time > gait.settle_time:
+            memory.walking = False
+        memory.phase -= floor(memory.phase)
+
+
+@kernel
+def _awaits_touch_down(gait: Gait, timestep: float, memory: Any) -> bool:
+    """Hold the phase while one pair is about to lift off and the other has not met the ground.
+
+    The schedule waits for the event (Bledt et al. 2018, "Contact model fusion for event-based
+    locomotion in unstructured terrains"), so that a step down does not leave the body on no foot.
+    """
+    lifting = hanging = swinging = False
+    for leg in range(4):
+        phase = memory.leg_phase[leg]
+        lifting = lifting or phase < gait.duty <= phase + timestep / gait.period
+        hanging = hanging or memory.touching[leg] == 0
+        swinging = swinging or memory.swinging[leg] == 1
+    waits = lifting and hanging and not swinging and memory.waited < gait.longest_wait
+    memory.waited = memory.waited + timestep if waits else 0.0
+    return waits
+
+
+@kernel
+def _commanded(gait: Gait, command: Array) -> bool:
+    slow = gait.standing_speed
+    return bool(abs(command[0]) > slow or abs(command[1]) > slow or abs(command[2]) > 2.0 * slow)
+
+
+@kernel
+def _off_balance(gait: Gait, observation: Any) -> bool:
+    """Whether the capture point (Pratt et al. 2006) leaves the middle of the feet."""
+    dx, dy = observation.com[0], observation.com[1]
+    for leg in range(4):
+        dx -= 0.25 * observation.foot[leg, 0]
+        dy -= 0.25 * observation.foot[leg, 1]
+    dx += gait.capture_time * observation.com_velocity[0]
+    dy += gait.capture_time * observation.com_velocity[1]
+    c, s = cos(observation.angles[2]), sin(observation.angles[2])
+    return bool(
+        abs(c * dx + s * dy) > gait.balance_forward
+        or abs(c * dy - s * dx) > gait.balance_sideways
+        or abs(observation.angles[0]) > gait.balance_tilt
+        or abs(observation.angles[1]) > gait.balance_tilt
+    )
+
+
+@kernel
+def _estimate_ground(geometry: Geometry, share: float, memory: Any) -> None:
+    """Move height and slope by `share` towards the plane through the feet's last contacts."""
+    z0, z1, z2, z3 = (
+        memory.touch_down[0, 2],
+        memory.touch_down[1, 2],
+        memory.touch_down[2, 2],
+        memory.touch_down[3, 2],
+    )
+    height = 0.25 * (z0 + z1 + z2 + z3) - geometry.foot_radius
+    pitch = atan2(0.5 * (z2 + z3 - z0 - z1), 2.0 * geometry.hip_x)
+    roll = atan2(0.5 * (z0 + z2 - z1 - z3), 2.0 * (geometry.hip_y + geometry.thigh_y))
+    memory.ground_height += share * (height - memory.ground_height)
+    memory.ground_pitch += share * (pitch - memory.ground_pitch)
+    memory.ground_roll += share * (roll - memory.ground_roll)
+
+
+@kernel
+def _move_reference(gait: Gait, timestep: float, observation: Any, memory: Any) -> None:
+    """Integrate the command to a pose on a leash: this removes the steady error in velocity."""
+    yaw = observation.angles[2]
+    reference = memory.reference
+    if memory.walking:
+        c, s = cos(yaw), sin(yaw)
+        reference[0] += timestep * (c * memory.command[0] - s * memory.command[1])
+        reference[1] += timestep * (s * memory.command[0] + c * memory.command[1])
+        reference[2] += timestep * memory.command[2]
+    dx, dy = reference[0] - observation.position[0], reference[1] - observation.position[1]
+    distance = hypot(dx, dy)
+    if distance > gait.position_leash:
+        reference[0] = observation.position[0] + dx * gait.position_leash / distance
+        reference[1] = observation.position[1] + dy * gait.position_leash / distance
+    turn = reference[2] - yaw
+    turn -= 2.0 * pi * floor((turn + pi) / (2.0 * pi))
+    reference[2] = yaw + min(max(turn, -gait.yaw_leash), gait.yaw_leash)
+
+
+@kernel
+def _schedule_foot(gait: Gait, leg: int, touch: float, observation: Any, memory: Any) -> None:
+    """Swing or stance by phase; diagonal pairs are half a cycle apart."""
+    phase = memory.phase + (0.0 if leg == 0 or leg == 3 else 0.5)
+    phase -= floor(phase)
+    memory.leg_phase[leg] = phase
+    swinging = memory.walking and phase >= gait.duty
+    if swinging and not memory.swinging[leg]:
+        memory.touching[leg] = 0
+        for i in range(3):
+            memory.lift_off[leg, i] = observation.foot[leg, i]
+    memory.swinging[leg] = swinging
+    if not swinging:
+        if touch > gait.contact_force:
+            memory.touching[leg] = 1
+            _stand_here(leg, observation, memory)
+    elif not memory.touching[leg] and touch > gait.early_contact_force:
+        if phase - gait.duty > gait.early_contact_share * (1.0 - gait.duty):
+            memory.touching[leg] = 1
+            _stand_here(leg, observation, memory)
+
+
+@kernel
+def _stand_here(leg: int, observation: Any, memory: Any) -> None:
+    for i in range(3):
+        memory.touch_down[leg, i] = observation.foot[leg, i]
+
+
+@kernel
+def _place_foot(gait: Gait, geometry: Geometry, leg: int, observation: Any, memory: Any) -> None:
+    """Set a swinging leg's foothold: under the hip, half a stance ahead (Raibert 1986, ch. 2).
+
+    The hip's place at touch-down plus half the way of the coming stance at the commanded velocity
+    (the symmetric gait), plus a share of the velocity error, which brakes what is too fast.
+    """
+    half_stance = 0.5 * gait.duty * gait.period
+    remaining = (1.0 - memory.leg_phase[leg]) * gait.period
+    yaw = observation.angles[2]
+    c, s = cos(yaw), sin(yaw)
+    vx = c * memory.command[0] - s * memory.command[1]
+    vy = s * memory.command[0] + c * memory.command[1]
+    # The yaw in mid-stance, taking half of the remaining turn from the measured rate.
+    turn = 0.5 * remaining * (observation.angular_velocity[2] + memory.command[2])
+    yaw_stance = yaw + turn + half_stance * memory.command[2]
+    hip_x = geometry.hip_x if leg < 2 else -geometry.hip_x
+    hip_y = geometry.hip_y + geometry.thigh_y
+    hip_y = hip_y if leg % 2 == 0 else -hip_y
+    ux, uy = observation.com_velocity[0], observation.com_velocity[1]
+    dx = ux * remaining + cos(yaw_stance) * hip_x - sin(yaw_stance) * hip_y
+    dy = uy * remaining + sin(yaw_stance) * hip_x + cos(yaw_stance) * hip_y
+    dx += half_stance * vx + gait.raibert_gain * (ux - vx)
+    dy += half_stance * vy + gait.raibert_gain * (uy - vy)
+    memory.foothold[leg, 0] = observation.position[0] + dx
+    memory.foothold[leg, 1] = observation.position[1] + dy
+    slope = sin(memory.ground_roll) * (c * dy - s * dx) - sin(memory.ground_pitch) * (
+        c * dx + s * dy
+    )
+    memory.foothold[leg, 2] = memory.ground_height + geometry.foot_radius + slope
