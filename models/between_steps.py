@@ -18,6 +18,7 @@ the next: e and a pass a critically damped filter, so that setpoints have neithe
 from __future__ import annotations
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,6 +144,6 @@ def warm_up() -> None:
     pairs, neither = np.zeros((1, 4), np.int32)[:, ::2], np.zeros(1, np.bool_)  # as MuJoCo's lie
     rows, pose = np.zeros((1, 8)), np.zeros(7)
     base = pose[:3], np.zeros(9), np.zeros(7)
-    believed = np.zeros(4), np.zeros((2, 4)), 0.0, pose
+    believed: Any = np.zeros(4), np.zeros((2, 4)), 0.0, pose
     ask(rows[0], pose[:4], pose, rows[0])
     look_and_ask(pairs, 0, 0, rows, rows, neither, neither, *base, np.zeros((1, 3)), *believed)

@@ -21,7 +21,6 @@ from harness.schema import wayproof_pb2 as pb
 from harness.stack.footprint import HEADING_TOLERANCE
 from models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
 from models.poses import Trail, rotation_matrices
-from models.robots import Setpoint
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 0.01
@@ -130,34 +129,6 @@ def test_a_believed_trail_is_shifted_and_turned_by_each_its_own_error():
     assert (believed.quaternions[1] == trail.quaternions[1]).all()
 
 
-def test_the_setpoint_asks_of_the_true_pose_what_the_plan_asks_of_the_believed_one():
-    """The offset and the velocity in the body's own axes are those that a believer would see."""
-    estimate = Estimate(Config("empty", "drone", 0), 0.002, 50, np.zeros(3), 0.0)
-    estimate.tracked = 0.4, -0.3, 0.1, 0.5
-    position, heading = np.array([2.0, 1.0, 1.5]), 0.7
-    believed, believed_heading = position + estimate.tracked[:3], heading + 0.5
-    planned = Setpoint((3.0, 2.0, 1.0), (1.0, 0.5, 0.2), 1.0, 0.0)
-    setpoint = estimate.setpoint(planned, *position[:2])
-    true_axes = rotation_matrices(heading_quaternion(heading)[None])[0].T
-    believed_axes = rotation_matrices(heading_quaternion(believed_heading)[None])[0].T
-    np.testing.assert_allclose(
-        true_axes @ (setpoint.position - position),
-        believed_axes @ (planned.position - believed),
-        atol=1e-12,
-    )
-    np.testing.assert_allclose(
-        true_axes @ setpoint.velocity, believed_axes @ planned.velocity, atol=1e-12
-    )
-    assert setpoint.heading - heading == pytest.approx(planned.heading - believed_heading)
-
-
-def test_without_error_the_setpoint_is_the_plans_own_bit_by_bit():
-    config = override(Config("empty", "drone", 0), EXACTLY)
-    estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
-    planned = Setpoint((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), 0.7, 0.8)
-    assert estimate.setpoint(planned, 5.1, -3.3) == planned
-
-
 def test_the_error_moves_only_with_new_estimates():
     config = override(Config("empty", "drone", 0), ["odometry.rate=50", "odometry.jitter=0.01"])
     estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
@@ -167,21 +138,6 @@ def test_the_error_moves_only_with_new_estimates():
         errors.append(estimate.error)
     changes = [k for k in range(1, 40) if errors[k] != errors[k - 1]]
     assert changes == [10, 20, 30]
-
-
-def test_the_controller_feels_a_step_of_the_error_without_a_kink():
-    """The step response of a critically damped filter: 1 - (1 + w t) exp(-w t)."""
-    config = override(Config("empty", "drone", 0), EXACTLY)
-    estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
-    estimate.error = PoseError((1.0, 0.0, 0.0), 0.5)
-    felt = []
-    for _ in range(500):
-        estimate.step()
-        felt.append(estimate.tracked)
-    wt = 10.0 * 0.002 * np.arange(1, 501)
-    expected = 1.0 - (1.0 + wt) * np.exp(-wt)
-    np.testing.assert_allclose(np.array(felt)[:, 0], expected, atol=0.02)
-    np.testing.assert_allclose(np.array(felt)[:, 3], 0.5 * expected, atol=0.01)
 
 
 def test_the_log_holds_the_believed_pose_and_the_margin_follows_its_sigma(recorded):

@@ -6,7 +6,8 @@ from models.robots.brought import Unusable, read_robot
 from models.robots.brought.legged_parameters import foot_mass, scaled
 from models.robots.brought.writing import farthest
 from models.robots.quadruped import Parameters, Quadruped
-from models.robots.quadruped.kinematics import foot_position, standing_joints
+from models.robots.quadruped.parameters import standing_joints
+from models.robots.quadruped.walking import foot_position
 from models.robots.robot import Setpoint
 from tests.models.hound import LEAN, SPEC, hound
 

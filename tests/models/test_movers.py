@@ -10,7 +10,7 @@ import pytest
 
 from models.robots import ROBOTS
 from models.scene import compose
-from models.truth import REST_WINDOW, Truth, touched
+from models.truth import REST_WINDOW, Truth
 from models.worlds import (
     WORLDS,
     Box,
@@ -22,6 +22,7 @@ from models.worlds import (
 from models.worlds.movers import ASIDE
 from models.worlds.passers_by import PERSON
 from models.worlds.solvability import GROUND_BAND, shortest_path
+from tests.models.watching import watch
 
 STEP_NS = 2_000_000
 SECOND = 1_000_000_000
@@ -60,7 +61,7 @@ class Stage:
             self.data.qpos[:3] += np.multiply(velocity, STEP_NS * 1e-9)
             mujoco.mj_kinematics(self.scene.model, self.data)
             mujoco.mj_collision(self.scene.model, self.data)
-            self.truth.count_contacts(self.data)
+            watch(self.truth, self.data, self.scene.base)
             self.time_ns += STEP_NS
             self.traffic.advance(self.data, self.time_ns, STEP_NS)
 
@@ -141,7 +142,7 @@ def test_a_wall_never_strikes():
     for _ in range(3):
         mujoco.mj_kinematics(scene.model, data)
         mujoco.mj_collision(scene.model, data)
-        truth.count_contacts(data)
+        watch(truth, data, scene.base)
     assert (truth.struck, truth.collisions, truth.touched) == (0, 1, "")
 
 
@@ -158,7 +159,7 @@ def test_the_last_moments_are_told_in_order_and_taken_up_again(steps):
             other.restore(truth.state())
         data.xpos[scene.base] = place
         for one in (truth, other)[: 1 + (n >= steps)]:
-            one.count_contacts(data)
+            watch(one, data, scene.base)
         np.testing.assert_array_equal(truth.state()["places"], walked[: n + 1][-window:])
     np.testing.assert_array_equal(other.state()["places"], truth.state()["places"])
     assert other._speed() == truth._speed() > 0.0
@@ -251,17 +252,3 @@ def test_traffic_crosses_the_way_through_free_space(name):
 def test_bad_movers_are_refused_in_one_line(make, said):
     with pytest.raises(ValueError, match=said):
         make()
-
-
-def test_contacts_are_read_the_same_compiled_or_not():
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        is_robot = rng.uniform(size=6) < 0.5
-        is_obstacle = ~is_robot & (rng.uniform(size=6) < 0.6)
-        pairs = rng.integers(0, 6, (int(rng.integers(0, 4)), 2)).astype(np.int32)
-        naive = -1
-        for a, b in pairs[::-1]:
-            hit = [g for g, other in ((b, a), (a, b)) if is_obstacle[g] and is_robot[other]]
-            naive = hit[0] if hit else naive
-        assert touched(pairs, is_robot, is_obstacle) == naive
-        assert touched.py_func(pairs, is_robot, is_obstacle) == naive

@@ -10,11 +10,10 @@ import pytest
 
 from models.robots.packed import packed
 from models.robots.quadruped import Quadruped, warm_up
-from models.robots.quadruped.gait import advance
 from models.robots.quadruped.parameters import Actuators, Gait, Geometry, Legs, Parameters, Tracking
 from models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
-from models.robots.quadruped.tracking import Tracker
+from models.robots.quadruped.walking import advance, velocity_command
 from models.robots.robot import Setpoint
 
 QUADRUPED = Quadruped()
@@ -247,22 +246,51 @@ def test_a_setpoint_that_is_not_finite_is_refused(model):
         ride.controller.follow(ride.data, broken)
 
 
-def test_velocity_command_turns_into_the_body_frame_and_clips():
-    tracker = Tracker(Tracking(), 0.02)
+class Body:
+    """The velocity command for a body in one place after another, compiled or not."""
+
+    def __init__(self, function):
+        self._function = function
+        self._parameters = packed(Tracking()).view(np.recarray)[0]
+        (self.observation, _), (self.memory, _) = record(OBSERVATION), record(MEMORY)
+
+    def command(self, setpoint, x, y, yaw):
+        self.observation.position[:2] = x, y
+        self.observation.angles[2] = yaw
+        command = np.full(3, math.nan)
+        made = self._function(
+            self._parameters, 0.02, setpoint.row, self.observation, self.memory, command
+        )
+        return command if made else None
+
+
+@pytest.fixture(params=["compiled", "interpreted"])
+def tracking(request):
+    return Body(velocity_command if request.param == "compiled" else velocity_command.py_func)
+
+
+def test_velocity_command_turns_into_the_body_frame_and_clips(tracking):
     north = Setpoint((0.0, 0.0, 0.0), (0.0, 0.7, 0.0), math.pi / 2, 0.1)
-    command = tracker.velocity_command(np.zeros(3), math.pi / 2, north)
+    command = tracking.command(north, 0.0, 0.0, math.pi / 2)
     np.testing.assert_allclose(command, [0.7, 0.0, 0.1], atol=1e-12)
-    command = tracker.velocity_command(np.array([-9.0, 9.0, 0.0]), 0.0, north)
-    np.testing.assert_allclose(command, [1.5, -0.4, 1.2])
+    np.testing.assert_allclose(tracking.command(north, -9.0, 9.0, 0.0), [1.5, -0.4, 1.2])
 
 
-def test_arrival_has_hysteresis():
-    tracker = Tracker(Tracking(), 0.02)
-    goal = Setpoint((0.0, 0.0, 0.0), REST, 0.0, 0.0)
-    moves = []
-    for x in (0.05, 0.03, 0.01, 0.05, 0.07, 0.05):
-        moves.append(tracker.velocity_command(np.array([x, 0.0, 0.0]), 0.0, goal).any())
+def test_arrival_has_hysteresis(tracking):
+    goal = Setpoint((0.0, 0.0, 0.0))
+    moves = [
+        tracking.command(goal, x, 0.0, 0.0).any() for x in (0.05, 0.03, 0.01, 0.05, 0.07, 0.05)
+    ]
     assert moves == [True, True, False, False, True, True]
+
+
+@pytest.mark.parametrize("field", [0, 1, 3, 4, 6, 7])
+def test_no_command_leads_to_what_is_no_number(tracking, field):
+    goal = Setpoint((0.0, 0.0, 0.0))
+    assert not tracking.command(goal, 0.0, 0.0, 0.0).any()
+    goal.row[field] = math.nan
+    assert tracking.command(goal, 0.0, 0.0, 0.0) is None
+    assert tracking.memory.arrived  # as it was
 
 
 @pytest.mark.parametrize(

@@ -8,15 +8,20 @@ import pytest
 
 from models.robots.packed import packed
 from models.robots.quadruped import Quadruped
-from models.robots.quadruped.kinematics import (
+from models.robots.quadruped.parameters import (
+    JOINTS,
+    LEGS,
+    Actuators,
+    Geometry,
+    standing_joints,
+)
+from models.robots.quadruped.state import OBSERVATION, record
+from models.robots.quadruped.walking import (
     foot_jacobian,
     foot_position,
     observe,
     rotation_from_quaternion,
-    standing_joints,
 )
-from models.robots.quadruped.parameters import JOINTS, LEGS, Actuators, Geometry
-from models.robots.quadruped.state import OBSERVATION, record
 from models.robots.quadruped.wiring import wire
 from models.sensors import ROBOT_GROUP
 

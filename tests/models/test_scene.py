@@ -14,6 +14,7 @@ from models.scene import PREFIX, compose, equip, resolve
 from models.sensors import ROBOT_GROUP, SweepCaster
 from models.truth import Truth
 from models.worlds import WORLDS
+from tests.models.watching import watch
 
 
 @pytest.fixture(params=sorted(ROBOTS))
@@ -167,7 +168,7 @@ def test_driving_into_a_wall_is_one_collision(placed):
         setpoint = Setpoint(tuple(position), tuple(velocity), np.pi, 0.0)
         scene.controller.follow(data, setpoint)
         mujoco.mj_step(scene.model, data)
-        truth.count_contacts(data)
+        watch(truth, data, scene.base)
         if truth.collisions:
             break
     assert truth.collisions == 1

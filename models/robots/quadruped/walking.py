@@ -225,19 +225,18 @@ def velocity_command(
     yaw = observation.angles[2]
     dx, dy = asked[0] - observation.position[0], asked[1] - observation.position[1]
     vx, vy, rate = asked[3], asked[4], asked[7]
+    if not isfinite(asked[0] + asked[1] + vx + vy + asked[6] + rate):
+        return False
     turn = asked[6] - yaw
     turn = atan2(sin(turn), cos(turn))
     moving = max(hypot(vx, vy), abs(rate)) > resting_speed
-    arrived = not moving and _is_there(tracking, memory.arrived, hypot(dx, dy), abs(turn))
+    memory.arrived = not moving and _is_there(tracking, memory.arrived, hypot(dx, dy), abs(turn))
+    if memory.arrived:
+        command[:] = 0.0
+        return True
     vx += tracking.position_gain * dx
     vy += tracking.position_gain * dy
     rate += tracking.heading_gain * turn
-    if not (arrived or isfinite(vx + vy + rate)):
-        return False
-    memory.arrived = arrived
-    if arrived:
-        command[:] = 0.0
-        return True
     c, s = cos(yaw), sin(yaw)
     command[0] = min(max(c * vx + s * vy, tracking.forward_low), tracking.forward_high)
     command[1] = min(max(c * vy - s * vx, -tracking.lateral), tracking.lateral)
