@@ -138,13 +138,18 @@ def update_bricks(
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8) the same memory
     fresh: NDArray[np.uint64],  # (slots, COLUMNS)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
-    changes: NDArray[np.uint8],  # (k,) out
-    updated: NDArray[np.int64],  # (k,) out: cells
-) -> None:
-    """Update each marked cell once; a hit comes before a crossing."""
+    now: tuple[int, int, int],  # time, ns, stamp of a change, and tick of the next look at a brick
+    observed_ns: NDArray[np.int64],  # (slots,)
+    stamps: NDArray[np.int64],  # (slots,)
+    dues: NDArray[np.int64],  # (slots,)
+    dirty: NDArray[np.bool_],  # (slots,)
+) -> int:
+    """Update each marked cell once; a hit comes before a crossing. Returns their number."""
+    time_ns, stamp, due = now
+    updated = int(np.int64(0))
     for i in range(part[0], part[1]):
         slot = slots[i]
-        flags, seen = 0, 0
+        flags = 0
         for column in range(COLUMNS):
             x, y = column >> EDGE_BITS, column & (EDGE - 1)
             at = np.uint64(places[i] + x * strides[0] + y * strides[1])
@@ -154,7 +159,7 @@ def update_bricks(
             free[at] = 0
             if hit | crossed == 0 or slot < 0:
                 continue
-            seen += count_bits(hit | crossed)
+            updated += count_bits(hit | crossed)
             fresh[slot, column] |= hit | crossed
             if hit != 0 or crossed & ~settled[slot, column] != 0:
                 settled[slot, column], changed = update_column(
@@ -166,8 +171,15 @@ def update_bricks(
                     steps,
                 )
                 flags |= changed
-        changes[i] = flags
-        updated[i] = seen
+        if slot < 0:
+            continue
+        observed_ns[slot] = max(observed_ns[slot], time_ns)
+        dues[slot] = due
+        if flags & CONTENT_CHANGED != 0:
+            dirty[slot] = True
+        if flags & STATES_CHANGED != 0:
+            stamps[slot] = stamp
+    return updated
 
 
 @kernel

@@ -104,6 +104,8 @@ class Bricks:
         """
         slots = self.find(keys)
         missing = np.flatnonzero(slots < 0)
+        if len(missing) == 0:
+            return slots
         room = self.capacity - self._used + len(self._spare)
         if len(missing) > room:
             self._drop_oldest(len(missing) - room, slots[slots >= 0], stamp)

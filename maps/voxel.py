@@ -79,6 +79,7 @@ class VoxelMap(VoxelQueries):
         self._losses = tick_losses(config)
         self._tick_ns = round(config.decay_period * 1e9)
         self._ticks = 0
+        self._looked = -1  # tick at which all bricks were last looked at
         self._stamp = 1
 
     def integrate(
@@ -224,6 +225,9 @@ class VoxelMap(VoxelQueries):
         if self.config.half_life == 0.0:
             return
         self._ticks = max(self._ticks, time_ns // self._tick_ns)
+        if self._ticks == self._looked:
+            return
+        self._looked = self._ticks
         live = self._bricks.live()
         due = live[self._bricks.dues[live] <= self._ticks]
         if len(due):
@@ -300,12 +304,12 @@ class VoxelMap(VoxelQueries):
         bricks, count = self._bricks, len(marks.bricks)
         self._stamp += 1
         slots = bricks.reserve(marks.bricks, self._ticks, self._stamp)
-        known = slots[slots >= 0]
-        self._fade(known, to_now=True)
-        changes, updated = np.zeros(count, np.uint8), np.zeros(count, np.int64)
+        self._fade(slots[slots >= 0], to_now=True)
+        due = self._ticks + 1 if self.config.half_life > 0.0 else decay.NEVER
+        updated: list[int] = []
 
         def update(_: int, part: tuple[int, int]) -> None:
-            updates.update_bricks(
+            cells = updates.update_bricks(
                 slots,
                 marks.places,
                 part,
@@ -317,23 +321,23 @@ class VoxelMap(VoxelQueries):
                 bricks.eights,
                 bricks.fresh,
                 bricks.settled,
-                changes,
-                updated,
+                (time_ns, self._stamp, due),
+                bricks.observed_ns,
+                bricks.stamps,
+                bricks.dues,
+                bricks.dirty,
             )
+            updated.append(cells)
 
         self._team.share(update, count, 2, UPDATE_US)
-        bricks.observed_ns[known] = np.maximum(bricks.observed_ns[known], time_ns)
-        bricks.dirty[slots[(changes & updates.CONTENT_CHANGED > 0) & (slots >= 0)]] = True
-        turned = (changes & updates.STATES_CHANGED > 0) & (slots >= 0)
-        bricks.stamps[slots[turned]] = self._stamp
-        if self.config.half_life > 0.0:
-            bricks.dues[known] = self._ticks + 1
-        return int(updated[slots >= 0].sum())
+        return sum(updated)
 
     def _fade(self, slots: NDArray[np.int64], to_now: bool) -> None:
         """Bring bricks up to date with the ticks, and give up those that are all unknown."""
         bricks = self._bricks
         behind = slots[bricks.ticks[slots] < self._ticks]
+        if len(behind) == 0:
+            return
         turned, alive = (np.zeros(len(behind), np.bool_) for _ in range(2))
 
         def fade(_: int, part: tuple[int, int]) -> None:
