@@ -71,6 +71,23 @@ ONE, TWO = np.uint64(1), np.uint64(2)
 
 
 @kernel
+def locate_sensors(
+    origins: NDArray[np.float64],  # (m, 3) m
+    largest: float,  # coordinate, m
+    scale: float,  # sub-cells a metre
+    sensors: NDArray[np.int64],  # (m, 3) out: sub-cells that they lie in
+) -> int:
+    """Returns the index of the first origin that is not finite or too far away, -1 if none is."""
+    for k in range(origins.shape[0]):
+        for axis in range(3):
+            if not abs(origins[k, axis]) <= largest:
+                return k
+            shift = float(FLOOR_SUBCELLS) if axis == 2 else 0.0
+            sensors[k, axis] = int(np.floor(origins[k, axis] * scale + shift))
+    return -1
+
+
+@kernel
 def locate(
     origin: tuple[float, float, float],  # m
     directions: NDArray[np.float64],  # (3 n,) unit vectors
@@ -175,8 +192,8 @@ def place_ends(
     resolution: float,
     beams: tuple[int, int],  # first and one past the last to look at
     ends: NDArray[np.int64],  # (stripes * k,) out: of k beams or fewer
-    listed: NDArray[np.int64],  # (stripes,) in, out: where the next end of each goes
-    box: NDArray[np.int64],  # (2, 3) least and greatest cell, widened to hold the ends
+    listed: NDArray[np.int64],  # (stripes,) out: one past the last end of each, k apart
+    box: NDArray[np.int64],  # (2, 3) out: least and greatest cell of origins and ends
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
     cells: NDArray[np.int64],  # (4, CHUNK) scratch
     packed: NDArray[np.int64],  # (CHUNK,) scratch
@@ -187,6 +204,13 @@ def place_ends(
         Whether all directions are of unit length.
     """
     scale = SUBCELLS / resolution
+    for stripe in range(listed.shape[0]):
+        listed[stripe] = stripe * (beams[1] - beams[0])
+    for axis in range(3):
+        box[0, axis] = box[1, axis] = sensors[0, axis] >> SUBCELL_BITS
+        for k in range(1, sensors.shape[0]):
+            cell = sensors[k, axis] >> SUBCELL_BITS
+            box[0, axis], box[1, axis] = min(box[0, axis], cell), max(box[1, axis], cell)
     for k in range(origins.shape[0]):
         origin = (origins[k, 0], origins[k, 1], origins[k, 2])
         x, y, z = sensors[k, 0], sensors[k, 1], sensors[k, 2]

@@ -51,6 +51,27 @@ def gather(
 
 
 @kernel
+def list_touched(
+    touched: NDArray[np.bool_],  # (bx, by, words)
+    first: tuple[int, int, int],  # index of the first of these bricks
+    keys: NDArray[np.int32],  # (n, 3) out: indices of those that hold any
+    places: NDArray[np.int64],  # (n,) out: first word of each in the window
+) -> int:
+    """List the bricks that hold any marks, and return their number."""
+    count = int(np.int64(0))
+    across, words = touched.shape[1] * EDGE, touched.shape[2]
+    for x in range(touched.shape[0]):
+        for y in range(touched.shape[1]):
+            for word in range(words):
+                if touched[x, y, word]:
+                    keys[count, 0], keys[count, 1] = first[0] + x, first[1] + y
+                    keys[count, 2] = first[2] + word
+                    places[count] = (x * EDGE * across + y * EDGE) * words + word
+                    count += 1
+    return count
+
+
+@kernel
 def count_bits(bits: np.uint64) -> int:
     """Number of set bits of a word."""
     bits = bits - ((bits >> ONE) & B55)

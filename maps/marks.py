@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +25,8 @@ BEAM_US, END_US, TARGET_US, WORD_US = 0.01, 0.008, 0.3, 0.001
 
 NO_GUARD = -1
 
-BELOW_FLOOR = np.array([0, 0, bricks.BELOW_FLOOR])
-BRICK_BITS = np.array([bricks.EDGE_BITS, bricks.EDGE_BITS, 6])  # of a cell's place in its brick
+BELOW = 0, 0, bricks.BELOW_FLOOR
+BITS = bricks.EDGE_BITS, bricks.EDGE_BITS, 6  # of a cell's place in its brick
 
 SPREAD = np.argsort(
     [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64]
@@ -59,25 +62,41 @@ class Marks:
         return bits
 
 
+Cell = tuple[int, int, int]
+"""Of few numbers plain ones: an array of them takes ten times as long."""
+
+
+class Frame(NamedTuple):
+    """The whole bricks around a box of cells.
+
+    Attributes:
+        first: Index of the first brick.
+        corner: Least cell.
+        shape: (nx, ny, words).
+    """
+
+    first: Cell
+    corner: Cell
+    shape: Cell
+
+
 @dataclass(frozen=True)
 class Placed:
     """Where the beams of a sweep end.
 
     Attributes:
         ends: Of those that tell anything, as the kernels pack them; used again for each sweep.
-        parts: (stripes, p, 2) first and one past the last of those that are listed.
-        counts: (4,) beams by fate.
-        box: (2, 3) least and greatest cell of all beams within the bounds.
-        corner: (3,) least cell of the whole bricks around that box.
-        shape: Their (nx, ny, words).
+        parts: [stripe][part] first and one past the last of those that are listed.
+        counts: Beams by fate.
+        box: Least and greatest cell of all beams within the bounds.
+        frame: The bricks around that box.
     """
 
     ends: NDArray[np.int64]
-    parts: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    box: NDArray[np.int64]
-    corner: NDArray[np.int64]
-    shape: tuple[int, int, int]
+    parts: list[list[tuple[int, int]]]
+    counts: list[int]
+    box: tuple[Cell, Cell]
+    frame: Frame
 
 
 class SweepWindow:
@@ -124,9 +143,7 @@ class SweepWindow:
         ends = self._ends[: size * stripes * each].reshape(size, stripes * each)
         groups, sensors, directions = sweep.groups, sweep.sensors, sweep.directions.reshape(-1)
         boxes, counts = np.empty((size, 2, 3), np.int64), np.zeros((size, 4), np.int64)
-        cells = sensors >> beams.SUBCELL_BITS
-        boxes[:, 0], boxes[:, 1] = cells.min(axis=0), cells.max(axis=0)
-        listed, whole = np.tile(each * np.arange(stripes), (size, 1)), [True] * size
+        listed, whole = np.empty((size, stripes), np.int64), [True] * size
 
         def place(_: int, some: tuple[int, int]) -> None:
             for k in range(*some):
@@ -154,16 +171,22 @@ class SweepWindow:
             raise ValueError(
                 f"directions: got {sweep.directions[strange][0]}, expected unit length"
             )
-        box = self._clip(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
-        corner, shape = _window(box)
-        if math.prod(shape) > MAX_WINDOW_WORDS:
+        lows, highs = zip(*boxes.tolist(), strict=True)
+        # The first one twice: there may be no other.
+        box = self._clip(map(min, *lows, lows[0])), self._clip(map(max, *highs, highs[0]))
+        frame = _frame(*box)
+        if math.prod(frame.shape) > MAX_WINDOW_WORDS:
             raise ValueError(
-                f"beams: got {64 * math.prod(shape)} cells around them, "
+                f"beams: got {64 * math.prod(frame.shape)} cells around them, "
                 f"expected at most {64 * MAX_WINDOW_WORDS}: a shorter range or coarser cells"
             )
-        first = each * np.arange(size * stripes).reshape(size, stripes).T
-        parts = np.stack([first, first[0] + listed.T], axis=2)  # listed: from each thread's first
-        return Placed(self._ends, parts, counts.sum(axis=0), box, corner, shape)
+        parts: list[list[tuple[int, int]]] = [[] for _ in range(stripes)]
+        for member, until in enumerate(listed.tolist()):
+            begin = each * stripes * member  # of the thread's ends; `until` counts from there
+            for stripe, end in enumerate(until):
+                parts[stripe].append((begin + each * stripe, begin + end))
+        fates = [sum(fate) for fate in zip(*counts.tolist(), strict=True)]
+        return Placed(self._ends, parts, fates, box, frame)
 
     def carve(self, sweep: Sweep, placed: Placed, guard: bool) -> Marks:
         """Mark the cells that the beams hit and cross.
@@ -173,16 +196,18 @@ class SweepWindow:
             placed: Where they end.
             guard: Whether a beam that ends in the floor's layer spares that layer.
         """
-        corner, shape = placed.corner, placed.shape
+        (x, y, z), shape = placed.frame.corner, placed.frame.shape
         nx, ny, words = shape
         self._reserve(nx * ny, words)
-        layer = FLOOR_LAYER - int(corner[2])
+        layer = FLOOR_LAYER - z
         guarded = layer if guard and 0 <= layer < 64 * words else NO_GUARD
-        sensors = 2 * (sweep.sensors - (corner << beams.SUBCELL_BITS)) + 1
-        x0, y0, z0, x1, y1, z1 = (placed.box - corner).ravel().tolist()
-        within = x0, y0, z0, x1, y1, z1
-        most = (placed.parts[:, :, 1] - placed.parts[:, :, 0]).sum(axis=1)
-        edges = [0, *np.cumsum(most).tolist()]  # of the targets of each stripe
+        corner = [(2 * cell << beams.SUBCELL_BITS) - 1 for cell in (x, y, z)]
+        sensors = 2 * sweep.sensors - np.array(corner)
+        (x0, y0, z0), (x1, y1, z1) = placed.box
+        within = x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z
+        most = [sum(end - begin for begin, end in parts) for parts in placed.parts]
+        edges = [0, *itertools.accumulate(most)]  # of the targets of each stripe
+        parts = np.array(placed.parts)  # (stripes, p, 2)
         if len(self._bits) < edges[-1]:  # new memory would be cleared anew by the system
             self._targets = np.empty((edges[-1], 5), np.int32)
             self._bits = np.empty(edges[-1], np.uint64)
@@ -195,7 +220,7 @@ class SweepWindow:
                 own = slice(edges[k], edges[k + 1])
                 beams.list_targets(
                     placed.ends,
-                    placed.parts[k],
+                    parts[k],
                     sensors,
                     within,
                     guarded,
@@ -237,25 +262,30 @@ class SweepWindow:
             )
 
         self._team.share(carve, used, item_us=TARGET_US * count / max(used, 1))
-        return self._collect(corner, shape)
+        return self._collect(placed.frame)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:
         """Mark cells of an array (nx, ny, nz), whose least one is `first`, as hit or as free."""
         first, cells = self._within(first, cells)
-        corner, shape = _window(np.stack([first, first + np.maximum(cells.shape, 1) - 1]))
-        nx, ny, words = shape
+        last = first + np.maximum(cells.shape, 1) - 1
+        frame = _frame(_cell(first.tolist()), _cell(last.tolist()))
+        nx, ny, words = frame.shape
         self._reserve(nx * ny, words)
         dense = np.zeros((nx, ny, 64 * words), np.bool_)
         inside = tuple(
-            slice(int(a), int(a) + n) for a, n in zip(first - corner, cells.shape, strict=True)
+            slice(int(a), int(a) + n)
+            for a, n in zip(first - frame.corner, cells.shape, strict=True)
         )
         dense[inside] = cells
         masks = self._hits if raised else self._free[0]
         masks[: nx * ny * words] = pack_bits(dense).reshape(-1)
-        return self._collect(corner, shape)
+        return self._collect(frame)
 
-    def _clip(self, box: NDArray[np.int64]) -> NDArray[np.int64]:
-        return box if self._bounds is None else np.clip(box, self._bounds[0], self._bounds[1])
+    def _clip(self, cell: Iterable[int]) -> Cell:
+        if self._bounds is None:
+            return _cell(cell)
+        low, high = self._bounds.tolist()
+        return _cell(min(max(c, a), b) for c, a, b in zip(cell, low, high, strict=True))
 
     def _within(
         self, first: NDArray[np.int64], cells: NDArray[np.bool_]
@@ -274,25 +304,23 @@ class SweepWindow:
         if len(self._flags) < columns:
             self._flags = np.zeros(columns, np.uint8)
 
-    def _collect(self, corner: NDArray[np.int64], shape: tuple[int, int, int]) -> Marks:
+    def _collect(self, frame: Frame) -> Marks:
         """Merge what the threads marked, and list the bricks that hold any."""
-        nx, ny, words = shape
+        nx, ny, words = shape = frame.shape
         touched = np.zeros((nx // bricks.EDGE, ny // bricks.EDGE, words), np.bool_)
 
         def gather(_: int, rows: tuple[int, int]) -> None:
             update.gather(self._hits, self._free, shape, rows, touched)
 
         self._team.share(gather, len(touched), 1, WORD_US * words * ny * bricks.EDGE)
-        blocks = np.argwhere(touched)  # (k, 3)
-        rows = blocks * np.array([bricks.EDGE, bricks.EDGE, 1])
-        places = ((rows[:, 0] * ny + rows[:, 1]) * words + rows[:, 2]).astype(np.int64)
-        keys = (blocks + brick_of(corner)).astype(np.int32, order="C")
-        return Marks(keys, places, (ny * words, words), self._hits, self._free[0])
+        keys, places = np.empty((touched.size, 3), np.int32), np.empty(touched.size, np.int64)
+        count = update.list_touched(touched, frame.first, keys, places)
+        return Marks(keys[:count], places[:count], (ny * words, words), self._hits, self._free[0])
 
 
 def brick_of(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Indices of the bricks that cells (..., 3) lie in."""
-    found: NDArray[np.int64] = (cells + BELOW_FLOOR) >> BRICK_BITS
+    found: NDArray[np.int64] = (cells + np.array(BELOW)) >> np.array(BITS)
     return found
 
 
@@ -314,8 +342,19 @@ def unpack_bits(words: NDArray[np.uint64]) -> NDArray[np.bool_]:
     return bits.view(np.bool_)
 
 
-def _window(box: NDArray[np.int64]) -> tuple[NDArray[np.int64], tuple[int, int, int]]:
-    """Least cell (3,) and size (nx, ny, words) of the whole bricks around a box of cells."""
-    first, last = brick_of(box)
-    nx, ny, words = (int(n) for n in last - first + 1)
-    return brick_cells(first), (nx * bricks.EDGE, ny * bricks.EDGE, words)
+def _frame(low: Cell, high: Cell) -> Frame:
+    """The whole bricks around a box of cells."""
+    x0, y0, z0 = _brick(low)
+    x1, y1, z1 = _brick(high)
+    corner = x0 * bricks.EDGE, y0 * bricks.EDGE, z0 * bricks.HEIGHT - bricks.BELOW_FLOOR
+    shape = (x1 - x0 + 1) * bricks.EDGE, (y1 - y0 + 1) * bricks.EDGE, z1 - z0 + 1
+    return Frame((x0, y0, z0), corner, shape)
+
+
+def _brick(cell: Cell) -> Cell:
+    return _cell(at + below >> bits for at, below, bits in zip(cell, BELOW, BITS, strict=True))
+
+
+def _cell(coordinates: Iterable[int]) -> Cell:
+    x, y, z = coordinates
+    return x, y, z

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,6 +37,7 @@ class Sweep:
 
     Attributes:
         origins: (m, 3) where beams start, m, world.
+        sensors: (m, 3) sub-cells that beams start in.
         moments: (n,) origin of each beam, ascending; (0,) if all start at the first.
         directions: (n, 3) unit vectors, world.
         ranges_mm: (n,) measured ranges, mm.
@@ -46,18 +46,12 @@ class Sweep:
     """
 
     origins: NDArray[np.float64]
+    sensors: NDArray[np.int64]
     moments: NDArray[np.int32]
     directions: NDArray[np.float64]
     ranges_mm: NDArray[np.uint16]
     limits_mm: tuple[int, int]
     resolution: float
-
-    @cached_property
-    def sensors(self) -> NDArray[np.int64]:
-        """(m, 3) sub-cells that beams start in."""
-        scaled = self.origins * (beams.SUBCELLS / self.resolution)
-        shifted: NDArray[np.float64] = scaled + np.array([0.0, 0.0, beams.FLOOR_SUBCELLS])
-        return np.floor(shifted).astype(np.int64)
 
     @property
     def sources(self) -> NDArray[np.int32]:
@@ -105,10 +99,11 @@ def prepare_sweep(
         raise ValueError(f"origins: got shape {np.shape(origins)}, expected (3,) or (m, 3)")
     if len(starts) > beams.MAX_ORIGINS:
         raise ValueError(f"origins: got {len(starts)}, expected at most {beams.MAX_ORIGINS}")
-    strange = ~np.all(np.abs(starts) <= MAX_COORDINATE, axis=1)
-    if strange.any():
+    sensors = np.empty(starts.shape, np.int64)
+    strange = beams.locate_sensors(starts, MAX_COORDINATE, beams.SUBCELLS / resolution, sensors)
+    if strange >= 0:
         raise ValueError(
-            f"origins: got {starts[strange][0].tolist()}, expected finite coordinates within 1e6 m"
+            f"origins: got {starts[strange].tolist()}, expected finite coordinates within 1e6 m"
         )
     if ranges_mm.dtype != np.uint16 or directions.shape != (*ranges_mm.shape, 3):
         raise ValueError(
@@ -135,6 +130,7 @@ def prepare_sweep(
             order = np.argsort(moments, kind="stable")
     return Sweep(
         starts,
+        sensors,
         _plain(moments[order] if len(moments) else moments, np.int32),
         _plain(directions[order], np.float64),
         _plain(ranges_mm[order], np.uint16),

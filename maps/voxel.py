@@ -126,7 +126,7 @@ class VoxelMap(VoxelQueries):
         self.advance(time_ns)
         marks = self._window.carve(sweep, placed, config.surface_guard == "floor")
         updated = self._apply(marks, time_ns)
-        hits, clears, dropped, too_near = placed.counts.tolist()
+        hits, clears, dropped, too_near = placed.counts
         return SweepStatistics(hits, clears, dropped, too_near, updated)
 
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
