@@ -166,6 +166,53 @@ def write_block(
 
 
 @kernel
+def list_blocks(
+    boxes: NDArray[np.int64],  # (k, 6) first cell and one past the last: x, y, z, x, y, z
+    low: tuple[int, int, int],  # cell of a window
+    size: tuple[int, int],  # its columns along x and y
+    touched: NDArray[np.bool_],  # (bx, by) false before: of the blocks that the window meets
+    blocks: NDArray[np.int64],  # (bx * by, 2) out: indices along x and y of those that boxes meet
+) -> int:
+    """List the blocks, 16 x 16 columns, where boxes meet a window, and return their number."""
+    corner_x, corner_y = low[0] >> EDGE_BITS, low[1] >> EDGE_BITS
+    for k in range(boxes.shape[0]):
+        x0 = min(max(boxes[k, 0], low[0]), low[0] + size[0])
+        x1 = min(max(boxes[k, 3], low[0]), low[0] + size[0])
+        y0 = min(max(boxes[k, 1], low[1]), low[1] + size[1])
+        y1 = min(max(boxes[k, 4], low[1]), low[1] + size[1])
+        for x in range((x0 >> EDGE_BITS) - corner_x, ((x1 - 1) >> EDGE_BITS) + 1 - corner_x):
+            for y in range((y0 >> EDGE_BITS) - corner_y, ((y1 - 1) >> EDGE_BITS) + 1 - corner_y):
+                touched[x, y] = True
+    count = int(np.int64(0))
+    for x in range(touched.shape[0]):
+        for y in range(touched.shape[1]):
+            if touched[x, y]:
+                blocks[count, 0], blocks[count, 1] = corner_x + x, corner_y + y
+                count += 1
+    return count
+
+
+@kernel
+def list_changed(
+    held: NDArray[np.bool_],  # (slots,)
+    stamps: NDArray[np.int64],  # (slots,)
+    keys: NDArray[np.int32],  # (slots, 3)
+    since: int,
+    boxes: NDArray[np.int64],  # (n, 6) out: their cells, for the first n slots at most
+) -> int:
+    """List the bricks that changed after a stamp, and return their number."""
+    count = int(np.int64(0))
+    for slot in range(boxes.shape[0]):
+        if held[slot] and stamps[slot] > since:
+            x, y = int(keys[slot, 0]) * EDGE, int(keys[slot, 1]) * EDGE
+            z = int(keys[slot, 2]) * HEIGHT - BELOW_FLOOR
+            boxes[count, 0], boxes[count, 1], boxes[count, 2] = x, y, z
+            boxes[count, 3], boxes[count, 4], boxes[count, 5] = x + EDGE, y + EDGE, z + HEIGHT
+            count += 1
+    return count
+
+
+@kernel
 def rewrite_columns(
     heads: NDArray[np.int32],
     links: NDArray[np.int32],

@@ -14,6 +14,35 @@ WORD_BITS = 64
 
 
 @kernel
+def touch(
+    boxes: NDArray[np.int64],  # (k, 6) first cell and one past the last: x, y, z, x, y, z
+    first: tuple[int, int, int],  # cell of a window
+    shape: tuple[int, int, int],  # (nx, ny, nz) cells
+    touching: NDArray[np.int64],  # (k, 6) out: those that hold any of its cells
+    columns: NDArray[np.int64],  # (2, 2) out: from and to along x and y, of all of these in it
+) -> int:
+    """Find the boxes that hold any cell of a window, and return their number."""
+    count = int(np.int64(0))
+    columns[0, 0], columns[1, 0] = shape[0], shape[1]
+    columns[0, 1] = columns[1, 1] = 0
+    for k in range(boxes.shape[0]):
+        inside = True
+        for axis in range(3):
+            low = max(boxes[k, axis], first[axis])
+            inside &= low < min(boxes[k, 3 + axis], first[axis] + shape[axis])
+        if not inside:
+            continue
+        for i in range(6):
+            touching[count, i] = boxes[k, i]
+        count += 1
+        for axis in range(2):
+            low, end = boxes[k, axis] - first[axis], boxes[k, 3 + axis] - first[axis]
+            columns[axis, 0] = min(columns[axis, 0], max(low, 0))
+            columns[axis, 1] = max(columns[axis, 1], min(end, shape[axis]))
+    return count
+
+
+@kernel
 def project_columns(
     occupied: NDArray[np.uint64],  # (nx, ny, words) along z
     free: NDArray[np.uint64],  # (nx, ny, words)

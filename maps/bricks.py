@@ -147,12 +147,14 @@ class Bricks:
         """Boxes of cells (k, 6) of the bricks whose states changed after a stamp."""
         if 0 < since < self._forgotten:
             return EVERYWHERE.copy()
-        live = self.live()
-        now = self.keys[live[self.stamps[live] > since]]
+        boxes = np.empty((self._used, 6), np.int64)
+        count = kernels.list_changed(self.held, self.stamps, self.keys, since, boxes)
         gone = [key for key, stamp in self._gone.items() if since and stamp > since]
-        keys = np.concatenate([now, np.array(gone, np.int32).reshape(-1, 3)])
-        low, high = brick_cells(keys), brick_cells(keys + np.int32(1))
-        return np.hstack([low, high])
+        if not gone:
+            return boxes[:count]
+        keys = np.array(gone, np.int32)
+        of_gone = np.hstack([brick_cells(keys), brick_cells(keys + np.int32(1))])
+        return np.concatenate([boxes[:count], of_gone])
 
     def digest(self, team: Team) -> int:
         """Sum over the bricks of their 128-bit digests, modulo 2^128; only dirty ones are hashed.

@@ -8,11 +8,15 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from maps import _column_kernels as kernels
 from maps.grid import FLOOR_HEIGHT_IN_CELL, ROUNDING, cell_box, finite_vector
 from maps.states import FREE, OCCUPIED
 
 WORD_BITS = 64  # cells in a word
 MAX_CELLS = 200_000_000
+
+Columns = tuple[slice, slice]
+"""A box of columns, along their first two axes."""
 
 
 class ColumnMap(Protocol):
@@ -50,8 +54,9 @@ class ColumnMap(Protocol):
         """
         nx, ny, words = occupied.shape
         window = Window(self.resolution, low_cell, (nx, ny, WORD_BITS * words))
-        if (box := window.columns_within(boxes)) is not None:
-            x, y = box
+        _, within = window.touched_by(boxes)
+        if within is not None:
+            x, y = within
             low = low_cell[0] + x.start, low_cell[1] + y.start, low_cell[2]
             shape = x.stop - x.start, y.stop - y.start, words
             occupied[x, y], free[x, y] = self.columns(low, shape)
@@ -117,32 +122,19 @@ class Window:
         x, y, z = self.first
         return Window(self.resolution, (x, y, z + first), (*self.shape[:2], end - first))
 
-    def touched_by(self, boxes: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Those of some boxes of the map's cells that hold any of the window's.
-
-        Args:
-            boxes: (k, 6) first cell and one past the last: x, y, z, x, y, z.
-        """
-        low = np.maximum(boxes[:, :3], self.first)
-        high = np.minimum(boxes[:, 3:], np.add(self.first, self.shape))
-        return boxes[np.all(low < high, axis=1)]
-
-    def columns_within(self, boxes: NDArray[np.int64]) -> tuple[slice, slice] | None:
-        """The columns of the window, along x and y, that boxes of the map's cells touch.
+    def touched_by(self, boxes: NDArray[np.int64]) -> tuple[NDArray[np.int64], Columns | None]:
+        """Those of some boxes of the map's cells that hold any of the window's, and where.
 
         Args:
             boxes: (k, 6) first cell and one past the last: x, y, z, x, y, z.
 
         Returns:
-            The least rectangle that holds them all; None if no box touches the window.
+            These boxes, and the least rectangle of columns that holds them all, None without any.
         """
-        touching = self.touched_by(boxes)
-        if len(touching) == 0:
-            return None
-        low = np.maximum(touching[:, :2] - self.first[:2], 0)
-        high = np.minimum(touching[:, 3:5] - self.first[:2], self.shape[:2])
-        (x0, y0), (x1, y1) = low.min(axis=0), high.max(axis=0)
-        return slice(int(x0), int(x1)), slice(int(y0), int(y1))
+        touching, columns = np.empty(boxes.shape, np.int64), np.empty((2, 2), np.int64)
+        count = kernels.touch(boxes, self.first, self.shape, touching, columns)
+        (x0, x1), (y0, y1) = columns.tolist()
+        return touching[:count], (slice(x0, x1), slice(y0, y1)) if count else None
 
 
 def layer_bits(first: int, end: int, layers: int) -> NDArray[np.uint64]:

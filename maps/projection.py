@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 from maps import _column_kernels as kernels
 from maps import _label_kernels as labels
 from maps.class_margins import ClassMargins
-from maps.columns import WORD_BITS, ColumnMap, Window, layer_bits
+from maps.columns import WORD_BITS, ColumnMap, Columns, Window, layer_bits
 
 ROUNDING = 1e-6  # of a cell
-
-Columns = tuple[slice, slice]
-"""A box of columns of words, along their first two axes."""
 
 
 class Projection:
@@ -52,8 +49,7 @@ class Projection:
         """
         boxes, self._stamp = voxel_map.changed(self._stamp)
         # The words of its columns may hold layers that the window does not.
-        boxes = self._window.touched_by(boxes)
-        box = self._window.columns_within(boxes)
+        boxes, box = self._window.touched_by(boxes)
         if box is None:
             return None
         voxel_map.rewrite_columns(self._window.first, boxes, self._held[0], self._held[1])

@@ -107,18 +107,14 @@ class VoxelQueries:
             occupied: (nx, ny, words) what `columns` told before; brought up to date.
             free: (nx, ny, words) likewise.
         """
-        low = np.array(low_cell[:2])
-        high = low + occupied.shape[:2]
-        corner = low >> kernels.EDGE_BITS
-        first = (np.clip(boxes[:, :2], low, high) >> kernels.EDGE_BITS) - corner
-        end = ((np.clip(boxes[:, 3:5], low, high) - 1) >> kernels.EDGE_BITS) + 1 - corner
-        touched = np.zeros(((high - 1) >> kernels.EDGE_BITS) + 1 - corner, np.bool_)
-        extent = end - first
-        touched[tuple(first[np.all(extent == 1, axis=1)].T)] = True
-        wide = np.any(extent > 1, axis=1)
-        for (x0, y0), (x1, y1) in zip(first[wide], end[wide], strict=True):
-            touched[x0:x1, y0:y1] = True
-        blocks, bricks = np.ascontiguousarray(np.argwhere(touched) + corner), self._bricks
+        (x, y, _), (nx, ny, _) = low_cell, occupied.shape
+        size = [
+            ((at + n - 1) >> kernels.EDGE_BITS) - (at >> kernels.EDGE_BITS) + 1
+            for at, n in ((x, nx), (y, ny))
+        ]
+        touched, blocks = np.zeros(size, np.bool_), np.empty((math.prod(size), 2), np.int64)
+        count = kernels.list_blocks(boxes, low_cell, (nx, ny), touched, blocks)
+        bricks = self._bricks
 
         def write(_: int, part: tuple[int, int]) -> None:
             kernels.rewrite_columns(
@@ -132,7 +128,7 @@ class VoxelQueries:
                 free,
             )
 
-        self._team.share(write, len(blocks), 3, BLOCK_US)
+        self._team.share(write, count, 3, BLOCK_US)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call.

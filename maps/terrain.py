@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from maps import _label_kernels as labels
 from maps import _terrain_kernels as kernels
-from maps.columns import Window
-from maps.projection import ROUNDING, Columns, Ground, Projection, walking_layers
+from maps.columns import Columns, Window
+from maps.projection import ROUNDING, Ground, Projection, walking_layers
 
 BASELINE = 8  # cells: over less, a slope drowns in the height of a cell
 SLOPE_STEPS = 1 << 20  # tangents are whole multiples of one over this

@@ -76,7 +76,7 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
             sweep.origin, sweep.directions, sweep.ranges_mm, RANGE, number * SWEEP_NS
         )
         boxes, stamp = voxel_map.changed(stamp)
-        changed = window.columns_within(boxes)
+        _, changed = window.touched_by(boxes)
         occupied, free = voxel_map.columns(window.first, (*window.shape[:2], 1))
         if changed is None:
             continue
