@@ -186,20 +186,37 @@ def speed_limits(path: Floats, lateral_acceleration: float, yaw_rate: float) -> 
         lateral_acceleration: v^2 * curvature stays below it [m/s^2].
         yaw_rate: v * change of heading per length stays below it [rad/s].
     """
-    limits = np.full(len(path), np.inf)
-    if len(path) < 3:
-        return limits
-    lengths, tangents = edge_lengths(path), edge_tangents(path)
-    around = 0.5 * (lengths[:-1] + lengths[1:])  # (n - 2,)
-    # The first and last edge may be what a cut left over: their bend belongs to a longer one.
-    around[0] = max(around[0], lengths[1])
-    around[-1] = max(around[-1], lengths[-2])
-    bend = edge_lengths(tangents)  # (n - 2,) change of the tangent
-    turn = np.abs(np.diff(edge_headings(tangents, 0.0)))  # (n - 2,) [rad]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        by_acceleration = np.sqrt(lateral_acceleration * around / bend)
-        by_yaw_rate = yaw_rate * around / turn
-    limits[1:-1] = np.fmin(np.fmin(by_acceleration, by_yaw_rate), np.inf)
+    tangents = edge_tangents(path)
+    headings = edge_headings(tangents, 0.0)
+    limits: Floats = _limit_speeds(
+        edge_lengths(path), tangents, headings, lateral_acceleration, yaw_rate
+    )
+    return limits
+
+
+@kernel
+def _limit_speeds(
+    lengths: Floats,  # (n - 1,)
+    tangents: Floats,  # (n - 1, 3)
+    headings: Floats,  # (n - 1,)
+    lateral_acceleration: float,
+    yaw_rate: float,
+) -> Floats:
+    last = len(lengths) - 1
+    limits = np.full(len(lengths) + 1, np.inf)
+    bends = _edge_lengths(tangents)  # (n - 2,) change of the tangent
+    for k in range(last):
+        around = 0.5 * (lengths[k] + lengths[k + 1])
+        # The first and last edge may be what a cut left over: their bend belongs to a longer one.
+        if k == 0:
+            around = max(around, lengths[1])
+        if k == last - 1:
+            around = max(around, lengths[k])
+        bend, turn = bends[k], abs(headings[k + 1] - headings[k])
+        if bend > 0.0:
+            limits[k + 1] = math.sqrt(lateral_acceleration * around / bend)
+        if turn > 0.0:
+            limits[k + 1] = min(limits[k + 1], yaw_rate * around / turn)
     return limits
 
 
@@ -215,18 +232,37 @@ def first_stop(
         The place of the corner, or of the path's end if there is none.
     """
     arcs, tangents = arc_lengths(path), edge_tangents(path)
-    first = _edge_at(arcs, s)
-    sharp = np.zeros(len(tangents), np.bool_)  # whether the path turns too far within the window
-    for ahead in range(1, len(tangents)):
-        # The window opens where an edge ends; this many edges on, is the path still in it?
-        within = arcs[ahead:-1] <= arcs[1:-ahead] + window
-        if not within.any():
-            break
-        sharp[:-ahead] |= within & (_dot(tangents[ahead:], tangents[:-ahead]) < math.cos(angle))
-    found = np.flatnonzero(sharp[first:])
-    if len(found) == 0:
-        return float(arcs[-1])
-    edge = first + int(found[0])
-    last = int(np.searchsorted(arcs[:-1], arcs[edge + 1] + window, side="right"))
-    turns = _dot(tangents[edge : last - 1], tangents[edge + 1 : last])  # cosines
-    return float(arcs[edge + 1 + int(np.argmin(turns))])
+    return float(_first_sharp(arcs, tangents, _edge_at(arcs, s), math.cos(angle), window))
+
+
+@kernel
+def _first_sharp(
+    arcs: Floats,  # (n,)
+    tangents: Floats,  # (n - 1, 3)
+    first: int,  # edge
+    least_cosine: float,
+    window: float,
+) -> float:
+    for edge in range(first, len(tangents)):
+        # The window opens where the edge ends; the path turns most where two edges differ most.
+        sharp, corner, least = False, edge + 1, 1.0
+        for ahead in range(edge + 1, len(tangents)):
+            if arcs[ahead] > arcs[edge + 1] + window:
+                break
+            sharp = sharp or _cosine(tangents, edge, ahead) < least_cosine
+            turn = _cosine(tangents, ahead - 1, ahead)
+            if turn < least or ahead == edge + 1:
+                corner, least = ahead, turn
+        if sharp:
+            return float(arcs[corner])
+    return float(arcs[-1])
+
+
+@kernel
+def _cosine(tangents: Floats, a: int, b: int) -> float:
+    """Of the angle between two edges."""
+    return float(
+        tangents[a, 0] * tangents[b, 0]
+        + tangents[a, 1] * tangents[b, 1]
+        + tangents[a, 2] * tangents[b, 2]
+    )

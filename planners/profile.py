@@ -109,13 +109,29 @@ def at_rest(position: float) -> Profile:
 
 def ramped(positions: Floats, step: float) -> Profile:
     """The profile through positions one time step [s] apart, shape (n,), straight in between."""
-    rates = np.diff(positions) / step  # (n - 1,)
-    begins = np.flatnonzero(np.diff(rates, prepend=np.nan) != 0.0)  # equal rates are one piece
-    still = np.zeros(len(begins))
-    states = np.stack((positions[begins], rates[begins], still), axis=1)
-    return Profile(
-        step * begins.astype(np.float64), states, still, step * len(rates), float(positions[-1])
-    )
+    steps = len(positions) - 1
+    times, states = np.empty(steps), np.zeros((steps, 3))
+    count = _list_ramps(positions, step, times, states)
+    still = np.zeros(count)
+    return Profile(times[:count], states[:count], still, step * steps, float(positions[-1]))
+
+
+@kernel
+def _list_ramps(
+    positions: Floats,  # (n,)
+    step: float,
+    times: Floats,  # (n - 1,) out
+    states: Floats,  # (n - 1, 3) out
+) -> int:
+    """List the pieces of equal rates, and return their number."""
+    count, before = 0, np.nan
+    for k in range(len(times)):
+        rate = (positions[k + 1] - positions[k]) / step
+        if not rate - before == 0.0:
+            times[count], states[count, 0], states[count, 1] = step * k, positions[k], rate
+            count += 1
+        before = rate
+    return count
 
 
 class Leg(NamedTuple):

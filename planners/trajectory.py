@@ -301,15 +301,34 @@ def _zones(path: Floats, s: float, cap: float, limits: MotionLimits) -> list[Zon
     """The rest of a path cut where its curvature begins or ceases to limit the speed."""
     arcs = arc_lengths(path)
     allowed = speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
-    slow = allowed < cap
-    changes = np.flatnonzero(slow[1:] != slow[:-1])  # between these points and the next
-    borders = [0.0, *(0.5 * (arcs[changes] + arcs[changes + 1])).tolist(), float(arcs[-1])]
-    runs = np.split(np.maximum(np.minimum(allowed, cap), LEAST_SPEED), changes + 1)
-    zones = []
-    for begin, end, run in zip(borders[:-1], borders[1:], runs, strict=True):
-        if end - max(begin, s) > LEAST_ZONE:
-            zones.append(Zone(end - max(begin, s), float(np.min(run))))
-    return zones
+    lengths, speeds = np.empty(len(path)), np.empty(len(path))
+    count = _cut_zones(arcs, allowed, s, cap, lengths, speeds)
+    return list(map(Zone, lengths[:count].tolist(), speeds[:count].tolist()))
+
+
+@kernel
+def _cut_zones(
+    arcs: Floats,  # (n,)
+    allowed: Floats,  # (n,) speeds
+    s: float,
+    cap: float,
+    lengths: Floats,  # (n,) out
+    speeds: Floats,  # (n,) out
+) -> int:
+    """Runs of points that are slow, and of those that are not; returns their number."""
+    count = 0
+    begin, speed = s, np.inf
+    for k in range(len(arcs)):
+        speed = min(speed, max(min(allowed[k], cap), LEAST_SPEED))
+        last = k == len(arcs) - 1
+        if not last and (allowed[k] < cap) == (allowed[k + 1] < cap):
+            continue
+        end = arcs[k] if last else 0.5 * (arcs[k] + arcs[k + 1])
+        if end - begin > LEAST_ZONE:
+            lengths[count], speeds[count] = end - begin, speed
+            count += 1
+        begin, speed = max(end, s), np.inf
+    return count
 
 
 def _along(

@@ -16,7 +16,8 @@ from planners import (
     tangent_at,
     truncate,
 )
-from planners.path import edge_tangents
+from planners import path as paths
+from planners.path import edge_lengths, edge_tangents
 from tests.planners.worlds import make_space, point
 
 ELL = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.0, 4.0, 1.0]])
@@ -154,3 +155,58 @@ def test_the_first_stop_is_the_first_sharp_corner(room):
     corner = np.array([point(room, 50, 50), point(room, 100, 50), point(room, 100, 100)])
     smooth = blend_corners(room, corner, blend_length=1.0)
     assert first_stop(smooth, 0.0) == arc_lengths(smooth)[-1]
+
+
+@pytest.fixture(params=["compiled", "interpreted"])
+def compiled_or_not(request, monkeypatch):
+    if request.param == "interpreted":
+        for name in ("_limit_speeds", "_first_sharp", "_cosine", "_edge_lengths"):
+            monkeypatch.setattr(paths, name, getattr(paths, name).py_func)
+
+
+def random_paths():
+    """With corners, straight pieces, climbs, and points that lie together."""
+    rng = np.random.default_rng(0)
+    for number in range(120):
+        steps = rng.normal(0.0, 0.2, (number % 13, 3))
+        steps[rng.uniform(size=len(steps)) < 0.2] = 0.0
+        for k in np.flatnonzero(rng.uniform(size=max(len(steps) - 1, 0)) < 0.3):
+            steps[k + 1] = steps[k]
+        yield np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+
+
+def test_speed_limits_are_what_numpy_makes_of_them(compiled_or_not):
+    for path in random_paths():
+        expected = np.full(len(path), math.inf)
+        if len(path) > 2:
+            lengths, tangents = edge_lengths(path), edge_tangents(path)
+            around = 0.5 * (lengths[:-1] + lengths[1:])
+            around[0] = max(around[0], lengths[1])
+            around[-1] = max(around[-1], lengths[-2])
+            turn = np.abs(np.diff(kernels.edge_headings(tangents, 0.0)))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                by_acceleration = np.sqrt(2.0 * around / edge_lengths(tangents))
+                by_yaw_rate = 0.7 * around / turn
+            expected[1:-1] = np.fmin(np.fmin(by_acceleration, by_yaw_rate), math.inf)
+        assert speed_limits(path, 2.0, 0.7).tobytes() == expected.tobytes()
+
+
+def test_first_stops_are_what_numpy_makes_of_them(compiled_or_not):
+    found = 0
+    for path in random_paths():
+        arcs, tangents = arc_lengths(path), edge_tangents(path)
+        for s in (-0.1, 0.0, 0.3 * arcs[-1], arcs[-1] + 1.0):
+            first = min(max(int(np.searchsorted(arcs, s, side="right")) - 1, 0), len(arcs) - 2)
+            expected = arcs[-1]
+            for edge in range(max(first, 0), len(tangents)):
+                # np.dot may sum in another order.
+                near = [
+                    k for k in range(edge + 1, len(tangents)) if arcs[k] <= arcs[edge + 1] + 0.3
+                ]
+                if any((tangents[k] * tangents[edge]).sum() < math.cos(0.9) for k in near):
+                    turns = [(tangents[k - 1] * tangents[k]).sum() for k in near]
+                    expected = arcs[near[int(np.argmin(turns))]]
+                    found += 1
+                    break
+            assert first_stop(path, float(s), angle=0.9, window=0.3) == expected
+    assert found > 100

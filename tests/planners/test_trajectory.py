@@ -281,3 +281,41 @@ def test_setpoints_are_what_samples_tell_one_by_one(points, ordered, interpreted
         for name, field in zip(told._fields, fields, strict=True):
             expected = np.array([getattr(sample, field) for sample in samples])
             np.testing.assert_array_equal(getattr(told, name), expected)
+
+
+@pytest.mark.parametrize("interpreted", [False, True])
+def test_zones_and_ramps_are_what_numpy_makes_of_them(interpreted, monkeypatch):
+    if interpreted:
+        monkeypatch.setattr(trajectory, "_cut_zones", trajectory._cut_zones.py_func)
+        monkeypatch.setattr(profile, "_list_ramps", profile._list_ramps.py_func)
+    rng, cut = np.random.default_rng(1), 0
+    for number in range(60):
+        path = np.cumsum(rng.normal(0.0, 0.3, (1 + number % 9, 3)), axis=0)
+        arcs = arc_lengths(path)
+        allowed = speed_limits(path, DRONE.lateral_acceleration, DRONE.yaw_rate)
+        for s in (0.0, 0.4 * arcs[-1], arcs[-1]):
+            slow = allowed < 1.2
+            changes = np.flatnonzero(slow[1:] != slow[:-1])
+            borders = [0.0, *(0.5 * (arcs[changes] + arcs[changes + 1])), arcs[-1]]
+            runs = np.split(
+                np.maximum(np.minimum(allowed, 1.2), trajectory.LEAST_SPEED), changes + 1
+            )
+            expected = [
+                (end - max(begin, s), run.min())
+                for begin, end, run in zip(borders[:-1], borders[1:], runs, strict=True)
+                if end - max(begin, s) > trajectory.LEAST_ZONE
+            ]
+            zones = trajectory._zones(path, float(s), 1.2, DRONE)
+            assert list(map(tuple, zones)) == expected
+            cut += len(zones) > 1
+        headings = np.round(rng.normal(size=1 + number), 1 - number % 2)
+        rates = np.diff(headings) / 0.01
+        begins = np.flatnonzero(np.diff(rates, prepend=np.nan) != 0.0)
+        ramps = profile.ramped(headings, 0.01)
+        np.testing.assert_array_equal(ramps.times, 0.01 * begins)
+        np.testing.assert_array_equal(ramps.states[:, 0], headings[begins])
+        np.testing.assert_array_equal(ramps.states[:, 1], rates[begins])
+        assert not ramps.states[:, 2].any()
+        assert not ramps.jerks.any()
+        assert (ramps.duration, ramps.end) == (0.01 * number, headings[-1])
+    assert cut > 20
