@@ -64,10 +64,16 @@ class Plant:
         self._on_the_way: deque[tuple[int, Trajectory]] = deque()  # ns of their arrival
         self._ahead = SetpointsAhead(round(timestep * 1e9), steps)
         self._looked_at: tuple[Any, ...] = (
-            *(self.truth.is_robot, self.truth.is_obstacle),
-            *(self.data.xpos[scene.base], self.data.xmat[scene.base], limits_of(scenario)),
+            self.truth.is_robot,
+            self.truth.is_obstacle,
+            self.data.xpos[scene.base],
+            self.data.xmat[scene.base],
+            limits_of(scenario),
             self.truth.places,
-            *(self.estimate.error_row, self.estimate.tracked, timestep, self._pose),
+            self.estimate.error_row,
+            self.estimate.tracked,
+            timestep,
+            self._pose,
         )
 
     @property

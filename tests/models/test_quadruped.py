@@ -370,3 +370,15 @@ def test_other_parameters_reach_the_spec():
 
 def test_warm_up_compiles():
     warm_up()
+
+
+def test_whether_it_has_arrived_is_restored_from_logs_that_hold_it_apart(model):
+    there = Setpoint((0.0, 0.0, 0.0))
+    ride, other = Ride(model), Ride(model)
+    ride.follow(lambda _: there, 0.2)
+    state = ride.controller.state()
+    assert state["arrived"]
+    memory = state["memory"].view(MEMORY)
+    memory["arrived"] = False  # padding, then
+    other.controller.restore(state)
+    assert other.controller.memory.arrived

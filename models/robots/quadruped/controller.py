@@ -17,7 +17,7 @@ from models.robots.quadruped.parameters import Parameters, standing_joints
 from models.robots.quadruped.rigid_body import composite_rigid_body
 from models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from models.robots.quadruped.torque import joint_torques
-from models.robots.quadruped.walking import begin, follow, observe, walk
+from models.robots.quadruped.walking import advance, begin, follow, observe
 from models.robots.quadruped.wiring import views_of, wire
 from models.robots.robot import Setpoint
 
@@ -109,6 +109,8 @@ class QuadrupedController:
         memory = np.frombuffer(state["memory"].tobytes(), MEMORY)[0]
         for name in MEMORY.names or ():
             self.memory[name] = memory[name]
+        # Logs from before it was part of the memory hold it apart alone.
+        self.memory.arrived = bool(state["arrived"])
         self._warm[:] = state["warm"]
         self._leg_inertia[:] = state["leg_inertia"]
 
@@ -118,7 +120,8 @@ class QuadrupedController:
         Raises:
             ValueError: The setpoint is not finite.
         """
-        if not follow(setpoint.row, self._tracking, *self._seen(data)):
+        self._prepare(data)
+        if not follow(setpoint.row, self._tracking, *self._walking):
             raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
         self._act(data)
 
@@ -129,29 +132,35 @@ class QuadrupedController:
             data: State after the last step.
             velocity_command: (3,) forward m/s, left m/s, yaw rate rad/s, in the body's yaw frame.
         """
-        walk(velocity_command, *self._seen(data))
+        self._prepare(data)
+        self._observe()
+        records = self._observation, self._memory
+        gait = self._gait, self._geometry, self._timestep
+        advance(*gait, velocity_command, self._touch, *records)
         self._act(data)
 
-    def _seen(self, data: mujoco.MjData) -> tuple[Any, ...]:
-        """What the kernels of walking take, of a simulation."""
+    def _prepare(self, data: mujoco.MjData) -> None:
         if data is not self._data:
             self._bind(data)
         if self._tick == 0:
-            observe(self._geometry, *self._body, self._observation)
+            self._observe()
             begin(self._geometry, self._observation, self._memory)
-        return self._walking
+
+    def _observe(self) -> None:
+        observe(self._geometry, *self._body, self._observation)
 
     def _bind(self, data: mujoco.MjData) -> None:
         """Put the kernels' arguments together; at every step that would take as long as they do."""
         joints, records = views_of(data, self._wiring), (self._observation, self._memory)
         self._data = data
         self._body = self.body.centre, joints.qpos, joints.qvel
+        self._touch = joints.touch
         self._walking = (
             self._gait,
             self._geometry,
             self._timestep,
             *self._body,
-            joints.touch,
+            self._touch,
             *records,
         )
         self._pushing = (

@@ -34,20 +34,20 @@ def follow(
     observations: Any,
     memories: Any,
 ) -> bool:
-    """One tick towards a setpoint: `walk` with the velocity command that leads there.
+    """One tick towards a setpoint: see where the body is, choose a velocity, carry the gait on.
 
     Args:
         asked: (8,) the setpoint's row.
-        trackings: (1,) gains and limits of the command, packed.
-        gaits: See `walk`, as all that follow.
-        geometries: Likewise.
-        timestep: Likewise.
-        com_in_body: Likewise.
-        qpos: Likewise.
-        qvel: Likewise.
-        touch: Likewise.
-        observations: Likewise.
-        memories: Likewise.
+        trackings: (1,) gains and limits of the velocity command, packed.
+        gaits: (1,) trot parameters, packed.
+        geometries: (1,) leg geometry, packed.
+        timestep: s.
+        com_in_body: (3,) base origin to centre of mass in the body frame, m.
+        qpos: (19,) free joint (position, quaternion wxyz), then 4 x (hip, thigh, calf).
+        qvel: (18,) linear velocity in the world, angular velocity in the body, joint rates.
+        touch: (4,) normal force on each foot, N.
+        observations: (1,) this tick's `OBSERVATION` record, to fill.
+        memories: (1,) `MEMORY` record, to carry on.
 
     Returns:
         Whether the setpoint was finite; nothing is carried on where it was not.
@@ -61,37 +61,6 @@ def follow(
         return False
     advance(gaits, geometries, timestep, command, touch, observations, memories)
     return True
-
-
-@kernel
-def walk(
-    command: Array,
-    gaits: Any,
-    geometries: Any,
-    timestep: float,
-    com_in_body: Array,
-    qpos: Array,
-    qvel: Array,
-    touch: Array,
-    observations: Any,
-    memories: Any,
-) -> None:
-    """One tick under a velocity command: see where the body is, and carry the gait on.
-
-    Args:
-        command: (3,) forward m/s, left m/s, yaw rate rad/s, in the base's yaw frame.
-        gaits: (1,) trot parameters, packed.
-        geometries: (1,) leg geometry, packed.
-        timestep: s.
-        com_in_body: (3,) base origin to centre of mass in the body frame, m.
-        qpos: (19,) free joint (position, quaternion wxyz), then 4 x (hip, thigh, calf).
-        qvel: (18,) linear velocity in the world, angular velocity in the body, joint rates.
-        touch: (4,) normal force on each foot, N.
-        observations: (1,) this tick's `OBSERVATION` record, to fill.
-        memories: (1,) `MEMORY` record, to carry on.
-    """
-    observe(geometries, com_in_body, qpos, qvel, observations)
-    advance(gaits, geometries, timestep, command, touch, observations, memories)
 
 
 @kernel
