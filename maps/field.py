@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps import _field_kernels as kernels
-from maps._field_kernels import MAX_REACH
+from maps._field_kernels import MAX_REACH, UNIT
 from maps.columns import layer_bits
 from maps.team import Team
 
@@ -98,25 +98,25 @@ class DistanceField:
         self._block_rows = min(BLOCK_ROWS, ny)
         self._blocks, most = -(-ny // self._block_rows), reach * reach
         blocks, cells = self._blocks, self._block_rows * nz
-        self._block_cells = -(-2 * cells // CACHE_LINE) * (CACHE_LINE // 2)  # in whole cache lines
+        self._units = units = -(-cells // UNIT)
         self.squared = np.full(shape, most, np.uint16)
         self.stale = np.ones((blocks, nx), np.bool_)
-        self._inside = layer_bits(0, nz, nz)
+        self._inside = layer_bits(0, nz, nz)  # of a column
         self._blocked = np.zeros((nx, ny, len(self._inside)), np.uint64)
         self._along_z = np.full(nx * blocks * cells, reach, np.uint8)
         self._unmeasured = np.zeros((nx, blocks), np.bool_)
         self._holds_any = np.zeros((nx, blocks), np.bool_)
         # More planes than there are: those outside hold nothing.
         planes = nx + 2 * kernels.planes_around(reach)
-        self._sections = _on_cache_lines(planes * blocks * self._block_cells)
+        self._sections = _on_cache_lines(blocks * units * planes * UNIT)
         self._sections[:] = most
-        self._sections.reshape(-1, self._block_cells)[:, cells:] = 0  # no cells: never the farthest
-        self._nearest_in_section = np.full((blocks, planes), most, np.uint16)
+        last = self._sections.reshape(blocks, units, planes, UNIT)[:, -1, :, cells % UNIT or UNIT :]
+        last[:] = 0  # no cells: never the farthest
+        self._nearest_in_section = np.full((blocks, units, planes), most, np.uint16)
         self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
         self._farthest = np.full((blocks, nx), most, np.uint16)
         self.pending = np.zeros((blocks, nx), np.bool_)
-        self._least_bound = np.full((blocks, nx), kernels.NO_CHANGE, np.uint16)
-        self._least_change = np.zeros((blocks, nx), np.uint16)  # all is to be computed
+        self._least_bound = np.full((blocks, nx), kernels.FAR, np.uint16)
 
     def update(self, blocked: NDArray[np.uint64], x0: int = 0, y0: int = 0) -> None:
         """Take over the cells of a box of columns, and bring the distances up to date.
@@ -160,17 +160,19 @@ class DistanceField:
 
     def take_planes(self, planes: tuple[int, int], news: News, number: int) -> None:
         """Take over some planes of new cells, and note which sections they make outdated."""
+        cells, words = news.cells[number], len(self._inside)
         kernels.take_over(
             planes,
-            news.cells[number],
+            cells.reshape(len(cells), -1),
             news.rows,
             news.corner,
             np.uint64(news.flips[number]),
-            self._inside,
+            np.tile(self._inside, self._block_rows),
             self.reach,
             self._block_rows,
+            words,
             self._farthest_in_section,
-            self._blocked,
+            self._blocked.reshape(len(self._blocked), -1),
             self._unmeasured,
             self.pending,
             self._least_bound,
@@ -197,7 +199,6 @@ class DistanceField:
             self.reach,
             self.shape[2],
             self._block_rows,
-            self._block_cells,
             self._blocked,
             self._unmeasured,
             self._along_z,
@@ -206,7 +207,6 @@ class DistanceField:
             self._farthest_in_section,
             self._nearest_in_section,
             self.pending,
-            self._least_change,
             np.empty((blocks + 2 * around) * cells, np.uint16),
             work,
             work.view(np.uint64),
@@ -224,13 +224,12 @@ class DistanceField:
             self._nearest_in_section,
             self.reach,
             self._block_rows,
-            self._least_change,
             self._farthest,
             self.stale,
             self.squared.reshape(-1),
-            _on_cache_lines(self._block_cells),
-            np.empty(self._block_cells, np.uint16),
-            np.empty(self.shape[0], np.uint16),
+            _on_cache_lines(4 * self._units * UNIT),
+            _on_cache_lines(self._units * UNIT),
+            np.empty(4, np.uint16),
         )
 
 

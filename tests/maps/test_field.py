@@ -1,3 +1,4 @@
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -5,6 +6,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from maps import _field_kernels as kernels
+from maps._prefetch import prefetch
 from maps.field import (
     BLOCK_ROWS,
     DistanceField,
@@ -161,6 +163,39 @@ def test_compiled_kernels_equal_their_python(monkeypatch):
     interpreted.update(packed(later))
     np.testing.assert_array_equal(compiled.squared, interpreted.squared)
     np.testing.assert_array_equal(compiled.squared, scipy_squared(later, 6))
+
+
+@pytest.mark.parametrize("j", [1, 5, 17])
+def test_planes_are_lowered_to_what_leads_through_those_around(j):
+    reach, unit, planes = 19, kernels.UNIT, 60
+    rng = np.random.default_rng(j)
+    sources = rng.integers(0, reach * reach, (planes, unit)).astype(np.uint16)
+    before = rng.integers(0, reach * reach, (6, unit)).astype(np.uint16)
+    for way in (kernels.lower_planes, kernels.lower_planes.py_func):
+        target = before.copy()
+        greatest = way(target.ravel(), unit, sources.ravel(), 28 * unit, j, reach)
+        expected = before.astype(int)
+        for plane in range(4):
+            for distance in range(j, j + 4):
+                nearer = np.minimum(*(sources[28 + plane + d] for d in (distance, -distance)))
+                through = nearer.astype(int) + min(distance, reach) ** 2
+                expected[1 + plane] = np.minimum(expected[1 + plane], through)
+        np.testing.assert_array_equal(target, expected)
+        assert greatest == expected[1:5].max()
+
+
+def test_a_prefetch_is_compiled_into_a_kernel_and_changes_nothing():
+    @numba.njit
+    def ask(cells):
+        prefetch(cells, np.uint64(3))
+        prefetch(cells, np.uint64(1 << 40))  # far beyond them
+        return cells.sum()
+
+    cells = np.arange(9, dtype=np.uint16)
+    assert ask(cells) == ask.py_func(cells) == 36
+    (code,) = ask.inspect_llvm().values()
+    assert "call void @llvm.prefetch" in code
+    np.testing.assert_array_equal(cells, np.arange(9))
 
 
 def test_bits_beyond_the_window_are_not_looked_at():
