@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maps._jit import inlined, kernel
-from maps._prefetch import prefetch
+from maps._processor import Queue, prefetch, take
 
 WORD_BITS = 64
 MAX_REACH = 181  # cells; twice its square still fits 16 bits
 FAR = 32767  # above every squared distance; the greatest of them added, it still fits 16 bits
 LINE = 32  # cells of a cache line
+SHARES = 4  # each thread takes such a part of what is left for it
 UNIT = 128  # cells of a block that lie together: beside those of the next plane
 LONGEST_STEP = 128  # of the powers of two, the last below the greatest reach
 
@@ -236,7 +237,8 @@ def keep_unit(
 
 @kernel
 def measure_rows(
-    known: NDArray[np.uint64],  # (ny, words)
+    known: NDArray[np.uint64],  # (ny * words,)
+    words: int,  # of a column
     y: int,  # first row of the block; rows beyond the last one hold nothing
     reach: int,
     nz: int,
@@ -257,9 +259,9 @@ def measure_rows(
         eights[0, k] = far
         eights[1, k] = far
     united = nothing
-    for row in range(min(block_rows, known.shape[0] - y)):
-        for w in range(known.shape[1]):
-            word = known[y + row, w]
+    for row in range(min(block_rows, known.shape[0] // words - y)):
+        for w in range(words):
+            word = known[(y + row) * words + w]
             united |= word
             place = (LONGEST_STEP + row * pitch + w * WORD_BITS) >> 3
             for k in range(min(8, (nz - w * WORD_BITS + 7) >> 3)):
@@ -312,8 +314,23 @@ def planes_around(reach: int) -> int:
 
 
 @kernel
-def take_over(
-    planes: tuple[int, int],  # first and one past the last plane of the cells to look at
+def take_part(queue: Queue, count: int, threads: int) -> tuple[int, int]:
+    """Take the next of so many items: many at first, and ever fewer, so that all end together.
+
+    Guided self-scheduling (Polychronopoulos & Kuck 1987). Neighbours are taken together, as they
+    share cache lines.
+
+    Returns:
+        The first, and one past the last; equal where none is left.
+    """
+    some = max(1, (count - queue[0]) // (SHARES * threads))
+    first = take(queue, some)
+    return min(first, count), min(first + some, count)
+
+
+@inlined
+def take_plane(
+    x: int,
     cells: NDArray[np.uint64],  # (kx, ky * words) new ones
     rows: tuple[int, int],  # first and one past the last row of them to look at
     corner: tuple[int, int],  # where the first column of them lies in the window
@@ -329,11 +346,9 @@ def take_over(
     least_bound: NDArray[np.uint16],  # (blocks, nx) in, out: values less than it do not change
     changes: NDArray[np.int64],  # (blocks, 2) scratch
 ) -> None:
-    """Take over new cells, and note what they make outdated."""
-    for i in range(planes[0], planes[1]):
-        x, y0 = corner[0] + i, corner[1]
-        if not note_changes(cells[i], rows, y0, flip, inside, block_rows, words, known[x], changes):
-            continue
+    """Take over the new cells of a plane, and note what they make outdated."""
+    new = cells[x - corner[0]]
+    if note_changes(new, rows, corner[1], flip, inside, block_rows, words, known[x], changes):
         for b in range(changes.shape[0]):
             unmeasured[x, b] |= changes[b, 0] >= 0
         find_pending(changes, reach, block_rows, farthest[x], x, pending, least_bound)
@@ -397,15 +412,15 @@ def widen(
                     wide[c, x] = True
 
 
-@kernel
-def update_sections(
-    planes: NDArray[np.int64],  # (k,) where any is needed
-    part: tuple[int, int],  # first and one past the last of them
+@inlined
+def update_plane(
+    x: int,
     needed: NDArray[np.bool_],  # (blocks, nx)
     reach: int,
     nz: int,
     block_rows: int,
-    known: NDArray[np.uint64],  # (nx, ny, words)
+    words: int,  # of a column
+    known: NDArray[np.uint64],  # (ny * words,)
     unmeasured: NDArray[np.bool_],  # (nx, blocks) in, out
     distances: NDArray[np.uint8],  # (nx * blocks * cells,) along z, in, out
     holds_any: NDArray[np.bool_],  # (nx, blocks) whether any cell is blocked, in, out
@@ -413,51 +428,132 @@ def update_sections(
     farthest: NDArray[np.uint16],  # (nx, blocks) in, out: greatest value of each block of them
     nearest: NDArray[np.uint16],  # (blocks, units, around + nx + around) out: least value
     pending: NDArray[np.bool_],  # (blocks, nx) in, out
+    along: NDArray[np.uint16],  # ((blocks + 2 around) * cells,) scratch; reach^2 on either side
+    work: NDArray[np.uint8],  # (2, 2 * LONGEST_STEP + block_rows * pitch) scratch
+    eights: NDArray[np.uint64],  # the same memory
+    result: NDArray[np.uint16],  # (block_rows * nz,) scratch
+    squared: NDArray[np.int64],  # (blocks,) in, out: the plane whose squares a block holds
+) -> None:
+    """Find the squared distance within a plane where it is needed.
+
+    Beyond the window nothing is blocked: its border comes at the end.
+    """
+    (blocks, units, all_planes), cells = nearest.shape, result.shape[0]
+    around, plane = blocks_around(reach, block_rows), planes_around(reach) + x
+    for b in range(blocks):
+        if not needed[b, x]:
+            continue
+        for unit in range(units):
+            ask_for(sections, ((b * units + unit) * all_planes + plane) * UNIT, UNIT)
+        any_near = False
+        for c in range(max(0, b - around), min(blocks, b + around + 1)):
+            at = (x * blocks + c) * cells
+            if unmeasured[x, c]:
+                rows = c * block_rows
+                holds_any[x, c] = measure_rows(
+                    known, words, rows, reach, nz, block_rows, work, eights, distances, at
+                )
+                unmeasured[x, c] = False
+            any_near |= holds_any[x, c]
+            if squared[c] != x:
+                squared[c] = x
+                square(distances, at, cells, along, (c + around) * cells)
+        first = (b + around) * cells
+        greatest = copy_block(result, along, first)
+        j, most = 1, min(reach, known.shape[0] // words) if any_near else 0
+        while j < most and j * j < greatest:
+            greatest = lower(result, along, first, nz, j, reach)
+            j += 4
+        farthest[x, b] = greatest
+        for unit in range(units):
+            to, first = ((b * units + unit) * all_planes + plane) * UNIT, unit * UNIT
+            some = min(UNIT, cells - first)
+            nearest[b, unit, plane] = keep_unit(result, first, some, sections, to)
+        pending[b, x] = False
+
+
+@kernel
+def update_sections(
+    queue: Queue,  # of the planes
+    threads: int,
+    planes: NDArray[np.int64],  # (k,)
+    steps: tuple[bool, bool],  # whether to take over new cells, and whether to find distances
+    cells: NDArray[np.uint64],  # (kx, ky * words) new ones
+    rows: tuple[int, int],  # first and one past the last row of them to look at
+    corner: tuple[int, int],  # where the first column of them lies in the window
+    flip: np.uint64,  # all ones where the cells told are those that are not blocked
+    inside: NDArray[np.uint64],  # (block_rows * words,) the bits that are cells of the window
+    needed: NDArray[np.bool_],  # (blocks, nx)
+    reach: int,
+    nz: int,
+    block_rows: int,
+    known: NDArray[np.uint64],  # (nx, ny * words) in, out
+    unmeasured: NDArray[np.bool_],  # (nx, blocks) in, out: whether distances along z are outdated
+    distances: NDArray[np.uint8],  # (nx * blocks * cells,) along z, in, out
+    holds_any: NDArray[np.bool_],  # (nx, blocks) whether any cell is blocked, in, out
+    sections: NDArray[np.uint16],  # (blocks * units * (around + nx + around) * UNIT,) in, out
+    farthest: NDArray[np.uint16],  # (nx, blocks) in, out: greatest value of each block of them
+    nearest: NDArray[np.uint16],  # (blocks, units, around + nx + around) in, out: least value
+    pending: NDArray[np.bool_],  # (blocks, nx) in, out: whether a section is outdated
+    least_bound: NDArray[np.uint16],  # (blocks, nx) in, out: values less than it do not change
+    changes: NDArray[np.int64],  # (blocks, 2) scratch
     along: NDArray[np.uint16],  # ((blocks + 2 around) * cells,) scratch
     work: NDArray[np.uint8],  # (2, 2 * LONGEST_STEP + block_rows * pitch) scratch
     eights: NDArray[np.uint64],  # the same memory
     result: NDArray[np.uint16],  # (block_rows * nz,) scratch
     squared: NDArray[np.int64],  # (blocks,) scratch: the plane whose squares a block holds
 ) -> None:
-    """Find the squared distance within planes where it is needed."""
-    (blocks, units, all_planes), cells = nearest.shape, result.shape[0]
-    around = blocks_around(reach, block_rows)
-    fill(along, reach * reach)  # beyond the window nothing is blocked: its border comes at the end
-    for b in range(blocks):
-        squared[b] = -1
-    for i in range(part[0], part[1]):
-        x = planes[i]
-        for b in range(blocks):
-            if not needed[b, x]:
-                continue
-            plane = planes_around(reach) + x
-            for unit in range(units):
-                ask_for(sections, ((b * units + unit) * all_planes + plane) * UNIT, UNIT)
-            any_near = False
-            for c in range(max(0, b - around), min(blocks, b + around + 1)):
-                at = (x * blocks + c) * cells
-                if unmeasured[x, c]:
-                    rows = c * block_rows
-                    holds_any[x, c] = measure_rows(
-                        known[x], rows, reach, nz, block_rows, work, eights, distances, at
-                    )
-                    unmeasured[x, c] = False
-                any_near |= holds_any[x, c]
-                if squared[c] != x:
-                    squared[c] = x
-                    square(distances, at, cells, along, (c + around) * cells)
-            first = (b + around) * cells
-            greatest = copy_block(result, along, first)
-            j, most = 1, min(reach, known.shape[1]) if any_near else 0
-            while j < most and j * j < greatest:
-                greatest = lower(result, along, first, nz, j, reach)
-                j += 4
-            farthest[x, b] = greatest
-            for unit in range(units):
-                to, first = ((b * units + unit) * all_planes + plane) * UNIT, unit * UNIT
-                some = min(UNIT, cells - first)
-                nearest[b, unit, plane] = keep_unit(result, first, some, sections, to)
-            pending[b, x] = False
+    """Take over new cells, find the squared distances within planes, or both, plane by plane."""
+    words = inside.shape[0] // block_rows
+    first, end = take_part(queue, planes.shape[0], threads)
+    if first < end and steps[1]:
+        fill(along, reach * reach)
+        for b in range(squared.shape[0]):
+            squared[b] = -1
+    while first < end:
+        for i in range(first, end):
+            x = planes[i]
+            if steps[0]:
+                take_plane(
+                    x,
+                    cells,
+                    rows,
+                    corner,
+                    flip,
+                    inside,
+                    reach,
+                    block_rows,
+                    words,
+                    farthest,
+                    known,
+                    unmeasured,
+                    pending,
+                    least_bound,
+                    changes,
+                )
+            if steps[1]:
+                update_plane(
+                    x,
+                    needed,
+                    reach,
+                    nz,
+                    block_rows,
+                    words,
+                    known[x],
+                    unmeasured,
+                    distances,
+                    holds_any,
+                    sections,
+                    farthest,
+                    nearest,
+                    pending,
+                    along,
+                    work,
+                    eights,
+                    result,
+                    squared,
+                )
+        first, end = take_part(queue, planes.shape[0], threads)
 
 
 @kernel
@@ -589,7 +685,8 @@ def write_block(
 
 @kernel
 def update_field(
-    part: tuple[int, int],  # first and one past the last block along y
+    queue: Queue,  # of the rows of blocks
+    threads: int,
     wanted: NDArray[np.bool_],  # (blocks, nx)
     shape: tuple[int, int, int],  # (nx, ny, nz)
     sections: NDArray[np.uint16],  # (blocks * units * (around + nx + around) * UNIT,)
@@ -608,27 +705,32 @@ def update_field(
     What lies outside the window is blocked: the nearest such cell is straight across a border.
     Four planes at once, of which only those that are wanted and stale are written.
     """
-    nx, ny, nz = shape
-    for b in range(part[0], part[1]):
-        first, cells = b * block_rows, min(block_rows, ny - b * block_rows) * nz
-        listed = False
-        for x in range(nx):
-            if not (stale[b, x] and wanted[b, x]):
-                continue
-            if not listed:
-                listed = True
-                list_bounds((first, first + block_rows), shape, reach, bounds)
-            for i in range(x, x + 4):
-                now = i < nx and stale[b, i] and wanted[b, i]
-                limits[i - x] = border_distance(i, nx, reach) ** 2 if now else 0
-                if now:
-                    ask_for(squared, (i * ny + first) * nz, cells)
-            update_planes(b, x, reach, min(reach, nx), sections, nearest, bounds, limits, result)
-            for i in range(x, min(x + 4, nx)):
-                if limits[i - x] != 0:
-                    to = (i * ny + first) * nz
-                    farthest[b, i] = write_block(result, i - x, squared, to, cells)
-                    stale[b, i] = False
+    (blocks, nx), (_, ny, nz) = wanted.shape, shape
+    begin, end = take_part(queue, blocks, threads)
+    while begin < end:
+        for b in range(begin, end):
+            first, cells = b * block_rows, min(block_rows, ny - b * block_rows) * nz
+            listed = False
+            for x in range(nx):
+                if not (stale[b, x] and wanted[b, x]):
+                    continue
+                if not listed:
+                    listed = True
+                    list_bounds((first, first + block_rows), shape, reach, bounds)
+                for i in range(x, x + 4):
+                    now = i < nx and stale[b, i] and wanted[b, i]
+                    limits[i - x] = border_distance(i, nx, reach) ** 2 if now else 0
+                    if now:
+                        ask_for(squared, (i * ny + first) * nz, cells)
+                update_planes(
+                    b, x, reach, min(reach, nx), sections, nearest, bounds, limits, result
+                )
+                for i in range(x, min(x + 4, nx)):
+                    if limits[i - x] != 0:
+                        to = (i * ny + first) * nz
+                        farthest[b, i] = write_block(result, i - x, squared, to, cells)
+                        stale[b, i] = False
+        begin, end = take_part(queue, blocks, threads)
 
 
 @kernel

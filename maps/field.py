@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from maps import _field_kernels as kernels
 from maps._field_kernels import MAX_REACH, UNIT
+from maps._processor import Queue
 from maps.columns import layer_bits
 from maps.team import Team
 
@@ -18,7 +19,7 @@ BLOCK_ROWS = 8
 
 CACHE_LINE = 64  # bytes
 
-PLANE_US, BLOCK_US = 1.0, 0.7
+PLANE_US, BLOCK_US = 1.0, 0.5
 """About what it takes to look for changes in a plane, and to recompute a block, microseconds."""
 
 
@@ -42,6 +43,10 @@ class News(NamedTuple):
     corner: tuple[int, int]
     planes: tuple[int, int]
     rows: tuple[int, int]
+
+
+NO_NEWS = News((np.zeros((1, 1, 1), np.uint64),), (0,), (0, 0), (0, 0), (0, 0))
+"""Where no cells are new."""
 
 
 def boxes(blocked: Sequence[NDArray[np.uint64]], x0: int = 0, y0: int = 0) -> News:
@@ -101,8 +106,10 @@ class DistanceField:
         self._units = units = -(-cells // UNIT)
         self.squared = np.full(shape, most, np.uint16)
         self.stale = np.ones((blocks, nx), np.bool_)
-        self._inside = layer_bits(0, nz, nz)  # of a column
-        self._blocked = np.zeros((nx, ny, len(self._inside)), np.uint64)
+        inside = layer_bits(0, nz, nz)  # of a column
+        self._words = len(inside)
+        self._inside = np.tile(inside, self._block_rows)
+        self._blocked = np.zeros((nx, ny * self._words), np.uint64)
         self._along_z = np.full(nx * blocks * cells, reach, np.uint8)
         self._unmeasured = np.zeros((nx, blocks), np.bool_)
         self._holds_any = np.zeros((nx, blocks), np.bool_)
@@ -142,7 +149,7 @@ class DistanceField:
         Raises:
             ValueError: They are not.
         """
-        (nx, ny, words), (x0, y0) = self._blocked.shape, news.corner
+        (nx, ny, _), words, (x0, y0) = self.shape, self._words, news.corner
         kx, ky, got_words = got = news.cells[number].shape
         inside = x0 >= 0 and y0 >= 0 and x0 + kx <= nx and y0 + ky <= ny and got_words == words
         parts = (news.planes, kx), (news.rows, ky)
@@ -158,47 +165,42 @@ class DistanceField:
         kernels.find_needed(wanted, self.pending, self.reach, needed)
         return needed
 
-    def take_planes(self, planes: tuple[int, int], news: News, number: int) -> None:
-        """Take over some planes of new cells, and note which sections they make outdated."""
-        cells, words = news.cells[number], len(self._inside)
-        kernels.take_over(
-            planes,
-            cells.reshape(len(cells), -1),
-            news.rows,
-            news.corner,
-            np.uint64(news.flips[number]),
-            np.tile(self._inside, self._block_rows),
-            self.reach,
-            self._block_rows,
-            words,
-            self._farthest_in_section,
-            self._blocked.reshape(len(self._blocked), -1),
-            self._unmeasured,
-            self.pending,
-            self._least_bound,
-            np.empty((self._blocks, 2), np.int64),
-        )
-
     def find_stale(self) -> None:
         """Note which blocks the cells taken over may change."""
         scratch = np.empty(self.shape[0], np.uint16)
         kernels.find_stale(self.reach, self._farthest, self._least_bound, self.stale, scratch)
 
     def update_sections(
-        self, planes: NDArray[np.int64], part: tuple[int, int], needed: NDArray[np.bool_]
+        self,
+        queue: Queue,
+        planes: NDArray[np.int64],
+        needed: NDArray[np.bool_] | None,
+        news: News = NO_NEWS,
+        number: int = 0,
     ) -> None:
-        """Recompute the needed blocks of sections in some planes."""
-        blocks, cells = self._blocks, self._block_rows * self.shape[2]
-        around = kernels.blocks_around(self.reach, self._block_rows)
-        pitch = -(-(self.shape[2] + self.reach) // 8) * 8  # cells, in whole words
-        work = np.empty((2, 2 * kernels.LONGEST_STEP + self._block_rows * pitch), np.uint8)
+        """Take over new cells of planes, recompute the needed blocks of their sections, or both.
+
+        One of the threads that take planes from the queue.
+        """
+        blocks, block_rows, nz = self._blocks, self._block_rows, self.shape[2]
+        around, cells = kernels.blocks_around(self.reach, block_rows), block_rows * nz
+        pitch = -(-(nz + self.reach) // 8) * 8  # cells, in whole words
+        work = np.empty((2, 2 * kernels.LONGEST_STEP + block_rows * pitch), np.uint8)
+        new = news.cells[number]
         kernels.update_sections(
+            queue,
+            self.team.size,
             planes,
-            part,
-            needed,
+            (news is not NO_NEWS, needed is not None),
+            new.reshape(len(new), -1),
+            news.rows,
+            news.corner,
+            np.uint64(news.flips[number]),
+            self._inside,
+            self.pending if needed is None else needed,
             self.reach,
-            self.shape[2],
-            self._block_rows,
+            nz,
+            block_rows,
             self._blocked,
             self._unmeasured,
             self._along_z,
@@ -207,6 +209,8 @@ class DistanceField:
             self._farthest_in_section,
             self._nearest_in_section,
             self.pending,
+            self._least_bound,
+            np.empty((blocks, 2), np.int64),
             np.empty((blocks + 2 * around) * cells, np.uint16),
             work,
             work.view(np.uint64),
@@ -214,10 +218,14 @@ class DistanceField:
             np.empty(blocks, np.int64),
         )
 
-    def update_rows(self, part: tuple[int, int], wanted: NDArray[np.bool_]) -> None:
-        """Recompute the wanted blocks that are stale in some rows of blocks."""
+    def update_rows(self, queue: Queue, wanted: NDArray[np.bool_]) -> None:
+        """Recompute the wanted blocks that are stale.
+
+        One of the threads that take rows of blocks from the queue.
+        """
         kernels.update_field(
-            part,
+            queue,
+            self.team.size,
             wanted,
             self.shape,
             self._sections,
@@ -258,19 +266,14 @@ def take_over(fields: Sequence[DistanceField], news: News, whole: bool = False) 
     """
     for n, field in enumerate(fields):
         field.check(news, n)
-    first, end = news.planes
-    counts = [end - first for _ in fields]
-    planes = np.arange(end)
+    planes = news.corner[0] + np.arange(*news.planes)
 
-    def take(_: int, part: tuple[int, int]) -> None:
-        for n, (begin, stop) in _shares(part, counts):
-            some = first + begin, first + stop
-            fields[n].take_planes(some, news, n)
-            if whole:
-                fields[n].update_sections(news.corner[0] + planes, some, fields[n].pending)
+    def take(field: DistanceField, number: int, queue: Queue) -> None:
+        needed = field.pending if whole else None
+        field.update_sections(queue, planes, needed, news, number)
 
-    team, us = fields[0].team, PLANE_US + len(fields[0].stale) * BLOCK_US * whole
-    team.share(take, sum(counts), item_us=us)
+    us = PLANE_US + len(fields[0].stale) * BLOCK_US * whole
+    _in_turn(fields, take, len(fields) * len(planes) * us)
     for field in fields:
         field.find_stale()
 
@@ -289,13 +292,11 @@ def bring_up_to_date(
     if not any(counts):
         return
     _bring_sections_up_to_date(fields, stale, whole=wanted is None)
-    rows = [len(blocks) for blocks in stale]
-
-    def work(_: int, part: tuple[int, int]) -> None:
-        for n, some in _shares(part, rows):
-            fields[n].update_rows(some, stale[n])
-
-    fields[0].team.share(work, sum(rows), item_us=BLOCK_US * sum(counts) / sum(rows))
+    _in_turn(
+        fields,
+        lambda field, number, queue: field.update_rows(queue, stale[number]),
+        BLOCK_US * sum(counts),
+    )
 
 
 def _bring_sections_up_to_date(
@@ -310,13 +311,11 @@ def _bring_sections_up_to_date(
     if count == 0:
         return
     planes = [np.flatnonzero(blocks.any(axis=0)) for blocks in needed]
-    counts = [len(some) for some in planes]
 
-    def work(_: int, part: tuple[int, int]) -> None:
-        for n, some in _shares(part, counts):
-            fields[n].update_sections(planes[n], some, needed[n])
+    def update(field: DistanceField, number: int, queue: Queue) -> None:
+        field.update_sections(queue, planes[number], needed[number])
 
-    fields[0].team.share(work, sum(counts), item_us=BLOCK_US * count / sum(counts))
+    _in_turn(fields, update, BLOCK_US * count)
 
 
 def update_together(fields: Sequence[DistanceField], news: News) -> None:
@@ -325,11 +324,29 @@ def update_together(fields: Sequence[DistanceField], news: News) -> None:
     bring_up_to_date(fields)
 
 
-def _shares(part: tuple[int, int], counts: Sequence[int]) -> Iterator[tuple[int, tuple[int, int]]]:
-    """Whose items a part of all is, and which of them, where each has so many."""
-    begin = 0
-    for n, count in enumerate(counts):
-        first, end = max(part[0] - begin, 0), min(part[1] - begin, count)
-        if first < end:
-            yield n, (first, end)
-        begin += count
+def _in_turn(
+    fields: Sequence[DistanceField],
+    work: Callable[[DistanceField, int, Queue], None],
+    us: float,
+) -> None:
+    """Have one field after the other worked on by all threads, where that is worth sharing.
+
+    Each takes planes or rows from the field's queue while it is in compiled code: it neither waits
+    for Python in between nor for a thread that still has a large part to do.
+
+    Args:
+        fields: Of one window.
+        work: What to do for a field, of this number, with its queue.
+        us: About what it takes one thread, microseconds.
+    """
+    queues = [np.zeros(1, np.int64) for _ in fields]
+
+    def member_works(_: int) -> None:
+        for number, (field, queue) in enumerate(zip(fields, queues, strict=True)):
+            work(field, number, queue)
+
+    team = fields[0].team
+    if team.helps(1, us):
+        team.together(member_works)
+    else:
+        member_works(0)

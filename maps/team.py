@@ -57,8 +57,6 @@ class Team:
         if not self.helps(count, item_us):
             work(0, (0, count))
             return
-        while len(self._helpers) < self.size - 1:
-            self._helpers.append(self._start_helper())
         parts = parts_each * self.size
         edges = [count * part // parts for part in range(parts + 1)]
         queue = itertools.count()
@@ -67,10 +65,21 @@ class Team:
             while (part := next(queue)) < parts:
                 work(member, (edges[part], edges[part + 1]))
 
+        self.together(help_out)
+
+    def together(self, work: Callable[[int], None]) -> None:
+        """Call `work(member)` in all members at once, and wait.
+
+        Raises:
+            ValueError: The system starts no more threads.
+            Exception: The first one that any member raised, once none works any more.
+        """
+        while len(self._helpers) < self.size - 1:
+            self._helpers.append(self._start_helper())
         for helper in self._helpers:
-            helper.begin(help_out)
+            helper.begin(work)
         try:
-            help_out(0)
+            work(0)
         finally:
             errors = [helper.wait() for helper in self._helpers]
         for error in errors:

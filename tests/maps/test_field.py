@@ -1,4 +1,3 @@
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -6,7 +5,6 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from maps import _field_kernels as kernels
-from maps._prefetch import prefetch
 from maps.field import (
     BLOCK_ROWS,
     DistanceField,
@@ -182,20 +180,6 @@ def test_planes_are_lowered_to_what_leads_through_those_around(j):
                 expected[1 + plane] = np.minimum(expected[1 + plane], through)
         np.testing.assert_array_equal(target, expected)
         assert greatest == expected[1:5].max()
-
-
-def test_a_prefetch_is_compiled_into_a_kernel_and_changes_nothing():
-    @numba.njit
-    def ask(cells):
-        prefetch(cells, np.uint64(3))
-        prefetch(cells, np.uint64(1 << 40))  # far beyond them
-        return cells.sum()
-
-    cells = np.arange(9, dtype=np.uint16)
-    assert ask(cells) == ask.py_func(cells) == 36
-    (code,) = ask.inspect_llvm().values()
-    assert "call void @llvm.prefetch" in code
-    np.testing.assert_array_equal(cells, np.arange(9))
 
 
 def test_bits_beyond_the_window_are_not_looked_at():

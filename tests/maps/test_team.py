@@ -39,6 +39,19 @@ def test_what_a_helper_raises_reaches_the_caller_and_the_team_goes_on():
     assert sorted(done) == list(range(10))
 
 
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_all_members_work_together(threads):
+    met, seen = threading.Barrier(threads, timeout=10), []
+
+    def work(member):
+        met.wait()  # all at once
+        seen.append(member)
+
+    team = Team(threads)
+    team.together(work)
+    assert sorted(seen) == list(range(threads))
+
+
 def test_little_work_is_not_shared():
     team, members = Team(2), []
     team.share(lambda member, part: members.append((member, part)), 10, 6, WORTH_SHARING_US / 11)

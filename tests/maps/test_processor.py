@@ -1,0 +1,63 @@
+import threading
+
+import numba
+import numpy as np
+import pytest
+
+from maps import _field_kernels as kernels
+from maps._processor import prefetch, take
+from maps.team import Team
+
+
+def test_a_prefetch_is_compiled_into_a_kernel_and_changes_nothing():
+    @numba.njit
+    def ask(cells):
+        prefetch(cells, np.uint64(3))
+        prefetch(cells, np.uint64(1 << 40))  # far beyond them
+        return cells.sum()
+
+    cells = np.arange(9, dtype=np.uint16)
+    assert ask(cells) == ask.py_func(cells) == 36
+    (code,) = ask.inspect_llvm().values()
+    assert "call void @llvm.prefetch" in code
+    np.testing.assert_array_equal(cells, np.arange(9))
+
+
+def test_threads_that_take_at_once_never_get_the_same():
+    @numba.njit(nogil=True)
+    def count_taken(queue, taken):
+        item = take(queue, 1)
+        while item < taken.shape[0]:
+            taken[item] += 1
+            item = take(queue, 1)
+
+    count_taken(np.zeros(1, np.int64), np.zeros(3, np.int64))  # compiles it
+    queue, taken, together = (
+        np.zeros(1, np.int64),
+        np.zeros(300_000, np.int64),
+        threading.Barrier(3),
+    )
+
+    def work(_):
+        together.wait(10)
+        count_taken(queue, taken)
+
+    Team(3).together(work)
+    assert (taken == 1).all()
+
+
+@pytest.mark.parametrize("take_part", [kernels.take_part, kernels.take_part.py_func])
+@pytest.mark.parametrize("threads", [1, 2, 7])
+@pytest.mark.parametrize("count", [0, 1, 5, 400])
+def test_the_parts_taken_follow_each_other_and_become_smaller(take_part, threads, count):
+    queue, end, sizes = np.zeros(1, np.int64), 0, []
+    while (part := take_part(queue, count, threads))[0] < part[1]:
+        assert part[0] == end
+        end = part[1]
+        sizes.append(part[1] - part[0])
+    assert end == count
+    assert sizes == sorted(sizes, reverse=True)
+    if count == 400:
+        assert sizes[0] == 400 // (kernels.SHARES * threads)
+        assert sizes[-1] == 1
+    assert take_part(queue, count, threads) == (count, count)
