@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._field_kernels import presume, widen
+from maps._wanted_kernels import presume, widen
 from maps.field import ALL_ONES, BLOCK_ROWS, DistanceField, News, bring_up_to_date, take_over
 from maps.team import Team
 

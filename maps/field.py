@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from maps import _field_kernels as kernels
 from maps._field_kernels import MAX_REACH, UNIT
 from maps._processor import Queue
+from maps._wanted_kernels import find_needed
 from maps.columns import layer_bits
 from maps.team import Team
 
@@ -162,7 +163,7 @@ class DistanceField:
     def sections_needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The outdated blocks of sections (blocks, nx) that wanted blocks of the field rest on."""
         needed = np.empty_like(wanted)
-        kernels.find_needed(wanted, self.pending, self.reach, needed)
+        find_needed(wanted, self.pending, self.reach, needed)
         return needed
 
     def find_stale(self) -> None:

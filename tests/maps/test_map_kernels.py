@@ -51,10 +51,10 @@ def test_compiled_interpreted_and_bounds_checked_runs_agree(tmp_path):
 WARM = """
 import numba
 from maps import _beam_kernels, _brick_kernels, _column_kernels, _decay_kernels, _field_kernels
-from maps import _carve_kernels, _inflation_kernels, _update_kernels, warm_up
+from maps import _carve_kernels, _inflation_kernels, _update_kernels, _wanted_kernels, warm_up
 def compiled():
     modules = (_beam_kernels, _brick_kernels, _column_kernels, _decay_kernels, _field_kernels)
-    modules += (_carve_kernels, _inflation_kernels, _update_kernels)
+    modules += (_carve_kernels, _inflation_kernels, _update_kernels, _wanted_kernels)
     names = [(module, name) for module in modules for name in vars(module)]
     kernels = {f"{name}": getattr(module, name) for module, name in names}
     return {
