@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 FOR_WRITING, KEPT, OF_DATA = 1, 3, 1
+
+_ONE_AT_A_TIME = threading.Lock()
 
 Queue = NDArray[np.int64]
 """(1,) how many items have been taken by all threads."""
@@ -31,8 +34,8 @@ def prefetch(array: NDArray[Any], place: np.uint64) -> None:
 def take(queue: Queue, count: int) -> int:
     """Take the next items of work; of threads that take at once none gets the same.
 
-    What is compiled is LLVM's `atomicrmw add` (LLVM Language Reference Manual). Interpreted it is
-    for one thread.
+    What is compiled is LLVM's `atomicrmw add` (LLVM Language Reference Manual). Interpreted it
+    takes a lock.
 
     Args:
         queue: Of the work.
@@ -41,8 +44,9 @@ def take(queue: Queue, count: int) -> int:
     Returns:
         The first of them.
     """
-    first = int(queue[0])
-    queue[0] += count
+    with _ONE_AT_A_TIME:
+        first = int(queue[0])
+        queue[0] += count
     return first
 
 

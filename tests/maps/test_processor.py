@@ -1,3 +1,4 @@
+import sys
 import threading
 
 import numba
@@ -23,26 +24,32 @@ def test_a_prefetch_is_compiled_into_a_kernel_and_changes_nothing():
     np.testing.assert_array_equal(cells, np.arange(9))
 
 
-def test_threads_that_take_at_once_never_get_the_same():
-    @numba.njit(nogil=True)
-    def count_taken(queue, taken):
+def count_taken(queue, taken):
+    item = take(queue, 1)
+    while item < taken.shape[0]:
+        taken[item] += 1
         item = take(queue, 1)
-        while item < taken.shape[0]:
-            taken[item] += 1
-            item = take(queue, 1)
 
-    count_taken(np.zeros(1, np.int64), np.zeros(3, np.int64))  # compiles it
-    queue, taken, together = (
-        np.zeros(1, np.int64),
-        np.zeros(300_000, np.int64),
-        threading.Barrier(3),
-    )
+
+@pytest.mark.parametrize(
+    ("way", "items"),
+    [(numba.njit(nogil=True)(count_taken), 300_000), (count_taken, 20_000)],
+    ids=["compiled", "interpreted"],
+)
+def test_threads_that_take_at_once_never_get_the_same(way, items):
+    way(np.zeros(1, np.int64), np.zeros(3, np.int64))  # compiles it
+    queue, taken, all_ready = np.zeros(1, np.int64), np.zeros(items, np.int64), threading.Barrier(3)
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # interpreted threads take turns at any place
 
     def work(_):
-        together.wait(10)
-        count_taken(queue, taken)
+        all_ready.wait(10)
+        way(queue, taken)
 
-    Team(3).together(work)
+    try:
+        Team(3).together(work)
+    finally:
+        sys.setswitchinterval(before)
     assert (taken == 1).all()
 
 
