@@ -176,8 +176,8 @@ def lower_planes(
     """Lower units of four successive planes to what leads through those at distances j to j + 3.
 
     As `lower`, in a third of the time: of the 32 sources of four planes 14 differ, and each is
-    loaded once. The compiler has to know how far apart they are. Else it would have to check each
-    source against each target: it gives that up and works on single cells.
+    loaded once. The length of a unit is known when this is compiled: told as an argument, it takes
+    three times as long.
     """
     e, f, g = min(j + 1, reach), min(j + 2, reach), min(j + 3, reach)
     squares = np.uint16(j * j), np.uint16(e * e), np.uint16(f * f), np.uint16(g * g)
