@@ -63,8 +63,8 @@ class DistanceField:
     The squared distance is a sum over the axes, so one exact pass per axis finds it (Felzenszwalb &
     Huttenlocher 2012, "Distance transforms of sampled functions"); truncated, a pass looks only
     `reach` cells around and works on whole rows at once. The distances within planes of constant x
-    are kept, so that an update recomputes only the blocks of rows that a changed column can reach,
-    and hands on only what really changed: wherever it is not stale, the result is the same as of a
+    are kept, so that an update recomputes only the blocks of rows that a changed column can reach:
+    wherever it is not stale, the result is the same as of a
     new field. What lies outside the window is blocked, except along an axis of one cell, which is
     no axis.
 
