@@ -64,9 +64,8 @@ class DistanceField:
     Huttenlocher 2012, "Distance transforms of sampled functions"); truncated, a pass looks only
     `reach` cells around and works on whole rows at once. The distances within planes of constant x
     are kept, so that an update recomputes only the blocks of rows that a changed column can reach:
-    wherever it is not stale, the result is the same as of a
-    new field. What lies outside the window is blocked, except along an axis of one cell, which is
-    no axis.
+    wherever it is not stale, the result is the same as of a new field. What lies outside the window
+    is blocked, except along an axis of one cell, which is no axis.
 
     New cells can be taken over now and worked out later, where somebody asks: see `take_over` and
     `bring_up_to_date`.
