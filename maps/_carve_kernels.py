@@ -19,6 +19,7 @@ from maps._beam_kernels import (
     SUBCELLS,
 )
 from maps._jit import inlined, kernel
+from maps._processor import Queue, take
 
 WAY_BITS = 40  # a fraction of the way times a height of 2^21 stays below 2^63
 WHOLE_WAY = 1 << WAY_BITS
@@ -411,8 +412,8 @@ def carve(
     targets: NDArray[np.int32],  # (n, 5)
     bits: NDArray[np.uint64],  # (n,)
     order: NDArray[np.int32],  # (n,)
-    wedges: NDArray[np.int64],  # (k, 4)
-    part: tuple[int, int],  # first and one past the last of these to carve
+    wedges: NDArray[np.int64],  # (k, 3) as of `order_targets`
+    queue: Queue,  # of the wedges
     sensors: NDArray[np.int64],  # (m, 3) 1/1024 of a cell, from the window's corner
     box: tuple[int, int, int, int, int, int],  # least and greatest cell that may be marked
     guarded_layer: int,  # from the window's bottom
@@ -427,12 +428,15 @@ def carve(
     Beams to a run of ends cross what lies between the lowest and the highest of them: neighbours
     end one cell apart and come closer on their way. All to one column cross the same columns. Near
     the sensor all beams of a wedge cross the same cells: once the first of them are carved, the
-    others are followed only to where everything is marked.
+    others are followed only to where everything is marked. Threads take wedges from the queue until
+    none is left.
     """
     _, ny, words = shape
     ways, places, lower, upper, marked = scratch
-    for wedge in range(part[0], part[1]):
+    wedge = take(queue, 1)
+    while wedge < wedges.shape[0]:
         at, end, k = wedges[wedge]
+        wedge = take(queue, 1)
         sensor = (sensors[k, 0], sensors[k, 1], sensors[k, 2])
         span = slope_range(targets, order[at:end], sensor)
         first_target, surveyed, next_survey = at, False, at + max((end - at) // SHARE, SCOUTS)

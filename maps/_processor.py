@@ -21,6 +21,11 @@ Queue = NDArray[np.int64]
 """(1,) how many items have been taken by all threads."""
 
 
+def new_queue() -> Queue:
+    """One of which nothing has been taken."""
+    return np.zeros(1, np.int64)
+
+
 def prefetch(array: NDArray[Any], place: np.uint64) -> None:
     """Ask for the cache line of an element of a flat array, to be written soon.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from maps import _field_kernels as kernels
 from maps._field_kernels import MAX_REACH, UNIT
-from maps._processor import Queue
+from maps._processor import Queue, new_queue
 from maps._wanted_kernels import find_needed
 from maps.columns import layer_bits
 from maps.team import Team
@@ -339,14 +339,10 @@ def _in_turn(
         work: What to do for a field, of this number, with its queue.
         us: About what it takes one thread, microseconds.
     """
-    queues = [np.zeros(1, np.int64) for _ in fields]
+    queues = [new_queue() for _ in fields]
 
     def member_works(_: int) -> None:
         for number, (field, queue) in enumerate(zip(fields, queues, strict=True)):
             work(field, number, queue)
 
-    team = fields[0].team
-    if team.helps(1, us):
-        team.together(member_works)
-    else:
-        member_works(0)
+    fields[0].team.together(member_works, us)

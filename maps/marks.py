@@ -15,6 +15,7 @@ from maps import _beam_kernels as beams
 from maps import _brick_kernels as bricks
 from maps import _carve_kernels as carving
 from maps import _update_kernels as update
+from maps._processor import new_queue
 from maps.grid import FLOOR_LAYER
 from maps.sweep import Sweep
 from maps.team import Team
@@ -241,16 +242,17 @@ class SweepWindow:
         wedges = np.empty((min(count, beams.WEDGES * len(sensors)), 3), np.int64)
         starts, firsts = np.empty(beams.SECTORS + 1, np.int64), np.array(edges[:-1])
         used = beams.order_targets(self._ranks, firsts, groups, starts, order, wedges)
+        queue = new_queue()
 
-        def carve(member: int, part: tuple[int, int]) -> None:
+        def carve(member: int) -> None:
             # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
             steps = carving.MAX_STEPS + 1
             carving.carve(
                 targets,
                 bits,
                 order,
-                wedges,
-                part,
+                wedges[:used],
+                queue,
                 sensors,
                 within,
                 guarded,
@@ -261,7 +263,7 @@ class SweepWindow:
                 self._free[member],
             )
 
-        self._team.share(carve, used, item_us=TARGET_US * count / max(used, 1))
+        self._team.together(carve, TARGET_US * count)
         return self._collect(placed.frame)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:

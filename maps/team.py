@@ -67,13 +67,21 @@ class Team:
 
         self.together(help_out)
 
-    def together(self, work: Callable[[int], None]) -> None:
+    def together(self, work: Callable[[int], None], us: float = WORTH_SHARING_US) -> None:
         """Call `work(member)` in all members at once, and wait.
+
+        Args:
+            work: What to do as one of the members, until nothing is left to do.
+            us: About what it takes one thread, microseconds: where that is not worth sharing, only
+                the caller works.
 
         Raises:
             ValueError: The system starts no more threads.
             Exception: The first one that any member raised, once none works any more.
         """
+        if not self.helps(1, us):
+            work(0)
+            return
         while len(self._helpers) < self.size - 1:
             self._helpers.append(self._start_helper())
         for helper in self._helpers:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from maps import _field_kernels as kernels
-from maps._processor import prefetch, take
+from maps._processor import new_queue, prefetch, take
 from maps.team import Team
 
 
@@ -37,8 +37,8 @@ def count_taken(queue, taken):
     ids=["compiled", "interpreted"],
 )
 def test_threads_that_take_at_once_never_get_the_same(way, items):
-    way(np.zeros(1, np.int64), np.zeros(3, np.int64))  # compiles it
-    queue, taken, all_ready = np.zeros(1, np.int64), np.zeros(items, np.int64), threading.Barrier(3)
+    way(new_queue(), np.zeros(3, np.int64))  # compiles it
+    queue, taken, all_ready = new_queue(), np.zeros(items, np.int64), threading.Barrier(3)
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)  # interpreted threads take turns at any place
 
@@ -57,7 +57,7 @@ def test_threads_that_take_at_once_never_get_the_same(way, items):
 @pytest.mark.parametrize("threads", [1, 2, 7])
 @pytest.mark.parametrize("count", [0, 1, 5, 400])
 def test_the_parts_taken_follow_each_other_and_become_smaller(take_part, threads, count):
-    queue, end, sizes = np.zeros(1, np.int64), 0, []
+    queue, end, sizes = new_queue(), 0, []
     while (part := take_part(queue, count, threads))[0] < part[1]:
         assert part[0] == end
         end = part[1]

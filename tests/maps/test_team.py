@@ -58,6 +58,12 @@ def test_little_work_is_not_shared():
     assert members == [(0, (0, 10))]
 
 
+def test_little_work_is_done_by_the_caller_alone():
+    members = []
+    Team(2).together(members.append, WORTH_SHARING_US - 1)
+    assert members == [0]
+
+
 def test_threads_end_with_their_team():
     team = Team(4)
     assert team._helpers == []

@@ -8,6 +8,7 @@ import pytest
 from maps import MapConfig, VoxelMap
 from maps import _beam_kernels as kernels
 from maps import _carve_kernels as carving
+from maps._processor import new_queue
 from maps.marks import SPREAD
 
 HALVES = 1024
@@ -176,11 +177,13 @@ def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
         held = [f + i for f, group in zip(firsts, groups, strict=True) for i in range(group[1])]
         assert sorted(order[:count]) == held
         assert wedges[:some, 0].tolist() == [0, *wedges[: some - 1, 1]]
-        of_beams = (targets, bits, order, wedges, (0, some), sensors, box, guarded)
+        queue = new_queue()
+        of_beams = (targets, bits, order, wedges[:some], queue, sensors, box, guarded)
         scratch = tuple(np.empty(carving.MAX_STEPS + 1, np.int64) for _ in range(5))
         rows = np.empty((carving.MAX_RUNS * words, 3), np.int64)
         masks = np.empty(carving.MAX_STEPS + 1, np.uint64)
         kernel("carve")(*of_beams, shape, scratch, masks, rows, free)
+        assert queue[0] == some + 1  # one more than there are was asked for
     assert not aims.any()
     assert not flags.any()
 
