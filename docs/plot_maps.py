@@ -108,7 +108,7 @@ def cell(field, value):
     if field in SHARES:
         return f"{100 * value:.3g} %" if value < 0.99 else f"{100 * value:.3f} %"
     if isinstance(value, float):
-        return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+        return f"{value:.3g}" if abs(value) < 999.5 else f"{value:,.0f}"
     return str(value)
 
 
