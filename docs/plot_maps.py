@@ -68,6 +68,7 @@ TABLES = {
     },
     "agreement": {
         "resolution_m": "cell, m",
+        "mode": "mode",
         "agreement": "same state",
         "agreement_above_floor": "above the floor's layer",
     },

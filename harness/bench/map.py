@@ -16,7 +16,7 @@ from harness.bench.map_trials import (
     Agreement,
     Ghost,
     accuracies,
-    agreement_with_octomap,
+    agreements_with_octomap,
     ghosts,
 )
 from harness.bench.map_workload import (
@@ -187,7 +187,8 @@ def _accuracies(lab: Lab) -> Iterator[Row]:
 def _agreement(lab: Lab) -> Iterator[Row]:
     if octomap_installed():
         lab.progress("map: agreement")
-        yield _found_row("agreement", agreement_with_octomap(lab.room, 0.1))
+        for found in agreements_with_octomap(lab.room, 0.1):
+            yield _found_row("agreement", found)
 
 
 PARTS: dict[str, Callable[[Lab], Iterator[Row]]] = {

@@ -19,6 +19,7 @@ from harness.bench.map_workload import (
     octomap_installed,
 )
 from maps import FREE, MAPS, OCCUPIED, UNKNOWN, MapConfig
+from maps.config import SurfaceGuard
 from models.beams import DROPPED, NO_RETURN
 
 FLOOR_HEIGHT_IN_CELL = 0.75
@@ -30,6 +31,7 @@ MOST_SWEEPS = 100  # until a ghost counts as staying
 
 LIBRARIES = {"voxel": "wayproof", "octomap": "pyoctomap"}
 GUARDED = "guarded floor"
+GUARDS: dict[SurfaceGuard, str] = {"floor": GUARDED, "none": "no guard"}
 
 
 @dataclass(frozen=True)
@@ -137,18 +139,22 @@ def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
     yield _accuracy("octomap", "floor on a face", peer, lifted, resolution)
 
 
-def agreement_with_octomap(room: Sequence[Sweep], resolution: float) -> Agreement:
-    """Our map beside the peer after the room's sweeps, without the beams that only clear.
+def agreements_with_octomap(room: Sequence[Sweep], resolution: float) -> Iterator[Agreement]:
+    """Our map, with its guard and without, beside the peer after the room's sweeps.
 
-    OctoMap clears along those up to a range and not up to a cell, so they cannot be compared.
+    Without the beams that only clear: OctoMap clears along those up to a range and not up to a
+    cell, so they cannot be compared.
     """
     config = MapConfig(resolution=resolution, half_life=0.0)
     returns = [
         replace(sweep, ranges_mm=np.where(sweep.ranges_mm == NO_RETURN, DROPPED, sweep.ranges_mm))
         for sweep in room
     ]
-    ours, peer = (_mapped(kind, config, returns) for kind in ("voxel", "octomap"))
-    return Agreement(LIBRARIES["voxel"], GUARDED, resolution, *agreement(ours, peer, resolution))
+    peer = _mapped("octomap", config, returns)
+    for guard, mode in GUARDS.items():
+        ours = _mapped("voxel", replace(config, surface_guard=guard), returns)
+        same = agreement(ours, peer, resolution)
+        yield Agreement(LIBRARIES["voxel"], mode, resolution, *same)
 
 
 def agreement(one: Any, other: Any, resolution: float) -> tuple[float, float]:
