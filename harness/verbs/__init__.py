@@ -19,6 +19,7 @@ from harness.verbs import (
     run,
     score,
     search,
+    sign,
     study,
     view,
 )
@@ -40,6 +41,7 @@ VERBS: dict[str, Verb] = {
     "picture": picture.VERB,
     "convert": convert.VERB,
     "recover": recover.VERB,
+    "sign": sign.VERB,
     "list": listing.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,
