@@ -20,10 +20,11 @@ from harness.evidence.relay import Stretch
 from harness.inputs import CODEC, beams_from_info, inputs_from_messages, serialized
 from harness.interference import Interference
 from harness.judge import Judge, Verdict
-from harness.logs.log import LogWriter
+from harness.logs.log import LogWriter, hold_log
 from harness.logs.log_copy import thin, topic_of
 from harness.logs.streams import CONTROL, StreamHashes
 from harness.mujoco_warnings import tell_warnings
+from harness.outputs import Draft
 from harness.plant import Plant
 from harness.result import Outcome, Result
 from harness.scenario import Scenario, sensor_info
@@ -40,7 +41,7 @@ Observer = Callable[[pb.Decision, pb.Truth], None]
 
 def run_episode(
     scenario: Scenario,
-    log_path: Path,
+    log_path: Path | Draft,
     observe: Observer | None = None,
     delays: Mapping[int, float] | None = None,
     record: str | None = None,
@@ -49,7 +50,7 @@ def run_episode(
 
     Args:
         scenario: What to run.
-        log_path: Final name of the log; it is replaced if it exists.
+        log_path: Final name of the log, or a draft that holds it; a log of that name is replaced.
         observe: Called after each decision, for display.
         delays: Of each decision, s, to live through those of a log instead of measured ones.
         record: What to keep in place of the config's `record`.
@@ -63,22 +64,29 @@ def run_episode(
     navigator = build_navigator(scenario.config, scenario.mission, beams)
     config, mission = to_json(scenario.config), scenario.mission.to_json()
     kept = record or scenario.config.record
-    with LogWriter(log_path, config, mission, scenario.scene.mjcf) as log:
-        log.record = "decisions" if kept == "decisions" else "full"
-        for info in infos:
-            log.write(f"/sensor/{info.name}/info", info, 0)
-        episode = Episode(scenario, navigator, log, observe)
-        episode.delays.update(delays or {})
-        result = episode.run()
-    return settle_log(result, kept)
+    with log_path if isinstance(log_path, Draft) else hold_log(log_path) as draft:
+        with LogWriter(draft, config, mission, scenario.scene.mjcf) as log:
+            log.record = "decisions" if kept == "decisions" else "full"
+            for info in infos:
+                log.write(f"/sensor/{info.name}/info", info, 0)
+            episode = Episode(scenario, navigator, log, observe)
+            episode.delays.update(delays or {})
+            result = episode.run()
+        return settle_log(draft, result, kept)
 
 
-def settle_log(result: Result, kept: str) -> Result:
-    """Leave out of the finished log what `Config.record` does not keep, and tell the log's size."""
-    log_path = Path(result.log)
+def settle_log(draft: Draft, result: Result, kept: str) -> Result:
+    """Leave out of a finished log what `Config.record` does not keep, and give it its name.
+
+    Returns:
+        The result with the log's size.
+    """
+    thinned = None
     if kept == "decisions" or (kept == "failures" and result.outcome == "success"):
-        thin(log_path)
-    size = log_path.stat().st_size
+        thinned = draft.path.with_name(f"{draft.path.name}.thin")
+        thin(draft.partial, thinned)
+    draft.publish(thinned)
+    size = draft.path.stat().st_size
     return replace(result, log_mb_per_min=60e-6 * size / max(result.sim_time_s, 1e-9))
 
 

@@ -13,7 +13,7 @@ from harness.evidence.rebuild import rebuild
 from harness.evidence.relay import Relay, stretches
 from harness.evidence.what_if import refuse_sensed
 from harness.logs.container import walk
-from harness.logs.log import LogWriter
+from harness.logs.log import LogWriter, hold_log
 from harness.logs.log_copy import time_of, topic_of
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log, before, fork_note, open_log, read_head
@@ -76,14 +76,15 @@ def fork(
     config = override(log.config, settings)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
     scenario = rebuild(log, config)
-    past = live_through(log, at, scenario)
-    head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
-    with LogWriter(target, *head) as writer:
-        _write_past(writer, log, at, scenario)
-        episode = Episode(scenario, past.navigator, writer, observe)
-        episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
-        result = episode.run()
-    return settle_log(result, config.record)
+    with hold_log(target) as draft:
+        past = live_through(log, at, scenario)
+        head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
+        with LogWriter(draft, *head) as writer:
+            _write_past(writer, log, at, scenario)
+            episode = Episode(scenario, past.navigator, writer, observe)
+            episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
+            result = episode.run()
+        return settle_log(draft, result, config.record)
 
 
 def live_through(log: Log, at: int, scenario: Scenario) -> Past:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from harness.cause import Case, Moment
 from harness.explain.card import Card, moment_of
+from harness.outputs import written_whole
 from harness.stack.decision import path_of
 from harness.stack.navigator import Navigator
 from maps.states import FREE, OCCUPIED
@@ -57,7 +58,8 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
         if case.contact is not None:
             axes.plot(*case.contact.position[:2], "*", color="#d1232a", ms=11, zorder=7)
         _finish(axes, moment, card)
-        figure.savefig(target, metadata={"Software": None})
+        with written_whole(target, "picture") as partial:
+            figure.savefig(partial, format="png", metadata={"Software": None})
 
 
 def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:

@@ -1,7 +1,8 @@
 """Writing a log: everything that a replay needs at the head, inputs and decisions in order.
 
-A log grows under the name `<name>.mcap.partial` and takes its own name by an atomic rename when it
-is whole. `log_time` is simulated time; `sequence` counts through the file.
+A log grows under the name `<name>.mcap.partial`, which one writer at a time holds, and takes its
+own name by an atomic rename when it is whole. `log_time` is simulated time; `sequence` counts
+through the file.
 
 Topics: `/sensor/<name>/info` and `/sensor/<name>`, `/pose` and `/latency` are inputs, `/decision`
 is what a replay compares, `/truth` is for scoring, `/state` is for forks.
@@ -18,7 +19,6 @@ import shutil
 from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import IO
 
 import zstandard
 from google.protobuf.descriptor import Descriptor, FileDescriptor
@@ -26,8 +26,10 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
 from harness.errors import InputError
+from harness.logs.container import MAGIC
 from harness.logs.mcap_file import McapFile
 from harness.logs.packed import pack
+from harness.outputs import Draft, check_target
 
 FORMAT_VERSION = "3"
 """Raised when logs of the version before replay no longer: 3 has an odometry and other plans."""
@@ -61,7 +63,7 @@ class LogWriter:
 
     def __init__(
         self,
-        path: Path,
+        path: Path | Draft,
         config: bytes,
         mission: bytes,
         scene: str,
@@ -72,7 +74,7 @@ class LogWriter:
         """Open the partial file and write the head.
 
         Args:
-            path: Final name of the log.
+            path: Final name of the log; or a draft that holds the name, whose owner publishes it.
             config: Resolved config, JSON.
             mission: What the stack was told, JSON.
             scene: Flattened MJCF.
@@ -82,14 +84,17 @@ class LogWriter:
             packed: Write as little as can be: a compressed scene, packed fields, large chunks.
 
         Raises:
-            InputError: The folder cannot be written to or is full.
+            InputError: The folder cannot be written to or is full, the name cannot be a log's, or
+                another run is writing it.
         """
-        self.path = path
-        self.partial_path = path.with_name(path.name + ".partial")
+        self._owned = not isinstance(path, Draft)
+        self._draft = draft = path if isinstance(path, Draft) else hold_log(path)
+        self.path = draft.path
+        self.partial_path = draft.partial
         self.record = "full"
-        self._file = _open_for_writing(self.partial_path)
+        self._finished = False
         library = f"wayproof {installed_version('wayproof')}"
-        self._writer = McapFile(self._file, library, PACKED_CHUNK if packed else CHUNK)
+        self._writer = McapFile(draft.file, library, PACKED_CHUNK if packed else CHUNK)
         self._packed = packed
         self._channels: dict[str, int] = {}
         self._count = 0
@@ -143,25 +148,24 @@ class LogWriter:
         self._count += 1
 
     def finish(self, result: Mapping[str, str]) -> None:
-        """Write the result and give the log its name."""
+        """Write the result, and give the log its name unless a draft's owner does that."""
         kept = "decisions" if self.record == "decisions" else "full"
         self._writer.add_metadata("result", {**result, "record": kept})
         self._writer.finish()
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        self._file.close()
-        self.partial_path.replace(self.path)
+        self._finished = True
+        if self._owned:
+            self._draft.publish()
 
     def close(self) -> None:
         """Leave the partial log readable up to here; nothing to do once finished."""
-        if self._file.closed:
-            return
-        with contextlib.suppress(OSError):  # a full disk is what brought us here
-            self._writer.hand_on()
-            self._writer.settle()
-        self._writer.close()
-        with contextlib.suppress(OSError):
-            self._file.close()
+        if not self._finished:
+            with contextlib.suppress(OSError):  # a full disk is what brought us here
+                self._writer.hand_on()
+                self._writer.settle()
+            self._writer.close()
+            self._finished = True
+        if self._owned:
+            self._draft.release()
 
     def __enter__(self) -> LogWriter:
         """Return the writer itself."""
@@ -221,13 +225,22 @@ def check_folder(folder: Path) -> None:
         )
 
 
-def _open_for_writing(path: Path) -> IO[bytes]:
+def hold_log(path: Path) -> Draft:
+    """Take a log's name, for the whole time of its writing.
+
+    Raises:
+        InputError: The folder cannot be written to or is full; the name is that of a folder, a
+            device or a file that is no log; or another run is writing it.
+    """
+    check_target(path, "log")
     check_folder(path.parent)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return path.open("wb")
-    except OSError as error:
-        raise InputError(f"log '{path}': {error.strerror}") from None
+    draft = Draft(path)
+    if path.is_file() and path.stat().st_size:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                draft.release()
+                raise InputError(f"log '{path}': a file that is no log, expected another name")
+    return draft
 
 
 def digest_name(attachment: str) -> str:

@@ -28,17 +28,21 @@ TOPICS: dict[type[Message], str] = {
 """Where each sort of message stands in a log, those of sensors apart."""
 
 
-def thin(path: Path) -> None:
-    """Leave out of a finished log, in its place, what its seed gives again.
+def thin(path: Path, target: Path | None = None) -> None:
+    """Leave out of a finished log what its seed gives again: sweeps, states and most guides.
 
-    That is sweeps, states and most guides.
+    Args:
+        path: The log.
+        target: Name of the new one; by default it takes the log's place.
 
     Raises:
         InputError: It is no finished log, or the folder cannot be written to.
     """
     result = open_log(path, allow_plugins=True).result
     head = read_head(walk(path, head_only=True), path, allow_plugins=True)
-    write_copy(path, head, _with_few_guides(read_messages(path)), result, record="decisions")
+    write_copy(
+        target or path, head, _with_few_guides(read_messages(path)), result, record="decisions"
+    )
 
 
 def _with_few_guides(messages: Iterable[Message]) -> Iterator[Message]:

@@ -13,6 +13,7 @@ from harness.logs.container import Attachment, Metadata, Packet, walk
 from harness.logs.log_copy import write_copy
 from harness.logs.messages import decode, is_ours
 from harness.logs.reader import read_head
+from harness.outputs import ENDING
 from harness.schema import wayproof_pb2 as pb
 
 
@@ -75,9 +76,10 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
 
 
 def recovered_name(path: Path) -> Path:
-    """`run.mcap.partial` becomes `run-recovered.mcap`."""
-    stem = path.name.removesuffix(".partial").removesuffix(".mcap")
-    return path.with_name(f"{stem}-recovered.mcap")
+    """`run.mcap.partial` becomes `run-recovered.mcap`, and `.partial.2` `run-recovered-2.mcap`."""
+    stem, _, number = path.name.partition(f"{ENDING}.")
+    stem = stem.removesuffix(ENDING).removesuffix(".mcap")
+    return path.with_name(f"{stem}-recovered{number and '-'}{number}.mcap")
 
 
 class _Reading:

@@ -15,8 +15,12 @@ import msgspec
 from harness.config import PLUGIN
 from harness.errors import InputError
 from harness.logs.reader import open_log
+from harness.outputs import remove_abandoned
 from harness.study.contents import Contents
 from harness.study.file import StudyFile
+
+WORKER_ENDS_S = 5.0
+"""In which a worker has ended whose parent was killed, s: it looks some times a second."""
 
 
 class Store:
@@ -85,9 +89,15 @@ class Store:
             path.unlink()
 
     def clear_partial(self) -> None:
-        """Remove what killed runs left half written."""
-        for path in (*self.logs.glob("*.partial"), *self.errors.glob("*.partial")):
+        """Remove what killed runs left half written.
+
+        Raises:
+            InputError: A worker of a killed run is still writing.
+        """
+        for path in (*self.logs.glob("*.thin"), *self.errors.glob("*.partial")):
             path.unlink()
+        for path in self.logs.glob("*.partial"):
+            remove_abandoned(path, WORKER_ENDS_S)
 
     def keep_study(self, study: StudyFile, contents: Contents) -> None:
         """Keep what the folder is a study of, so that it can be reported without the files."""

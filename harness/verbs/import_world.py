@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.errors import InputError
+from harness.outputs import written_whole
 from harness.verbs.verb import Document, Verb
 
 WORLDS = Path("worlds")
@@ -64,14 +65,8 @@ def _point(name: str, text: str | None) -> tuple[float, float, float] | None:
 
 
 def _write(path: Path, text: str) -> None:
-    """Whole or not at all."""
-    partial = path.with_name(path.name + ".partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(path, "--out") as partial:
         partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(f"--out '{path}': {error.strerror}") from None
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

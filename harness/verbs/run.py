@@ -19,6 +19,7 @@ from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
     from harness.config import Config
+    from harness.outputs import Draft
     from harness.result import Result
 
 
@@ -64,23 +65,32 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
     """
     from harness.episode import run_episode
     from harness.live import LiveLine
-    from harness.logs.log import check_folder
+    from harness.logs.log import hold_log
     from harness.scenario import build
     from harness.warm_up import warm_up
 
     scenario = build(config)
     for warning in scenario.warnings:
         print(f"wayproof: warning: {warning}", file=sys.stderr)
-    check_folder(path.parent)
-    with console.status("compiling kernels (a minute the first time, then cached)"):
-        warm_up(config)
-    try:
-        with LiveLine(console, config.robot) as line:
-            return run_episode(scenario, path, line)
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG):
-            raise
-        raise InputError(f"log '{path}': {error.strerror}; what fitted is in .partial") from None
+    with hold_log(path) as draft:
+        warn_of_kept(draft)
+        with console.status("compiling kernels (a minute the first time, then cached)"):
+            warm_up(config)
+        try:
+            with LiveLine(console, config.robot) as line:
+                return run_episode(scenario, draft, line)
+        except OSError as error:
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG):
+                raise
+            text = f"log '{path}': {error.strerror}; what fitted is in .partial"
+            raise InputError(text) from None
+
+
+def warn_of_kept(draft: Draft) -> None:
+    """Print where the unfinished log of an earlier run of the same name was moved to."""
+    if draft.kept is not None:
+        text = f"an unfinished log of an earlier run is kept as '{draft.kept}'"
+        print(f"wayproof: warning: {text}; 'wayproof recover' reads it", file=sys.stderr)
 
 
 def print_verdict(console: Console, result: Result) -> None:

@@ -15,9 +15,9 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from harness.errors import InputError
 from harness.logs.log import check_folder, file_descriptor_set
 from harness.logs.reader import Log, open_log
+from harness.outputs import written_whole
 from harness.schema import foxglove_pb2 as fox
 from harness.stack.decision import path_of
 from harness.viewer.layer import COLOURS, kinds, layer_at
@@ -46,10 +46,8 @@ def convert(path: Path, out: Path, allow_plugins: bool = False) -> int:
     """
     log = open_log(path, allow_plugins)
     check_folder(out.parent)
-    partial = out.with_name(f"{out.name}.partial")
     count = 0
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(out, "--foxglove") as partial:
         with partial.open("wb") as file:
             output = _Output(Writer(file, compression=CompressionType.ZSTD))
             artist = _Artist(log)
@@ -58,11 +56,6 @@ def convert(path: Path, out: Path, allow_plugins: bool = False) -> int:
                     output.write(topic, message, moment.time_ns)
                 count += 1
             output.finish()
-        partial.replace(out)
-    except OSError as error:
-        raise InputError(f"--foxglove '{out}': {error.strerror}") from None
-    finally:
-        partial.unlink(missing_ok=True)
     return count
 
 

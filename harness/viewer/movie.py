@@ -15,6 +15,7 @@ from PIL import Image
 from harness.errors import InputError
 from harness.logs.log import check_folder
 from harness.logs.reader import open_log
+from harness.outputs import check_target, written_whole
 from harness.viewer.driver import check_driver
 from harness.viewer.moments import moments
 from harness.viewer.picture import Stage, drawn
@@ -132,6 +133,7 @@ def check_movie(out: Path, period_s: float) -> None:
         )
     if out.suffix == ".mp4":
         _encoder()
+    check_target(out, "picture")
     check_folder(out.parent)
     check_driver()
 
@@ -143,10 +145,8 @@ def draw_movie(path: Path, out: Path, period_s: float, allow_plugins: bool = Fal
         InputError: The log cannot be read, nothing can be drawn here, or the file not be written.
     """
     log = open_log(path, allow_plugins)
-    partial = out.with_name(f"{out.name}.partial")
     count = next_ns = 0
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(out, "picture") as partial:
         with (
             MOVIES[out.suffix](partial, period_s) as movie,
             Stage(log, movie.size, smooth=False) as stage,
@@ -159,11 +159,6 @@ def draw_movie(path: Path, out: Path, period_s: float, allow_plugins: bool = Fal
                     count += 1
         if not count:
             raise InputError(f"log '{path}': no decisions in it")
-        partial.replace(out)
-    except OSError as error:
-        raise InputError(f"picture '{out}': {error.strerror or error}") from None
-    finally:
-        partial.unlink(missing_ok=True)
     return count
 
 

@@ -21,6 +21,7 @@ from harness.errors import InputError
 from harness.evidence.rebuild import rebuild
 from harness.evidence.twin import guarded
 from harness.logs.reader import Log, open_log
+from harness.outputs import written_whole
 from harness.scenario import Scenario
 from harness.stack.decision import path_of
 from harness.state import Simulation, restore_parts
@@ -234,12 +235,5 @@ def drawn(stage: Stage, moment: Moment) -> Image.Image:
 
 
 def _write(out: Path, picture: Image.Image) -> None:
-    """Whole or not at all."""
-    partial = out.with_name(f"{out.name}.partial")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(out, "picture") as partial:
         picture.save(partial, format="png", optimize=True)
-        partial.replace(out)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"picture '{out}': {error.strerror or error}") from None

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from harness.errors import InputError
 from harness.logs.log import check_folder
 from harness.logs.reader import Log, open_log
+from harness.outputs import check_target, written_whole
 from harness.viewer.ahead import Ahead
 from harness.viewer.snapshots import Snapshot, snapshots
 
@@ -71,6 +72,7 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
     if saved is None:
         _check_display()
     else:
+        check_target(saved, "--save")
         check_folder(saved.parent)
     with ExitStack() as threads:
         threads.enter_context(_brief_turns())
@@ -96,23 +98,15 @@ def _draw(
 
     name = " ".join(log.path.stem for log in logs.values())
     stream = rr.RecordingStream("wayproof", recording_id=name)
-    partial = None if saved is None else saved.with_name(f"{saved.name}.partial")
-    if partial is None:
-        rr.spawn(executable_path=_viewer(), default_blueprint=layout(logs), recording=stream)
-    else:
-        partial.parent.mkdir(parents=True, exist_ok=True)
-        stream.save(partial, default_blueprint=layout(logs))
-    try:
+    with ExitStack() as stack:
+        if saved is None:
+            rr.spawn(executable_path=_viewer(), default_blueprint=layout(logs), recording=stream)
+        else:
+            partial = stack.enter_context(written_whole(saved, "--save"))
+            stream.save(partial, default_blueprint=layout(logs))
+        stack.callback(stream.disconnect)
         decisions = tuple(show_log(stream, log, coming[root], root) for root, log in logs.items())
         _flush(stream)
-        stream.disconnect()
-    except BaseException:
-        if partial is not None:
-            stream.disconnect()
-            partial.unlink(missing_ok=True)
-        raise
-    if partial is not None and saved is not None:
-        partial.replace(saved)
     return decisions
 
 

@@ -1,0 +1,155 @@
+"""Files that the program writes: held by one writer, whole or not at all, in place of no device."""
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from harness.cli import main
+from harness.errors import InputError
+from harness.logs.log import LogWriter
+from harness.logs.recover import recovered_name
+from harness.outputs import Draft, remove_abandoned, written_whole
+from harness.soak.child import in_child
+
+
+def test_a_name_has_one_writer_at_a_time(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Draft(path) as first:
+        first.file.write(b"first")
+        with pytest.raises(InputError, match="another run is writing it"):
+            Draft(path)
+        first.publish()
+    assert path.read_bytes() == b"first"
+    with Draft(path) as second:
+        second.file.write(b"second")
+        second.publish()
+    assert path.read_bytes() == b"second"
+    assert os.listdir(tmp_path) == ["a.mcap"]
+
+
+def test_another_process_is_kept_out_too(tmp_path):
+    def work(tell):
+        try:
+            Draft(tmp_path / "a.mcap")
+        except InputError as error:
+            tell(str(error))
+
+    with Draft(tmp_path / "a.mcap"):
+        ended = in_child(work, 20.0)
+    [line] = ended.lines
+    assert "another run is writing it" in line
+    assert os.listdir(tmp_path) == []
+
+
+def test_what_a_killed_writer_left_is_kept(tmp_path):
+    path = tmp_path / "a.mcap"
+    for number in range(1, 3):
+        path.with_name("a.mcap.partial").write_bytes(b"evidence %d" % number)
+        with Draft(path) as draft:
+            assert draft.kept == tmp_path / f"a.mcap.partial.{number}"
+            draft.file.write(b"anew")
+            draft.publish()
+    assert (tmp_path / "a.mcap.partial.1").read_bytes() == b"evidence 1"
+    assert (tmp_path / "a.mcap.partial.2").read_bytes() == b"evidence 2"
+    assert recovered_name(tmp_path / "a.mcap.partial.2").name == "a-recovered-2.mcap"
+    assert recovered_name(tmp_path / "a.mcap.partial").name == "a-recovered.mcap"
+
+
+def test_what_was_written_stays_partial_and_nothing_does_not(tmp_path):
+    with Draft(tmp_path / "new" / "folder" / "a.mcap"):
+        pass
+    assert os.listdir(tmp_path) == []
+    with Draft(tmp_path / "a.mcap") as draft:
+        draft.file.write(b"some")
+    assert os.listdir(tmp_path) == ["a.mcap.partial"]
+
+
+def test_a_partial_file_that_was_replaced_is_not_published(tmp_path):
+    """Else the log of another run would get this one's name."""
+    with Draft(tmp_path / "a.mcap") as draft:
+        draft.file.write(b"ours")
+        draft.partial.unlink()
+        draft.partial.write_bytes(b"another's")
+        with pytest.raises(InputError, match="was taken away"):
+            draft.publish()
+    assert draft.partial.read_bytes() == b"another's"
+    assert not draft.path.exists()
+
+
+def test_abandoned_files_are_removed_and_held_ones_are_not(tmp_path):
+    with Draft(tmp_path / "a.mcap") as draft:
+        draft.file.write(b"some")
+        with pytest.raises(InputError, match="another process is writing it"):
+            remove_abandoned(draft.partial, 0.0)
+    assert draft.partial.exists()
+    remove_abandoned(draft.partial, 0.0)
+    assert os.listdir(tmp_path) == []
+
+
+def refused_targets(folder):
+    (folder / "folder").mkdir()
+    os.mkfifo(folder / "pipe")
+    (folder / "dangling").symlink_to(folder / "nowhere")
+    (folder / "notes.txt").write_text("a user's own file")
+    (folder / "piped.mcap.partial").symlink_to(folder / "pipe")
+    return {
+        "folder": "a folder, expected",
+        "pipe": "a pipe, expected",
+        "dangling": "a link, expected",
+        "notes.txt": "a file that is no log",
+        "piped.mcap": "a pipe, expected",
+        "a.mcap.partial": "ends in .partial",
+        "notes.txt/a.mcap": "is a file, expected a folder",
+        "n" * 300: "File name too long",
+    }
+
+
+def identities(folder):
+    found = {one.name: one.lstat() for one in folder.iterdir()}
+    return {name: (one.st_ino, one.st_mode, one.st_size) for name, one in found.items()}
+
+
+def test_a_log_takes_the_place_of_no_folder_device_or_other_file(tmp_path, capsys):
+    """Before the episode: nothing is left of it, and what is there stays as it was."""
+    targets = refused_targets(tmp_path)
+    before = identities(tmp_path)
+    texts = {tmp_path / name: text for name, text in targets.items()}
+    for target, text in {**texts, "/dev/null": "a device", "/dev/full": "a device"}.items():
+        run = ["run", "empty", "--robot", "drone", "--seed", "1", "--log", str(target)]
+        assert main(run) == 2
+        [line] = capsys.readouterr().err.splitlines()
+        assert text in line
+    assert identities(tmp_path) == before
+    assert all(stat.S_ISCHR(os.stat(name).st_mode) for name in ("/dev/null", "/dev/full"))
+
+
+def test_every_writer_of_logs_holds_the_name(tmp_path, recorded, capsys):
+    log = recorded("empty", "drone", 1).log
+    target = tmp_path / "held.mcap"
+    with Draft(target):
+        for arguments in (
+            ["replay", log, "--closed-loop", "--log", str(target)],
+            ["replay", log, "--from", "3", "--log", str(target)],
+            ["recover", log, "--out", str(target)],
+        ):
+            assert main(arguments) == 2
+            [line] = capsys.readouterr().err.splitlines()
+            assert "another run is writing it" in line
+        with pytest.raises(InputError, match="another run is writing it"):
+            LogWriter(target, b"{}", b"{}", "<mujoco/>")
+
+
+def test_other_files_are_whole_or_not_there(tmp_path):
+    (tmp_path / "a.png.partial").write_bytes(b"of a killed writer")
+    with written_whole(tmp_path / "a.png", "picture") as partial:
+        assert partial.read_bytes() == b""
+        partial.write_bytes(b"picture")
+    assert (tmp_path / "a.png").read_bytes() == b"picture"
+    with pytest.raises(TypeError), written_whole(tmp_path / "a.png", "picture") as partial:
+        partial.write_bytes("no bytes")
+    assert (tmp_path / "a.png").read_bytes() == b"picture"
+    assert os.listdir(tmp_path) == ["a.png"]
+    with pytest.raises(InputError, match=r"picture '/dev/null': a device"):
+        Draft(Path("/dev/null"), "picture")
