@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from harness.errors import InputError
 from harness.labels import decode_classes
 from harness.schema import wayproof_pb2 as pb
+from maps.elementary import arc_tangent
 from models import range_codec
 from models.beams import (
     DROPPED,
@@ -176,9 +176,9 @@ class Inputs:
 def heading_of(y: float, x: float) -> float:
     """Angle of a direction in the plane, rad, in whole nanoradians.
 
-    The last bits of an arc tangent vary between processors; a replay must not.
+    A library's arc tangent varies in its last bits between processors; this one does not.
     """
-    return round(math.atan2(y, x), 9)
+    return round(arc_tangent(y, x), 9)
 
 
 def inputs_from_messages(
@@ -253,7 +253,8 @@ def check_pose(
         quaternions = np.concatenate([quaternions, trail.quaternions])
     if not (np.abs(positions) <= FARTHEST).all():
         raise InputError(f"pose: position {position}, expected within {FARTHEST:g} m")
-    if not (np.abs(np.linalg.norm(quaternions, axis=1) - 1.0) <= 1e-3).all():
+    lengths = np.sqrt(np.square(quaternions).sum(axis=1))
+    if not (np.abs(lengths - 1.0) <= 1e-3).all():
         raise InputError(f"pose: quaternion {quaternion}, expected unit length")
     if not 0.0 <= sigma <= FARTHEST:
         raise InputError(f"pose: sigma {sigma:g} m, expected 0 or more")
@@ -287,7 +288,8 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
     if position.shape != (3,) or rotation.shape != (9,):
         raise InputError(f"sensor '{info.name}': no mounting")
     R = rotation.reshape(3, 3)
-    if not (np.abs(position) <= FARTHEST).all() or not np.allclose(R @ R.T, np.eye(3), atol=1e-6):
+    orthogonal = np.allclose(turn(R[None], R)[0], np.eye(3), atol=1e-6)
+    if not (np.abs(position) <= FARTHEST).all() or not orthogonal:
         raise InputError(f"sensor '{info.name}': no mounting")
     if not 0.0 < info.range_m <= LONGEST_RANGE:
         raise InputError(

@@ -25,7 +25,7 @@ def ball_cells(centre: ArrayLike, radius: float, resolution: float) -> NDArray[n
     """
     middle = finite_vector("centre", centre)
     cells = box_cells(*cell_box(middle - radius, middle + radius, resolution))
-    squared = ((centres(cells, resolution) - middle) ** 2).sum(axis=1)
+    squared = np.square(centres(cells, resolution) - middle).sum(axis=1)
     inside: NDArray[np.bool_] = squared <= radius * radius
     return cells[inside]
 

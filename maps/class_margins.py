@@ -52,7 +52,8 @@ class ClassMargins(ColumnMap):
         for name, margin in margins.items():
             if not 0 <= name < layer.classes:
                 raise ValueError(f"margins: got class {name}, expected 0 to {layer.classes - 1}")
-            self._squared[name] = math.floor((margin / self.resolution) ** 2 + ROUNDING)
+            cells = margin / self.resolution
+            self._squared[name] = math.floor(cells * cells + ROUNDING)
         self._reach = math.isqrt(max(int(self._squared.max()), 0))
         self._stamps = [(0, 0)]  # of the map and of the layer, by the stamp that was told
 

@@ -12,6 +12,7 @@ from maps._field_kernels import MAX_REACH
 from maps.columns import ColumnMap, Window, unpack
 from maps.config import MapConfig
 from maps.distances import Clearances, Distances
+from maps.elementary import exponentials
 from maps.projection import Airspace
 from maps.states import FREE, OCCUPIED
 from maps.team import Team
@@ -256,8 +257,8 @@ class Costmap:
         """Nav2's law (inflation layer): 252 exp(-scaling (distance - forbidden)); 0 at the end."""
         squared = np.arange(self.truncation + 1)
         beyond = (np.sqrt(squared) - forbidden) * self.resolution  # m
-        costs = INSCRIBED_COST * np.exp(-self.config.cost_scaling_factor * np.maximum(beyond, 0.0))
-        # The last bits of exp vary between processors; a decision must not.
+        fall = exponentials(-self.config.cost_scaling_factor * np.maximum(beyond, 0.0))
+        costs = INSCRIBED_COST * fall
         costs = np.rint(costs * COST_STEPS) / COST_STEPS
         costs[squared <= self.blocked_at_or_below] = math.inf
         costs[-1] = 0.0  # that far or farther

@@ -16,6 +16,7 @@ from maps import _motion_kernels as kernels
 from maps.bricks import EVERYWHERE, MAX_GONE
 from maps.cell_sets import as_set, member, slabs
 from maps.config import MapConfig
+from maps.elementary import norm
 from maps.ends import Ends
 from maps.grid import cells_at, centres, finite_vector
 from maps.marks import brick_cells, brick_of
@@ -201,7 +202,7 @@ class DynamicMap(VoxelMap):
         """
         end = super().cast_ray(origin, direction, max_range, stop_at_unknown)
         start, toward = finite_vector("origin", origin), finite_vector("direction", direction)
-        toward /= np.sqrt(toward @ toward)
+        toward /= norm(toward)
         while end is not None and end.state == OCCUPIED:
             inside = end.point + BEYOND * toward
             if self.state_at(inside[None])[0] == OCCUPIED:

@@ -35,7 +35,7 @@ class Lengths:
         Raises:
             ValueError: A direction is not of unit length.
         """
-        squared = (sweep.directions**2).sum(axis=1)
+        squared = np.square(sweep.directions).sum(axis=1)
         strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
         if strange.any():
             raise ValueError(

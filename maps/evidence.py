@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from maps import _decay_kernels as kernels
 from maps.config import MapConfig
+from maps.elementary import LN_2, exponential_less_one, exponentials, logarithm
 
 MOST = 127  # units that an int8 holds on either side of 0
 
@@ -60,7 +61,7 @@ class Evidence:
 
     def probability(self, units: NDArray[np.int8] | int) -> NDArray[np.float64]:
         """Probability of occupancy that log-odds in units stand for."""
-        odds = np.exp(np.asarray(units, np.float64) / self.units)
+        odds = exponentials(np.asarray(units, np.float64) / self.units)
         return np.asarray(odds / (1.0 + odds))
 
     def rounding(self, config: MapConfig) -> dict[str, tuple[float, float]]:
@@ -85,10 +86,10 @@ def tick_losses(config: MapConfig) -> NDArray[np.uint64]:
     """
     share = 0.0
     if config.half_life > 0.0:
-        share = -math.expm1(-math.log(2.0) * config.decay_period / config.half_life)
+        share = -exponential_less_one(-LN_2[0] * config.decay_period / config.half_life)
     unit = float(1 << kernels.LOSS_BITS)
     return np.array([round(v * share * unit) for v in range(MOST + 1)], np.uint64)
 
 
 def _log_odds(probability: float) -> float:
-    return math.log(probability / (1.0 - probability))
+    return logarithm(probability / (1.0 - probability))

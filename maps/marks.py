@@ -30,7 +30,8 @@ BELOW = 0, 0, bricks.BELOW_FLOOR
 BITS = bricks.EDGE_BITS, bricks.EDGE_BITS, 6  # of a cell's place in its brick
 
 SPREAD = np.argsort(
-    [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64]
+    [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64],
+    kind="stable",
 )
 """The place of each sector of a wedge in the order in which they are carved."""
 
@@ -167,7 +168,7 @@ class SweepWindow:
 
         self._team.share(place, size, 1, BEAM_US * count / size)
         if not all(whole):
-            squared = (sweep.directions**2).sum(axis=1)
+            squared = np.square(sweep.directions).sum(axis=1)
             strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
             raise ValueError(
                 f"directions: got {sweep.directions[strange][0]}, expected unit length"

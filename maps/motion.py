@@ -180,7 +180,7 @@ def _centroid(cells: NDArray[np.int64]) -> Point:
 
 
 def _squared(a: Point, b: Point) -> int:
-    return sum((i - j) ** 2 for i, j in zip(a, b, strict=True))
+    return sum((i - j) * (i - j) for i, j in zip(a, b, strict=True))
 
 
 def _apart(a: Point, b: Point) -> int:

@@ -14,6 +14,7 @@ from maps._jit import kernel
 from maps.cell_sets import ball_cells, box_cells, floor_cells
 from maps.columns import WORD_BITS, ColumnMap
 from maps.config import MapConfig
+from maps.elementary import exponentials
 from maps.ends import Lengths
 from maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
 from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
@@ -157,7 +158,7 @@ class OctoMap(ColumnMap):
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """The probability of occupancy at points (n, 3), m, world: (n,); 0.5 where unknown."""
-        odds: NDArray[np.float64] = np.exp(self._values_at(points) / UNITS)
+        odds: NDArray[np.float64] = exponentials(self._values_at(points) / UNITS)
         return odds / (1.0 + odds)
 
     def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
@@ -208,7 +209,7 @@ class OctoMap(ColumnMap):
         # Beams that end side by side are followed once.
         _, kept = np.unique(_names(cells[len(starts) :] // NEIGHBOURS), return_index=True)
         starts, ends = starts[kept], ends[kept]
-        longest = np.sqrt(((ends - starts) ** 2).sum(axis=1).max())
+        longest = np.sqrt(np.square(ends - starts).sum(axis=1).max())
         steps = int(np.ceil(longest / (0.5 * BLOCK * self.resolution)))
         for share in np.arange(steps + 1) / max(steps, 1):
             cells, _ = cells_at(starts + share * (ends - starts), self.resolution)
@@ -252,7 +253,7 @@ class OctoMap(ColumnMap):
             places = np.empty(len(names), np.int64)
             count = find_leaves(nodes, names, places)
             log_odds = nodes[places[:count, None] + np.arange(4)].view("<f4")[:, 0]
-            order = np.argsort(names[:count])
+            order = np.argsort(names[:count], kind="stable")
             self._leaf_names = names[order]
             self._leaf_values = np.rint(UNITS * log_odds[order]).astype(np.int16)
             self._read_at = len(self._boxes)
@@ -303,8 +304,9 @@ def _empty_tree(config: MapConfig) -> Any:
             "map.kind: got 'octomap', expected pyoctomap to be installed (the extra 'dev')"
         ) from None
     tree = pyoctomap.OcTree(config.resolution)
-    tree.setProbHit(1.0 / (1.0 + np.exp(-config.hit)))
-    tree.setProbMiss(1.0 / (1.0 + np.exp(config.miss)))
+    at_hit, at_miss = 1.0 / (1.0 + exponentials(np.array([-config.hit, config.miss])))
+    tree.setProbHit(float(at_hit))
+    tree.setProbMiss(float(at_miss))
     tree.setClampingThresMin(config.clamp_low)
     tree.setClampingThresMax(config.clamp_high)
     return tree

@@ -13,6 +13,7 @@ from maps import _brick_kernels as kernels
 from maps import _decay_kernels as decay
 from maps.bricks import Bricks
 from maps.config import MapConfig
+from maps.elementary import norm
 from maps.evidence import Evidence
 from maps.grid import cell_box, cells_at, centres, finite_vector
 from maps.marks import brick_cells, unpack_bits
@@ -173,7 +174,7 @@ class VoxelQueries:
             ValueError: The ray is not finite, or the range is not more than 0 and at most 1e6 m.
         """
         start, toward = finite_vector("origin", origin), finite_vector("direction", direction)
-        length = math.sqrt(float(toward @ toward))
+        length = norm(toward)
         if length == 0.0 or not 0.0 < max_range <= 1e6:
             raise ValueError(f"ray: got length {length:g} and range {max_range:g}, expected more")
         toward /= length
@@ -192,7 +193,7 @@ class VoxelQueries:
     def is_free_along(self, start: ArrayLike, end: ArrayLike) -> bool:
         """Whether every cell on the line between two points (3,), m, world, is free."""
         way = finite_vector("end", end) - finite_vector("start", start)
-        length = math.sqrt(float(way @ way))
+        length = norm(way)
         if length == 0.0:
             return bool(self.state_at(np.reshape(start, (1, 3)))[0] == FREE)
         return self.cast_ray(start, way, length, stop_at_unknown=True) is None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from maps import _label_kernels as labels
 from maps import _terrain_kernels as kernels
 from maps.columns import Columns, Window
+from maps.elementary import tangent
 from maps.projection import ROUNDING, Ground, Projection, walking_layers
 
 BASELINE = 8  # cells: over less, a slope drowns in the height of a cell
@@ -106,7 +107,7 @@ def rises(step: float, max_slope: float) -> NDArray[np.int64]:
     Returns:
         (2, 9) layers for distances of 0 to 8 columns.
     """
-    slope = round(math.tan(max_slope) * SLOPE_STEPS) / SLOPE_STEPS
+    slope = round(tangent(max_slope) * SLOPE_STEPS) / SLOPE_STEPS
     distances = np.arange(BASELINE + 1.0)
     told = []
     for length in (1.0, math.sqrt(2.0)):

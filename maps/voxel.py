@@ -160,7 +160,7 @@ class VoxelMap(VoxelQueries):
         middle = finite_vector("centre", centre)
         first, end = cell_box(middle - radius, middle + radius, self.resolution)
         cells = np.moveaxis(np.indices(tuple(end - first)), 0, -1) + first  # (nx, ny, nz, 3)
-        squared = ((centres(cells, self.resolution) - middle) ** 2).sum(axis=-1)
+        squared = np.square(centres(cells, self.resolution) - middle).sum(axis=-1)
         self._mark(first, squared <= radius * radius, OCCUPIED, time_ns)
 
     def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:

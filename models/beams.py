@@ -86,7 +86,7 @@ def _check_tables(table: BeamTable) -> None:
     if table.measures == "depth" and width != 1:
         raise ValueError("measures: got 'depth' with angles, expected slopes: all beams forward")
     for name, values in (("rows", table.rows), ("columns", table.columns)):
-        length = values if width == 1 else np.hypot(values[:, 0], values[:, 1]) - 1.0
+        length = values if width == 1 else np.sqrt(np.square(values).sum(axis=1)) - 1.0
         if not np.isfinite(length).all() or (width == 2 and np.abs(length).max() > 1e-9):
             raise ValueError(f"{name}: expected finite slopes, or cos and sin of one angle a row")
 
@@ -188,7 +188,7 @@ def _unit_vectors(
         z = np.broadcast_to(row[..., 1], x.shape)
     else:
         slope_z, slope_y = row[..., 0], column[..., 0]
-        norm = np.sqrt(1.0 + slope_z**2 + slope_y**2)
+        norm = np.sqrt(1.0 + slope_z * slope_z + slope_y * slope_y)
         x, y, z = 1.0 / norm, slope_y / norm, slope_z / norm
     return np.stack([x, y, z], axis=-1)
 

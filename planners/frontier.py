@@ -62,5 +62,5 @@ def _cell(space: FreeSpace, point: Array) -> tuple[int, ...]:
 
 
 def _distances(points: Array, place: Array) -> Array:
-    distances: Array = np.sqrt(((points - place) ** 2).sum(axis=1))
+    distances: Array = np.sqrt(np.square(points - place).sum(axis=1))
     return distances

@@ -326,5 +326,6 @@ def _swept(motions: list[list[Longs]], threshold: int) -> Swept:
         squared = (apart * apart).sum(axis=2).max(axis=1)
         middle = int(np.argmin(squared))
         middles[at], reaches[at] = cells[middle], np.abs(apart[middle]).max()
-        enough[at] = math.ceil((math.sqrt(threshold) + math.sqrt(squared[middle])) ** 2)
+        reach = math.sqrt(threshold) + math.sqrt(squared[middle])
+        enough[at] = math.ceil(reach * reach)
     return Swept(table, counts, middles, reaches, enough)

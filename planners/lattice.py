@@ -56,11 +56,11 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
         shape=shape,
         rate_by_distance=rate_by_distance,
         ways=ways,
-        offsets=ways @ strides,
+        offsets=(ways * strides).sum(axis=1),
         steps=np.array([STEPS[np.abs(way).sum() - 1] for way in ways], np.int32),
         touched=touched,
         counts=counts,
-        blocks=blocks @ strides,
+        blocks=(blocks * strides).sum(axis=-1),
         bits=bits,
         rate=np.zeros(cells, np.int32),
         mask=np.zeros(cells if repairable else 0, np.int64),
@@ -105,7 +105,7 @@ def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
     own = lattice_cell(lattice, space, point)
     if (own < 1).any() or (own > lattice.shape - 2).any():
         return -1
-    cell = int(own @ _strides(lattice))
+    cell = int((own * _strides(lattice)).sum())
     if kernels.look(lattice, cell) > 0:
         middle = (own - 1) * lattice.factor + lattice.factor // 2 + 0.5  # in grid cells
         if space.edge_free(point, space.origin + middle * space.resolution):
@@ -113,9 +113,9 @@ def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
     rings = np.array([ENTRY_RINGS, ENTRY_RINGS, 0 if space.flat else ENTRY_RINGS])
     low, high = np.maximum(own - rings, 1), np.minimum(own + rings, lattice.shape - 2)
     near = np.array(list(itertools.product(*map(range, low, high + 1)))).reshape(-1, 3)
-    cells = near @ _strides(lattice)
+    cells = (near * _strides(lattice)).sum(axis=1)
     offsets = centres(lattice, space, cells) - point
-    squared = offsets[:, 0] ** 2 + offsets[:, 1] ** 2 + offsets[:, 2] ** 2
+    squared = np.square(offsets).sum(axis=1)
     for place in np.argsort(squared, kind="stable"):
         cell = int(cells[place])
         if kernels.look(lattice, cell) > 0:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from maps.elementary import cosine
 from planners import kernels
 from planners._jit import kernel
 from planners.kernels import LEAST_EDGE, Floats, edge_headings
@@ -232,7 +233,7 @@ def first_stop(
         The place of the corner, or of the path's end if there is none.
     """
     arcs, tangents = arc_lengths(path), edge_tangents(path)
-    return float(_first_sharp(arcs, tangents, _edge_at(arcs, s), math.cos(angle), window))
+    return float(_first_sharp(arcs, tangents, _edge_at(arcs, s), cosine(angle), window))
 
 
 @kernel

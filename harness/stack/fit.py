@@ -9,6 +9,7 @@ import numpy as np
 from harness.stack.footprint import HEADING_TOLERANCE
 from harness.stack.guide import heading_at
 from harness.stack.view import Array, View, length
+from maps.elementary import sines_cosines
 from planners import FreeSpace, Trajectory, TrajectorySample, arc_lengths, truncate
 
 CHECK_STEP = 0.02
@@ -96,7 +97,8 @@ def leads_away(space: FreeSpace, now: TrajectorySample, target: Array, heading: 
     """Whether no disc comes nearer to what blocks, by more than a cell, on a straight way out."""
     offsets = [disc.offset for disc in space.discs] or [0.0]
     turns = np.linspace(now.heading, heading, 9)
-    ahead = np.column_stack((np.cos(turns), np.sin(turns), np.zeros(9)))  # (9, 3)
+    sines, cosines = sines_cosines(turns)
+    ahead = np.column_stack((cosines, sines, np.zeros(9)))  # (9, 3)
     places = now.position + np.linspace(0.0, 1.0, 9)[:, None] * (target - now.position)
     ways = [places + offset * ahead for offset in offsets]
     here = min(space.least_clearance(way[[0, 0]]) for way in ways)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from harness.mission import Mission
 from maps import INSCRIBED_COST, Costmap
+from maps.elementary import exponentials
 from planners import Body
 
 Array = NDArray[np.float64]
@@ -46,9 +47,8 @@ def costs(costmap: Costmap, body: Body) -> Array:
     if width <= 0.0:
         return table
     away = np.sqrt(np.arange(len(table))) * costmap.resolution - costmap.inflation_radius - width
-    fall = np.exp(-costmap.config.cost_scaling_factor * np.maximum(away, 0.0))
+    fall = exponentials(-costmap.config.cost_scaling_factor * np.maximum(away, 0.0))
     narrow = np.clip(-away / width, 0.0, 1.0) * (NARROWEST - 1.0)
-    # The last bits of exp vary between processors; a decision must not.
     grown: Array = np.rint((fall + narrow) * COST_STEPS) / COST_STEPS
     grown[table == math.inf] = math.inf
     grown[-1] = 0.0  # that far or farther

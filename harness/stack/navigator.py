@@ -387,7 +387,7 @@ def _limits(config: Config, mission: Mission) -> MotionLimits:
 def _length(path: Array | None) -> float:
     if path is None or len(path) < 2:
         return 0.0
-    return float(np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1)).sum())
+    return float(np.sqrt(np.square(np.diff(path, axis=0)).sum(axis=1)).sum())
 
 
 def _write_stages(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.stack.view import Array, View, length
+from maps.elementary import norm, sines_cosines
 from planners import TrajectorySample, stopping_distance, tangent_at, truncate
 
 STEP = 0.05
@@ -67,11 +68,11 @@ def _bends(view: View, now: TrajectorySample, tangent: Array, reach: float) -> l
     limits = view.limits
     arcs = np.linspace(0.0, reach, max(round(reach / STEP), 1) + 1)  # (n,)
     speeds = now.speed * np.sqrt(np.maximum(1.0 - arcs / reach, 0.0)) + LEAST_SPEED
-    tightest = limits.lateral_acceleration / speeds**2  # (n,) 1/m
+    tightest = limits.lateral_acceleration / (speeds * speeds)  # (n,) 1/m
     left = np.array([-tangent[1], tangent[0], 0.0])
     if not left.any():  # straight up or down
         left = np.array([0.0, 1.0, 0.0])
-    left /= np.sqrt(left @ left)
+    left /= norm(left)
     sides = [left, -left]
     if view.turns_in_place:  # it goes where it faces
         tightest = np.minimum(tightest, limits.yaw_rate / speeds)
@@ -81,7 +82,8 @@ def _bends(view: View, now: TrajectorySample, tangent: Array, reach: float) -> l
     bends = []
     for curvature in (0.5 * tightest, tightest):
         turned = np.minimum(_summed(curvature, arcs), 0.5 * np.pi)
-        along, aside = _summed(np.cos(turned), arcs), _summed(np.sin(turned), arcs)
+        sines, cosines = sines_cosines(turned)
+        along, aside = _summed(cosines, arcs), _summed(sines, arcs)
         bends += [now.position + np.outer(along, tangent) + np.outer(aside, to) for to in sides]
     return bends
 

@@ -33,7 +33,7 @@ def way_back(view: View, memory: Memory, now: TrajectorySample) -> Array | None:
         return None
     back = memory.trail[::-1]
     # The way to a place right beside has no direction that a long body could lie in.
-    away = np.flatnonzero(np.sqrt(((back - now.position) ** 2).sum(axis=1)) >= STEP)
+    away = np.flatnonzero(np.sqrt(np.square(back - now.position).sum(axis=1)) >= STEP)
     if len(away) == 0:
         return None
     path = np.vstack([now.position, back[away[0] :]])

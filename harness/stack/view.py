@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.stack.decision import Action, Label
+from maps.elementary import norm
 from planners import (
     FreeSpace,
     MotionLimits,
@@ -181,4 +181,4 @@ def length(path: Array) -> float:
 
 def distance(a: Array, b: Array) -> float:
     """Straight distance between two points, m."""
-    return math.dist(a, b)
+    return norm(a - b)

@@ -14,6 +14,7 @@ from dataclasses import replace
 from harness.stack.behaviour import decide
 from harness.stack.guide import heading_at
 from harness.stack.view import Choice, Memory, View, length
+from maps.elementary import cosine
 from planners import remaining
 
 DETOUR, WORTH = 2.0, 2.0
@@ -59,7 +60,7 @@ def _widens(wide: View, memory: Memory) -> bool:
         return False
     if not wide.admitted.is_free(now.position):
         return False
-    return math.cos(heading_at(guide, 0.0) - now.heading) > 0.0  # not tail first
+    return cosine(heading_at(guide, 0.0) - now.heading) > 0.0  # not tail first
 
 
 def _left(memory: Memory, view: View) -> float:
