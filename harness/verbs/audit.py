@@ -32,11 +32,15 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 def print_audit(console: Console, audited: Audit) -> None:
     """One audit's verdict in a line, and what broke which rule."""
     count = len(audited.violations)
-    verdict = (f"{count} violations", "bold red") if count else ("no violation", "bold green")
+    verdict = ("no violation", "bold green")
+    if count:
+        rules = ", ".join(f"{number} {rule}" for rule, number in audited.rules.items())
+        verdict = (f"{count} violation{'s'[: count > 1]} ({rules})", "bold red")
     text = Text.assemble(
         verdict,
-        f" of '{audited.policy}' in {audited.decisions} decisions: {audited.swept} paths swept, "
-        f"{audited.stops} late stops, {audited.recoveries} recoveries; {audited.log}",
+        f" in {audited.decisions} decisions, policy '{audited.policy}': ",
+        f"{audited.swept} paths swept, {audited.stops} forced stops, ",
+        f"{audited.recoveries} recoveries, {audited.late} late; {audited.log}",
     )
     console.print(text, soft_wrap=True)
     for violation in audited.violations[:SHOWN_VIOLATIONS]:

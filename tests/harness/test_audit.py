@@ -1,5 +1,6 @@
 """The audit finds nothing wrong where nothing is, and each thing that was planted."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -8,13 +9,20 @@ import pytest
 
 from harness.cli import main
 from harness.config import Config
-from harness.evidence import audit as audits
 from harness.evidence.audit import audit, densely
-from harness.logs.reader import open_log
+from harness.evidence.audit.body import BESIDE, Body
+from harness.evidence.audit.cells import columns
+from harness.evidence.audit.moment import Moment
+from harness.evidence.audit.run import judge, moments
+from harness.evidence.audit.way import judge_way
+from harness.inputs import Inputs, Pose
+from harness.logs.container import walk
+from harness.logs.log_copy import write_copy
+from harness.logs.messages import read_messages
+from harness.logs.reader import Record, open_log, read_head
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
-from harness.stack.navigator import build_navigator
+from harness.stack.decision import seal
 from maps import VoxelMap
 
 SHORT = "episode.time_limit=12"
@@ -47,32 +55,31 @@ def test_the_command_tells_what_broke(recorded, capsys):
     assert main(["audit", "nothing.mcap"]) == 2
 
 
-@pytest.fixture
-def checked(recorded):
-    """Check one decision of a real log after something was done to it."""
+@pytest.fixture(scope="module")
+def moment(recorded):
+    """A decision of a real log on whose way the body moves at more than half a metre a second."""
     log = open_log(Path(recorded("warehouse", "quadruped", 1, SHORT).log))
-    navigator = build_navigator(log.config, log.mission, log.beams)
-    body = audits._Body(log.config, log.mission, "forbid")
-    committed, target = [], None
-    for record in log.records():
-        version = navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
-        target = record.decision
-        path = path_of(target.trajectory.path)
-        arcs = target.trajectory.arc_length
-        half = len(arcs) // 2  # it is moving there, at more than half a metre a second
-        if target.action in ("follow", "explore") and min(len(path), len(arcs)) > 20:
-            if arcs[half] - arcs[half - 1] > 0.05:
-                break
-        committed = [target.trajectory]
-    else:
-        raise AssertionError("no decision of the log is one to plant faults in")
+    for one in moments(log):
+        trajectory = one.decision.trajectory
+        arcs = trajectory.arc_length
+        half = len(arcs) // 2
+        long = min(len(trajectory.path), len(arcs)) > 20
+        if one.decision.action in ("follow", "explore") and long:
+            if min(arcs[1] - arcs[0], arcs[half] - arcs[half - 1]) > 0.05:
+                return one
+    raise AssertionError("no decision of the log is one to plant faults in")
+
+
+@pytest.fixture
+def checked(moment):
+    """Check the decision after something was done to it."""
 
     def check(change):
         changed = pb.Decision()
-        changed.CopyFrom(target)
+        changed.CopyFrom(moment.decision)
         change(changed)
-        _, found = audits._check(changed, version.map_version, navigator.map, body, committed)
-        return {rule for rule, _ in found}
+        record = dataclasses.replace(moment.record, decision=changed)
+        return {one.rule for one in judge(dataclasses.replace(moment, record=record))[1]}
 
     return check
 
@@ -101,8 +108,8 @@ def stops_in_the_wall(decision):
 
 
 def never_at_rest(decision):
-    samples = decision.trajectory.arc_length
-    del samples[len(samples) // 2 :]
+    for samples in (decision.trajectory.arc_length, decision.trajectory.heading):
+        del samples[len(samples) // 2 :]
 
 
 def beyond_its_path(decision):
@@ -123,6 +130,83 @@ def with_a_heading_less(decision):
     del decision.trajectory.heading[-1]
 
 
+def without_a_path(decision):
+    del decision.trajectory.path[:]
+
+
+def far_away(decision):
+    decision.trajectory.path[-1].x = 1e9
+
+
+def stands_at_once(decision):
+    for k in range(len(decision.trajectory.arc_length)):
+        decision.trajectory.arc_length[k] = 0.0
+
+
+def arrived_in_motion(decision):
+    decision.action = "goal"
+
+
+def gives_up_in_motion(decision):
+    decision.action = "abort"
+
+
+def another_margin(decision):
+    decision.localization_margin_m = 0.0
+
+
+def a_smaller_inflation(decision):
+    decision.blocked_at_or_below -= 1
+
+
+def another_policy(decision):
+    decision.unknown_policy = "allow"
+
+
+def another_resolution(decision):
+    decision.resolution_m = 0.05
+
+
+def another_map_kind(decision):
+    decision.representation = "octomap"
+
+
+def a_longer_deadline(decision):
+    decision.deadline_s = 9.0
+
+
+def says_it_was_late(decision):
+    decision.deadline_missed = True
+
+
+def sooner_than_it_was(decision):
+    decision.delay_s = 0.0
+
+
+def from_another_pose(decision):
+    decision.position[0] += 1e-9
+
+
+def surer_than_it_was(decision):
+    decision.position_sigma = 0.0
+
+
+def of_other_inputs(decision):
+    decision.input_digest = "0" * 32
+
+
+def with_fresher_evidence(decision):
+    decision.evidence_age_s -= 0.5
+
+
+def with_a_longer_path(decision):
+    decision.committed_length_m += 0.01
+
+
+def with_more_room(decision):
+    decision.least_clearance_m += 0.11
+
+
 def from_elsewhere(decision):
     decision.trajectory.path[0].x += 0.3
 
@@ -133,19 +217,89 @@ def from_elsewhere(decision):
         (nothing, set()),
         (another_map, {"version"}),
         (through_the_wall, {"swept"}),
-        (recovers_into_the_wall, {"swept"}),
+        (recovers_into_the_wall, {"recover"}),
         (stops_in_the_wall, {"swept"}),
         (never_at_rest, {"rest"}),
         (beyond_its_path, {"rest"}),
         (too_fast, {"limits", "rest"}),
         (from_elsewhere, {"joined"}),
-        (without_headings, {"swept"}),
-        (with_a_heading_less, {"swept"}),
+        (without_headings, {"form"}),
+        (with_a_heading_less, {"form"}),
+        (without_a_path, {"form"}),
+        (far_away, {"form"}),
+        (stands_at_once, {"joined"}),
+        (arrived_in_motion, {"rest"}),
+        (gives_up_in_motion, {"rest"}),
+        (another_margin, {"margin"}),
+        (a_smaller_inflation, {"margin"}),
+        (another_policy, {"settings"}),
+        (another_resolution, {"settings"}),
+        (another_map_kind, {"settings"}),
+        (a_longer_deadline, {"settings"}),
+        (says_it_was_late, {"deadline"}),
+        (sooner_than_it_was, {"inputs"}),
+        (from_another_pose, {"inputs"}),
+        (surer_than_it_was, {"inputs"}),
+        (of_other_inputs, {"inputs"}),
+        (with_fresher_evidence, {"figure"}),
+        (with_a_longer_path, {"figure"}),
+        (with_more_room, {"figure"}),
     ],
 )
 def test_each_planted_fault_is_found(checked, change, rules):
     assert rules <= checked(change)
     assert bool(rules) == bool(checked(change))
+
+
+def test_a_late_decision_leaves_the_trajectory_before_it(moment):
+    record = dataclasses.replace(moment.record, latency=pb.Latency(delay_s=0.3))
+    late = dataclasses.replace(moment, record=record)
+    assert {one.rule for one in judge(late)[1]} == {"inputs", "deadline"}
+
+    decision = pb.Decision()
+    decision.CopyFrom(moment.decision)
+    decision.delay_s, decision.deadline_missed = 0.3, True
+    decision.action = "stop_and_wait"
+    late = dataclasses.replace(moment, record=dataclasses.replace(record, decision=decision))
+    assert {one.text for one in judge(late)[1] if one.rule == "deadline"} == {
+        "late, but another trajectory than the last one"
+    }
+    decision.trajectory.CopyFrom(moment.before[-1])
+    late = dataclasses.replace(moment, record=late.record)
+    assert judge_way(late).kind == "late"
+    assert {one.rule for one in judge(late)[1]} <= {"figure"}  # its length is not filled in
+
+
+FORGERIES = {
+    "margin": another_margin,
+    "deadline": says_it_was_late,
+    "settings": another_policy,
+}
+
+
+@pytest.mark.parametrize("rule", list(FORGERIES))
+def test_a_log_forged_throughout_with_a_chain_that_holds_is_found(recorded, tmp_path, rule):
+    source = Path(recorded("corridor", "quadruped", 1, "episode.time_limit=2").log)
+    clean = audit(source)
+    assert clean.violations == ()
+    forged = tmp_path / "forged.mcap"
+    forge(source, forged, FORGERIES[rule])
+    found = audit(forged)
+    assert found.rules == {rule: found.decisions}
+    assert found.swept == clean.swept > 0
+
+
+def forge(source, target, change):
+    """A log with each decision changed, and every hash over them as it would be."""
+    messages, chain = [], ""
+    for message in read_messages(source):
+        if isinstance(message, pb.Decision):
+            change(message)
+            seal(message, chain)
+            chain = message.chain
+        messages.append(message)
+    head = read_head(walk(source, head_only=True), source, allow_plugins=False)
+    write_copy(target, head, messages, {**open_log(source).result, "chain": chain})
 
 
 def test_a_column_by_hand():
@@ -154,11 +308,9 @@ def test_a_column_by_hand():
         "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
         (0.0, 0.0, -0.2), (1.0, 1.0, 2.0), (0.5, 0.5, 0.3), 0.0, (0.5, 0.5, 0.3),
     )  # fmt: skip
-    body = object.__new__(audits._Body)
-    body.mission = mission
     unknown, free, occupied = 0, 1, 2
     clear = [unknown, occupied, free, free, free, free, unknown]
-    columns = {
+    cases = {
         "clear": (clear, free),
         "no floor seen": ([unknown, unknown, *clear[2:]], unknown),
         "a beam through the floor": ([free, *clear[1:]], occupied),
@@ -166,9 +318,9 @@ def test_a_column_by_hand():
         "under a board": ([*clear[:6], occupied], free),
         "not all seen": ([*clear[:5], unknown, unknown], unknown),
     }
-    states = np.array([[column for column, _ in columns.values()]], np.uint8)
-    told = body._columns(states, -0.175, 0.1)
-    assert told[0].tolist() == [expected for _, expected in columns.values()]
+    states = np.array([[column for column, _ in cases.values()]], np.uint8)
+    told = columns(states, -0.175, 0.1, mission)
+    assert told[0].tolist() == [expected for _, expected in cases.values()]
 
 
 def test_only_the_discs_of_a_long_body_have_slack():
@@ -182,40 +334,108 @@ def test_only_the_discs_of_a_long_body_have_slack():
     voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
     voxel_map.mark_floor((-1.0, -1.0), (1.0, 1.0), 0)
     voxel_map.mark_free((-1.0, -1.0, 0.0), (1.0, 1.0, 0.6), 0)
-    body = audits._Body(config, mission, "forbid")
+    body = Body(config, mission, "forbid")
 
     def met(x, slack):
-        return body._first_overlap(voxel_map, np.array([[x, 0.05, 0.3]]), 0.295, slack)
+        return body.first_overlap(voxel_map, np.array([[x, 0.05, 0.3]]), 0.295, slack)
 
     assert met(0.695, 0.0) is None
     assert met(0.705, 0.0)[1] == "unknown"
-    assert met(0.705, audits.BESIDE) is None
-    assert met(0.715, audits.BESIDE)[1] == "unknown"
+    assert met(0.705, BESIDE) is None
+    assert met(0.715, BESIDE)[1] == "unknown"
+
+
+AIR = Mission(
+    "air", 0.2, 0.2, 0.0, 2.0, 2.0, 10.0, 1.0,
+    (-3.0, -3.0, -3.0), (3.0, 3.0, 3.0), (0.0, 0.0, 1.0), 0.0, (2.0, 0.0, 1.0),
+)  # fmt: skip
+"""A ball of 0.2 m; with the margin of 0.1 m and half a diagonal of its cells it needs 3.9 cells."""
+
+
+def in_the_air(way, arcs, action, before=None, mission=AIR):
+    """The ball in a box of free cells, x and y up to 1 and 2 m, on its way at so many samples."""
+    config = Config("empty", "drone", 1)
+    voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
+    voxel_map.mark_free((-2.0, -2.0, -0.5), (1.0, 2.0, 2.5), 0)
+    decision = pb.Decision(action=action, trajectory=trajectory(way, arcs))
+    pose = Pose(np.array(way[0]), np.array([1.0, 0.0, 0.0, 0.0]), position_sigma=0.0)
+    record = Record(Inputs(0, 1, pose, (), ""), pb.Latency(), decision)
+    body = Body(config, mission, "forbid")
+    return Moment(record, config, mission, voxel_map, "", body, (before or trajectory(way, arcs),))
+
+
+def trajectory(way, arcs):
+    return pb.Trajectory(
+        path=[pb.Point(x=x, y=y, z=z) for x, y, z in way],
+        arc_length=arcs,
+        heading=np.zeros(len(arcs)),
+        sample_period_s=0.1,
+    )
+
+
+def at_speed(way, speed):
+    """Samples of a way at one speed."""
+    total = np.linalg.norm(np.diff(np.array(way), axis=0), axis=1).sum()
+    return np.append(np.arange(0.0, total, 0.1 * speed), total)
 
 
 def test_a_stop_leaves_the_way_only_where_that_is_blocked_and_comes_no_nearer():
     """Free is x < 1 and what is beside; a ball of 0.2 m flew along x."""
-    mission = Mission(
-        "air", 0.2, 0.2, 0.0, 2.0, 2.0, 10.0, 1.0,
-        (-3.0, -3.0, -3.0), (3.0, 3.0, 3.0), (0.0, 0.0, 1.0), 0.0, (2.0, 0.0, 1.0),
-    )  # fmt: skip
-    config = Config("empty", "drone", 1)
-    voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
-    voxel_map.mark_free((-2.0, -2.0, -0.5), (1.0, 2.0, 2.5), 0)
-    body = audits._Body(config, mission, "forbid")
 
     def is_last_resort(way, stop):
-        way, stop = (np.array([[0.2, 0.0, 1.0], *points]) for points in (way, stop))
-        before = pb.Trajectory(path=[pb.Point(x=x, y=y, z=z) for x, y, z in way])
-        poses = np.column_stack((stop, np.zeros(len(stop))))
-        return audits._is_last_resort(stop, poses, [before], voxel_map, body, 0.1)
+        way, stop = ([(0.2, 0.0, 1.0), *points] for points in (way, stop))
+        before = trajectory(way, at_speed(way, 1.0))
+        return judge_way(in_the_air(stop, at_speed(stop, 1.0), "stop_and_wait", before)).kind
 
     ahead, short, aside = [(0.9, 0.0, 1.0)], [(0.5, 0.0, 1.0)], [(0.6, 0.3, 1.0), (0.75, 0.9, 1.0)]
     beyond = [(0.6, 0.3, 1.0), (0.98, 0.6, 1.0)]
-    assert is_last_resort(ahead, aside)
-    assert is_last_resort(ahead, [(0.8, 0.0, 1.0)])  # along it
-    assert not is_last_resort(ahead, beyond)
-    assert not is_last_resort(short, aside)
+    assert is_last_resort(ahead, aside) == "stop"
+    assert is_last_resort(ahead, [(0.8, 0.0, 1.0)]) == "stop"  # along it
+    assert is_last_resort(ahead, beyond) == "swept"
+    assert is_last_resort(short, aside) == "swept"
+
+
+def test_a_stop_on_a_way_that_has_closed_brakes_at_once():
+    """From 1.6 m/s with 2 m/s^2 it is 0.64 m; the way leads 0.9 m on, into the unknown."""
+    way = [(0.05, 0.0, 1.0), (0.95, 0.0, 1.0)]
+    before = trajectory(way, at_speed(way, 1.6))
+    braked = [1.6 * t - t * t for t in np.arange(0.0, 0.81, 0.1)]
+    stopped = judge_way(in_the_air(way, braked, "stop_and_wait", before))
+    assert (stopped.kind, stopped.violations) == ("stop", ())
+    rode_on = judge_way(in_the_air(way, at_speed(way, 0.5), "stop_and_wait", before))
+    assert [one.rule for one in rode_on.violations] == ["stop"]
+    sped_up = judge_way(in_the_air(way, at_speed(way, 3.0), "stop_and_wait", before))
+    assert [one.rule for one in sped_up.violations] == ["stop"]
+
+
+def test_a_recovery_is_held_against_its_rules_along_its_whole_way():
+    """The first cell that is unknown is ten cells from x = 0; 3.9 cells are needed."""
+
+    def broken(way, speed=0.5, mission=AIR):
+        points = [(x, y, 1.0) for x, y in way]
+        way = judge_way(in_the_air(points, at_speed(points, speed), "recover", mission=mission))
+        return way.kind, [one.text for one in way.violations]
+
+    assert broken([(0.75, 0.0), (0.55, 0.0)]) == ("recovery", [])
+    assert broken([(0.55, 0.0), (0.0, 0.0)]) == ("swept", [])  # back where it came along
+    _, texts = broken([(0.75, 0.0), (0.55, 0.0)], speed=1.5)
+    assert texts == ["1.50 m/s, 0.60 allowed on the way out of the inflation"]
+    _, texts = broken([(0.79, 0.0), (0.71, 0.0)])
+    assert texts == ["its end is no admitted place"]
+    _, texts = broken([(0.75, 0.0), (0.95, 0.0), (0.55, 0.0)])
+    assert "it comes nearer to what blocks it, by more than a cell" in texts
+    _, texts = broken([(0.75, 0.0), (0.85, 0.0), (0.55, 0.0)])
+    assert texts == []  # by a cell
+    _, texts = broken([(0.55, 0.0), (0.95, 0.0), (0.55, 0.0)])
+    assert "it starts outside of the inflation, and leads through it" in texts
+    # It starts a cell from the unknown, and passes a cell from a fence that is as good as a wall.
+    wide = dataclasses.replace(AIR, radius=0.35)
+    fenced = dataclasses.replace(wide, high=(1.0, 3.0, 3.0))
+    way = [(0.4, 1.95), (0.95, 1.4), (0.4, 1.4)]
+    assert broken(way, mission=wide)[1] == []
+    assert broken(way, mission=fenced)[1] == [
+        "the bare body overlaps an occupied cell, deeper than at its start"
+    ]
 
 
 def test_points_lie_densely():

@@ -1,0 +1,162 @@
+"""States of the single cells around a path, and distances between them, by slow code."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.config import Config
+from harness.evidence.audit.paths import Array, densely
+from harness.mission import Mission
+from maps import FREE, OCCUPIED, UNKNOWN, Representation, states_in
+
+Integers = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+SPACING = 0.25
+"""Of the points that a path is checked at, cells."""
+
+SLIVER = 1e-7
+"""Of rounding: a face that lies on a bound is on neither side of it, m."""
+
+SHELL = 512
+"""Cells that are looked at together, from each cell of a path."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells around a path: squares of columns for a body that walks, cubes for one that flies.
+
+    Attributes:
+        states: (nx, ny) or (nx, ny, nz).
+        corner: (2,) or (3,) least corner of the first one, m.
+        size: Edge of one, m.
+    """
+
+    states: NDArray[np.uint8]
+    corner: Array
+    size: float
+
+    @property
+    def axes(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.states.ndim
+
+    @property
+    def occupied(self) -> Mask:
+        """Which are occupied, or as good as that."""
+        occupied: Mask = self.states == OCCUPIED
+        return occupied
+
+    @property
+    def not_free(self) -> Mask:
+        """Which are occupied or unknown."""
+        not_free: Mask = self.states != FREE
+        return not_free
+
+    def of(self, points: Array) -> Integers:
+        """The cells (n, 2 or 3) that points (n, 3), m, lie in."""
+        cells = np.floor((points[:, : self.axes] - self.corner) / self.size)
+        return cells.astype(np.int64)
+
+    def touched(self, path: Array) -> Integers:
+        """The cells of points of a path (n, 3), m, a quarter of a cell apart; each once."""
+        return np.unique(self.of(densely(path, SPACING * self.size)), axis=0)
+
+    def within(self, cells: Integers, wrong: Mask, reach: float) -> Mask:
+        """Whether a wrong cell's centre lies within a reach, cells, of each cell's centre, (n,)."""
+        offsets, _ = ball(self.axes, reach)
+        flat = wrong.ravel()
+        near = [flat[self._indices(cell[None], offsets)].any() for cell in cells]
+        return np.array(near, np.bool_)
+
+    def least_distance(self, cells: Integers, wrong: Mask, reach: float) -> float:
+        """Least distance between the centre of one of some cells and that of a wrong one, cells.
+
+        At most the reach.
+        """
+        offsets, squares = ball(self.axes, reach)
+        flat = wrong.ravel()
+        for first in range(0, len(offsets), SHELL):
+            shell = slice(first, first + SHELL)
+            met = flat[self._indices(cells, offsets[shell])].any(axis=0)
+            if met.any():
+                return math.sqrt(squares[shell][int(met.argmax())])
+        return reach
+
+    def _indices(self, cells: Integers, offsets: Integers) -> Integers:
+        """Of each cell (n,) moved by each offset (m,), in the flat array: (n, m)."""
+        shape = self.states.shape
+        strides = np.array([math.prod(shape[axis + 1 :]) for axis in range(self.axes)])
+        here, there = (cells * strides).sum(axis=1), (offsets * strides).sum(axis=1)
+        indices: Integers = here[:, None] + there[None]
+        return indices
+
+
+@lru_cache(maxsize=32)
+def ball(axes: int, reach: float) -> tuple[Integers, Integers]:
+    """Offsets (n, axes) to all cells whose centres lie within a reach, and their squares (n,).
+
+    In cells, the nearest first.
+    """
+    steps = np.arange(-math.floor(reach), math.floor(reach) + 1)
+    offsets = np.stack(np.meshgrid(*(axes * [steps])), axis=-1).reshape(-1, axes)
+    squares = (offsets**2).sum(axis=1)
+    order = np.argsort(squares, kind="stable")
+    order = order[squares[order] <= reach * reach]
+    return offsets[order], squares[order]
+
+
+def cells_around(
+    voxel_map: Representation, path: Array, reach: float, config: Config, mission: Mission
+) -> Cells:
+    """The cells within a reach, m, and two more, of a path (n, 3), m."""
+    size, flat = voxel_map.resolution, mission.motion == "ground"
+    pad = reach + 3.0 * size
+    low, high = path[:, :3].min(axis=0) - pad, path[:, :3].max(axis=0) + pad
+    if flat:
+        low[2], high[2] = mission.low[2] - size, mission.height + 2.0 * size
+    first = np.floor(low / size + (0.0, 0.0, 0.75))
+    end = np.ceil(high / size + (0.0, 0.0, 0.75))
+    corner = (first - (0.0, 0.0, 0.75)) * size
+    # Its corners are those of cells, so a quarter of a cell inwards the same cells are meant.
+    states = states_in(
+        voxel_map, corner + 0.25 * size, (end - (0.0, 0.0, 0.75)) * size - 0.25 * size
+    )
+    fence(states, corner, size, config, mission)
+    if not flat:
+        return Cells(states, corner, size)
+    return Cells(columns(states, float(corner[2]), size, mission), corner[:2], size)
+
+
+def fence(
+    states: NDArray[np.uint8], corner: Array, size: float, config: Config, mission: Mission
+) -> None:
+    """What does not lie wholly or partly inside the operating area is as good as occupied."""
+    low, high = np.array(mission.low), np.array(mission.high)
+    for axis in range(2 if mission.motion == "ground" else 3):
+        edges = corner[axis] + np.arange(states.shape[axis]) * size
+        outside = (edges + size <= low[axis] + SLIVER) | (edges >= high[axis] - SLIVER)
+        if axis == 2:
+            bottom, top = config.motion.altitude_low, config.motion.altitude_high
+            outside |= (edges < bottom - SLIVER) | (edges + size > top + SLIVER)
+        states[(slice(None),) * axis + (outside,)] = OCCUPIED
+
+
+def columns(
+    states: NDArray[np.uint8], bottom: float, size: float, mission: Mission
+) -> NDArray[np.uint8]:
+    """What a walking body meets in each column (nx, ny)."""
+    lower = bottom + np.arange(states.shape[2]) * size  # edge of each layer
+    inside = lower + size > mission.low[2] + SLIVER
+    below = inside & (lower + size <= SLIVER)
+    floor = (lower + size > SLIVER) & (lower + size <= mission.step_height + SLIVER)
+    band = (lower + size > mission.step_height + SLIVER) & (lower < mission.height - SLIVER)
+    occupied, free = states == OCCUPIED, states == FREE
+    blocked = occupied[:, :, band].any(axis=2) | free[:, :, below].any(axis=2)
+    standing = occupied[:, :, floor].any(axis=2) & free[:, :, band].all(axis=2)
+    return np.where(blocked, OCCUPIED, np.where(standing, FREE, UNKNOWN)).astype(np.uint8)

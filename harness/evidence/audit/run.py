@@ -1,0 +1,146 @@
+"""Auditing a log: every decision against all checks, and what there was to check."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.errors import InputError
+from harness.evidence.audit.body import Body
+from harness.evidence.audit.moment import Moment, Violation, standing_at_start
+from harness.evidence.audit.motion import (
+    check_deadline,
+    check_joint,
+    check_limits,
+    check_rest,
+    is_malformed,
+)
+from harness.evidence.audit.record import (
+    check_figures,
+    check_inputs,
+    check_margin,
+    check_settings,
+    check_version,
+)
+from harness.evidence.audit.way import judge_way
+from harness.evidence.relay import Relay, stretches
+from harness.labels import bound_version
+from harness.logs.reader import Log, open_log
+from harness.schema import wayproof_pb2 as pb
+from maps import UnknownPolicy
+
+CHECKS: tuple[Callable[[Moment], list[Violation]], ...] = (
+    check_version,
+    check_inputs,
+    check_settings,
+    check_margin,
+    check_deadline,
+    check_figures,
+    check_limits,
+    check_joint,
+    check_rest,
+)
+"""What every decision is held against, apart from its way."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What an audit of one log found.
+
+    Attributes:
+        log: The log's path.
+        policy: That paths were held against.
+        decisions: Decisions looked at.
+        swept: Of these, with a path that leads somewhere, checked cell by cell.
+        stops: Of the others, the ones that brake because what the path before leads through is no
+            longer admitted: along that path, or off it where that keeps farther away.
+        recoveries: Of the others, the ones that step out of the inflation.
+        late: Of the others, the ones past their deadline; the trajectory before them stands.
+        violations: In order.
+        rules: How many of them broke which rule.
+    """
+
+    log: str
+    policy: UnknownPolicy
+    decisions: int
+    swept: int
+    stops: int
+    recoveries: int
+    late: int
+    violations: tuple[Violation, ...]
+    rules: dict[str, int]
+
+
+def audit(path: Path, policy: UnknownPolicy | None = None, allow_plugins: bool = False) -> Audit:
+    """Check every decision of a log.
+
+    Args:
+        path: The log.
+        policy: What to hold paths against in place of the log's own unknown policy.
+        allow_plugins: Whether code that its config names may be imported.
+
+    Raises:
+        InputError: The file is no finished log, or holds no decision.
+    """
+    log = open_log(path, allow_plugins)
+    violations: list[Violation] = []
+    counts: Counter[str] = Counter()
+    for moment in moments(log, policy):
+        kind, found = judge(moment)
+        violations += found
+        counts[kind] += 1
+    decisions = counts.total()
+    if decisions == 0:
+        raise InputError(f"log '{path}': no decisions in it")
+    return Audit(
+        log=str(path),
+        policy=policy or log.config.map.unknown_policy,
+        decisions=decisions,
+        swept=counts["swept"],
+        stops=counts["stop"],
+        recoveries=counts["recovery"],
+        late=counts["late"],
+        violations=tuple(violations),
+        rules=dict(Counter(violation.rule for violation in violations)),
+    )
+
+
+def judge(moment: Moment) -> tuple[str, list[Violation]]:
+    """The kind of a decision's way, as `Way` has it, and each rule that the decision breaks."""
+    if text := is_malformed(moment):
+        return "", [moment.broken("form", text)]
+    way = judge_way(moment)
+    found = [violation for check in CHECKS for violation in check(moment)]
+    return way.kind, [*found, *way.violations]
+
+
+def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
+    """Every decision of a log with the map as it was then; nothing is decided anew.
+
+    Raises:
+        InputError: The log is damaged.
+    """
+    runs = stretches(log)
+    relay = Relay(runs)
+    bodies = {
+        run.begin: Body(run.config, run.mission, policy or run.config.map.unknown_policy)
+        for run in runs
+    }
+    before: tuple[pb.Trajectory, ...] = (standing_at_start(runs[0].mission),)
+    for record in log.records():
+        navigator = relay.watch(record.inputs)
+        run = relay.stretch
+        moment = Moment(
+            record=record,
+            config=run.config,
+            mission=run.mission,
+            map=navigator.map,
+            version=bound_version(navigator.map.version(), navigator.labels),
+            body=bodies[run.begin],
+            before=before,
+        )
+        yield moment
+        if not is_malformed(moment):
+            before = (*before[-1:], record.decision.trajectory)
