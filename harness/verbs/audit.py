@@ -12,19 +12,22 @@ from rich.text import Text
 from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
 
 if TYPE_CHECKING:
-    from harness.evidence.audit import Audit
+    from harness.evidence.audit import Audit, Volumes
 
 SHOWN_VIOLATIONS = 10
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Check the decisions of one or more logs."""
-    from harness.evidence.audit import audit
+    from harness.evidence.audit import audit, together
 
     audits = []
     for path in options.log:
-        audits.append(audit(path, options.policy, options.allow_plugins))
+        audits.append(audit(path, options.policy, options.allow_plugins, options.volumes))
         print_audit(console, audits[-1])
+    measured = [one.volumes for one in audits if one.volumes is not None]
+    if len(measured) > 1:
+        print_volumes(console, f"{len(measured)} logs", together(measured))
     code = 1 if any(one.violations for one in audits) else 0
     return code, one_or_all("audits", [asdict(one) for one in audits])
 
@@ -43,10 +46,24 @@ def print_audit(console: Console, audited: Audit) -> None:
         f"{audited.recoveries} recoveries, {audited.late} late; {audited.log}",
     )
     console.print(text, soft_wrap=True)
+    if audited.volumes is not None:
+        print_volumes(console, "this log", audited.volumes)
     for violation in audited.violations[:SHOWN_VIOLATIONS]:
         console.print(f"  {violation.sequence}: {violation.rule}: {violation.text}", soft_wrap=True)
     if count > SHOWN_VIOLATIONS:
         console.print(f"  and {count - SHOWN_VIOLATIONS} more", soft_wrap=True)
+
+
+def print_volumes(console: Console, what: str, volumes: Volumes) -> None:
+    """How near paths come to the volumes of cells."""
+    share = volumes.short / volumes.paths if volumes.paths else 0.0
+    console.print(
+        f"  volumes, {what}: {volumes.short} of {volumes.paths} paths ({share:.1%}) come nearer "
+        f"than radius and margin, by {1e2 * volumes.greatest_m:.1f} cm at most "
+        f"(bound {1e2 * volumes.bound_m:.1f} cm); {volumes.bare} nearer than the radius",
+        soft_wrap=True,
+        highlight=False,
+    )
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,6 +74,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--policy",
         choices=get_args(UnknownPolicy),
         help="hold paths against this unknown policy in place of the log's own",
+    )
+    parser.add_argument(
+        "--volumes",
+        action="store_true",
+        help="measure how near paths come to the volumes of cells that are not admitted",
     )
 
 

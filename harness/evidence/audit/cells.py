@@ -88,6 +88,15 @@ class Cells:
                 return math.sqrt(squares[shell][int(met.argmax())])
         return reach
 
+    def near(self, cells: Integers, wrong: Mask, reach: float) -> Integers:
+        """The wrong cells (m, axes) whose centres lie within a reach, cells, of one of some."""
+        offsets, _ = ball(self.axes, reach)
+        seen = np.zeros(wrong.size, np.bool_)
+        for cell in cells:
+            seen[self._indices(cell[None], offsets)] = True
+        found: Integers = np.argwhere(wrong & seen.reshape(wrong.shape))
+        return found
+
     def _indices(self, cells: Integers, offsets: Integers) -> Integers:
         """Of each cell (n,) moved by each offset (m,), in the flat array: (n, m)."""
         shape = self.states.shape

@@ -24,6 +24,7 @@ from harness.evidence.audit.record import (
     check_settings,
     check_version,
 )
+from harness.evidence.audit.volumes import Volumes, measure, together
 from harness.evidence.audit.way import judge_way
 from harness.evidence.relay import Relay, stretches
 from harness.labels import bound_version
@@ -60,6 +61,7 @@ class Audit:
         late: Of the others, the ones past their deadline; the trajectory before them stands.
         violations: In order.
         rules: How many of them broke which rule.
+        volumes: How near the swept paths come to the volumes of cells; none if not measured.
     """
 
     log: str
@@ -71,15 +73,22 @@ class Audit:
     late: int
     violations: tuple[Violation, ...]
     rules: dict[str, int]
+    volumes: Volumes | None = None
 
 
-def audit(path: Path, policy: UnknownPolicy | None = None, allow_plugins: bool = False) -> Audit:
+def audit(
+    path: Path,
+    policy: UnknownPolicy | None = None,
+    allow_plugins: bool = False,
+    volumes: bool = False,
+) -> Audit:
     """Check every decision of a log.
 
     Args:
         path: The log.
         policy: What to hold paths against in place of the log's own unknown policy.
         allow_plugins: Whether code that its config names may be imported.
+        volumes: Whether to measure the swept paths' distances from the volumes of cells, too.
 
     Raises:
         InputError: The file is no finished log, or holds no decision.
@@ -87,10 +96,16 @@ def audit(path: Path, policy: UnknownPolicy | None = None, allow_plugins: bool =
     log = open_log(path, allow_plugins)
     violations: list[Violation] = []
     counts: Counter[str] = Counter()
+    measured: list[Volumes] = []
     for moment in moments(log, policy):
         kind, found = judge(moment)
         violations += found
         counts[kind] += 1
+        if volumes and kind == "swept" and not any(one.rule == "swept" for one in found):
+            measured.append(measure(moment))
+            if measured[-1].greatest_m > measured[-1].bound_m:
+                text = f"{measured[-1].greatest_m:.3f} m nearer than radius and margin"
+                violations.append(moment.broken("volume", text))
     decisions = counts.total()
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
@@ -104,6 +119,7 @@ def audit(path: Path, policy: UnknownPolicy | None = None, allow_plugins: bool =
         late=counts["late"],
         violations=tuple(violations),
         rules=dict(Counter(violation.rule for violation in violations)),
+        volumes=together(measured) if volumes else None,
     )
 
 
