@@ -131,7 +131,8 @@ def _escape(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, 
     target, heading = _way_out(view, now)
     if target is None:
         return _wait(view, memory, now, "start_blocked", "no admitted space within 1 m")
-    if not leads_away(view.admitted, now, target, heading):
+    # Away from what is unknown may be towards an obstacle, which is worse.
+    if not all(leads_away(one, now, target, heading) for one in (view.admitted, view.passable)):
         return _wait(view, memory, now, "start_blocked", "the way out leads nearer to what blocks")
     path = np.stack([now.position, target])
     if heading == now.heading:
