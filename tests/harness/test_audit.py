@@ -138,6 +138,10 @@ def far_away(decision):
     decision.trajectory.path[-1].x = 1e9
 
 
+def from_before(decision):
+    decision.trajectory.start.FromNanoseconds(0)
+
+
 def stands_at_once(decision):
     for k in range(len(decision.trajectory.arc_length)):
         decision.trajectory.arc_length[k] = 0.0
@@ -228,6 +232,7 @@ def from_elsewhere(decision):
         (without_a_path, {"form"}),
         (far_away, {"form"}),
         (stands_at_once, {"joined"}),
+        (from_before, {"joined"}),
         (arrived_in_motion, {"rest"}),
         (gives_up_in_motion, {"rest"}),
         (another_margin, {"margin"}),

@@ -75,8 +75,10 @@ def check_joint(moment: Moment) -> list[Violation]:
     """The trajectory starts where the one before it is at that time, and as fast."""
     trajectory, before = moment.decision.trajectory, moment.before[-1]
     start_ns = trajectory.start.ToNanoseconds()
-    if moment.late or start_ns < before.start.ToNanoseconds():
+    if moment.late:
         return []
+    if start_ns < before.start.ToNanoseconds():
+        return [moment.broken("joined", "starts before the trajectory before it")]
     off = apart(moment, moment.path[0], place_at(before, start_ns))
     # Between samples of a tenth of a second the body is off the chord by a t^2 / 8 at most.
     if off > 2.0 * SAME_PLACE:
