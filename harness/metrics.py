@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log
 from harness.schema import wayproof_pb2 as pb
+from harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 Array = NDArray[np.float64]
 
@@ -240,31 +241,36 @@ class Metric:
         function: From a trace; none where the episode has no such figure.
         unit: Empty for a share or a count.
         higher_is_better: Which way is better; none where neither is.
+        support: The values that it can take, from which intervals of its mean follow.
     """
 
     function: Callable[[Trace], float | None]
     unit: str
     higher_is_better: bool | None
+    support: Support
 
+
+BARN = Support("share", 0.0, 1.0 / BARN_CLIP[0])
+"""Of BARN's score: the time counts at least twice the optimal one."""
 
 METRICS: dict[str, Metric] = {
-    "success": Metric(success, "", True),
-    "spl": Metric(spl, "", True),
-    "soft_spl": Metric(soft_spl, "", True),
-    "barn_score": Metric(barn_score, "", True),
-    "collisions": Metric(collisions, "", False),
-    "least_clearance": Metric(least_clearance, "m", True),
-    "path_length": Metric(path_length, "m", None),
-    "path_ratio": Metric(path_ratio, "", False),
-    "time_to_goal": Metric(time_to_goal, "s", False),
-    "time_stopped": Metric(time_stopped, "s", False),
-    "explorations": Metric(explorations, "", None),
-    "stops": Metric(stops, "", None),
-    "jerk": Metric(jerk, "m/s^3", False),
-    "latency_p50": Metric(latency_p50, "ms", False),
-    "latency_p99": Metric(latency_p99, "ms", False),
-    "latency_max": Metric(latency_max, "ms", False),
-    "deadline_misses": Metric(deadline_misses, "", False),
+    "success": Metric(success, "", True, RATE),
+    "spl": Metric(spl, "", True, SHARE),
+    "soft_spl": Metric(soft_spl, "", True, SHARE),
+    "barn_score": Metric(barn_score, "", True, BARN),
+    "collisions": Metric(collisions, "", False, COUNT),
+    "least_clearance": Metric(least_clearance, "m", True, MEASURE),
+    "path_length": Metric(path_length, "m", None, MEASURE),
+    "path_ratio": Metric(path_ratio, "", False, MEASURE),
+    "time_to_goal": Metric(time_to_goal, "s", False, TIME),
+    "time_stopped": Metric(time_stopped, "s", False, TIME),
+    "explorations": Metric(explorations, "", None, COUNT),
+    "stops": Metric(stops, "", None, COUNT),
+    "jerk": Metric(jerk, "m/s^3", False, MEASURE),
+    "latency_p50": Metric(latency_p50, "ms", False, MEASURE),
+    "latency_p99": Metric(latency_p99, "ms", False, MEASURE),
+    "latency_max": Metric(latency_max, "ms", False, MEASURE),
+    "deadline_misses": Metric(deadline_misses, "", False, COUNT),
 }
 
 

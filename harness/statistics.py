@@ -1,7 +1,7 @@
 """Intervals and tests for rates and for pairs of episodes; scipy does the numerics.
 
-An episode of one seed and its perturbed twin are a pair; pairs that share a world are a cluster,
-since repeats in one world tell less than as many worlds would.
+An episode of one seed and its perturbed twin are a pair. Means over worlds are in
+`harness.intervals`.
 """
 
 from __future__ import annotations
@@ -15,18 +15,15 @@ from scipy import stats
 
 CONFIDENCE = 0.95
 
-RESAMPLES = 4000
-"""Bootstrap resamples: the ends of a 95 % interval then move by about 2 % of its width."""
-
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate and how far the data bear it out.
+    """A confidence interval.
 
     Attributes:
-        estimate: The point estimate, in the unit of what is estimated.
-        low: Lower end of the interval.
-        high: Upper end.
+        estimate: The point estimate, in the unit of what is estimated; finite.
+        low: Lower end; -inf where nothing bounds it.
+        high: Upper end; inf where nothing bounds it.
     """
 
     estimate: float
@@ -156,62 +153,6 @@ def _phi(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     if numerator > 0.0:
         numerator = max(numerator - len(a) / 2, 0.0)
     return float(numerator / np.sqrt(margins))
-
-
-def paired_difference(
-    first: ArrayLike,
-    second: ArrayLike,
-    clusters: Sequence[object],
-    seed: int,
-    confidence: float = CONFIDENCE,
-) -> Interval:
-    """Mean of second - first over pairs, by a bootstrap that draws whole clusters.
-
-    The t-bootstrap of Efron and Tibshirani (1993), "An Introduction to the Bootstrap", section
-    12.5, on cluster totals: it keeps its coverage down to some ten clusters, where the percentile
-    method falls short.
-
-    Args:
-        first: (n,) any metric.
-        second: (n,) of the same episodes, the other way.
-        clusters: (n,) what the pair shares with others: its world.
-        seed: Of the resampling.
-        confidence: Coverage.
-
-    Raises:
-        ValueError: No pairs, or not as many of each, or fewer than two clusters.
-    """
-    a, b = _pairs(first, second)
-    if len(clusters) != len(a):
-        raise ValueError(f"got {len(clusters)} clusters for {len(a)} pairs")
-    names = {name: k for k, name in enumerate(dict.fromkeys(clusters))}
-    if len(names) < 2:
-        raise ValueError(f"got {len(names)} cluster, expected at least 2 to tell worlds from luck")
-    member = np.array([names[name] for name in clusters])
-    totals = np.bincount(member, weights=b - a).astype(np.float64)  # (clusters,)
-    sizes = np.bincount(member).astype(np.float64)
-    estimate, error = _ratio(totals, sizes)
-    if error == 0.0:  # every cluster differs by the same: no spread to resample
-        return Interval(float(estimate), float(estimate), float(estimate))
-    generator = np.random.default_rng([seed, len(names)])
-    drawn = generator.integers(len(names), size=(RESAMPLES, len(names)))
-    estimates, errors = _ratio(totals[drawn], sizes[drawn])
-    spread = errors > 1e-9 * error
-    t = (estimates[spread] - estimate) / errors[spread]
-    tail = (1.0 - confidence) / 2.0
-    low, high = np.quantile(t, [tail, 1.0 - tail])
-    return Interval(float(estimate), float(estimate - high * error), float(estimate - low * error))
-
-
-def _ratio(
-    totals: NDArray[np.float64], sizes: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean over pairs from cluster totals (..., k), and its standard error by linearisation."""
-    count = totals.shape[-1]
-    estimate = totals.sum(axis=-1) / sizes.sum(axis=-1)
-    residuals = totals - estimate[..., None] * sizes
-    variance = np.square(residuals).sum(axis=-1) * count / (count - 1)
-    return estimate, np.sqrt(variance) / sizes.sum(axis=-1)
 
 
 def restricted_mean(times: ArrayLike, reached: ArrayLike, limit: float) -> float:

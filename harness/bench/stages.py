@@ -16,6 +16,8 @@ from rich import box
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
+from harness.bench.coverage import PARTS as COVERAGE_PARTS
+from harness.bench.coverage import bench_coverage
 from harness.bench.crossing import bench_crossing
 from harness.bench.episodes import bench_delays, bench_planners, bench_policies
 from harness.bench.loop import LOADS, bench_loop
@@ -51,6 +53,7 @@ class Stage(NamedTuple):
 
 
 STAGES: dict[str, Stage] = {
+    "coverage": Stage(bench_coverage, 1000, parts=COVERAGE_PARTS),
     "crossing": Stage(bench_crossing, 10, keeps=True),
     "delays": Stage(bench_delays, 2),
     "loop": Stage(bench_loop, 3, parts=LOADS),

@@ -1,30 +1,18 @@
-"""What a study says: rates with intervals, pairs against their twins, gates."""
+"""What a study says of each arm: rates with intervals, pairs against their twins."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
+from harness.intervals import difference_interval, mean_interval
 from harness.metrics import METRICS
-from harness.statistics import (
-    CONFIDENCE,
-    Interval,
-    holm,
-    mcnemar,
-    paired_difference,
-    paired_rate_difference,
-    restricted_mean,
-    wilson,
-)
-from harness.study.file import Arm, Gate
+from harness.statistics import Interval, holm, mcnemar, restricted_mean
+from harness.study.file import Arm
 from harness.study.rows import Row, first_difference, prove, reference_of, share_differing
-
-BOOTSTRAP_SEED = 0
-"""Of every interval of a study, so that the same rows give the same report."""
 
 Pairs = list[tuple[Row, Row]]
 
@@ -69,7 +57,7 @@ class ArmSummary:
     Attributes:
         arm: Which.
         episodes: Their number, errors among them.
-        success: Rate with its Wilson interval.
+        success: Rate with its exact 95 % interval over worlds.
         outcomes: Count of each.
         causes: Count of each, of failures.
         mean_time: Restricted mean time to goal, s: a failure counts the time limit.
@@ -87,27 +75,6 @@ class ArmSummary:
     against: Comparison | None
 
 
-Verdict = Literal["held", "failed", "open"]
-
-
-@dataclass(frozen=True)
-class GateResult:
-    """What one gate says of one arm.
-
-    Attributes:
-        gate: As written.
-        arm: Which.
-        verdict: `held`: the whole interval keeps the bound; `failed`: the whole interval breaks it,
-            or does not keep it where the gate asks for proof; `open`: the interval holds the bound.
-        interval: Of the gate's statistic, all arms of the gate together at 95 %.
-    """
-
-    gate: str
-    arm: Arm
-    verdict: Verdict
-    interval: Interval
-
-
 @dataclass(frozen=True)
 class Sample:
     """The episodes of one arm.
@@ -115,12 +82,14 @@ class Sample:
     Attributes:
         arm: Which.
         rows: They.
-        pairs: Twin and row, for each seed that has both; none for a reference.
+        pairs: Twin and row, for each seed that has both.
+        compared: Whether it has a reference; the pairs may be missing all the same.
     """
 
     arm: Arm
     rows: list[Row]
     pairs: Pairs
+    compared: bool
 
 
 def samples_of(rows: Sequence[Row], first_variant: str) -> list[Sample]:
@@ -130,7 +99,7 @@ def samples_of(rows: Sequence[Row], first_variant: str) -> list[Sample]:
     for arm, own in by_arm.items():
         reference = reference_of(arm, first_variant)
         pairs = pair(own, by_arm.get(reference, [])) if reference else []
-        samples.append(Sample(arm, own, pairs))
+        samples.append(Sample(arm, own, pairs, reference is not None))
     return samples
 
 
@@ -138,7 +107,8 @@ def samples_between(before: Sequence[Row], after: Sequence[Row]) -> list[Sample]
     """Every arm of the second study, paired with the same arm of the first."""
     references = group(before)
     return [
-        Sample(arm, own, pair(own, references.get(arm, []))) for arm, own in group(after).items()
+        Sample(arm, own, pair(own, references.get(arm, [])), compared=True)
+        for arm, own in group(after).items()
     ]
 
 
@@ -162,12 +132,15 @@ def pair(rows: Sequence[Row], references: Sequence[Row]) -> Pairs:
 
 
 def _summary(arm: Arm, rows: Sequence[Row], pairs: Pairs, time_limit: float) -> ArmSummary:
-    successes = sum(row.success for row in rows)
     times = [row.duration for row in rows]
     return ArmSummary(
         arm=arm,
         episodes=len(rows),
-        success=wilson(successes, len(rows)),
+        success=mean_interval(
+            [row.metrics["success"] or 0.0 for row in rows],
+            [cluster_of(row) for row in rows],
+            METRICS["success"].support,
+        ),
         outcomes=dict(Counter(row.outcome for row in rows)),
         causes=dict(Counter(row.cause for row in rows if row.cause)),
         mean_time=restricted_mean(times, [row.success for row in rows], time_limit),
@@ -200,33 +173,24 @@ def _compare(pairs: Pairs) -> Comparison:
     )
 
 
-def difference(
-    pairs: Pairs, metric: str, sign: float = 1.0, confidence: float = CONFIDENCE
-) -> Interval:
-    """Mean of row - twin, times `sign`, over the pairs in which both have the metric.
-
-    Success goes by Newcombe's intervals where no two pairs share a generated world; everything else
-    by a bootstrap over worlds, which a seed of a generator and the file of an imported one are.
-    """
-    both = [(a.metrics[metric], b.metrics[metric], _cluster(b)) for a, b in pairs]
+def difference(pairs: Pairs, metric: str, sign: float = 1.0) -> Interval:
+    """Mean of row - twin, times `sign`, over the pairs in which both have the metric."""
+    both = [(a.metrics[metric], b.metrics[metric], cluster_of(b)) for a, b in pairs]
     kept = [(a, b, c) for a, b, c in both if a is not None and b is not None]
-    if not kept:
-        return Interval(float("nan"), float("nan"), float("nan"))
     first, second, clusters = (list(column) for column in zip(*kept, strict=True))
     if sign < 0:
         first, second = second, first
-    if metric == "success" and len(set(clusters)) == len(clusters):
-        return paired_rate_difference(first, second, confidence)
-    if len(set(clusters)) < 2:
-        mean = float(np.mean(np.subtract(second, first)))
-        return Interval(mean, -np.inf, np.inf)
-    return paired_difference(first, second, clusters, BOOTSTRAP_SEED, confidence)
+    return difference_interval(first, second, clusters, METRICS[metric].support)
 
 
-def _cluster(row: Row) -> tuple[str, int]:
-    """The world that an episode ran in."""
-    imported = "/" in row.arm.world or "." in row.arm.world
-    return (row.arm.world, 0 if imported else row.seed)
+def cluster_of(row: Row) -> tuple[str, int]:
+    """The world of an episode: a seed of a generator, or the file of an imported one."""
+    return (row.arm.world, 0 if is_imported(row.arm.world) else row.seed)
+
+
+def is_imported(world: str) -> bool:
+    """Whether a world is a file, the same for every seed."""
+    return "/" in world or "." in world
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
@@ -252,44 +216,3 @@ def _adjust(summaries: list[ArmSummary]) -> list[ArmSummary]:
 def _against(summary: ArmSummary) -> Comparison:
     assert summary.against is not None
     return summary.against
-
-
-def judge(samples: Sequence[Sample], gates: Sequence[Gate]) -> list[GateResult]:
-    """Every gate on every arm that it speaks of."""
-    results = []
-    for gate in gates:
-        spoken_of = [one for one in samples if one.pairs or gate.statistic == "mean"]
-        confidence = 1.0 - (1.0 - CONFIDENCE) / max(len(spoken_of), 1)  # Bonferroni: all at once
-        for one in spoken_of:
-            interval = _gated(one.rows, one.pairs, gate, confidence)
-            results.append(GateResult(gate.text, one.arm, verdict_of(gate, interval), interval))
-    return results
-
-
-def _gated(rows: Sequence[Row], pairs: Pairs, gate: Gate, confidence: float) -> Interval:
-    if gate.statistic == "mean":
-        return mean_interval(rows, gate.metric, confidence)
-    return difference(pairs, gate.metric, -1.0 if gate.statistic == "drop" else 1.0, confidence)
-
-
-def mean_interval(rows: Sequence[Row], metric: str, confidence: float) -> Interval:
-    """Mean of a metric: Wilson's interval for success, a bootstrap over worlds otherwise."""
-    if metric == "success":
-        return wilson(sum(row.success for row in rows), len(rows), confidence)
-    known = [row for row in rows if row.metrics[metric] is not None]
-    values = [float(row.metrics[metric] or 0.0) for row in known]
-    if len({_cluster(row) for row in known}) < 2:
-        mean = float(np.mean(values)) if values else float("nan")
-        return Interval(mean, -np.inf, np.inf)
-    clusters = [_cluster(row) for row in known]
-    return paired_difference([0.0] * len(values), values, clusters, BOOTSTRAP_SEED, confidence)
-
-
-def verdict_of(gate: Gate, interval: Interval) -> Verdict:
-    """Whether an interval keeps a gate's bound, breaks it, or cannot tell."""
-    low, high = interval.low, interval.high
-    keeps = high <= gate.bound if gate.at_most else low >= gate.bound
-    breaks = low > gate.bound if gate.at_most else high < gate.bound
-    if keeps:
-        return "held"
-    return "failed" if breaks or gate.proven else "open"

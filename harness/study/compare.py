@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from harness.errors import InputError
-from harness.study.analysis import judge, samples_between, summarise
-from harness.study.file import plan_episodes, read_gate
+from harness.study.analysis import samples_between, summarise
+from harness.study.file import Planned, plan_episodes, read_gate
+from harness.study.gates import judge
 from harness.study.rows import Row
 from harness.study.store import Store
-from harness.study.study import StudyResult, read_rows
+from harness.study.study import StudyResult, error_in_words, read_rows
 
 
 def compare(
@@ -18,29 +19,33 @@ def compare(
 ) -> StudyResult:
     """Hold the second folder's episodes against the first's.
 
+    Episodes of either that have no partner in the other are missing.
+
     Raises:
         InputError: A folder is none of a study, a gate is none, or the two share no episode.
     """
     judged = [read_gate(text) for text in gates]
-    store = Store(after)
-    study = store.read_study(allow_plugins)
-    planned = plan_episodes(study, store.read_contents())
-    rows = read_rows(planned, store, allow_plugins)
-    samples = samples_between(_rows(before, allow_plugins), rows)
+    planned, rows = _read(after, allow_plugins)
+    planned_before, rows_before = _read(before, allow_plugins)
+    samples = samples_between(rows_before, rows)
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
     limit = max(one.config.episode.time_limit for one in planned)
+    wanted = {(one.arm, one.seed) for one in (*planned, *planned_before)}
+    kept, kept_before = ({(row.arm, row.seed) for row in some} for some in (rows, rows_before))
+    errors = [row for row in (*rows, *rows_before) if not row.ran]
     return StudyResult(
         name=f"{after} against {before}",
-        episodes=len(planned),
-        missing=len(planned) - len(rows),
-        errors=sum(row.outcome == "error" for row in rows),
+        episodes=len(wanted),
+        missing=len(wanted - (kept & kept_before)),
+        errors=len({(row.arm, row.seed) for row in errors}),
+        first_error=error_in_words(errors[0]) if errors else "",
         arms=summarise(samples, limit),
-        gates=judge(samples, judged),
+        gates=judge(samples, judged, limit),
     )
 
 
-def _rows(folder: Path, allow_plugins: bool) -> list[Row]:
+def _read(folder: Path, allow_plugins: bool) -> tuple[list[Planned], list[Row]]:
     store = Store(folder)
     planned = plan_episodes(store.read_study(allow_plugins), store.read_contents())
-    return read_rows(planned, store, allow_plugins)
+    return planned, read_rows(planned, store, allow_plugins)

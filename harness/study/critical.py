@@ -119,6 +119,7 @@ class Margin:
         fail_unperturbed: Seeds that fail without any perturbation.
         bear_all: Seeds that bear the scale's end.
         errors: Seeds with an episode that could not be run.
+        first_error: Why the first of those could not; empty without any.
         unfinished: Seeds whose bisection is still to be run.
         episodes: Tried for all of them.
     """
@@ -135,6 +136,7 @@ class Margin:
     fail_unperturbed: int
     bear_all: int
     errors: list[int]
+    first_error: str
     unfinished: int
     episodes: int
 
@@ -260,6 +262,7 @@ def margin_of(brackets: Sequence[Bracket], question: Question) -> Margin:
         fail_unperturbed=sum(one.survived < 0.0 for one in known),
         bear_all=sum(math.isinf(one.failed) for one in known),
         errors=[one.config.seed for one in brackets if one.error],
+        first_error=next((one.error for one in brackets if one.error), ""),
         unfinished=len(brackets) - len(known) - sum(bool(one.error) for one in brackets),
         episodes=sum(one.episodes for one in brackets),
     )
@@ -292,7 +295,8 @@ def margin_in_words(margin: Margin) -> str:
     parts = [
         f"{margin.bear_all} bear even 5",
         f"{margin.fail_unperturbed} fail unperturbed",
-        f"{len(margin.errors)} could not be run",
+        f"{len(margin.errors)} could not be run"
+        + (f", first: {margin.first_error}" if margin.errors else ""),
     ]
     return "; ".join([text.rstrip(), *parts])
 

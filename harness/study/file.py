@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import re
 import tomllib
 from collections.abc import Sequence
@@ -17,8 +18,12 @@ from harness.config import Config, from_document, override
 from harness.errors import InputError, unknown_name
 from harness.metrics import METRICS
 from harness.perturbations import AnyPerturbation, perturbation_from
+from harness.robots import ENDING as ROBOT_FILE
 from harness.study.contents import Contents, contents_of
 from harness.study.job import episode_key
+from harness.worlds import ENDING as WORLD_FILE
+from models.robots import ROBOTS
+from models.worlds import WORLDS
 
 PACKAGED = Path(__file__).parent.parent / "studies"
 """Studies to start from: `wayproof study NAME`."""
@@ -121,8 +126,7 @@ class Gate:
         statistic: `drop` and `rise` against the reference, by pairs; `mean` of each arm.
         at_most: Whether the bound is an upper one.
         bound: In the metric's unit.
-        proven: The whole interval has to keep the bound; else a gate fails only where the interval
-            shows that it is broken.
+        proven: It has to be held even where `--allow-inconclusive` lets other gates pass.
     """
 
     text: str
@@ -181,7 +185,7 @@ def seeds_of(study: StudyFile) -> list[int]:
 
 
 def read_gate(text: str) -> Gate:
-    """Read `metric.statistic <= bound` or `>=`, with `proven` behind it where the interval counts.
+    """Read `metric.statistic <= bound` or `>=`, perhaps with `proven` behind it.
 
     Raises:
         InputError: It is none.
@@ -199,7 +203,9 @@ def read_gate(text: str) -> Gate:
     try:
         bound = float(match[4])
     except ValueError:
-        raise InputError(f"gate '{text}': '{match[4]}' is no number") from None
+        bound = math.nan
+    if not math.isfinite(bound):
+        raise InputError(f"gate '{text}': got the bound '{match[4]}', expected a number")
     statistic: Statistic = match[2]  # type: ignore[assignment]  # one of them, as checked
     return Gate(text.strip(), match[1], statistic, match[3] == "<=", bound, match[5] is not None)
 
@@ -212,13 +218,16 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         contents: Of the files that it names, as they were; by default as they are.
 
     Raises:
-        InputError: A setting that the config refuses, a file that cannot be read, or too many
-            episodes.
+        InputError: A world, robot or setting that does not exist, a file that cannot be read, a
+            gate on a difference where nothing is paired, or too many episodes.
     """
+    _check_names(study)
     if contents is None:
         contents = contents_of(files_of(study))
     variants = _variants(study)
     perturbed = [(CLEAN, 0), *_severities(study)]
+    if len(variants) * len(perturbed) == 1:
+        _refuse_differences(study)
     arms = itertools.product(study.worlds, study.robots, variants, perturbed)
     configs = []
     for world, robot, variant, (perturbation, severity) in arms:
@@ -238,6 +247,26 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         for seed in seeds
         for arm, config in configs
     ]
+
+
+def _check_names(study: StudyFile) -> None:
+    """Files are read, and so checked, with the contents."""
+    for kind, names, ending, registry in (
+        ("world", study.worlds, WORLD_FILE, WORLDS),
+        ("robot", study.robots, ROBOT_FILE, ROBOTS),
+    ):
+        for name in names:
+            if not name.endswith(ending) and name not in registry:
+                raise unknown_name(f"{kind} of study '{study.name}'", name, registry)
+
+
+def _refuse_differences(study: StudyFile) -> None:
+    for text in study.gates:
+        if read_gate(text).statistic != "mean":
+            raise InputError(
+                f"gate '{text}': a difference needs pairs, and study '{study.name}' has none: "
+                "expected [perturbations], an axis of at least two values, or METRIC.mean"
+            )
 
 
 def files_of(study: StudyFile) -> list[str]:

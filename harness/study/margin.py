@@ -11,27 +11,20 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from harness.errors import InputError
+from harness.intervals import difference_interval
 from harness.perturbations.pose_drift import PoseDrift
-from harness.statistics import (
-    Interval,
-    clopper_pearson,
-    paired_difference,
-    paired_rate_difference,
-    restricted_mean,
-    wilson,
-)
+from harness.statistics import Interval, clopper_pearson, restricted_mean
 from harness.study.file import StudyFile, plan_episodes
 from harness.study.processes import Finished
 from harness.study.rows import Row
 from harness.study.store import Store
-from harness.study.study import Engine, read_rows, run_study
+from harness.study.study import Engine, error_in_words, read_rows, run_study
+from harness.support import RATE, TIME
 
 SETTING = "map.inflation_margin"
 
 MARGINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3)
 """Tried by default, m: from a fifth of the default margin to three times it."""
-
-BOOTSTRAP_SEED = 0
 
 
 @dataclass(frozen=True)
@@ -43,7 +36,7 @@ class Rung:
         episodes: Their number.
         collided: Share of them with a collision, exact interval; one in error counts as collided.
         monotone: The same share, fitted so that it falls with the margin.
-        success: Share that reached the goal, Wilson's interval.
+        success: Share that reached the goal, exact interval.
         time: Restricted mean time to the goal, s.
         success_price: Success less that of the smallest margin, by pairs of one seed.
         time_price: Restricted time to the goal less that of the smallest margin, by pairs, s.
@@ -71,6 +64,8 @@ class MarginResult:
         high: Smallest margin from which on all are shown to keep it, m; none if none is.
         seeds_to_show: Episodes of each margin that would show the bound if none collided.
         rungs: Each margin tried, from the smallest.
+        errors: Episodes that failed to run, counted as collided.
+        first_error: What the first of those says; empty without any.
     """
 
     drift: float
@@ -80,6 +75,8 @@ class MarginResult:
     high: float | None
     seeds_to_show: int
     rungs: list[Rung]
+    errors: int
+    first_error: str
 
 
 def margin_study(
@@ -156,6 +153,7 @@ def margin_from(
         _rung(margin, some, rows[0], interval, rate, limit)
         for margin, some, interval, rate in zip(margins, rows, collided, fitted, strict=True)
     ]
+    errors = [row for some in rows for row in some if not row.ran]
     kept = [one.collided.high <= bound for one in rungs]
     return MarginResult(
         drift=drift,
@@ -165,6 +163,8 @@ def margin_from(
         high=next((one.margin for k, one in enumerate(rungs) if all(kept[k:])), None),
         seeds_to_show=int(np.ceil(np.log(0.025) / np.log1p(-bound))),
         rungs=rungs,
+        errors=len(errors),
+        first_error=error_in_words(errors[0]) if errors else "",
     )
 
 
@@ -192,8 +192,8 @@ def _rung(
         episodes=len(rows),
         collided=collided,
         monotone=monotone,
-        success=wilson(int(sum(reached)), len(rows)),
+        success=clopper_pearson(int(sum(reached)), len(rows)),
         time=restricted_mean([row.duration for row in rows], reached, limit),
-        success_price=paired_rate_difference(reference, reached),
-        time_price=paired_difference(usual, times, clusters, BOOTSTRAP_SEED),
+        success_price=difference_interval(reference, reached, clusters, RATE),
+        time_price=difference_interval(usual, times, clusters, TIME.within(limit)),
     )

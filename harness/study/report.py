@@ -14,10 +14,11 @@ from harness.perturbations.perturbation import GREATEST
 from harness.study.analysis import ArmSummary, Sample, samples_of
 from harness.study.critical import Margin, margin_in_words, read_margins
 from harness.study.file import CLEAN, Arm, name_of, plan_episodes
+from harness.study.gates import gate_advice, interval_in_words
 from harness.study.plots import borne, dose_response, track
 from harness.study.rows import Row
 from harness.study.store import Store
-from harness.study.study import StudyResult, conclude, read_rows
+from harness.study.study import StudyResult, conclude, read_rows, verdict_in_words
 
 SHOWN_FAILURES = 24
 """Pictures in the gallery; the table names every failure."""
@@ -75,7 +76,9 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
     samples = samples_of(rows, planned[0].arm.variant)
     page = _template().render(
         result=result,
-        verdict=verdict_sentence(result),
+        verdict=verdict_in_words(result),
+        interval=interval_in_words,
+        advice=gate_advice,
         name_of=name_of,
         metrics={name: METRICS[name] for name in SHOWN_METRICS},
         doses=_doses(result.arms),
@@ -103,26 +106,6 @@ def _template() -> jinja2.Template:
 
 def _number(value: float | None, digits: int = 2) -> str:
     return "" if value is None else f"{value:.{digits}f}"
-
-
-def verdict_sentence(result: StudyResult) -> str:
-    """The whole study in a sentence or two."""
-    ran = result.episodes - result.missing
-    reached = sum(one.outcomes.get("success", 0) for one in result.arms)
-    text = f"{reached} of {ran} episodes reached the goal"
-    if result.missing:
-        text += f"; {result.missing} are still to run"
-    if not result.gates:
-        return f"{text}. No gate was set."
-    failed = [gate for gate in result.gates if gate.verdict == "failed"]
-    undecided = sum(gate.verdict == "open" for gate in result.gates)
-    if failed:
-        worst = failed[0]
-        text += f". {len(failed)} of {len(result.gates)} gates failed, first '{worst.gate}'"
-        text += f" for {name_of(worst.arm)}"
-    else:
-        text += f". No gate of {len(result.gates)} failed"
-    return f"{text}; {undecided} cannot be told from so few." if undecided else f"{text}."
 
 
 def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:

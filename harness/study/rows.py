@@ -67,6 +67,11 @@ class Row:
         """Whether the goal was reached."""
         return self.outcome == "success"
 
+    @property
+    def ran(self) -> bool:
+        """Whether it left a log; an outcome `error` with a log is an episode that failed."""
+        return self.outcome != "error" or bool(self.chain)
+
 
 def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row | None:
     """The row of an episode that has ended, or none.

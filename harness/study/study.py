@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from harness.config import to_json
 from harness.errors import InputError
-from harness.study.analysis import ArmSummary, GateResult, judge, samples_of, summarise
+from harness.study.analysis import ArmSummary, samples_of, summarise
 from harness.study.contents import contents_of
-from harness.study.file import Planned, StudyFile, files_of, read_gate
+from harness.study.file import Planned, StudyFile, files_of, name_of, read_gate
+from harness.study.gates import GateResult, judge
 from harness.study.job import Done, Job
 from harness.study.processes import Finished
 from harness.study.rows import Row, read_row, write_table
@@ -17,6 +19,17 @@ from harness.study.store import Store
 
 Engine = Callable[[Sequence[Job], Sequence[bytes], Finished], None]
 """Runs jobs; the configs are one of each kind of stack, to be compiled first."""
+
+
+StudyVerdict = Literal["complete", "held", "failed", "inconclusive", "incomplete"]
+
+EXIT_CODES: dict[StudyVerdict, int] = {
+    "complete": 0,
+    "held": 0,
+    "failed": 1,
+    "inconclusive": 3,
+    "incomplete": 3,
+}
 
 
 @dataclass(frozen=True)
@@ -27,24 +40,43 @@ class StudyResult:
         name: Of the study.
         episodes: That it asks for.
         missing: Of them, those not run yet.
-        errors: Episodes that left no log.
+        errors: Of them, those that failed to run: they left no log.
+        first_error: What the first of those says; empty without any.
         arms: Summaries.
-        gates: Verdicts.
+        gates: Each gate on each arm.
     """
 
     name: str
     episodes: int
     missing: int
     errors: int
+    first_error: str
     arms: list[ArmSummary]
     gates: list[GateResult]
 
     @property
-    def exit_code(self) -> int:
-        """0 all ran and no gate failed, 1 a gate failed, 3 incomplete."""
-        if self.missing:
-            return 3
-        return 1 if any(gate.verdict == "failed" for gate in self.gates) else 0
+    def verdict(self) -> StudyVerdict:
+        """One word: missing episodes come before what the others show; `complete` without gates."""
+        if self.missing or self.errors:
+            return "incomplete"
+        verdicts = {gate.verdict for gate in self.gates}
+        if "failed" in verdicts:
+            return "failed"
+        if "inconclusive" in verdicts:
+            return "inconclusive"
+        return "held" if verdicts else "complete"
+
+    def exit_code(self, allow_inconclusive: bool = False) -> int:
+        """0: all ran and every gate is held; 1: a gate failed; 3: incomplete or inconclusive.
+
+        Args:
+            allow_inconclusive: Let gates that are inconclusive pass, but for those that have to be
+                `proven`.
+        """
+        if self.verdict == "inconclusive" and allow_inconclusive:
+            undecided = [gate for gate in self.gates if gate.verdict == "inconclusive"]
+            return 3 if any(gate.required for gate in undecided) else 0
+        return EXIT_CODES[self.verdict]
 
 
 def run_missing(
@@ -103,14 +135,45 @@ def conclude(study: StudyFile, planned: Sequence[Planned], rows: Sequence[Row]) 
     """Summarise the rows and hold them against the gates."""
     limit = max(one.config.episode.time_limit for one in planned)
     samples = samples_of(rows, planned[0].arm.variant)
+    errors = [row for row in rows if not row.ran]
     return StudyResult(
         name=study.name,
         episodes=len(planned),
         missing=len(planned) - len(rows),
-        errors=sum(row.outcome == "error" for row in rows),
+        errors=len(errors),
+        first_error=error_in_words(errors[0]) if errors else "",
         arms=summarise(samples, limit),
-        gates=judge(samples, [read_gate(text) for text in study.gates]),
+        gates=judge(samples, [read_gate(text) for text in study.gates], limit),
     )
+
+
+def error_in_words(row: Row) -> str:
+    """Which episode failed to run, and why."""
+    return f"{name_of(row.arm)}, seed {row.seed}: {row.reason}"
+
+
+def verdict_in_words(result: StudyResult) -> str:
+    """The whole study in a sentence or two."""
+    ran = result.episodes - result.missing - result.errors
+    reached = sum(one.outcomes.get("success", 0) for one in result.arms)
+    text = f"{reached} of {ran} episodes reached the goal"
+    if result.missing:
+        text += f"; {result.missing} of {result.episodes} have not run"
+    if result.errors:
+        text += f"; {result.errors} failed to run, first {result.first_error}"
+    if not result.gates:
+        return f"{text}. No gate is set."
+    gates = f"{len(result.gates)} gate{'s' if len(result.gates) > 1 else ''}"
+    of_each = {
+        verdict: [gate for gate in result.gates if gate.verdict == verdict]
+        for verdict in ("failed", "inconclusive", "held")
+    }
+    counts = [f"{len(some)} {verdict}" for verdict, some in of_each.items() if some]
+    text = f"{text}. Of {gates}: {', '.join(counts)}"
+    worst = next(some[0] for some in of_each.values() if some)
+    if worst.verdict == "held":
+        return f"{text}."
+    return f"{text}; first {worst.verdict}: '{worst.gate}' for {name_of(worst.arm)}."
 
 
 def run_study(

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from harness.errors import InputError, unknown_name
-from harness.verbs.pool import Watch, add_engine, open_engine
+from harness.verbs.pool import Watch, add_engine, check_engine, open_engine
 from harness.verbs.verb import LOGS, Document, Verb, add_settings
 
 if TYPE_CHECKING:
@@ -23,10 +23,11 @@ CALIBRATED = ("margin",)
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Find the smallest margin; exit code 1 where none that was tried keeps the bound."""
+    """Find the smallest margin; 1 where none that was tried keeps the bound, 3 on errors."""
     from harness.study.margin import MARGINS, calibrate_margin, margin_study
     from harness.study.store import Store
 
+    check_engine(options)
     if options.what not in CALIBRATED:
         raise unknown_name("calibration", options.what, CALIBRATED)
     study = margin_study(
@@ -46,6 +47,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         )
     print_margin(console, result)
     code = 0 if result.margin is not None else 1
+    if result.errors:
+        code = 3
+        console.print(f"{result.errors} episodes failed to run, first {result.first_error}")
     return code, {**asdict(result), "folder": str(store.folder)}
 
 
@@ -81,7 +85,9 @@ def print_margin(console: Console, result: MarginResult) -> None:
 
 
 def _interval(one: Interval, form: str = ".2f") -> str:
-    return f"{one.estimate:{form}} ({one.low:{form}} to {one.high:{form}})"
+    from harness.study.gates import interval_in_words
+
+    return interval_in_words(one, form)
 
 
 def _numbers(text: str) -> list[float]:

@@ -11,7 +11,7 @@ import msgspec
 from rich.console import Console
 
 from harness.errors import InputError
-from harness.verbs.pool import Watch, add_engine, open_engine
+from harness.verbs.pool import Watch, add_engine, check_engine, open_engine
 from harness.verbs.verb import LOGS, Document, Verb
 
 if TYPE_CHECKING:
@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Bisect the severity of each seed of a study, or go on with it."""
+    """Bisect the severity of each seed of a study, or go on with it; 3 if any could not be run."""
     from harness.study.critical import MOST_EPISODES, Question, find_margins
     from harness.study.file import read_study
     from harness.study.store import Store
 
+    check_engine(options)
     written = read_study(options.file)
     kinds = options.perturb or list(written.perturbations)
     if not kinds:
@@ -40,7 +41,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     for margin in margins:
         print_margin(console, margin)
     told = [asdict(margin) for margin in margins]
-    return 0, {"name": name, "folder": str(store.folder), "margins": told}
+    incomplete = any(margin.errors or margin.unfinished for margin in margins)
+    return (3 if incomplete else 0), {"name": name, "folder": str(store.folder), "margins": told}
 
 
 def print_margin(console: Console, margin: Margin) -> None:

@@ -39,6 +39,20 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--address", metavar="HOST:PORT", help="of a running Ray cluster")
 
 
+def check_engine(options: argparse.Namespace) -> None:
+    """Refuse an engine that there is not, or options that it does not take.
+
+    Raises:
+        InputError: Either of these.
+    """
+    if options.engine not in ENGINES:
+        raise unknown_name("engine", options.engine, ENGINES)
+    if options.jobs < 1:
+        raise InputError(f"--jobs {options.jobs}: expected at least 1")
+    if options.address and options.engine != "ray":
+        raise InputError("--address: only --engine ray has one")
+
+
 @contextlib.contextmanager
 def open_engine(options: argparse.Namespace, bounds: Bounds) -> Iterator[Engine]:
     """The engine that the options ask for; its processes end with the block.
@@ -46,10 +60,7 @@ def open_engine(options: argparse.Namespace, bounds: Bounds) -> Iterator[Engine]
     Raises:
         InputError: There is none of that name, or it does not take these options.
     """
-    if options.engine not in ENGINES:
-        raise unknown_name("engine", options.engine, ENGINES)
-    if options.jobs < 1:
-        raise InputError(f"--jobs {options.jobs}: expected at least 1")
+    check_engine(options)
     if options.engine == "ray":
         from harness.study.cluster import run_on_ray
 
@@ -57,8 +68,6 @@ def open_engine(options: argparse.Namespace, bounds: Bounds) -> Iterator[Engine]
             run_on_ray, workers=options.jobs, bounds=bounds, address=options.address
         )
         return
-    if options.address:
-        raise InputError("--address: only --engine ray has one")
     from harness.study.processes import Workers
 
     with Workers(options.jobs, bounds) as engine:

@@ -12,12 +12,14 @@ from harness.verbs.verb import Document, Verb, add_plugins
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Write the report of a study's folder."""
-    from harness.study.report import verdict_sentence, write_report
+    """Write the report of a study's folder; exit code 0 once it is written, whatever it says."""
+    from harness.study.report import write_report
+    from harness.study.study import verdict_in_words
 
     path, result = write_report(options.folder, options.allow_plugins)
-    console.print(f"{verdict_sentence(result)}\n{path}", highlight=False, soft_wrap=True)
-    return result.exit_code, {**asdict(result), "report": str(path)}
+    console.print(verdict_in_words(result), highlight=False, soft_wrap=True)
+    console.print(f"report: {path}", highlight=False, soft_wrap=True)
+    return 0, {**asdict(result), "verdict": result.verdict, "report": str(path)}
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.text import Text
 
 from harness.errors import InputError
-from harness.verbs.pool import Watch, add_engine, open_engine
+from harness.verbs.pool import Watch, add_engine, check_engine, open_engine
 from harness.verbs.verb import LOGS, Document, Verb, add_plugins
 
 if TYPE_CHECKING:
@@ -22,7 +22,13 @@ if TYPE_CHECKING:
     from harness.study.store import Store
     from harness.study.study import StudyResult
 
-VERDICT_STYLES = {"held": "green", "failed": "bold red", "open": "yellow"}
+VERDICT_STYLES = {
+    "complete": "green",
+    "held": "green",
+    "failed": "bold red",
+    "inconclusive": "yellow",
+    "incomplete": "bold red",
+}
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -33,6 +39,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from harness.study.store import Store, merge
     from harness.study.study import count_missing, run_study, shard
 
+    check_engine(options)
+    if options.sample < 1:
+        raise InputError(f"--sample {options.sample}: expected at least 1")
     study = read_study(options.file)
     planned = plan_episodes(study)
     if options.shard:
@@ -53,11 +62,13 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         with Watch(console, len(planned), missing) as watch:
             result = run_study(study, planned, store, engine, watch.finished)
     print_study(console, result)
-    document = {**asdict(result), "folder": str(store.folder)}
+    console.print(f"next: wayproof report {store.folder}", highlight=False, soft_wrap=True)
+    document = {**asdict(result), "verdict": result.verdict, "folder": str(store.folder)}
+    code = result.exit_code(options.allow_inconclusive)
     if not options.check_determinism:
-        return result.exit_code, document
+        return code, document
     certificate = _certify(options, console, study, planned, store)
-    code = result.exit_code if certificate.identical else 1
+    code = code if certificate.identical else 1
     return code, {**document, "determinism": asdict(certificate)}
 
 
@@ -82,8 +93,6 @@ def _certify(
     """Run a sample again in other ways."""
     from harness.study.determinism import ARRANGEMENTS, FILE, certify
 
-    if options.sample < 1:
-        raise InputError(f"--sample {options.sample}: expected at least 1")
     with Watch(console, None) as watch:
         certificate = certify(
             study.name, planned, store, study.bounds, watch.finished, options.sample
@@ -103,33 +112,38 @@ def _certify(
 
 
 def print_study(console: Console, result: StudyResult) -> None:
-    """Each arm in two lines, then the gates."""
+    """Each arm in two lines, then the gates, then the verdict."""
     from harness.study.file import name_of
+    from harness.study.gates import gate_in_words
+    from harness.study.study import verdict_in_words
 
     for one in result.arms:
         console.print(name_of(one.arm), style="bold", highlight=False, soft_wrap=True)
-        console.print(f"  {_told(one)}", highlight=False, soft_wrap=True)
+        console.print(f"  {_arm_in_words(one)}", highlight=False, soft_wrap=True)
     for gate in result.gates:
-        style, interval = VERDICT_STYLES[gate.verdict], gate.interval
-        told = f": {gate.gate} for {name_of(gate.arm)}: {interval.estimate:.3f}"
-        told += f" ({interval.low:.3f} to {interval.high:.3f})"
-        console.print(Text.assemble((gate.verdict, style), told), soft_wrap=True)
-    if result.missing:
-        console.print(f"{result.missing} of {result.episodes} episodes are missing: run it again")
+        line = Text.assemble(
+            (gate.verdict, VERDICT_STYLES[gate.verdict]), f": {gate_in_words(gate)}"
+        )
+        console.print(line, soft_wrap=True)
+    verdict = (result.verdict, VERDICT_STYLES[result.verdict])
+    line = Text.assemble("verdict: ", verdict, f": {verdict_in_words(result)}")
+    console.print(line, soft_wrap=True)
 
 
-def _told(one: ArmSummary) -> str:
+def _arm_in_words(one: ArmSummary) -> str:
+    from harness.study.gates import interval_in_words
+
     rate, against = one.success, one.against
     failures = [f"{n} {name}" for name, n in one.outcomes.items() if name != "success"]
     text = (
-        f"{one.episodes} episodes, success {rate.estimate:.2f} ({rate.low:.2f}-{rate.high:.2f}), "
+        f"{one.episodes} episodes, success {interval_in_words(rate, '.2f')}, 95 %, "
         f"{one.mean_time:.1f} s" + "".join(f", {failure}" for failure in failures)
     )
     if against is None:
         return text
     return (
-        f"{text}; drop {against.drop.estimate:+.2f} ({against.drop.low:+.2f} to "
-        f"{against.drop.high:+.2f}), p {against.p_adjusted:.3f}, lost {len(against.lost)}, won "
+        f"{text}; drop {interval_in_words(against.drop, '+.2f')}, 95 %, "
+        f"p {against.p_adjusted:.3f}, lost {len(against.lost)}, won "
         f"{len(against.won)}, acted otherwise in {against.changed} of {against.pairs}, "
         f"inputs as declared in {against.proven}"
     )
@@ -161,8 +175,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sample", type=int, default=8, metavar="N", help="episodes for --check-determinism"
     )
+    add_inconclusive(parser)
     add_engine(parser)
     add_plugins(parser)
+
+
+def add_inconclusive(parser: argparse.ArgumentParser) -> None:
+    """Let gates pass that nothing decides."""
+    parser.add_argument(
+        "--allow-inconclusive",
+        action="store_true",
+        help="exit code 0 where no gate failed and none that is 'proven' is inconclusive",
+    )
 
 
 VERB = Verb(

@@ -120,7 +120,7 @@ def test_an_episode_that_cannot_be_run_is_no_failure(tmp_path: Path) -> None:
     [margin] = find_margins(STUDY, DRIFT, Store(tmp_path), engine, lambda done: None)
     assert margin.errors == list(range(9))
     assert (margin.seeds, margin.median) == ([], None)
-    assert margin_in_words(margin).endswith("9 could not be run")
+    assert margin_in_words(margin).endswith("9 could not be run, first: no such file")
 
 
 def test_an_unknown_perturbation_is_one_line(tmp_path: Path) -> None:

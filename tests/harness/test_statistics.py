@@ -1,14 +1,12 @@
-"""Intervals and tests against published examples and against simulated studies."""
+"""Intervals and tests against published examples."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from harness.statistics import (
     holm,
     mcnemar,
-    paired_difference,
     paired_rate_difference,
     restricted_mean,
     wilson,
@@ -73,51 +71,6 @@ def test_paired_rates_against_the_paper(
     interval = paired_rate_difference(second, first)  # theirs is the first less the second
     assert interval.low == pytest.approx(low, abs=2e-4)
     assert interval.high == pytest.approx(high, abs=2e-4)
-
-
-def coverage(difference: float, clusters: int, repeats: int, cases: int, binary: bool) -> float:
-    """Share of simulated studies whose interval holds the true mean difference."""
-    generator = np.random.default_rng(7)
-    held = 0
-    for case in range(cases):
-        world = generator.normal(size=clusters).repeat(repeats)
-        names = list(np.arange(clusters).repeat(repeats))
-        effect = difference + 0.5 * generator.normal(size=clusters).repeat(repeats)
-        noise = generator.normal(size=(2, clusters * repeats))
-        first, second = world + noise[0], world + effect + noise[1]
-        if binary:
-            first, second = generator.random((2, clusters)) < [[0.9], [0.9 - difference]]
-            interval = paired_rate_difference(first, second)
-            held += interval.low <= -difference <= interval.high
-            continue
-        interval = paired_difference(first, second, names, seed=case)
-        held += interval.low <= difference <= interval.high
-    return held / cases
-
-
-@pytest.mark.parametrize(
-    ("difference", "clusters", "repeats", "binary"),
-    [(0.0, 10, 5, False), (0.4, 40, 3, False), (0.1, 50, 1, True)],
-)
-def test_intervals_cover_what_they_promise(
-    difference: float, clusters: int, repeats: int, binary: bool
-) -> None:
-    assert 0.93 <= coverage(difference, clusters, repeats, 1000, binary) <= 0.97
-
-
-def test_repeats_in_a_world_are_not_worlds() -> None:
-    """Copies of the same pairs narrow nothing, where counting them as new ones would."""
-    generator = np.random.default_rng(1)
-    first, second = generator.normal(size=(2, 30))
-    names = list(range(30))
-    once = paired_difference(first, second, names, seed=0)
-    again = paired_difference(np.tile(first, 9), np.tile(second, 9), names * 9, seed=0)
-    assert again.high - again.low == pytest.approx(once.high - once.low, rel=1e-9)
-
-
-def test_a_single_world_tells_no_spread() -> None:
-    with pytest.raises(ValueError, match="1 cluster, expected at least 2"):
-        paired_difference([0, 1], [1, 1], ["w", "w"], seed=0)
 
 
 def test_timeouts_count_to_the_limit() -> None:

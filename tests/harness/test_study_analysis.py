@@ -11,8 +11,9 @@ import pytest
 
 from harness.metrics import METRICS
 from harness.statistics import Interval
-from harness.study.analysis import judge, pair, samples_of, summarise, verdict_of
+from harness.study.analysis import pair, samples_of, summarise
 from harness.study.file import Arm, read_gate
+from harness.study.gates import judge, verdict_of
 from harness.study.rows import Row, first_difference, prove, share_differing, write_table
 
 CLEAN = Arm("warehouse", "drone", "", "none", 0)
@@ -81,12 +82,13 @@ def test_severities_share_a_correction() -> None:
     ("gate", "low", "high", "verdict"),
     [
         ("success.drop <= 0.05", -0.1, 0.04, "held"),
-        ("success.drop <= 0.05", -0.1, 0.10, "open"),
-        ("success.drop <= 0.05 proven", -0.1, 0.10, "failed"),
+        ("success.drop <= 0.05", -0.1, 0.10, "inconclusive"),
+        ("success.drop <= 0.05 proven", -0.1, 0.10, "inconclusive"),
+        ("time_stopped.rise <= 2", -np.inf, np.inf, "inconclusive"),
         ("success.drop <= 0.05", 0.06, 0.30, "failed"),
         ("success.mean >= 0.9", 0.91, 1.0, "held"),
         ("success.mean >= 0.9", 0.5, 0.89, "failed"),
-        ("success.mean >= 0.9", 0.5, 0.95, "open"),
+        ("success.mean >= 0.9", 0.5, 0.95, "inconclusive"),
     ],
 )
 def test_verdicts(gate: str, low: float, high: float, verdict: str) -> None:

@@ -1,0 +1,209 @@
+"""Gates of a study: bounds on the mean of a metric, each with its interval and its verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from harness.intervals import (
+    LEAST_CLUSTERS,
+    LEAST_COUNTED,
+    cluster_means,
+    difference_interval,
+    mean_interval,
+)
+from harness.metrics import METRICS
+from harness.statistics import CONFIDENCE, Interval
+from harness.study.analysis import Pairs, Sample, cluster_of, is_imported
+from harness.study.file import Arm, Gate, name_of
+from harness.study.rows import Row
+from harness.support import Support
+
+Verdict = Literal["held", "failed", "inconclusive"]
+
+
+@dataclass(frozen=True)
+class GateResult:
+    """One gate on one arm, or on all imported worlds of a kind of arm together.
+
+    Attributes:
+        gate: As written.
+        arm: Which.
+        verdict: `held`: the whole interval keeps the bound; `failed`: the whole interval breaks it;
+            `inconclusive`: neither.
+        interval: Of the gate's statistic; none where no episode has the metric.
+        gates: Intervals of the study that hold together at 95 %, by Bonferroni's correction.
+        worlds: Independent worlds that the interval rests on.
+        worlds_needed: About as many would show the gate to be held if the estimate stayed; none
+            where it is decided, or where no number would.
+        required: Whether the gate is `proven`: it has to be held, whatever else is let pass.
+    """
+
+    gate: str
+    arm: Arm
+    verdict: Verdict
+    interval: Interval | None
+    gates: int
+    worlds: int
+    worlds_needed: int | None
+    required: bool
+
+
+@dataclass(frozen=True)
+class _Values:
+    """What a gate's statistic is the mean of: the metric, or twin and row; with their worlds."""
+
+    second: list[float]
+    first: list[float] | None
+    clusters: list[tuple[str, int]]
+
+
+def judge(
+    samples: Sequence[Sample], gates: Sequence[Gate], time_limit: float = math.inf
+) -> list[GateResult]:
+    """Hold every gate against every arm that it speaks of; episodes that did not run are left out.
+
+    Args:
+        samples: The arms.
+        gates: What must hold.
+        time_limit: Of an episode, s: no time is longer.
+    """
+    populations = _populations(samples)
+    asked = [
+        (gate, one)
+        for gate in gates
+        for one in populations
+        if one.compared or gate.statistic == "mean"
+    ]
+    return [_judge(gate, one, len(asked), time_limit) for gate, one in asked]
+
+
+def _populations(samples: Sequence[Sample]) -> list[Sample]:
+    """Arms, but those that differ in their imported world alone as one: each world is a cluster."""
+    pooled: dict[Arm, list[Sample]] = {}
+    for one in samples:
+        imported = is_imported(one.arm.world)
+        pooled.setdefault(replace(one.arm, world="") if imported else one.arm, []).append(one)
+    return [_pool(some) for some in pooled.values()]
+
+
+def _pool(samples: Sequence[Sample]) -> Sample:
+    if len(samples) == 1:
+        return samples[0]
+    rows = [row for one in samples for row in one.rows]
+    pairs = [pair for one in samples for pair in one.pairs]
+    arm = replace(samples[0].arm, world=f"{len(samples)} imported worlds")
+    return Sample(arm, rows, pairs, samples[0].compared)
+
+
+def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateResult:
+    support = METRICS[gate.metric].support.within(time_limit)
+    values = _values(gate, sample.rows, sample.pairs)
+    confidence = 1.0 - (1.0 - CONFIDENCE) / gates
+    interval = None if not values.second else _interval(values, support, confidence)
+    verdict = "inconclusive" if interval is None else verdict_of(gate, interval)
+    needed = None
+    if interval is not None and verdict == "inconclusive":
+        needed = _worlds_needed(gate, values, support, interval, (1.0 - confidence) / 2.0)
+    worlds = len(set(values.clusters))
+    return GateResult(gate.text, sample.arm, verdict, interval, gates, worlds, needed, gate.proven)
+
+
+def _values(gate: Gate, rows: Sequence[Row], pairs: Pairs) -> _Values:
+    """Of the episodes that ran and have the metric."""
+    if gate.statistic == "mean":
+        known = [(row.metrics[gate.metric], cluster_of(row)) for row in rows if row.ran]
+        kept = [(value, cluster) for value, cluster in known if value is not None]
+        return _Values([value for value, _ in kept], None, [cluster for _, cluster in kept])
+    ran = [(twin, row) for twin, row in pairs if twin.ran and row.ran]
+    both = [(a.metrics[gate.metric], b.metrics[gate.metric], cluster_of(b)) for a, b in ran]
+    known_both = [(a, b, c) for a, b, c in both if a is not None and b is not None]
+    if gate.statistic == "drop":
+        known_both = [(b, a, c) for a, b, c in known_both]
+    first, second, clusters = ([one[k] for one in known_both] for k in range(3))
+    return _Values(second, first, clusters)  # type: ignore[arg-type]  # columns of one list
+
+
+def _interval(values: _Values, support: Support, confidence: float) -> Interval:
+    if values.first is None:
+        return mean_interval(values.second, values.clusters, support, confidence)
+    return difference_interval(values.first, values.second, values.clusters, support, confidence)
+
+
+def verdict_of(gate: Gate, interval: Interval) -> Verdict:
+    """Whether an interval keeps a gate's bound, breaks it, or holds it within."""
+    low, high = interval.low, interval.high
+    if high <= gate.bound if gate.at_most else low >= gate.bound:
+        return "held"
+    return "failed" if (low > gate.bound if gate.at_most else high < gate.bound) else "inconclusive"
+
+
+def _worlds_needed(
+    gate: Gate, values: _Values, support: Support, interval: Interval, tail: float
+) -> int | None:
+    """About how many worlds would show the gate to be held, if the estimate stayed.
+
+    Where all values are alike the interval ends at 1 - tail^(1/k) of the way to the support's end;
+    elsewhere its width falls with the root of the number of worlds.
+    """
+    gap = gate.bound - interval.estimate if gate.at_most else interval.estimate - gate.bound
+    if gap <= 0.0:
+        return None
+    end = interval.high if gate.at_most else interval.low
+    least = LEAST_COUNTED if support.kind == "count" else LEAST_CLUSTERS
+    differences = np.subtract(values.second, values.first or 0.0)
+    means = cluster_means(differences, values.clusters)
+    if np.ptp(means) > 0.0:
+        if math.isinf(end):
+            return max(least, len(means) + 1)
+        width = abs(end - interval.estimate)
+        return max(least, len(means) + 1, math.ceil(len(means) * (width / gap) ** 2))
+    whole = support if values.first is None else support.difference
+    reach = abs((whole.high if gate.at_most else whole.low) - interval.estimate)
+    if support.kind == "count":
+        reach = 1.0
+    if not gap < reach < math.inf:
+        return max(least, len(means) + 1)
+    needed = math.log(tail) / math.log1p(-gap / reach)
+    if values.first is not None and support.kind in ("rate", "count"):  # by Newcombe's interval
+        square = float(stats.norm.ppf(tail)) ** 2
+        needed = max(needed, square * (1.0 - gap) / gap)
+    return max(least, math.ceil(needed))
+
+
+def interval_in_words(interval: Interval, form: str = ".3f") -> str:
+    """An estimate and the ends of its interval; an end that nothing bounds is named so."""
+    if math.isinf(interval.low) and math.isinf(interval.high):
+        return f"{interval.estimate:{form}} (unbounded)"
+    low, high = (
+        "unbounded" if math.isinf(end) else f"{end:{form}}" for end in (interval.low, interval.high)
+    )
+    return f"{interval.estimate:{form}} ({low} to {high})"
+
+
+def gate_in_words(result: GateResult) -> str:
+    """What follows the verdict on its line."""
+    text = f"{result.gate} for {name_of(result.arm)}: "
+    if result.interval is None:
+        return f"{text}no episode has this figure"
+    worlds = "1 world" if result.worlds == 1 else f"{result.worlds} worlds"
+    coverage = "95 %" if result.gates == 1 else f"simultaneous 95 % over {result.gates} gates"
+    text += f"{interval_in_words(result.interval)}, {coverage}, {worlds}"
+    advice = gate_advice(result)
+    return f"{text}; {advice}" if advice else text
+
+
+def gate_advice(result: GateResult) -> str:
+    """What would decide an inconclusive gate; empty for any other."""
+    if result.verdict != "inconclusive":
+        return ""
+    if result.interval is None:
+        return "no episode has this figure"
+    if result.worlds_needed is not None:
+        return f"about {result.worlds_needed} worlds would show it if the estimate stayed"
+    return "the estimate does not lie within the bound: it cannot be shown to be held"
