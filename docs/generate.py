@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import inspect
+import math
 import re
 from pathlib import Path
 from typing import Any, get_args
@@ -18,6 +19,7 @@ from harness.cli import verb_parsers
 from harness.config import Config
 from harness.metrics import METRICS
 from harness.perturbations import PERTURBATIONS, WITHIN
+from harness.support import Support
 from harness.verbs import VERBS
 
 FOLDER = Path(__file__).parent / "reference"
@@ -37,7 +39,7 @@ def cli() -> str:
     """Each verb with its arguments."""
     lines = ["# The command line", "", NOTE, "", "Every verb takes `--json`: one JSON document on "]
     lines[-1] += "stdout and nothing else. Exit codes: 0 as hoped, 1 not so, 2 bad input, told in "
-    lines[-1] += "one line on stderr. `NO_COLOR=1` turns colours off; a pipe gets none."
+    lines[-1] += "one line on stderr, 3 for a study that is incomplete or decides no gate. `NO_COLOR=1` turns colours off; a pipe gets none."
     lines += ["", "| verb | does |", "|---|---|"]
     lines += [f"| [`{name}`](#{name}) | {cell(verb.help)} |" for name, verb in VERBS.items()]
     for name, parser in verb_parsers().items():
@@ -96,11 +98,20 @@ def metrics() -> str:
     ]
     lines[-1] += "study's gates name them."
     lines += ["", *_typed("wayproof score logs/empty-drone-1.mcap")]
-    lines += ["", "| metric | unit | better | is |", "|---|---|---|---|"]
+    lines += ["", "The support is that of the [intervals](../statistics.md) of its mean."]
+    lines += ["", "| metric | unit | better | support | is |", "|---|---|---|---|---|"]
     for name, metric in METRICS.items():
         told = cell(summary(metric.function))
-        lines.append(f"| `{name}` | {metric.unit} | {better[metric.higher_is_better]} | {told} |")
+        side = better[metric.higher_is_better]
+        lines.append(f"| `{name}` | {metric.unit} | {side} | {_support(metric.support)} | {told} |")
     return "\n".join(lines) + "\n"
+
+
+def _support(support: Support) -> str:
+    """Kind and ends, in words."""
+    high = "the time limit" if support.timed else f"{support.high:g}"
+    ends = f"{support.low:g} to {high}" if support.timed or support.high < math.inf else "0 or more"
+    return f"{support.kind}, {ends}"
 
 
 def _typed(command: str) -> list[str]:
