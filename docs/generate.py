@@ -39,7 +39,8 @@ def cli() -> str:
     """Each verb with its arguments."""
     lines = ["# The command line", "", NOTE, "", "Every verb takes `--json`: one JSON document on "]
     lines[-1] += "stdout and nothing else. Exit codes: 0 as hoped, 1 not so, 2 bad input, told in "
-    lines[-1] += "one line on stderr, 3 for a study that is incomplete or decides no gate. `NO_COLOR=1` turns colours off; a pipe gets none."
+    lines[-1] += "one line on stderr, 3 for a study that is incomplete or decides no gate. "
+    lines[-1] += "`NO_COLOR=1` turns colours off; a pipe gets none."
     lines += ["", "| verb | does |", "|---|---|"]
     lines += [f"| [`{name}`](#{name}) | {cell(verb.help)} |" for name, verb in VERBS.items()]
     for name, parser in verb_parsers().items():
