@@ -54,7 +54,7 @@ class Row:
         problems: How many it was asked.
         success: Share of them that it solved.
         differing: How many of its lengths are not the published ones; of the exact search.
-        length_ratio_mean: Its length against the published one.
+        length_ratio_mean: Its length against the published one, of the solved; none without any.
         length_ratio_p99: The same.
         p50_ms: Processor time of a problem.
         p99_ms: The same.
@@ -65,8 +65,8 @@ class Row:
     problems: int
     success: float
     differing: int | None
-    length_ratio_mean: float
-    length_ratio_p99: float
+    length_ratio_mean: float | None
+    length_ratio_p99: float | None
     p50_ms: float
     p99_ms: float
 
@@ -169,9 +169,10 @@ def _row(
 ) -> Row:  # fmt: skip
     ratios = np.array(lengths) / [problem.length for problem in problems]
     solved = ratios[np.isfinite(ratios)]
-    told = solved if len(solved) else np.array([np.inf])
     p50, p99 = 1e3 * np.percentile(times, [50, 99])
     return Row(
         name, planner, len(problems), len(solved) / len(problems), differing,
-        float(told.mean()), float(np.percentile(told, 99)), float(p50), float(p99),
+        float(solved.mean()) if len(solved) else None,
+        float(np.percentile(solved, 99)) if len(solved) else None,
+        float(p50), float(p99),
     )  # fmt: skip

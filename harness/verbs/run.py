@@ -111,6 +111,9 @@ def print_verdict(console: Console, result: Result) -> None:
         console.print(line, soft_wrap=True)
         console.print(f"explain: wayproof explain {result.log}", soft_wrap=True, highlight=False)
     console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
+    if not result.cause:
+        verb = "view" if result.outcome == "success" else "explain"
+        console.print(f"next: wayproof {verb} {result.log}", soft_wrap=True, highlight=False)
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
