@@ -57,7 +57,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     study = read_study(str(path))
     engine = functools.partial(run_in_processes, workers=1, bounds=Bounds())
     run_study(study, plan_episodes(study), Store(folder / "out"), engine, lambda done: None)
-    assert main(["report", str(folder / "out")]) == 1
+    assert main(["report", str(folder / "out")]) == 0
     return folder / "out" / "report.html"
 
 
