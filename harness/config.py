@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -101,6 +102,26 @@ class MotionConfig:
 
 
 @dataclass(frozen=True)
+class PluginConfig:
+    """What a planner or controller of the user's own may take before the episode ends as `error`.
+
+    No decision depends on it: wall time and memory are this machine's.
+
+    Attributes:
+        wall_s: Wall time of one decision and its following, s.
+        memory_mib: Memory of the whole process of `wayproof run`, MiB.
+    """
+
+    wall_s: float = 60.0
+    memory_mib: int = 6144
+
+    def __post_init__(self) -> None:
+        """Refuse bounds that nothing could keep."""
+        _expect("plugins.wall_s", self.wall_s, 0.1, 86400.0, "s")
+        _expect("plugins.memory_mib", self.memory_mib, 512, 2**24, "MiB")
+
+
+@dataclass(frozen=True)
 class Config:
     """Everything that an episode follows from, with the versions of the installed packages.
 
@@ -137,6 +158,7 @@ class Config:
     behaviour: BehaviourConfig = field(default_factory=BehaviourConfig)
     latency: LatencyConfig = field(default_factory=LatencyConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    plugins: PluginConfig = field(default_factory=PluginConfig)
     perturbation: AnyPerturbation | None = None
     robot_file: str = ""
 
@@ -183,7 +205,11 @@ def override(config: Config, settings: Iterable[str]) -> Config:
             raise InputError(f"--set {setting}: expected section.field=value")
         document = msgspec.to_builtins(config)
         section, name = _locate(document, key)
+        before = functools.reduce(getattr, key.split("."), config)
         section[name] = value = _parse(text)
+        if isinstance(value, str) and type(before) in (int, float):
+            number = "a whole number" if isinstance(before, int) else "a finite number"
+            raise InputError(f"--set {setting}: expected {number}, such as {before}")
         plugin = key == "planner.name" and PLUGIN in str(value)
         if key in NAMED and value not in NAMED[key] and not plugin:
             raise unknown_name(key, str(value), NAMED[key])

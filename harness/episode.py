@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from harness.evidence.relay import Stretch
 from harness.inputs import CODEC, beams_from_info, inputs_from_messages, serialized
 from harness.interference import Interference
 from harness.judge import Judge, Verdict
-from harness.logs.log import LogWriter, hold_log
+from harness.logs.log import PLUGINS, TRACEBACK, LogWriter, hold_log
 from harness.logs.log_copy import thin, topic_of
 from harness.logs.streams import CONTROL, StreamHashes
 from harness.mujoco_warnings import tell_warnings
@@ -31,6 +32,14 @@ from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.navigator import Navigator, build_navigator
 from harness.state import Stateful, restore_parts, state_message
+from harness.supervision import announce, bound_memory
+from harness.user_code import (
+    PASSED_ON,
+    NeverReturned,
+    Watchdog,
+    failure_of,
+    plugin_digests,
+)
 from models import range_codec
 from models.poses import Trail
 from models.sensors import ROBOT_GROUP, Caster
@@ -57,6 +66,7 @@ def run_episode(
 
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.
+        Exception: A fault of Wayproof's own ended the episode; its log is finished as `error`.
     """
     tell_warnings()
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
@@ -67,12 +77,27 @@ def run_episode(
     with log_path if isinstance(log_path, Draft) else hold_log(log_path) as draft:
         with LogWriter(draft, config, mission, scenario.scene.mjcf) as log:
             log.record = "decisions" if kept == "decisions" else "full"
+            if digests := plugin_digests(scenario.config):
+                log.note(PLUGINS, digests)
+                announce(log.path)
             for info in infos:
                 log.write(f"/sensor/{info.name}/info", info, 0)
             episode = Episode(scenario, navigator, log, observe)
             episode.delays.update(delays or {})
-            result = episode.run()
+            with publishing_failures(draft, log):
+                result = episode.run()
         return settle_log(draft, result, kept)
+
+
+@contextlib.contextmanager
+def publishing_failures(draft: Draft, log: LogWriter) -> Iterator[None]:
+    """Give a log its name although the block raised, if it was finished before that."""
+    try:
+        yield
+    except BaseException:
+        if log.finished:
+            draft.publish()
+        raise
 
 
 def settle_log(draft: Draft, result: Result, kept: str) -> Result:
@@ -87,7 +112,8 @@ def settle_log(draft: Draft, result: Result, kept: str) -> Result:
         thin(draft.partial, thinned)
     draft.publish(thinned)
     size = draft.path.stat().st_size
-    return replace(result, log_mb_per_min=60e-6 * size / max(result.sim_time_s, 1e-9))
+    minutes = result.sim_time_s / 60.0
+    return replace(result, log_mb_per_min=1e-6 * size / minutes if minutes else 0.0)
 
 
 class Episode:
@@ -125,6 +151,9 @@ class Episode:
         if plant.rolling:
             self.parts["steps"] = plant.step_poses
         self.delays: dict[int, float] = {}  # by sequence, in place of what is measured
+        self._watchdog = Watchdog(scenario.config)
+        self._following = False  # whether the newest decision is logged, and the body follows it
+        self._chain = navigator.chain  # of the decisions in the log
         self._sequence = 0
         self._misses = 0
         self._positions: list[np.ndarray] = []
@@ -160,21 +189,55 @@ class Episode:
         self._clearances = [truth.clearance_m for truth in truths]
 
     def run(self) -> Result:
-        """Decide at the sensors' rate, step the physics in between, and end with a verdict."""
+        """Decide at the sensors' rate, step the physics in between, and end with a verdict.
+
+        Code that fails ends the episode as `error`, with its traceback in the log.
+
+        Raises:
+            Exception: Wayproof's own code failed; the log is finished all the same.
+        """
         began = time.perf_counter()
+        try:
+            verdict = self._until_verdict()
+        except PASSED_ON:
+            raise
+        except (Exception, NeverReturned) as error:
+            bound_memory(None)  # what is left to do takes memory, too
+            place = f"{'after' if self._following else 'at'} decision {self._newest}"
+            failure = failure_of(error, place, self._watchdog.names)
+            self._log.attach(TRACEBACK, failure.traceback)
+            result = self._finish("error", failure.reason, time.perf_counter() - began)
+            if failure.ours:
+                error.add_note(f"{place}; the log is {self._log.path}")
+                raise
+            return replace(result, traceback=failure.traceback)
+        return self._finish(*verdict, time.perf_counter() - began)
+
+    @property
+    def _newest(self) -> int:
+        """Number of the decision that is being made or followed."""
+        return self._sequence - self._following
+
+    def _until_verdict(self) -> Verdict:
         verdict: Verdict | None = None
         while verdict is None:
             decision = self._decide()
             verdict = self._judge.of_decision(decision, self._positions)
-            for left in reversed(range(self._plant.steps_a_decision)):
-                if verdict is not None:
-                    break
-                if self._plant.step(remember=left == 0):
-                    verdict = self._judge.of_physics()
-        return self._finish(*verdict, time.perf_counter() - began)
+            if verdict is None:
+                with self._watchdog.watching():
+                    verdict = self._follow()
+        return verdict
+
+    def _follow(self) -> Verdict | None:
+        """Physics up to the next decision, or to what ends the episode."""
+        for left in reversed(range(self._plant.steps_a_decision)):
+            if self._plant.step(remember=left == 0) and (verdict := self._judge.of_physics()):
+                return verdict
+        return None
 
     def _decide(self) -> pb.Decision:
         """Sense, decide and log; the trajectory takes effect when its start time comes."""
+        self._following = False
         time_ns = self._plant.now_ns
         if asked := self._plant.take_asked():  # nothing at the start of a fork, whose state has it
             self._streams.update(CONTROL, asked)
@@ -182,7 +245,8 @@ class Episode:
         sweeps, pose, sense_ms = self._sense(time_ns)
         written = [serialized(message) for message in (*sweeps, pose)]
         inputs = inputs_from_messages(pose, sweeps, written)
-        decision = self._navigator.step(inputs, sense_ms)
+        with self._watchdog.watching():
+            decision = self._navigator.step(inputs, sense_ms)
         latency = self._latency(decision, time_ns)
         self._navigator.commit(decision, latency.delay_s)
         if not decision.deadline_missed:
@@ -200,6 +264,9 @@ class Episode:
         if self._observe is not None:
             self._observe(decision, truth)
         self._sequence += 1
+        self._chain, self._following = decision.chain, True
+        if self._watchdog.names:  # whatever comes of the user's code, this decision is kept
+            self._log.flush()
         return decision
 
     def _sense(self, time_ns: int) -> tuple[list[pb.Sweep], pb.Pose, float]:
@@ -283,7 +350,7 @@ class Episode:
         return message
 
     def _finish(self, outcome: Outcome, reason: str, wall_time_s: float) -> Result:
-        steps = np.diff(np.array(self._positions), axis=0)
+        steps = np.diff(np.array(self._positions).reshape(-1, 3), axis=0)
         result = Result(
             outcome=outcome,
             reason=reason,
@@ -293,11 +360,11 @@ class Episode:
             decisions=self._sequence,
             collisions=self._plant.truth.collisions,
             struck=self._plant.truth.struck,
-            min_clearance_m=min(self._clearances),
+            min_clearance_m=min(self._clearances, default=math.nan),
             path_length_m=float(np.linalg.norm(steps, axis=1).sum()),
             route_length_m=self._scenario.route_length(),
             deadline_misses=self._misses,
-            chain=self._navigator.chain,
+            chain=self._chain,
             log=str(self._log.path),
         )
         result = self._with_cause(result)

@@ -22,9 +22,34 @@ def printable(text: str) -> str:
     return "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text)
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, with what became of the work in one line."""
+
+
 def unknown_name(kind: str, got: str, available: Iterable[str]) -> InputError:
     """Build the error for a name that is not in a registry, with the nearest one that is."""
     names = sorted(available)
-    close = difflib.get_close_matches(got, names, n=1)
-    hint = f"; did you mean '{close[0]}'?" if close else ""
+    near = near_name(got, names)
+    hint = f"; did you mean '{near}'?" if near else ""
     return InputError(f"unknown {kind} '{got}'{hint} (available: {', '.join(names)})")
+
+
+def near_name(got: str, names: Iterable[str]) -> str | None:
+    """The name that was probably meant: letters apart in case or separators, or misspelt, or part.
+
+    A part has to be of three characters, and of one name alone.
+    """
+    plain = {_plain(name): name for name in names}
+    word = _plain(got)
+    if word in plain:
+        return plain[word]
+    close = difflib.get_close_matches(word, plain, n=1)
+    if close:
+        return plain[close[0]]
+    within = [name for text, name in plain.items() if len(word) >= 3 and word in text]
+    within += [name for text, name in plain.items() if len(text) >= 3 and text in word]
+    return within[0] if len(within) == 1 else None
+
+
+def _plain(name: str) -> str:
+    return "".join(one for one in name.lower() if one.isalnum() or one in ".:")

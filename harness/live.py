@@ -21,16 +21,22 @@ ACTION_STYLES = {
 
 
 class LiveLine:
-    """One line, rewritten at each decision; a context manager."""
+    """One line, rewritten at each decision; a context manager.
+
+    Attributes:
+        decisions: Shown so far.
+    """
 
     def __init__(self, console: Console, title: str) -> None:
         """Name the episode that the line tells of."""
         self._title = title
         self._console = console
+        self.decisions = 0
         self._live = Live(console=console, refresh_per_second=10)
 
     def __call__(self, decision: pb.Decision, truth: pb.Truth) -> None:
         """Show a decision; the line appears with the first."""
+        self.decisions += 1
         self._live.start()
         stages = decision.stages
         latency = stages.sense_ms + stages.map_ms + stages.costmap_ms + stages.plan_ms
@@ -40,8 +46,8 @@ class LiveLine:
                 (f"{self._title} ", "bold"),
                 f"{decision.timestamp.ToNanoseconds() * 1e-9:5.1f} s {speed:4.2f} m/s ",
                 (f"{decision.action:<13}", ACTION_STYLES[decision.action]),
-                f" map {decision.map_version[:8]} {latency:4.0f} ms",
                 f" {decision.path_length_m:5.1f} m to go",
+                f" {latency:4.0f} ms map {decision.map_version[:8]}",  # cut off first
                 no_wrap=True,
                 overflow="ellipsis",
             )

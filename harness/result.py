@@ -34,6 +34,7 @@ class Result:
         cause_evidence: For it, in words.
         cause_decision: Number of the last decision that could have done otherwise; -1 if none.
         contact: What was touched and where, m; empty for nothing.
+        traceback: Of an `error` in code, the user's or ours; the log has it as `error.txt`.
     """
 
     outcome: Outcome
@@ -55,9 +56,10 @@ class Result:
     cause_evidence: str = ""
     cause_decision: int = -1
     contact: str = ""
+    traceback: str = ""
 
     def to_metadata(self) -> dict[str, str]:
-        """The result as the log states it: all but the log's place, its size and wall time."""
-        apart = ("log", "log_mb_per_min", "wall_time_s")
+        """The result as the log states it: all but what is only of this run."""
+        apart = ("log", "log_mb_per_min", "wall_time_s", "traceback")
         fields = {k: v for k, v in asdict(self).items() if k not in apart}
         return {name: str(value) for name, value in fields.items()}

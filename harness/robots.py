@@ -8,7 +8,7 @@ from pathlib import Path
 from harness.config import Config
 from harness.errors import InputError, unknown_name
 from harness.named import HASHED, find_named
-from models.robots import ROBOTS, Robot
+from models.robots import ROBOTS, Robot, brought
 from models.robots.brought import (
     CONTROLLERS,
     BroughtRobot,
@@ -18,6 +18,9 @@ from models.robots.brought import (
     read_robot,
 )
 from models.scene import PREFIX
+
+EXAMPLES = Path(brought.__file__).parent / "examples"
+"""Spec files of robots whose models are packages of their own."""
 
 ENDING = ".toml"
 """Of a spec file, given in place of a robot's name."""
@@ -29,6 +32,12 @@ def find_robot(config: Config) -> Robot:
     Raises:
         InputError: No such robot or file; or the robot of a file that only its log still has.
     """
+    example = EXAMPLES / f"{Path(config.robot).name.lower()}{ENDING}"
+    if config.robot not in ROBOTS and example.is_file():
+        raise InputError(
+            f"unknown robot '{config.robot}'; its spec file is here: --robot {example} "
+            f"(available by name: {', '.join(sorted(ROBOTS))})"
+        )
     return find_named("robot", config.robot, ROBOTS, ENDING, read_robot)
 
 

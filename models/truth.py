@@ -15,6 +15,9 @@ from models.sensors import ROBOT_GROUP
 REST_SPEED = 0.05
 """Slower than this a robot is at rest, m/s."""
 
+CLEARANCE_REACH = 2.0
+"""Clearances are measured up to here, m: one of this length is a bound."""
+
 REST_WINDOW = 0.2
 """Time over which its speed is taken, s."""
 
@@ -85,7 +88,7 @@ class Truth:
             return self.places[:oldest].copy()
         return np.concatenate((self.places[oldest:], self.places[:oldest]))
 
-    def clearance(self, data: mujoco.MjData, limit: float = 2.0) -> float:
+    def clearance(self, data: mujoco.MjData, limit: float = CLEARANCE_REACH) -> float:
         """Least distance from any robot geom to any geom but the floor, m, at most `limit`.
 
         Bounding spheres rule out the far pairs; `mj_geomDistance` measures the rest.

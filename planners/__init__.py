@@ -92,7 +92,10 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
         to_goal = GoalField(goal, PlannerConfig())
         for _ in range(2):
             to_goal.plan(space, start, seed=1)
-    for one in [PlannerConfig(), PlannerConfig(name="rrtconnect")] if config is None else [config]:
+    sampled = PlannerConfig(name="rrtconnect")
+    if config is not None and config.name not in PLANNERS:
+        config = sampled  # a user's code runs in an episode alone, where its failures are logged
+    for one in [PlannerConfig(), sampled] if config is None else [config]:
         plan(space, start, goal, one, seed=1)
     distances = Distances(DistanceField((20, 20, 20), 8), (20, 20, 20))
     flown, (near, far) = replace(space, distances=distances), ([0.5] * 3, [1.5, 1.5, 0.5])

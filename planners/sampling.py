@@ -7,9 +7,8 @@ thread, and a count ends the search, never the clock.
 
 from __future__ import annotations
 
-import importlib
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from planners import kernels
+from planners._plugin import SEPARATOR, UserCodeError, load_class, user_code
 from planners.field import FieldPlanner
 from planners.kernels import Floats, Pose
 from planners.space import FreeSpace
@@ -58,29 +58,32 @@ PLANNERS: dict[str, Builder] = {
     "kpiece1": lambda information, _: og.KPIECE1(information),
 }
 
+END_TOLERANCE = 1e-6
+"""How far the ends of a user's path may be from the query's start and goal [m]."""
+
 UNSEEDED = ("field",)
 """Planners that find the same path whatever the seed: they are never restarted."""
 
 
 def planner_builder(name: str) -> Builder:
-    """The planner of a name in ``PLANNERS``, or of ``module:Class``.
+    """The planner of a name in ``PLANNERS``, or of ``module:Class`` or ``file.py:Class``.
 
     Raises:
         ValueError: If there is no such planner, or the class is no ``ompl.base.Planner``.
     """
     if name in PLANNERS:
         return PLANNERS[name]
-    module, separator, attribute = name.partition(":")
-    if not separator:
+    if SEPARATOR not in name:
         available = ", ".join(PLANNERS)
         raise ValueError(
-            f"planner.name: got {name!r}, expected one of {available}, or module:Class"
+            f"planner.name: got {name!r}, expected one of {available}, module:Class "
+            "or path/to/file.py:Class"
         )
     try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
+        found = load_class(name)
+    except ValueError as error:
         raise ValueError(f"planner.name: got {name!r}, which cannot be loaded: {error}") from None
-    if not (isinstance(found, type) and issubclass(found, ob.Planner)):
+    if not issubclass(found, ob.Planner):
         raise ValueError(f"planner.name: got {name!r}, expected a class made of ompl.base.Planner")
     return lambda information, _: found(information)
 
@@ -123,7 +126,7 @@ def search(
 
     Args:
         query: The problem.
-        name: A key of ``PLANNERS``, or ``module:Class``.
+        name: A key of ``PLANNERS``, ``module:Class`` or ``file.py:Class``.
         budget: Turns of the planner's own loop after which it is stopped. Planners that improve
             their path use them all; the others stop at their first path.
         seed: Seed of OMPL's generator, in [1, 2**31 - 1].
@@ -131,12 +134,12 @@ def search(
 
     Returns:
         Poses, shape (n, 4), from start to goal, or None; and the turns used.
+
+    Raises:
+        UserCodeError: A planner of the user's own raised, or added what is no path.
     """
     ou.RNG.setSeed(seed)
     information, definition = _problem(query)
-    planner = planner_builder(name)(information, budget)
-    planner.setProblemDefinition(definition)
-    planner.setup()
     used = 0
 
     def spent() -> bool:
@@ -144,14 +147,81 @@ def search(
         used += 1
         return used > budget.iterations
 
-    planner.solve(ob.PlannerTerminationCondition(spent))
+    run = _run if name in PLANNERS else _run_users
+    run(name, information, definition, budget, ob.PlannerTerminationCondition(spent))
     used = min(used, budget.iterations)
     if not definition.hasExactSolution():
         return None, used
     path = definition.getSolutionPath()
+    if name not in PLANNERS:
+        _check_path(name, query, path)
     if query.kind.curved and simplifications > 0:
         og.PathSimplifier(information).reduceVertices(path, simplifications, simplifications, 1.0)
     return _poses(query, information.getStateSpace(), path), used
+
+
+def _run(
+    name: str,
+    information: ob.SpaceInformation,
+    definition: ob.ProblemDefinition,
+    budget: Budget,
+    until: ob.PlannerTerminationCondition,
+) -> object:
+    """Build a planner and let it solve; what it found is in the definition."""
+    planner = planner_builder(name)(information, budget)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    return planner.solve(until)
+
+
+def _run_users(
+    name: str,
+    information: ob.SpaceInformation,
+    definition: ob.ProblemDefinition,
+    budget: Budget,
+    until: ob.PlannerTerminationCondition,
+) -> object:
+    """The same with a planner of the user's own.
+
+    Raises:
+        UserCodeError: It raised, or returned something other than a status.
+    """
+    who = f"planner '{name}'"
+    with user_code(who):
+        status = _run(name, information, definition, budget, until)
+    if not isinstance(status, (ob.PlannerStatus, type(ob.PlannerStatus.EXACT_SOLUTION))):
+        got = type(status).__name__
+        raise UserCodeError(who, f"returned {got} from solve, expected ompl.base.PlannerStatus")
+    return status
+
+
+def _check_path(name: str, query: Query, path: og.PathGeometric) -> None:
+    """Refuse what no planner may add as a solution.
+
+    An edge through blocked space is left to the cost, which is infinite: there is no path then.
+
+    Raises:
+        UserCodeError: The path is shorter than two states, not finite, or not from start to goal.
+    """
+    who, z = f"planner '{name}'", query.start[2]
+    poses = np.array([query.kind.read(state, z) for state in path.getStates()]).reshape(-1, 4)
+    if len(poses) < 2:
+        raise UserCodeError(who, f"added a path of {len(poses)} states, expected 2 or more")
+    wrong = np.flatnonzero(~np.isfinite(poses).all(axis=1))
+    if len(wrong):
+        raise UserCodeError(
+            who, f"added a path whose state {wrong[0]} is {_place(poses[wrong[0]])}"
+        )
+    ends = (("start", poses[0], query.start), ("end", poses[-1], query.goal))
+    for end, got, expected in ends:
+        if not np.abs(got[:3] - expected[:3]).max() <= END_TOLERANCE:
+            raise UserCodeError(
+                who, f"added a path with its {end} at {_place(got)}, expected {_place(expected)}"
+            )
+
+
+def _place(pose: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{value:.3f}" for value in pose[:3]) + ")"
 
 
 def _problem(query: Query) -> tuple[ob.SpaceInformation, ob.ProblemDefinition]:

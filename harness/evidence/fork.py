@@ -7,13 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.config import Config, override, to_json
-from harness.episode import Episode, Observer, arrival_ns, settle_log, stretch_of
+from harness.episode import (
+    Episode,
+    Observer,
+    arrival_ns,
+    publishing_failures,
+    settle_log,
+    stretch_of,
+)
 from harness.errors import InputError
 from harness.evidence.rebuild import rebuild
 from harness.evidence.relay import Relay, stretches
 from harness.evidence.what_if import refuse_sensed
 from harness.logs.container import walk
-from harness.logs.log import LogWriter, hold_log
+from harness.logs.log import PLUGINS, LogWriter, hold_log
 from harness.logs.log_copy import time_of, topic_of
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log, before, fork_note, open_log, read_head
@@ -21,6 +28,7 @@ from harness.result import Result
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.navigator import Navigator
+from harness.user_code import plugin_digests
 from planners import Trajectory
 
 FIXED = ("world", "robot", "seed", "start")
@@ -80,10 +88,13 @@ def fork(
         past = live_through(log, at, scenario)
         head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
         with LogWriter(draft, *head) as writer:
+            if digests := plugin_digests(scenario.config):
+                writer.note(PLUGINS, digests)
             _write_past(writer, log, at, scenario)
             episode = Episode(scenario, past.navigator, writer, observe)
             episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
-            result = episode.run()
+            with publishing_failures(draft, writer):
+                result = episode.run()
         return settle_log(draft, result, config.record)
 
 

@@ -22,6 +22,7 @@ from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.navigator import Navigator, build_navigator
 from harness.stack.view import Memory
+from harness.user_code import USER_CODE_ERRORS
 from planners import Trajectory
 
 T = TypeVar("T")
@@ -127,18 +128,17 @@ def layer_of(navigator: Navigator) -> float:
 
 
 def guarded(what: str, make: Callable[[], T]) -> T:
-    """Turn what a stranger's settings or inputs break, deep in the stack, into one line."""
+    """Say in one line that a log's settings need more memory, or that the user's class failed.
+
+    Nothing else: what a log holds is checked where it is read, so any other exception is a fault of
+    Wayproof's own, and its traceback is needed.
+
+    Raises:
+        InputError: One of these two.
+    """
     try:
         return make()
-    except InputError:
-        raise
-    except (
-        ArithmeticError,
-        LookupError,
-        MemoryError,
-        RuntimeError,
-        TypeError,
-        ValueError,
-    ) as error:
-        text = " ".join(str(error).split()) or "no more said"
-        raise InputError(f"{what}: {type(error).__name__}: {text[:200]}") from None
+    except USER_CODE_ERRORS as error:
+        raise InputError(f"{what}: {error}") from error
+    except MemoryError:
+        raise InputError(f"{what}: out of memory, expected smaller maps, or more memory") from None

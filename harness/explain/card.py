@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.cause import Case, Moment
+from harness.clearance import map_clearance_is_bound, true_clearance_is_bound
 from harness.errors import InputError
 from harness.evidence.audit import densely
 from harness.labels import bound_version
@@ -78,6 +79,8 @@ class Card:
         path_length_m: To the goal; 0 if there is no way.
         committed_m: The part that may be entered.
         least_clearance_m: Along it, by the map.
+        least_clearance_is_bound: Whether it may be larger, as the map's distances end there.
+        true_clearance_is_bound: Whether the true clearance may be larger, likewise.
         blocking: Cells that end the committed part, nearest first.
         perturbation: What is perturbed, and how much; empty for nothing.
     """
@@ -112,6 +115,8 @@ class Card:
     path_length_m: float
     committed_m: float
     least_clearance_m: float
+    least_clearance_is_bound: bool
+    true_clearance_is_bound: bool
     blocking: tuple[BlockingCell, ...]
     perturbation: str
 
@@ -184,6 +189,8 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         path_length_m=decision.path_length_m,
         committed_m=decision.committed_length_m,
         least_clearance_m=decision.least_clearance_m,
+        least_clearance_is_bound=map_clearance_is_bound(decision, case.config.map.cost_range),
+        true_clearance_is_bound=true_clearance_is_bound(moment.truth.clearance_m),
         blocking=blocking_cells(case, moment, navigator),
         perturbation=""
         if perturbation is None

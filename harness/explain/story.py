@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.clearance import true_in_metres
 from harness.schema import wayproof_pb2 as pb
 
 BRIEF = 3
@@ -62,7 +63,7 @@ class Phase:
         return (
             f"{span}  {VERBS.get(self.action, self.action)}{label}: {self.distance_m:.2f} m, "
             f"{_place(self.start)} to {_place(self.end)}, least clearance "
-            f"{self.least_clearance_m:.2f} m; {self.reason}"
+            f"{true_in_metres(self.least_clearance_m)}; {self.reason}"
         )
 
 

@@ -49,6 +49,12 @@ CHUNK, PACKED_CHUNK = 2**20, 2**24
 PACKED_SCENE = "scene.xml.zst"
 """The scene of a packed log; its digest is that of the text."""
 
+PLUGINS = "plugins"
+"""Metadata: SHA-256 of the file of each of the user's classes in use, by name."""
+
+TRACEBACK = "error.txt"
+"""Attachment of an episode that ended as `error`: where the code failed."""
+
 RECORDED_PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
 
 
@@ -59,6 +65,7 @@ class LogWriter:
         path: Final name of the log.
         partial_path: Its name until it is finished.
         record: What is kept, see `Config.record`.
+        finished: Whether it has its result.
     """
 
     def __init__(
@@ -92,7 +99,7 @@ class LogWriter:
         self.path = draft.path
         self.partial_path = draft.partial
         self.record = "full"
-        self._finished = False
+        self.finished = self._closed = False
         library = f"wayproof {installed_version('wayproof')}"
         self._writer = McapFile(draft.file, library, PACKED_CHUNK if packed else CHUNK)
         self._packed = packed
@@ -113,6 +120,15 @@ class LogWriter:
     def note(self, name: str, fields: Mapping[str, str]) -> None:
         """Add metadata."""
         self._writer.add_metadata(name, dict(fields))
+
+    def attach(self, name: str, text: str) -> None:
+        """Add a text as a file in the file."""
+        self._writer.add_attachment(name, "text/plain", text.encode())
+
+    def flush(self) -> None:
+        """Hand all that was written to the operating system: not even a kill costs it then."""
+        self._writer.hand_on()
+        self._writer.settle()
 
     def keeps(self, topic: str) -> bool:
         """Whether messages of a topic are kept: sweeps and states are not among `decisions`."""
@@ -152,18 +168,18 @@ class LogWriter:
         kept = "decisions" if self.record == "decisions" else "full"
         self._writer.add_metadata("result", {**result, "record": kept})
         self._writer.finish()
-        self._finished = True
+        self.finished = True
         if self._owned:
             self._draft.publish()
 
     def close(self) -> None:
         """Leave the partial log readable up to here; nothing to do once finished."""
-        if not self._finished:
+        if not self.finished and not self._closed:
+            self._closed = True
             with contextlib.suppress(OSError):  # a full disk is what brought us here
                 self._writer.hand_on()
                 self._writer.settle()
             self._writer.close()
-            self._finished = True
         if self._owned:
             self._draft.release()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from google.protobuf.message import Message
 
 from harness.logs.container import walk
-from harness.logs.log import LogWriter
+from harness.logs.log import TRACEBACK, LogWriter
 from harness.logs.messages import read_messages
 from harness.logs.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head
 from harness.schema import wayproof_pb2 as pb
@@ -88,6 +88,8 @@ def write_copy(
         for message in messages:
             if not isinstance(message, pb.SensorInfo):
                 log.write(topic_of(message), message, time_of(message))
+        if TRACEBACK in head.attachments:
+            log.attach(TRACEBACK, head.attachments[TRACEBACK].decode(errors="replace"))
         log.finish(result)
 
 

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import zstandard
 from google.protobuf.message import Message
 
 from harness.config import Config, from_json
-from harness.errors import InputError
+from harness.errors import InputError, printable
 from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
 from harness.logs.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
-from harness.logs.log import FORMAT_VERSION, PACKED_FORMAT_VERSION, PACKED_SCENE, digest_name
+from harness.logs.log import (
+    FORMAT_VERSION,
+    PACKED_FORMAT_VERSION,
+    PACKED_SCENE,
+    PLUGINS,
+    TRACEBACK,
+    digest_name,
+)
 from harness.logs.messages import decode, read_messages
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
@@ -23,6 +30,9 @@ ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
 
 DOCUMENTS = ("config", "mission")
 """Fields of a fork's metadata that are JSON."""
+
+MOST_LINES = 400
+"""Of a traceback that are read."""
 
 MOST_FORKS = 99
 """Of one log."""
@@ -78,6 +88,8 @@ class Log:
         result: Outcome and figures.
         beams: Sensor geometry by sensor name.
         forks: Where its settings changed on the way, if they did, in order.
+        traceback: Of an episode that ended as `error` in code; empty without.
+        plugins: SHA-256 of the file of each of the user's classes that it was made with, by name.
     """
 
     path: Path
@@ -88,6 +100,8 @@ class Log:
     result: dict[str, str]
     beams: dict[str, Beams]
     forks: tuple[Fork, ...] = ()
+    traceback: str = ""
+    plugins: dict[str, str] = field(default_factory=dict)
 
     @property
     def fork(self) -> Fork | None:
@@ -221,7 +235,24 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
     if missing:
         raise InputError(f"log '{path}': no {', '.join(missing)} in its result")
     forks = _read_forks(head, path, allow_plugins)
-    return Log(path, head.config, head.mission, head.scene, head.run, result, head.beams, forks)
+    return Log(
+        path=path,
+        config=head.config,
+        mission=head.mission,
+        scene=head.scene,
+        run=head.run,
+        result=result,
+        beams=head.beams,
+        forks=forks,
+        traceback=_traceback(head),
+        plugins=head.metadata.get(PLUGINS, {}),
+    )
+
+
+def _traceback(head: Head) -> str:
+    """What no terminal should be sent is escaped, line by line."""
+    text = head.attachments.get(TRACEBACK, b"").decode(errors="replace")
+    return "\n".join(map(printable, text.splitlines()[-MOST_LINES:]))
 
 
 def before(number: int) -> str:

@@ -8,13 +8,15 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from harness.errors import InputError
+from harness.errors import InputError, printable
 from harness.logs.container import Attachment, Metadata, Packet, walk
+from harness.logs.log import TRACEBACK
 from harness.logs.log_copy import write_copy
 from harness.logs.messages import decode, is_ours
 from harness.logs.reader import read_head
 from harness.outputs import ENDING
 from harness.schema import wayproof_pb2 as pb
+from harness.user_code import plugins_of
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,45 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
     return Recovery(
         str(path), str(target), reading.complete, float(result["sim_time_s"]), reading.damage
     )
+
+
+def finish_partial(partial: Path, target: Path, what: str, traceback: str) -> tuple[str, int]:
+    """Make a whole log, with the outcome `error`, of one whose process ended without finishing it.
+
+    Args:
+        partial: What that process wrote; it is gone afterwards.
+        target: Name of the whole log.
+        what: What became of the process, after its name.
+        traceback: Printable lines that tell more; may be empty.
+
+    Returns:
+        The reason, as the log has it, and the decisions in it; there may be none.
+
+    Raises:
+        InputError: There is no such file, its head is not whole, or the folder cannot be written.
+    """
+    if not partial.is_file():
+        raise InputError(f"log '{partial}': no such file")
+    source = partial.with_name(f"{partial.name}.ended")  # the copy is written by the other name
+    partial.replace(source)
+    reading = _Reading(source)
+    head = read_head(reading.items(), source, allow_plugins=True)
+    who = ", ".join(plugins_of(head.config)) or head.config.robot
+    reason = printable(f"{who}: the process {what} after {reading.complete} decisions")
+    result = {
+        "outcome": "error",
+        "reason": reason,
+        "sim_time_s": str(reading.last.timestamp.ToNanoseconds() * 1e-9),
+        "decisions": str(reading.complete),
+        "deadline_misses": str(reading.misses),
+        "chain": reading.last.chain,
+    }
+    if traceback:
+        head.attachments[TRACEBACK] = traceback.encode()
+    record = "full" if reading.sweeps or not reading.complete else "decisions"
+    write_copy(target, head, reading.whole_decisions(), result, record)
+    source.unlink()
+    return reason, reading.complete
 
 
 def recovered_name(path: Path) -> Path:

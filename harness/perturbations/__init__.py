@@ -18,7 +18,7 @@ from harness.perturbations.displacement import Displacement
 from harness.perturbations.latency import Latency
 from harness.perturbations.motion import Motion
 from harness.perturbations.occlusion import Occlusion
-from harness.perturbations.perturbation import UNPERTURBED, Perturbation, Report
+from harness.perturbations.perturbation import GREATEST, UNPERTURBED, Perturbation, Report
 from harness.perturbations.pose_drift import PoseDrift
 from harness.perturbations.pose_jump import PoseJump
 from harness.perturbations.rate import Rate
@@ -51,6 +51,7 @@ __all__ = [
     "Displacement",
     "Perturbation",
     "Report",
+    "check_kind",
     "perturbation_from",
 ]
 
@@ -69,6 +70,7 @@ def perturbation_from(text: str) -> AnyPerturbation:
     if not 1 <= len(rest) <= len(fields):
         form = ":".join([kind, "SEVERITY", *(f"[{name.upper()}]" for name in own)])
         raise InputError(f"--perturb {text}: expected {form}")
+    _check_severity(text, rest[0])
     document = {"kind": kind, **dict(zip(fields, rest, strict=False))}
     try:
         perturbation: AnyPerturbation = msgspec.convert(document, AnyPerturbation, strict=False)
@@ -76,3 +78,33 @@ def perturbation_from(text: str) -> AnyPerturbation:
         message, _, place = str(error).partition(" - at `$.")
         raise InputError(f"--perturb {text}: {place.rstrip('`')}: {message}") from None
     return perturbation
+
+
+def _check_severity(text: str, severity: str) -> None:
+    try:
+        good = 0.0 < float(severity) <= GREATEST
+    except ValueError:
+        good = False
+    if not good:
+        raise InputError(
+            f"--perturb {text}: severity: got {severity or 'nothing'}, expected above 0, "
+            f"up to {GREATEST:g}"
+        )
+
+
+def check_kind(text: str, instead: str) -> None:
+    """Refuse what is not `KIND` or `KIND:MODE`, where the severity is not the user's to choose.
+
+    Args:
+        text: As the user wrote it.
+        instead: What finds or bounds the severity there.
+
+    Raises:
+        InputError: An unknown kind, a severity, or a mode of a kind that has none.
+    """
+    kind, *rest = text.split(":")
+    if kind not in PERTURBATIONS:
+        raise unknown_name("perturbation", kind, PERTURBATIONS)
+    if any(part.replace(".", "", 1).isdigit() for part in rest):
+        raise InputError(f"--perturb {text}: expected no severity: {instead}")
+    perturbation_from(":".join([kind, "1", *rest]))

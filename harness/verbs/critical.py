@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Bisect the severity of each seed of a study, or go on with it; 3 if any could not be run."""
+    from harness.perturbations import check_kind
     from harness.study.critical import MOST_EPISODES, Question, find_margins
     from harness.study.file import read_study
     from harness.study.store import Store
@@ -29,6 +30,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     kinds = options.perturb or list(written.perturbations)
     if not kinds:
         raise InputError(f"study '{written.name}' has no [perturbations]: expected --perturb KIND")
+    for kind in options.perturb or ():
+        check_kind(kind, "the bisection finds it")
     most = MOST_EPISODES if options.episodes is None else options.episodes
     if not 2 <= most <= 100:
         raise InputError(f"--episodes {most}: expected 2 to 100")

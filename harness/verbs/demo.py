@@ -38,6 +38,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> None:
     """Verdicts of several episodes and of their replays."""
+    from harness.clearance import true_in_metres
+
     table = Table(title="Verdicts: warehouse", title_justify="left")
     for heading in ("robot", "outcome", "time", "x real", "decisions", "clearance", "replay"):
         table.add_column(heading, justify="left" if heading in ("robot", "outcome") else "right")
@@ -48,7 +50,7 @@ def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> 
             f"{result.sim_time_s:.1f} s",
             f"{result.sim_time_s / result.wall_time_s:.1f}",
             str(result.decisions),
-            f"{result.min_clearance_m:.2f} m",
+            true_in_metres(result.min_clearance_m),
             "identical" if replayed.identical else "differs",
         )
     console.print(table)

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb
+from harness.verbs.verb import Document, Verb, add_plugins, warn_of_changed_plugins
 
 if TYPE_CHECKING:
     from harness.cause import Case, Finding, NearMiss
@@ -32,6 +32,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.check and options.decision is not None:
         raise InputError("--check: goes with the whole episode, expected no decision's number")
     log = open_log(options.log, options.allow_plugins)
+    if options.allow_plugins:
+        warn_of_changed_plugins(log)
     if options.decision is not None:
         return 0, _explain_decision(log, options, console)
     return 0, _explain_episode(log, options, console)
@@ -56,11 +58,14 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
     from harness.explain import make_card, phases
 
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
-    told = phases(list(log.decisions()), list(log.truth()))
+    decisions = list(log.decisions())
+    told = phases(decisions, list(log.truth()))
     console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True)
     for phase in told:
         console.print(f"  {phase}", soft_wrap=True, highlight=False)
-    case, finding, misses = _why(log)
+    for line in log.traceback.splitlines():
+        console.print(f"  {line}", soft_wrap=True, highlight=False)
+    case, finding, misses = _why(log) if decisions or not log.traceback else (None, None, [])
     if finding is not None:
         print_finding(console, finding)
     _print_misses(console, misses)
@@ -68,13 +73,14 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         "log": str(log.path),
         "outcome": outcome,
         "reason": reason,
+        "traceback": log.traceback,
         "phases": [asdict(phase) for phase in told],
         "cause": None if finding is None else asdict(finding),
         "near_misses": [asdict(miss) for miss in misses],
     }
     if options.png is not None:
         if case is None:
-            raise InputError(f"log '{log.path}': its sweeps were left out, so there is no map")
+            raise InputError(f"log '{log.path}': no sweeps in it, so there is no map")
         last = len(case.moments) - 1
         number = last if finding is None else finding.decision
         _draw(case.as_of(number), make_card(case, number), options.png, console)
@@ -171,11 +177,14 @@ def print_card(console: Console, card: Card) -> None:
 
 
 def _rows(card: Card) -> list[tuple[str, str]]:
+    from harness.clearance import in_metres, true_in_metres
+
     stages = ", ".join(f"{name} {ms:.1f}" for name, ms in card.stages_ms.items())
     missed = ": MISSED" if card.deadline_missed else ""
     held = "" if card.version_holds else " (the replayed map differs)"
     place = ", ".join(f"{value:.2f}" for value in card.position)
     search = f"{card.planner}, {card.iterations} iterations" if card.planner else "path kept"
+    least = in_metres(card.least_clearance_m, card.least_clearance_is_bound)
     rows = [
         ("why", card.reason),
         (
@@ -197,7 +206,7 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         (
             "inflation",
             f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin; "
-            f"true clearance {card.true_clearance_m:.2f} m",
+            f"true clearance {true_in_metres(card.true_clearance_m)}",
         ),
         ("stages", f"{stages} ms"),
         (
@@ -208,7 +217,7 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         (
             "path",
             f"{card.path_length_m:.2f} m to the goal, {card.committed_m:.2f} m committed, least "
-            f"clearance there {card.least_clearance_m:.2f} m; {search}",
+            f"clearance there {least}; {search}",
         ),
     ]
     if card.perturbation:
@@ -230,11 +239,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="simulate on from the last chance with one thing put right at a time",
     )
-    parser.add_argument(
-        "--allow-plugins",
-        action="store_true",
-        help="import the planner that a log names as module:Class",
-    )
+    add_plugins(parser)
 
 
 VERB = Verb(

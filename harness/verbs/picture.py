@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb
+from harness.verbs.verb import Document, Verb, add_plugins
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -56,11 +56,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--period", type=float, default=0.2, metavar="S", help="between frames, s (default: 0.2)"
     )
-    parser.add_argument(
-        "--allow-plugins",
-        action="store_true",
-        help="import the planner that a log names as module:Class",
-    )
+    add_plugins(parser)
 
 
 VERB = Verb(

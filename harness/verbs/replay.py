@@ -12,7 +12,14 @@ from rich.console import Console
 from rich.text import Text
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_log_paths, add_settings, one_or_all
+from harness.verbs.verb import (
+    Document,
+    Verb,
+    add_log_paths,
+    add_settings,
+    one_or_all,
+    warn_of_changed_plugins,
+)
 
 if TYPE_CHECKING:
     from harness.evidence.closed_loop import ClosedLoop
@@ -26,11 +33,17 @@ SHOWN_CHANGES = 5
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Recompute the decisions of one or more logs, by the log's own settings or by others."""
+    from harness.logs.reader import open_log
+
     _check(options)
     if options.at is not None:
         return _fork(options, console)
     one = {True: _simulate, False: _what_if if options.set else _replay}[options.closed_loop]
-    outcomes = [one(path, options, console) for path in options.log]
+    outcomes = []
+    for path in options.log:
+        changed = warn_of_changed_plugins(open_log(path, True)) if options.allow_plugins else []
+        good, document = one(path, options, console)
+        outcomes.append((good, {**document, "changed_plugins": changed}))
     code = 0 if all(good for good, _ in outcomes) else 1
     return code, one_or_all("replays", [document for _, document in outcomes])
 
@@ -82,19 +95,25 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
     from harness.evidence.fork import fork, fork_name
     from harness.live import LiveLine
     from harness.logs.reader import open_log
-    from harness.verbs.run import print_verdict
+    from harness.verbs.run import document_of, interrupted, print_verdict
 
     path = options.log[0]
     log = open_log(path, options.allow_plugins)
+    if options.allow_plugins:
+        warn_of_changed_plugins(log)
     config = override(log.as_of(options.at).config, options.set)
     target = options.out or fork_name(path, options.at, config)
-    with LiveLine(console, config.robot) as line:
-        result = fork(path, options.at, options.set, target, options.allow_plugins, line)
+    line = LiveLine(console, config.robot)
+    try:
+        with line:
+            result = fork(path, options.at, options.set, target, options.allow_plugins, line)
+    except KeyboardInterrupt:
+        raise interrupted(target, line.decisions) from None
     before = log.result["outcome"]
     console.print(f"recorded: {before}; from decision {options.at} on: {result.outcome}")
     print_verdict(console, result)
     code = 0 if result.outcome == "success" else 1
-    return code, {**asdict(result), "recorded_outcome": before, "from": options.at}
+    return code, {**document_of(result), "recorded_outcome": before, "from": options.at}
 
 
 def print_replay(console: Console, replayed: Replay) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import errno
 import hashlib
+import math
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.errors import InputError
+from harness.errors import InputError, Interrupted
 from harness.verbs.render import check_render, render
 from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from harness.config import Config
     from harness.outputs import Draft
     from harness.result import Result
+
+SHOWN_LINES = 8
+"""Of a traceback on the terminal: its end."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -31,8 +35,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), options.set)
     for name in ("goal", "start"):
-        if getattr(options, name) is not None:
-            config = override(config, [f"{name}=[{getattr(options, name)}]"])
+        if (text := getattr(options, name)) is not None:
+            config = replace(config, **{name: _point(name, text)})
     if options.perturb is not None:
         config = replace(config, perturbation=perturbation_from(options.perturb))
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
@@ -40,10 +44,21 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         check_render(config, options.render)
     result = run_one(config, path, console)
     print_verdict(console, result)
-    code, document = (0 if result.outcome == "success" else 1), asdict(result)
+    code, document = (0 if result.outcome == "success" else 1), document_of(result)
     if options.render is not None:
         document["render"] = render(Path(result.log), options.render, console)
     return code, document
+
+
+def _point(name: str, text: str) -> tuple[float, ...]:
+    """Read `X,Y` or `X,Y,Z`."""
+    try:
+        point = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        point = ()
+    if len(point) not in (2, 3) or not all(map(math.isfinite, point)):
+        raise InputError(f"--{name} {text}: expected X,Y or X,Y,Z, finite numbers in m")
+    return point
 
 
 def episode_name(config: Config) -> str:
@@ -67,18 +82,23 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
     from harness.live import LiveLine
     from harness.logs.log import hold_log
     from harness.scenario import build
+    from harness.supervision import bound_memory
     from harness.warm_up import warm_up
 
+    bound_memory(config.plugins.memory_mib)
     scenario = build(config)
     for warning in scenario.warnings:
         print(f"wayproof: warning: {warning}", file=sys.stderr)
+    line = LiveLine(console, config.robot)
     with hold_log(path) as draft:
         warn_of_kept(draft)
-        with console.status("compiling kernels (a minute the first time, then cached)"):
-            warm_up(config)
         try:
-            with LiveLine(console, config.robot) as line:
+            with console.status("compiling kernels (a minute the first time, then cached)"):
+                warm_up(config)
+            with line:
                 return run_episode(scenario, draft, line)
+        except KeyboardInterrupt:
+            raise interrupted(path, line.decisions) from None
         except OSError as error:
             if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG):
                 raise
@@ -93,23 +113,46 @@ def warn_of_kept(draft: Draft) -> None:
         print(f"wayproof: warning: {text}; 'wayproof recover' reads it", file=sys.stderr)
 
 
+def interrupted(log: Path, decisions: int) -> Interrupted:
+    """What is left of an episode that Ctrl-C ended after some decisions."""
+    partial = log.with_name(f"{log.name}.partial")
+    if decisions == 0:
+        partial.unlink(missing_ok=True)
+        return Interrupted("nothing was decided yet, and no log is left")
+    return Interrupted(f"the log so far: wayproof recover {partial}")
+
+
+def document_of(result: Result) -> Document:
+    """What `--json` prints of an episode."""
+    from harness.clearance import true_clearance_is_bound
+
+    is_bound = true_clearance_is_bound(result.min_clearance_m)
+    return {**asdict(result), "min_clearance_is_bound": is_bound}
+
+
 def print_verdict(console: Console, result: Result) -> None:
     """One episode's verdict, and the cause of a failure."""
+    from harness.clearance import true_in_metres
+
     style = "bold green" if result.outcome == "success" else "bold red"
-    console.print(
-        Text.assemble(
-            (result.outcome, style),
-            f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s,"
-            f" {result.decisions} decisions, {result.collisions} collisions,"
-            f" least clearance {result.min_clearance_m:.2f} m,"
-            f" log {result.log_mb_per_min:.1f} MB/min",
-        ),
-        soft_wrap=True,
-    )
+    told = f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s"
+    if result.decisions:
+        told += (
+            f", {result.decisions} decisions, {result.collisions} collisions,"
+            f" least clearance {true_in_metres(result.min_clearance_m)},"
+            f" log {result.log_mb_per_min:.1f} MB/min"
+        )
+    console.print(Text.assemble((result.outcome, style), told), soft_wrap=True)
+    if result.traceback:
+        for line in result.traceback.splitlines()[-SHOWN_LINES:]:
+            console.print(f"  {line}", soft_wrap=True, highlight=False)
     if result.cause:
         line = f"cause: {result.cause}: {result.cause_evidence}"
         console.print(line, soft_wrap=True)
-        console.print(f"explain: wayproof explain {result.log}", soft_wrap=True, highlight=False)
+    if result.cause or result.traceback:
+        allowed = " --allow-plugins" if result.traceback else ""
+        line = f"explain: wayproof explain {result.log}{allowed}"
+        console.print(line, soft_wrap=True, highlight=False)
     console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
     if not result.cause:
         verb = "view" if result.outcome == "success" else "explain"

@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Search; exit code 1 where a failure was found."""
     from harness.config import from_document, override
+    from harness.perturbations import check_kind
     from harness.search.episodes import Search, search
     from harness.search.hunt import NO_RATE
     from harness.study.file import Bounds
     from harness.study.store import Store
 
+    check_kind(options.perturb, "the search chooses it, up to --greatest")
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), [*options.set, "record=failures"])
     asked = Search(
@@ -73,12 +75,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", required=True, type=int, help="of the episode")
     parser.add_argument("--perturb", required=True, metavar="KIND[:MODE]", help="what may go wrong")
     parser.add_argument(
-        "--window", type=float, default=2.0, metavar="S", help="how long it acts, s"
+        "--window", type=float, default=2.0, metavar="S", help="how long it acts, s (default: 2)"
     )
     parser.add_argument(
-        "--greatest", type=float, default=5.0, metavar="SEVERITY", help="most that is tried"
+        "--greatest",
+        type=float,
+        default=5.0,
+        metavar="SEVERITY",
+        help="most that is tried (default: 5)",
     )
-    parser.add_argument("--budget", type=int, default=100, metavar="N", help="most episodes")
+    parser.add_argument(
+        "--budget", type=int, default=100, metavar="N", help="most episodes (default: 100)"
+    )
     parser.add_argument(
         "--search-seed", type=int, default=0, metavar="N", help="of the choice of episodes"
     )

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+
+if TYPE_CHECKING:
+    from harness.logs.reader import Log
 
 Document = dict[str, Any]
 
@@ -44,8 +48,27 @@ def add_plugins(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--allow-plugins",
         action="store_true",
-        help="import the planner or controller that a log names as module:Class",
+        help="load the planner or controller that a log names as module:Class or FILE.py:Class",
     )
+
+
+def warn_of_changed_plugins(log: Log) -> list[str]:
+    """Say of each of the user's classes whose file is not what the log was made with.
+
+    Returns:
+        Their names.
+    """
+    from harness.user_code import plugin_digests
+
+    now = plugin_digests(log.config)
+    changed = [name for name, digest in log.plugins.items() if now.get(name, digest) != digest]
+    for name in changed:
+        print(
+            f"wayproof: warning: the file of '{name}' has changed since the log was written "
+            f"(SHA-256 {log.plugins[name][:12]} then, {now[name][:12]} now)",
+            file=sys.stderr,
+        )
+    return changed
 
 
 def add_log_folder(parser: argparse.ArgumentParser) -> None:

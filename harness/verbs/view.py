@@ -54,7 +54,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--allow-plugins",
         action="store_true",
-        help="import the planner that a log names as module:Class",
+        help="load the planner or controller that a log names as module:Class or FILE.py:Class",
     )
 
 

@@ -62,6 +62,7 @@ class _Artist:
         self._rows = Rows(stream, root)
         self._tiles = tiles_of(log)
         self._top = max(log.mission.high[2], 1.0)
+        self._cost_range = log.config.map.cost_range
         self._half = np.array([0.5 * log.config.map.resolution], np.float32)
         self._last: Snapshot | None = None
         self._count = 0
@@ -103,7 +104,7 @@ class _Artist:
         guide, path = path_of(decision.guide), path_of(decision.trajectory.path)
         rows.put("world/guide", rr.LineStrips3D, strips=guide)
         rows.put("world/trajectory", rr.LineStrips3D, strips=path)
-        rows.put("decision", rr.TextDocument, text=describe(decision))
+        rows.put("decision", rr.TextDocument, text=describe(decision, self._cost_range))
         rows.put("action", rr.StateChange, state=decision.action)
         rows.put("label", rr.StateChange, state=decision.label)
         level = "INFO" if decision.label == "none" else "WARN"

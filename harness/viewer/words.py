@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from harness.clearance import in_metres, map_clearance_is_bound
 from harness.schema import wayproof_pb2 as pb
 
 
-def describe(decision: pb.Decision) -> str:
-    """All that one decision says of itself, as Markdown."""
+def describe(decision: pb.Decision, cost_range: float) -> str:
+    """All that one decision says of itself, as Markdown.
+
+    Args:
+        decision: As it is logged.
+        cost_range: `map.cost_range` of its config, m.
+    """
+    is_bound = map_clearance_is_bound(decision, cost_range)
     stages = decision.stages
     label = "" if decision.label == "none" else f" · label `{decision.label}`"
     missed = " · **deadline missed**" if decision.deadline_missed else ""
@@ -26,7 +33,7 @@ def describe(decision: pb.Decision) -> str:
             f"{decision.localization_margin_m:.3f} m",
             f"- oldest evidence along the path {decision.evidence_age_s:.2f} s",
             f"- committed {decision.committed_length_m:.2f} m of {decision.path_length_m:.2f} m, "
-            f"least clearance {decision.least_clearance_m:.2f} m",
+            f"least clearance {in_metres(decision.least_clearance_m, is_bound)}",
             f"- search: {search}",
             f"- delay {delay:.0f} ms of {deadline:.0f} ms{missed}",
             f"- stages, ms: sense {stages.sense_ms:.1f}, map {stages.map_ms:.1f}, costmap "

@@ -44,14 +44,30 @@ def test_bad_words(capsys, tmp_path, changes, said):
     ("options", "said"),
     [
         (["--set", "map.resolution=-0.1"], "map.resolution: got -0.1, expected 0.01 to 0.5 m"),
-        (["--set", "map.resolution=fine"], "map.resolution: expected `float`, got `str`"),
+        (["--set", "map.resolution=fine"], "expected a finite number, such as 0.1"),
+        (["--set", "map.resolution=inf"], "expected a finite number, such as 0.1"),
+        (["--set", "map.resolution="], "expected a finite number, such as 0.1"),
+        (["--set", "threads=two"], "--set threads=two: expected a whole number, such as 1"),
+        (["--set", "threads=1", "--set", "threads=2"], "--set threads: given twice, "),
+        (["--set", "sensors.lidar=vlp16"], "did you mean 'velodyne-vlp16'?"),
+        (["--set", "planner.name=RRTConnect"], "did you mean 'rrtconnect'?"),
+        (
+            ["--perturb", "latency:2", "--perturb", "rate:1"],
+            "(exactly one assumption is made",
+        ),
+        (["--seed", "2"], "--seed: given twice, 1 and 2"),
+        (["--perturb", "latency:9"], "latency:9: severity: got 9, expected above 0, up to 5"),
+        (["--perturb", "latency:nan"], "severity: got nan, expected above 0, up to 5"),
+        (["--goal", "nan,1,1"], "--goal nan,1,1: expected X,Y or X,Y,Z, finite numbers in m"),
+        (["--start", "-1,2,1"], "--start -1,2,1: a value with a minus sign is written --start=-1"),
+        (["--robto", "drone"], "unknown option '--robto'; did you mean '--robot'?"),
         (["--set", "map.resoluton=1"], "did you mean 'map.resolution'?"),
         (["--set", "planner.name=rrtconect"], "did you mean 'rrtconnect'?"),
         (["--set", "map.kind=voxels"], "did you mean 'voxel'?"),
         (["--goal", "99,99"], "goal: got (99, 99, 1), expected inside the geofence"),
         (["--goal", "3,4,2.9"], "goal: altitude 2.9 m, expected 0.66 to 2.34 m"),
         (["--goal", "0.05,3"], "goal: (0.05, 3, 1) is within the body's radius of 0.3"),
-        (["--goal", "north"], "goal: "),
+        (["--goal", "north"], "--goal north: expected X,Y or X,Y,Z"),
         (
             ["--set", "map.resolution=0.01", "--set", "map.half_life=0"],
             "expected at most 200000000",
@@ -60,7 +76,7 @@ def test_bad_words(capsys, tmp_path, changes, said):
             ["--set", "motion.altitude_high=0.5"],
             "motion.altitude_low, altitude_high: got 0.2 and 0.5",
         ),
-        (["--nonsense"], "unrecognized arguments: --nonsense"),
+        (["--nonsense"], "unknown option '--nonsense' (see 'wayproof run --help')"),
     ],
 )
 def test_bad_settings_leave_nothing_behind(capsys, tmp_path, options, said):
@@ -172,3 +188,101 @@ def test_the_module_is_the_command():
         [sys.executable, "-m", "harness", "list"], capture_output=True, text=True, check=True
     )
     assert "worlds: " in printed.stdout
+
+
+def test_a_robot_whose_spec_file_is_here_is_named(capsys, tmp_path):
+    line = bad_input(capsys, ["run", "empty", "--robot", "Spot", "--seed", "1"])
+    assert "unknown robot 'Spot'; its spec file is here: --robot " in line
+    assert Path(line.split("--robot ")[1].split(" (")[0]).is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["search", *RUN[1:], "--perturb", "pose_jump:5"], "the search chooses it, up to --great"),
+        (["critical", "smoke", "--perturb", "rate:3"], "rate:3: expected no severity: the bisec"),
+    ],
+)
+def test_a_severity_that_is_looked_for_is_not_given(capsys, arguments, said):
+    assert said in bad_input(capsys, arguments)
+
+
+def test_the_version_and_the_help(capsys):
+    assert main([]) == 2
+    assert "verbs:" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as left:
+        main(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out.startswith("wayproof ")
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_an_output_that_takes_no_more_is_no_traceback(options):
+    list_ = [sys.executable, "-m", "harness", "list", *options]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            list_, stdout=full, stderr=subprocess.PIPE, text=True, env=environment, timeout=60
+        )
+    assert done.returncode == 2
+    assert done.stderr == "wayproof: standard output: No space left on device\n"
+    read, write = os.pipe()
+    os.close(read)  # a reader that went away
+    done = subprocess.run(
+        list_, stdout=write, stderr=subprocess.PIPE, text=True, env=environment, timeout=60
+    )
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_ctrl_c_says_what_is_left(tmp_path, monkeypatch, capsys):
+    from harness.stack.navigator import Navigator
+
+    step = Navigator.step
+
+    def press(at):
+        def pressed(self, inputs, sense_ms=0.0):
+            if inputs.sequence == at:
+                raise KeyboardInterrupt
+            return step(self, inputs, sense_ms)
+
+        monkeypatch.setattr(Navigator, "step", pressed)
+
+    log = tmp_path / "a.mcap"
+    press(0)
+    assert main([*RUN, "--log", str(log)]) == 130
+    said = capsys.readouterr().err
+    assert said == "wayproof: interrupted; nothing was decided yet, and no log is left\n"
+    assert not list(tmp_path.iterdir())
+    press(3)
+    assert main([*RUN, "--log", str(log)]) == 130
+    said = capsys.readouterr().err
+    assert said == f"wayproof: interrupted; the log so far: wayproof recover {log}.partial\n"
+    assert main(["recover", f"{log}.partial"]) == 0
+
+
+def test_the_live_line_keeps_its_end_at_60_columns():
+    from io import StringIO
+
+    from rich.console import Console
+
+    from harness.live import LiveLine
+    from harness.schema import wayproof_pb2 as pb
+
+    out = StringIO()
+    decision = pb.Decision(action="stop_and_wait", map_version="e75fde96" * 4, path_length_m=12.3)
+    decision.timestamp.FromNanoseconds(99_900_000_000)
+    with LiveLine(Console(file=out, width=60), "quadruped") as line:
+        line(decision, pb.Truth(velocity=[1.0, 0.0, 0.0]))
+    assert "12.3 m to go" in out.getvalue()
+
+
+def test_a_name_apart_in_case_or_part_of_one_is_near():
+    from harness.errors import near_name
+
+    names = ["velodyne-vlp16", "rrtstar", "informed_rrtstar", "warehouse"]
+    assert near_name("vlp16", names) == "velodyne-vlp16"
+    assert near_name("RRTstar", names) == "rrtstar"
+    assert near_name("rrt_star", names) == "rrtstar"
+    assert near_name("star", names) is None  # of two
+    assert near_name("wharehouse", names) == "warehouse"

@@ -25,8 +25,8 @@ def test_json_round_trip_is_exact():
     ("setting", "said"),
     [
         ("map.resolution=-1", "map.resolution: got -1"),
-        ("map.resolution=abc", "map.resolution: expected `float`, got `str`"),
-        ("map.resolution=NaN", "map.resolution: expected `float`, got `str`"),
+        ("map.resolution=abc", "expected a finite number, such as 0.1"),
+        ("map.resolution=NaN", "expected a finite number, such as 0.1"),
         ("planner.iterations=1.5", "planner.iterations: expected `int`, got `float`"),
         ("map.unknown_policy=maybe", "map.unknown_policy"),
         ("map.resolutoin=0.1", "did you mean 'map.resolution'?"),

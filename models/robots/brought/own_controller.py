@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from models._plugin import UserCodeError, load_class, user_code
 from models.devices import Rangefinder
 from models.robots.brought.source import Source, Unusable, free
-from models.robots.brought.spec_file import PLUGIN, SpecFile
+from models.robots.brought.spec_file import SpecFile
 from models.robots.brought.writing import farthest, mesh_points
-from models.robots.robot import Controller
+from models.robots.robot import Controller, Setpoint
 from models.sensors import ROBOT_GROUP
 
 
@@ -57,22 +58,64 @@ def kept_mjcf(source: Source, spec: SpecFile) -> str:
 
 
 def load_controller(name: str, model: mujoco.MjModel, prefix: str) -> Controller:
-    """Make the controller `module:Class` of a compiled model.
+    """Make the controller `module:Class` or `path/to/file.py:Class` of a compiled model.
 
     Raises:
-        Unusable: It cannot be loaded, or lacks a method of `Controller`.
+        Unusable: It cannot be loaded or made, or lacks a method of `Controller`.
     """
-    module, _, attribute = name.partition(PLUGIN)
+    who = f"controller '{name}'"
     try:
-        made: Any = getattr(importlib.import_module(module), attribute)(model, prefix)
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
-        line = " ".join(str(error).split())
-        raise Unusable(f"controller: got '{name}', which cannot be loaded: {line}") from None
+        kind = load_class(name)
+        with user_code(who):
+            made: Any = kind(model, prefix)
+    except UserCodeError as error:
+        raise Unusable(str(error)) from error
+    except ValueError as error:
+        raise Unusable(f"controller: got '{name}', which cannot be loaded: {error}") from None
     for method in ("reset", "follow", "state", "restore"):
         if not callable(getattr(made, method, None)):
-            raise Unusable(f"controller: '{name}' has no {method}(), expected a Controller")
-    controller: Controller = made
-    return controller
+            raise Unusable(f"{who} has no {method}(), expected a Controller")
+    return OwnController(who, made)
+
+
+class OwnController:
+    """A controller of the user's own; whatever it raises is a `UserCodeError`."""
+
+    def __init__(self, who: str, made: Controller) -> None:
+        """Wrap a controller, with what errors call it."""
+        self._who = who
+        self._made = made
+
+    def reset(self, data: mujoco.MjData, position: NDArray[np.float64], heading: float) -> None:
+        """Place the robot; see `Controller`."""
+        with user_code(self._who):
+            self._made.reset(data, position, heading)
+
+    def follow(self, data: mujoco.MjData, setpoint: Setpoint) -> None:
+        """Write one step's actuator commands; see `Controller`.
+
+        Raises:
+            UserCodeError: It raised, or wrote what is not finite.
+        """
+        with user_code(self._who):
+            self._made.follow(data, setpoint)
+        for name in ("ctrl", "qfrc_applied", "xfrc_applied"):
+            if not np.isfinite(getattr(data, name)).all():
+                raise UserCodeError(self._who, f"wrote {name} that is not finite")
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What one step hands to the next; see `Controller`."""
+        with user_code(self._who):
+            state = {name: np.array(value) for name, value in self._made.state().items()}
+        for name, array in state.items():
+            if array.dtype.kind not in "fiub":
+                raise UserCodeError(self._who, f"has a state '{name}' of {array.dtype}")
+        return state
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from what `state` returned; see `Controller`."""
+        with user_code(self._who):
+            self._made.restore(state)
 
 
 def _keep_only(tree: Any, source: Source) -> None:

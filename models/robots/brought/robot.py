@@ -192,7 +192,7 @@ def logged_robot(text: str, scene: str, prefix: str) -> BroughtRobot:
 def _parse(text: str) -> SpecFile:
     spec = parse_spec(text)
     if spec.controller not in CONTROLLERS and PLUGIN not in spec.controller:
-        known = ", ".join([*CONTROLLERS, "module:Class"])
+        known = ", ".join([*CONTROLLERS, "module:Class", "FILE.py:Class"])
         raise Unusable(f"controller: unknown '{spec.controller}' (available: {known})")
     kind = CONTROLLERS.get(spec.controller)
     motion = spec.motion if kind is None else kind.motion

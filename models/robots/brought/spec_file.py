@@ -91,7 +91,7 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         name: Of the robot.
         mjcf: Path from the spec file's folder, or `package:path` in an installed package.
         base: Body with the free joint.
-        controller: `trot`, `geometric`, or `module:Class`.
+        controller: `trot`, `geometric`, `module:Class` or `path/to/file.py:Class`.
         radius: Circumscribed radius about the base origin, m.
         discs: Offset along the base's x axis and radius of discs that hold a long body as it walks
             ahead and turns, m; none for one disc of the radius.

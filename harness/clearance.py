@@ -1,0 +1,38 @@
+"""Clearances that are bounds: nothing is measured beyond a reach, so they say `at least`."""
+
+from __future__ import annotations
+
+import math
+
+from harness.schema import wayproof_pb2 as pb
+from models.truth import CLEARANCE_REACH
+
+
+def true_clearance_is_bound(clearance: float) -> bool:
+    """Whether a true clearance, m, may be larger than it says."""
+    return clearance >= CLEARANCE_REACH
+
+
+def map_clearance_is_bound(decision: pb.Decision, cost_range: float) -> bool:
+    """Whether a decision's least clearance in the map may be larger than it says.
+
+    Distances in the map end at a whole number of cells, the first one that holds the costs.
+
+    Args:
+        decision: With the clearance and what it was inflated by.
+        cost_range: `map.cost_range` of its config, m.
+    """
+    size, clearance = decision.resolution_m, decision.least_clearance_m
+    cells = round(clearance / size)
+    reach = math.ceil(decision.inflation_radius_m / size + cost_range / size)
+    return cells >= reach and math.isclose(clearance, cells * size)
+
+
+def in_metres(clearance: float, is_bound: bool) -> str:
+    """`0.53 m`, or `>= 0.80 m` for a bound."""
+    return f"{'>= ' if is_bound else ''}{clearance:.2f} m"
+
+
+def true_in_metres(clearance: float) -> str:
+    """A true clearance in words."""
+    return in_metres(clearance, true_clearance_is_bound(clearance))

@@ -1,0 +1,156 @@
+"""What a user's code does to an episode: it may raise, never return, or take all memory.
+
+A planner or controller of the user's own ends its episode as `error`, with its traceback in the
+log. So does a fault of Wayproof's own, which is raised on besides.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import signal
+import threading
+import traceback
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import FrameType
+
+from harness.config import PLUGIN, Config
+from harness.errors import InputError, printable
+from harness.supervision import stacks_file
+from models._plugin import UserCodeError as ControllerError
+from planners._plugin import UserCodeError as PlannerError
+from planners._plugin import source_digest
+
+USER_CODE_ERRORS = (PlannerError, ControllerError)
+
+LONGEST_TRACEBACK = 16_384
+"""Characters of a traceback that a log keeps: its end."""
+
+LONGEST_LINE = 400
+"""Characters of one line of it."""
+
+REPEAT_S = 1.0
+"""Code that catches the first interruption gets another after so long, s."""
+
+LONGEST_GRACE_S = 10.0
+"""What cannot be interrupted, as it runs in no Python, has as much time again, at most this, s."""
+
+
+class NeverReturned(BaseException):
+    """A decision or its following took more wall time than `plugins.wall_s`."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why an episode could not go on.
+
+    Attributes:
+        reason: In one line, with the decision's number.
+        traceback: Printable lines, the last of them the exception's.
+        ours: Whether Wayproof's own code is at fault.
+    """
+
+    reason: str
+    traceback: str
+    ours: bool
+
+
+def plugins_of(config: Config) -> list[str]:
+    """The user's classes that a config names, as `module:Class` or `path/to/file.py:Class`."""
+    names = [config.planner.name]
+    if config.robot_file:
+        from models.robots.brought import Unusable, parse_spec  # it loads the simulator
+
+        with contextlib.suppress(Unusable):
+            names.append(parse_spec(config.robot_file).controller)
+    return [name for name in names if PLUGIN in name]
+
+
+def plugin_digests(config: Config) -> dict[str, str]:
+    """SHA-256 of the file of each of the user's classes, by name."""
+    return {name: source_digest(name) for name in plugins_of(config)}
+
+
+def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:
+    """Tell a failure of a user's code from one of ours.
+
+    Args:
+        error: What was raised.
+        place: When, such as `at decision 12`.
+        names: The user's classes in use.
+    """
+    raised = error.__cause__ if isinstance(error, USER_CODE_ERRORS) else None
+    text = bounded("".join(traceback.format_exception(raised or error)))
+    if isinstance(error, USER_CODE_ERRORS):
+        told = f"{error.who} {raised}" if isinstance(raised, NeverReturned) else str(error)
+        return Failure(printable(f"{told} {place}"), text, ours=False)
+    if isinstance(error, NeverReturned):
+        return Failure(printable(f"{', '.join(names)} {error} {place}"), text, ours=False)
+    if isinstance(error, MemoryError) and names:
+        return Failure(f"out of memory with {', '.join(names)} {place}", text, ours=False)
+    line = " ".join(str(error).split())[:200]
+    reason = printable(f"internal error: {type(error).__name__}: {line} {place}")
+    return Failure(reason, text, ours=True)
+
+
+def bounded(text: str) -> str:
+    """The end of a text in printable lines, as a log and a terminal may hold them."""
+    lines = [printable(line)[:LONGEST_LINE] for line in text.splitlines()]
+    kept, size = [], 0
+    for line in reversed(lines):
+        size += len(line) + 1
+        if size > LONGEST_TRACEBACK:
+            kept.append("[the beginning is left out]")
+            break
+        kept.append(line)
+    return "\n".join(reversed(kept)) + "\n"
+
+
+class Watchdog:
+    """Interrupts a user's code that does not return; without any it does nothing.
+
+    It needs the main thread, as only that one can be interrupted. Wall time decides when it acts,
+    so what it ends is an `error`, and no decision follows from it.
+
+    Attributes:
+        names: The user's classes in use.
+    """
+
+    def __init__(self, config: Config) -> None:
+        """Watch the user's classes of a config."""
+        self.names = plugins_of(config)
+        self._wall_s = config.plugins.wall_s
+        in_main = threading.current_thread() is threading.main_thread()
+        self._active = bool(self.names) and in_main
+        self._stacks = stacks_file()
+
+    @contextlib.contextmanager
+    def watching(self) -> Iterator[None]:
+        """Bound the block.
+
+        Raises:
+            NeverReturned: It took longer.
+        """
+        if not self._active:
+            yield
+            return
+        before = signal.signal(signal.SIGALRM, self._interrupt)
+        signal.setitimer(signal.ITIMER_REAL, self._wall_s, REPEAT_S)
+        if self._stacks is not None:
+            longest = self._wall_s + min(self._wall_s, LONGEST_GRACE_S)
+            faulthandler.dump_traceback_later(longest, exit=True, file=self._stacks.fileno())
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            if self._stacks is not None:
+                faulthandler.cancel_dump_traceback_later()
+            signal.signal(signal.SIGALRM, before)
+
+    def _interrupt(self, _: int, __: FrameType | None) -> None:
+        raise NeverReturned(f"had not returned after {self._wall_s:g} s (plugins.wall_s)")
+
+
+PASSED_ON = (InputError, OSError)
+"""What ends an episode without being a failure of code: bad input, a full disk."""

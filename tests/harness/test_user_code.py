@@ -1,0 +1,341 @@
+"""A planner or controller of the user's own that fails: the episode is an error, the log whole."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.cli import main
+from harness.errors import InputError
+from harness.logs.reader import open_log
+from harness.user_code import LONGEST_TRACEBACK, NeverReturned, bounded, failure_of
+from planners._plugin import UserCodeError, load_class
+
+ROOT = Path(__file__).parents[2]
+
+PLANNERS = '''
+"""Planners that go well at first, and then do not."""
+import itertools
+import os
+import signal
+import time
+
+from ompl import base as ob
+from ompl import geometric as og
+
+from planners.field import FieldPlanner
+
+
+class Late(FieldPlanner):
+    """Fails at the second time that it is asked."""
+
+    calls = 0
+
+    def __init__(self, information):
+        super().__init__(information, 1.0)
+
+    def solve(self, until):
+        type(self).calls += 1
+        if type(self).calls == 1:
+            return super().solve(until)
+        return self.fail()
+
+    def add(self, *places):
+        information = self.getSpaceInformation()
+        path = og.PathGeometric(information)
+        kind = information.getStateValidityChecker().kind
+        for place in places:
+            state = information.allocState()
+            kind.write(state, (*place, 0.0))
+            path.append(state)
+        self.getProblemDefinition().addSolutionPath(path, False, 0.0, "late")
+        return ob.PlannerStatus(True, False)
+
+
+class Raises(Late):
+    def fail(self):
+        raise ValueError("no way \\x1b[31m out")
+
+
+class Leaves(Late):
+    def fail(self):
+        raise SystemExit(0)
+
+
+class ReturnsNone(Late):
+    def fail(self):
+        return None
+
+
+class NotFinite(Late):
+    def fail(self):
+        return self.add((1.0, 1.0, 1.0), (float("nan"), 1.0, 1.0), (2.0, 1.0, 1.0))
+
+
+class Elsewhere(Late):
+    def fail(self):
+        return self.add((1.0, 1.0, 1.0), (2.0, 1.0, 1.0))
+
+
+class Short(Late):
+    def fail(self):
+        return self.add((1.0, 1.0, 1.0))
+
+
+class Loops(Late):
+    def fail(self):
+        while True:
+            try:
+                time.sleep(0.01)
+            except Exception:
+                pass
+
+
+class Holds(Late):
+    def fail(self):
+        sum(itertools.repeat(0))
+
+
+class Killed(Late):
+    def fail(self):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Unmade(ob.Planner):
+    def __init__(self, information):
+        raise RuntimeError("not today")
+
+
+class Good(FieldPlanner):
+    def __init__(self, information):
+        super().__init__(information, 1.0)
+'''
+
+# The search for a cheaper guide comes once a second: the second one at decision 10.
+RUN = ["run", "corridor", "--robot", "drone", "--seed", "1", "--set", "map.resolution=0.2"]
+RUN += ["--set", "planner.restarts=1"]
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("mine") / "mine.py"
+    path.write_text(PLANNERS)
+    return path
+
+
+def run(capsys, name, log, *options):
+    load_class(name).calls = 0
+    arguments = [*RUN, "--set", f"planner.name={name}", "--log", str(log), "--json", *options]
+    code = main(arguments)
+    return code, json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("Raises", r"raised ValueError: no way \x1b[31m out (mine.py:"),
+        ("Leaves", "raised SystemExit: 0 (mine.py:"),
+        ("ReturnsNone", "returned NoneType from solve, expected ompl.base.PlannerStatus"),
+        ("NotFinite", "added a path whose state 1 is (nan, 1.000, 1.000)"),
+        ("Elsewhere", "added a path with its start at (1.000, 1.000, 1.000), expected ("),
+        ("Short", "added a path of 1 states, expected 2 or more"),
+        ("Loops", "had not returned after 5 s (plugins.wall_s)"),
+    ],
+)
+def test_a_planner_that_fails_ends_the_episode_with_its_evidence(
+    capsys, tmp_path, file, kind, said
+):
+    path = tmp_path / "log.mcap"
+    name = f"{file}:{kind}"
+    bound = ["--set", "plugins.wall_s=5"] if kind == "Loops" else []
+    code, told = run(capsys, name, path, *bound)
+    assert (code, told["outcome"]) == (1, "error")
+    assert told["reason"].startswith(f"planner '{name}' {said}")
+    decisions = told["decisions"]
+    assert told["reason"].endswith(f"at decision {decisions}")
+    assert decisions > 0
+    log = open_log(path, allow_plugins=True)
+    assert log.result["reason"] == told["reason"]
+    assert log.traceback.isprintable() or "\n" in log.traceback
+    assert "\x1b" not in log.traceback
+    assert not list(tmp_path.glob("*.partial"))
+    assert main(["explain", str(path), "--allow-plugins"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"error: planner '{name}'")
+    assert log.traceback.splitlines()[-1] in shown
+    if kind == "Raises":
+        assert "in fail" in log.traceback
+
+
+def test_what_was_decided_before_replays(capsys, tmp_path, file):
+    path = tmp_path / "log.mcap"
+    _, told = run(capsys, f"{file}:Raises", path)
+    capsys.readouterr()
+    load_class(f"{file}:Raises").calls = 0
+    assert main(["replay", str(path), "--allow-plugins"]) == 0
+    assert f"identical: {told['decisions']} of {told['decisions']}" in capsys.readouterr().out
+    assert main(["score", str(path), "--allow-plugins"]) == 0
+
+
+def test_a_planner_that_cannot_be_made_leaves_a_log_without_decisions(capsys, tmp_path, file):
+    path = tmp_path / "log.mcap"
+    code, told = run(capsys, f"{file}:Unmade", path)
+    assert (code, told["outcome"], told["decisions"]) == (1, "error", 0)
+    assert "raised RuntimeError: not today" in told["reason"]
+    assert told["reason"].endswith("at decision 0")
+    assert main(["explain", str(path), "--allow-plugins"]) == 0
+    assert "RuntimeError: not today" in capsys.readouterr().out
+    assert main(["replay", str(path), "--allow-plugins"]) == 2
+    assert "no decisions in it" in capsys.readouterr().err
+
+
+def command(*arguments, cwd, **environment):
+    return subprocess.run(
+        [sys.executable, "-m", "harness", *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("Killed", "the process was ended by SIGKILL after "),
+        ("Holds", "the process did not return, and could not be interrupted"),
+    ],
+)
+def test_a_process_that_can_finish_nothing_leaves_a_whole_log(tmp_path, file, kind, said):
+    name = f"{file}:{kind}"
+    bound = ["--set", "plugins.wall_s=3"]
+    done = command(*RUN, "--set", f"planner.name={name}", "--log", "a.mcap", *bound, cwd=tmp_path)
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert "log: " in done.stdout
+    log = open_log(tmp_path / "a.mcap", allow_plugins=True)
+    assert log.result["outcome"] == "error"
+    assert name in log.result["reason"]
+    assert int(log.result["decisions"]) == sum(1 for _ in log.records()) > 0
+    assert not list(tmp_path.glob("*.partial*"))
+    if kind == "Holds":
+        assert "in fail" in log.traceback
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("nowhere.py:Good", "no file 'nowhere.py' (looked for in '"),
+        ("{}:Godo", "has no class 'Godo' (classes in it: Late, Raises, "),
+        ("{}", "unknown planner.name"),
+        ("{}:", "expected module:Class or path/to/file.py:Class"),
+        ("{raising}:Good", "raised ZeroDivisionError: division by zero (raising.py:1)"),
+        ("{typo}:Good", "raised SyntaxError: "),
+        ("json:JSONDecoder", "expected a class made of ompl.base.Planner"),
+    ],
+)
+def test_a_name_that_loads_nothing_is_one_line(capsys, tmp_path, file, name, said):
+    (tmp_path / "raising.py").write_text("1 / 0\n")
+    (tmp_path / "typo.py").write_text("class Good(:\n")
+    name = name.format(file, raising=tmp_path / "raising.py", typo=tmp_path / "typo.py")
+    assert main([*RUN, "--set", f"planner.name={name}", "--logs", str(tmp_path / "logs")]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert said in line
+    assert not (tmp_path / "logs").exists()
+
+
+def test_a_file_that_changed_is_told_by_a_replay(capsys, tmp_path):
+    mine = tmp_path / "mine.py"
+    mine.write_text(PLANNERS)
+    path = tmp_path / "log.mcap"
+    run(capsys, f"{mine}:Good", path, "--set", "episode.time_limit=0.5")
+    assert main(["replay", str(path), "--allow-plugins"]) == 0
+    assert "changed" not in capsys.readouterr().err
+    mine.write_text(f"{PLANNERS}\n# other words\n")
+    assert main(["replay", str(path), "--allow-plugins"]) == 0
+    assert f"warning: the file of '{mine}:Good' has changed since" in capsys.readouterr().err
+    mine.unlink()
+    assert main(["replay", str(path), "--allow-plugins"]) == 2
+    assert f"no file '{mine}'" in capsys.readouterr().err
+
+
+def test_folders_with_our_names_are_in_nobodys_way(tmp_path, file):
+    (tmp_path / "planners").mkdir()
+    (tmp_path / "planners" / "__init__.py").write_text("1 / 0\n")
+    (tmp_path / "models.py").write_text("1 / 0\n")
+    (tmp_path / "maps.py").write_text("1 / 0\n")
+    shutil.copy(file, tmp_path / "mine.py")
+    options = ["--set", "planner.name=mine.py:Good", "--set", "episode.time_limit=0.3"]
+    done = command(*RUN, *options, "--log", "a.mcap", cwd=tmp_path, PYTHONPATH=f".:{ROOT}")
+    assert done.returncode == 1, done.stderr
+    assert "\ntimeout: " in done.stdout
+
+
+def test_a_fault_of_ours_is_a_traceback_and_the_log_is_whole(tmp_path, monkeypatch):
+    from harness.config import Config, override
+    from harness.episode import run_episode
+    from harness.scenario import build
+    from harness.stack.navigator import Navigator
+
+    step = Navigator.step
+
+    def planted(self, inputs, sense_ms=0.0):
+        if inputs.sequence == 2:
+            raise TypeError("planted")
+        return step(self, inputs, sense_ms)
+
+    monkeypatch.setattr(Navigator, "step", planted)
+    path = tmp_path / "log.mcap"
+    scenario = build(override(Config("empty", "drone", 1), ["map.resolution=0.2"]))
+    with pytest.raises(TypeError, match="planted") as caught:
+        run_episode(scenario, path)
+    assert caught.value.__notes__ == [f"at decision 2; the log is {path}"]
+    log = open_log(path)
+    assert log.result["outcome"] == "error"
+    assert log.result["reason"] == "internal error: TypeError: planted at decision 2"
+    assert log.result["decisions"] == "2"
+    assert "TypeError: planted" in log.traceback
+    monkeypatch.setattr(Navigator, "commit", planted_commit)
+    with pytest.raises(TypeError, match="planted"):  # in a replay likewise: it is no bad input
+        main(["replay", str(path)])
+
+
+def planted_commit(self, decision, delay_s):
+    raise TypeError("planted")
+
+
+def test_what_a_log_keeps_of_a_traceback_is_bounded():
+    text = bounded("\n".join(f"line {k} \x1b[2J" for k in range(10_000)))
+    assert len(text) <= LONGEST_TRACEBACK + 100
+    assert text.endswith("line 9999 \\x1b[2J\n")
+    assert text.startswith("[the beginning is left out]\n")
+
+
+def test_memory_and_time_are_the_users_where_there_is_a_user():
+    ours = failure_of(MemoryError(), "at decision 3", [])
+    theirs = failure_of(MemoryError(), "at decision 3", ["a.py:B"])
+    assert ours.ours
+    assert not theirs.ours
+    assert theirs.reason == "out of memory with a.py:B at decision 3"
+    late = failure_of(NeverReturned("had not returned"), "after decision 3", ["a.py:B"])
+    assert late.reason == "a.py:B had not returned after decision 3"
+
+
+def test_the_two_loaders_are_one_text():
+    assert (ROOT / "planners/_plugin.py").read_text() == (ROOT / "models/_plugin.py").read_text()
+
+
+def test_a_replay_in_which_the_users_class_fails_is_one_line():
+    from harness.evidence.twin import guarded
+
+    def fails():
+        raise UserCodeError("planner 'a.py:B'", "raised ValueError")
+
+    with pytest.raises(InputError, match=r"decision 4: planner 'a\.py:B' raised ValueError"):
+        guarded("decision 4", fails)
