@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from harness.config import Config
 from harness.errors import InputError
 from harness.evidence.audit import densely
 from harness.evidence.relay import Relay, Stretch, stretches
-from harness.inputs import Inputs, inputs_from_messages
+from harness.inputs import Beams, Inputs, inputs_from_messages
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log
 from harness.mission import Mission
@@ -54,6 +55,12 @@ class Moment:
     def error(self) -> Array:  # (3,)
         """Believed less true position, m."""
         return np.array(self.pose.position) - self.true_position
+
+    @property
+    def turn(self) -> float:
+        """Believed less true heading, rad."""
+        turned = yaw_of(self.pose.quaternion) - yaw_of(self.truth.quaternion)
+        return (turned + math.pi) % (2.0 * math.pi) - math.pi
 
     @property
     def effect_ns(self) -> int:
@@ -133,6 +140,10 @@ class Case:
         runs = tuple(run for run in self.runs if run.begin <= number)
         return replace(self, config=runs[-1].config, mission=runs[-1].mission, runs=runs)
 
+    def beams_at(self, number: int) -> Mapping[str, Beams]:
+        """The sensors of a decision's sweeps, by name."""
+        return [run.beams for run in self.runs if run.begin <= number][-1]
+
     def navigator_at(self, number: int) -> Navigator:
         """The stack's map and costmap as they were for one decision."""
         relay = Relay(self.as_of(number).runs)
@@ -186,6 +197,12 @@ def _moments(log: Log) -> Iterator[Moment]:
         elif isinstance(message, pb.Truth):
             yield Moment(pose, tuple(sweeps), latency, decision, message)
             sweeps = []
+
+
+def yaw_of(quaternion: Sequence[float]) -> float:
+    """Heading of an orientation w x y z, rad."""
+    w, x, y, z = quaternion
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def off_path(trajectory: pb.Trajectory, believed: Array, axes: int) -> tuple[float, Array]:

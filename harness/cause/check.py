@@ -1,61 +1,38 @@
-"""The counterfactual check: one thing put right before the last chance; is the robot saved?
+"""The counterfactual check: one thing put right; does the failure go away?
 
-The episode goes on from the simulator's state a second before that decision, four times: with the
-true pose, with the true map, with a larger margin, and without delay. What saves the robot is what
-it lacked; where nothing does, it was something else.
+A control goes on with nothing changed and has to fail again, or else the check says nothing. Then
+one thing at a time is put right. What ended in a contact or a fall goes on from a second before its
+last chance, and only where nothing saves it there, from the start; what ran out of time or got
+stuck is run again from the start. Where the check was run, its answer decides the cause.
 """
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from pathlib import Path
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from harness.cause.case import Case, Moment, read_case
-from harness.cause.finding import Finding
-from harness.cause.grids import true_occupancy
-from harness.config import Config, LatencyConfig, to_json
-from harness.episode import Episode
+from harness.cause.case import Case, read_case
+from harness.cause.finding import CAUSES, Finding
+from harness.cause.remedies import REMEDIES, go_on, nothing
 from harness.errors import InputError
-from harness.evidence.fork import Past, live_through
-from harness.evidence.rebuild import rebuild
-from harness.evidence.relay import Relay
-from harness.inputs import Inputs
-from harness.logs.log import LogWriter
 from harness.logs.reader import Log
-from harness.result import Result
-from harness.stack.navigator import Navigator
-from maps import Representation
-from models.beams import NO_RETURN
-from models.odometry import OdometryConfig
-
-Array = NDArray[np.float64]
 
 MORE_TIME = 5.0
 """How long an episode may go on after the contact that it ended with, s."""
 
-MOST = 100_000
-"""No episode has more decisions after its last chance."""
-
-MARGIN_FACTOR, MARGIN_MORE = 2.0, 0.2
-"""A larger margin is so many times the old one, and so much more, m."""
-
-BACK = 1.0
-"""A beam that marks a cell begins this far before it, m: beyond the range that a map drops."""
-
 BEFORE = 1.0
 """Before a contact things are put right so long before the last chance, s: it takes a moment."""
 
-STEP = 6.0
-"""Log-odds that one mark carries a cell by, from either clamp across the middle."""
+CONTROL = "control"
 
-POSE_PERTURBATIONS = ("pose_drift", "pose_jump")
-ERRORS = {one.name for one in fields(OdometryConfig)} - {"rate", "correlation_time"}
-EXACT = OdometryConfig(**dict.fromkeys(ERRORS, 0.0))
+HARM = ("collision", "fall", "out_of_bounds", "error")
+
+SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking")
+"""Causes that facts show and that no remedy has to take away: what is missing may not be there to
+be put right."""
+
+ONLY_AFTER = {"more_time": ("timeout",)}
+"""Remedies that make no difference after other outcomes."""
 
 
 @dataclass(frozen=True)
@@ -63,222 +40,152 @@ class Check:
     """What one change would have done.
 
     Attributes:
-        remedy: Which, one of `REMEDIES`.
+        remedy: Which, one of `REMEDIES`, or the control.
+        begin: Number of the first decision with it.
         outcome: Of the episode with it.
         end_s: When that ended, in simulated time.
-        saves: Whether the robot came to the goal; or, where it had touched something, to no harm.
+        saves: Whether the robot came to the goal; or, where it had touched something or fallen, to
+            no harm.
     """
 
     remedy: str
+    begin: int
     outcome: str
     end_s: float
     saves: bool
 
 
-def check(log: Log, finding: Finding, remedies: Sequence[str] = ()) -> list[Check]:
-    """Try remedies from a second before a failure's last chance on.
+@dataclass(frozen=True)
+class Verdict:
+    """The cause of a failure after its check.
+
+    Attributes:
+        finding: What the check leaves of the cause.
+        answer: `confirmed`, `changed` or `inconclusive`.
+        checks: All that was tried.
+        simulated_s: Simulated time that it took, s.
+    """
+
+    finding: Finding
+    answer: str
+    checks: tuple[Check, ...]
+    simulated_s: float
+
+
+def check(
+    log: Log,
+    finding: Finding,
+    remedies: Sequence[str] = (),
+    thorough: bool = True,
+    most_s: float = float("inf"),
+) -> Verdict:
+    """Try remedies for a failure, and settle its cause.
 
     Args:
         log: Of the failure.
-        finding: Its cause.
+        finding: Its cause by the tests of facts.
         remedies: Of `REMEDIES`; all if none are named.
+        thorough: Try all of them; otherwise no more once one bears the cause out.
+        most_s: No other remedy is begun after so much simulated time.
 
     Raises:
-        InputError: The log keeps no state there, does not replay, or its movers are not known.
+        InputError: The log keeps no state there, or does not replay.
     """
     case = read_case(log)
-    if case.moments[0].truth.movers and not rebuild(log).world.movers:
-        raise InputError(
-            f"log '{log.path}': --check: nobody knows how the movers of world "
-            f"'{log.config.world}' go on, expected a world of 'wayproof list'"
-        )
-    touched = log.result["outcome"] in ("collision", "fall")
-    earlier = BEFORE if touched else 0.0
-    before_ns = case.moments[finding.decision].time_ns - round(earlier * 1e9)
-    at = sum(moment.time_ns < before_ns for moment in case.moments)
-    log, case = log.as_of(at), case.as_of(at)
-    harm = ("collision", "fall", "out_of_bounds", "error")
-    checks = []
-    for name in remedies or REMEDIES:
-        result = REMEDIES[name](log, case, at)
-        survived = touched and result.outcome not in harm
-        saves = result.outcome == "success" or survived
-        checks.append(Check(name, result.outcome, result.sim_time_s, saves))
-    return checks
+    names = list(remedies) or _in_order(case.outcome, finding.cause)
+    checks: list[Check] = []
+    simulated = 0.0
+    for begin in _begins(case, finding):
+        for name in (CONTROL, *names):
+            if simulated >= most_s:
+                break
+            one, took = _try(log, case, finding, name, begin)
+            checks.append(one)
+            simulated += took
+            if name == CONTROL and one.saves:
+                break
+            if not thorough and one.saves and finding.cause in REMEDIES[name][1]:
+                break
+        if any(one.saves for one in checks) or simulated >= most_s:
+            break
+    settled, answer = settle(finding, checks)
+    return Verdict(settled, answer, tuple(checks), simulated)
 
 
-def true_pose(log: Log, case: Case, at: int) -> Result:
-    """The map as it would be by the true poses, and no error of the pose from then on."""
-    config = replace(log.config, odometry=replace(EXACT, rate=log.config.odometry.rate))
-    if _perturbed(config, *POSE_PERTURBATIONS):
-        config = replace(config, perturbation=None)
+def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
+    """The cause that the answers of a check leave, and what they did to the one that was found.
 
-    def inform(navigator: Navigator) -> Navigator:
-        *before, last = case.runs
-        relay = Relay([*before, replace(last, config=config)])
-        for moment in case.moments[:at]:
-            relay.watch(_truly_placed(moment))
-        informed = relay.go_to(at)
-        informed.adopt(navigator.memory, navigator.chain)
-        return informed
-
-    return _go_on(log, case, at, config, inform, forget=("estimate",))
-
-
-def true_map(log: Log, case: Case, at: int) -> Result:
-    """Everything as it truly was at each decision."""
-
-    def inform(navigator: Navigator) -> Navigator:
-        told: list[TrueCells] = []
-
-        def tell(inputs: Inputs) -> None:
-            then = case.moments[min(inputs.sequence, len(case.moments) - 1)]
-            case.space.place_movers(then.truth)
-            if not told or then.truth.movers:
-                told[:] = [true_cells(case, navigator)]
-            mark_truth(navigator, told[0], inputs)
-
-        navigator.informant = tell
-        return navigator
-
-    config = replace(log.config, map=replace(log.config.map, hit=STEP, miss=STEP))
-    return _go_on(log, case, at, config, inform)
-
-
-def larger_margin(log: Log, case: Case, at: int) -> Result:
-    """More distance from everything."""
-    old = log.config.map
-    margin = MARGIN_FACTOR * old.inflation_margin + MARGIN_MORE
-    return _go_on(log, case, at, replace(log.config, map=replace(old, inflation_margin=margin)))
-
-
-def no_delay(log: Log, case: Case, at: int) -> Result:
-    """Decisions take effect as they are made."""
-    deadline = log.config.latency.deadline
-    latency = LatencyConfig(sense=0.0, map=0.0, plan=0.0, deadline=deadline)
-    config = replace(log.config, latency=latency)
-    if _perturbed(config, "latency"):
-        config = replace(config, perturbation=None)
-    return _go_on(log, case, at, config, at_once=True)
-
-
-REMEDIES: dict[str, Callable[[Log, Case, int], Result]] = {
-    "true_pose": true_pose,
-    "true_map": true_map,
-    "larger_margin": larger_margin,
-    "no_delay": no_delay,
-}
-"""What is put right, one thing at a time."""
-
-
-def _go_on(
-    log: Log,
-    case: Case,
-    at: int,
-    config: Config,
-    inform: Callable[[Navigator], Navigator] | None = None,
-    forget: tuple[str, ...] = (),
-    at_once: bool = False,
-) -> Result:
-    """Simulate on from a decision with another config, and a navigator told more."""
-    limit = case.end_s + MORE_TIME
-    if case.contact is None:  # all its time again, for there may be all the way to go
-        limit = case.moments[at].time_ns * 1e-9 + log.config.episode.time_limit
-    config = replace(config, episode=replace(config.episode, time_limit=limit))
-    scenario = rebuild(log, config)
-    scenario = replace(scenario, mission=case.mission)
-    past: Past = live_through(log, at, scenario)
-    navigator = past.navigator if inform is None else inform(past.navigator)
-    with tempfile.TemporaryDirectory() as folder:
-        head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
-        with LogWriter(Path(folder) / "check.mcap", *head) as writer:
-            writer.record = "decisions"
-            episode = Episode(scenario, navigator, writer)
-            for part in forget:
-                del episode.parts[part]
-            if not at_once:
-                delay = float(np.median([one.latency.delay_s for one in case.moments]))
-                episode.delays.update(dict.fromkeys(range(at, at + MOST), delay))
-            episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
-            return episode.run()
-
-
-def _perturbed(config: Config, *kinds: str) -> bool:
-    return config.perturbation is not None and config.perturbation.kind in kinds
-
-
-def _truly_placed(moment: Moment) -> Inputs:
-    """A moment's inputs with its sweeps where the body truly was."""
-    inputs = moment.inputs
-    pose = replace(
-        inputs.pose,
-        position=moment.true_position,
-        quaternion=np.array(moment.truth.quaternion),
-        trail=None,
-    )
-    return replace(inputs, pose=pose)
-
-
-@dataclass(frozen=True)
-class TrueCells:
-    """Centres of cells (n, 3), and whether something stands in each (n,)."""
-
-    centres: Array
-    occupied: NDArray[np.bool_]
-
-
-def true_cells(case: Case, navigator: Navigator) -> TrueCells:
-    """The cells of a map's region as they truly are, with the movers where they were placed."""
-    size, costmap = navigator.map.resolution, navigator.costmap
-    corner = costmap.origin.copy()
-    if case.mission.motion == "air":
-        grid = true_occupancy(case, navigator)
-    else:
-        below = int(np.ceil(max(-case.mission.low[2], 0.0) / size))
-        corner[2] += size * (np.floor(-corner[2] / size) - below)
-        layers = int(np.ceil((case.mission.height - corner[2]) / size))
-        grid = case.space.occupied(corner, (*costmap.shape[:2], layers), size)
-        # The floor's layer, and those below: what was taken for free there is a hole to the stack.
-        grid[:, :, : below + 1] |= _floor(case, corner, grid.shape[:2], size)[:, :, None]
-    cells = np.moveaxis(np.indices(grid.shape), 0, -1).reshape(-1, 3)
-    return TrueCells(corner + (cells + 0.5) * size, grid.ravel())
-
-
-def _floor(
-    case: Case, corner: Array, shape: tuple[int, ...], size: float
-) -> NDArray[np.bool_]:  # (nx, ny)
-    """Which columns have a floor to stand on."""
-    x, y = np.meshgrid(*((np.arange(n) + 0.5) * size for n in shape), indexing="ij")
-    spots = np.stack([corner[0] + x, corner[1] + y, np.zeros_like(x)], axis=-1)
-    return case.space.borne(spots.reshape(-1, 3)).reshape(shape)
-
-
-def mark_truth(navigator: Navigator, truth: TrueCells, inputs: Inputs) -> None:
-    """Tell a map by beams of its own what truly stands where, and where nothing does.
-
-    A beam that ends in each occupied cell, and for each free one a beam without return that is no
-    longer than the cell; in one sweep occupied wins, so no beam harms another's cell.
+    If a remedy of the cause saves the robot, it is confirmed. If only others do, the first of
+    their causes in the order of `CAUSES` takes its place. If nothing saves it, only a cause that
+    its own test shows stands; any other is unexplained.
     """
-    voxel_map, size = navigator.map, navigator.map.resolution
-    free = truth.centres[~truth.occupied]
-    solid = truth.centres[truth.occupied]
-    back = max(BACK, 1.1 * voxel_map.config.minimum_range)
-    _cast(voxel_map, free, 0.2 * size, int(NO_RETURN), 0.4 * size, inputs.time_ns)
-    _cast(voxel_map, solid, back, round(back * 1e3), 2.0 * back, inputs.time_ns)
+    if any(one.remedy == CONTROL and one.saves for one in checks):
+        return finding, "inconclusive"
+    tried = [one for one in checks if one.remedy != CONTROL]
+    if not tried:
+        return finding, "inconclusive"
+    saving = [one.remedy for one in tried if one.saves]
+    borne_out = [cause for name in saving for cause in REMEDIES[name][1]]
+    if finding.cause in borne_out:
+        return finding, "confirmed"
+    if saving:
+        cause = min((REMEDIES[name][1][0] for name in saving), key=CAUSES.index)
+        by = next(name for name in saving if REMEDIES[name][1][0] == cause)
+        evidence = f"{by.replace('_', ' ')} alone saves the robot"
+    elif finding.cause in (*SHOWN_BY_THEIR_OWN_TEST, "unexplained"):
+        return finding, "confirmed"
+    else:
+        cause, evidence = "unexplained", "no remedy saves the robot"
+    before = f"{evidence}; the facts alone gave {finding.cause}: {finding.evidence}"
+    return Finding(cause, before, finding.decision, finding.place), "changed"
 
 
-def _cast(
-    voxel_map: Representation, ends: Array, back: float, range_mm: int, limit: float, time_ns: int
-) -> None:
-    """Beams straight down from so far above points (n, 3), as one sweep."""
-    count = len(ends)
-    if not count:
-        return
-    voxel_map.integrate(
-        ends + np.array([0.0, 0.0, back]),
-        np.tile([0.0, 0.0, -1.0], (count, 1)),
-        np.full(count, range_mm, np.uint16),
-        limit,
-        time_ns,
-        np.arange(count, dtype=np.int32),
-    )
+def _in_order(outcome: str, cause: str) -> list[str]:
+    """Remedies that can make a difference, those of a cause first."""
+    names = [name for name in REMEDIES if outcome in ONLY_AFTER.get(name, (outcome,))]
+    return sorted(names, key=lambda name: cause not in REMEDIES[name][1])
+
+
+def _begins(case: Case, finding: Finding) -> Iterator[int]:
+    """Decisions from which on things are put right, one after the other until something saves."""
+    if case.outcome in ("collision", "fall", "out_of_bounds"):
+        before_ns = case.moments[finding.decision].time_ns - round(BEFORE * 1e9)
+        at = sum(moment.time_ns < before_ns for moment in case.moments)
+        if at > 0:
+            yield at
+    yield 0
+
+
+def _try(log: Log, case: Case, finding: Finding, name: str, begin: int) -> tuple[Check, float]:
+    """One remedy from a decision on, or from the start for those that need it; simulated s."""
+    touched = case.outcome in ("collision", "fall", "out_of_bounds")
+    if name in FROM_THE_START:
+        begin = 0
+    log, case_then = log.as_of(begin), case.as_of(begin)
+    make = nothing if name == CONTROL else REMEDIES[name][0]
+    limit_s = case.end_s + MORE_TIME if touched else log.config.episode.time_limit
+    result = go_on(log, case_then, make(log, case_then), begin, limit_s)
+    saves = result.outcome == "success" or (touched and result.outcome not in HARM)
+    took = result.sim_time_s - case.moments[begin].time_ns * 1e-9
+    return Check(name, begin, result.outcome, result.sim_time_s, saves), took
+
+
+FROM_THE_START = ("true_pose", "true_ranges")
+"""What lied had lied before, and the map and the body's way follow from it."""
+
+
+def checkable(log: Log) -> bool:
+    """Whether a log holds what a check needs: a failure, its sweeps and its states."""
+    return log.result["outcome"] not in ("success", "error") and log.record != "decisions"
+
+
+def refuse_success(log: Log) -> None:
+    """Refuse a log that there is nothing to check in.
+
+    Raises:
+        InputError: It is one of a success.
+    """
+    if not checkable(log):
+        raise InputError(
+            f"log '{log.path}': {log.result['outcome']}, expected a failure, recorded in full"
+        )

@@ -12,9 +12,14 @@ from rich.console import Console
 from rich.table import Table
 
 from harness.cause.finding import CAUSES
-from harness.cause.planted import plant
-from harness.episode import run_episode
+from harness.cause.planted import PLANTS, plant
+from harness.config import to_json
+from harness.episode import Episode
+from harness.inputs import beams_from_info
+from harness.logs.log import LogWriter
 from harness.result import Result
+from harness.scenario import Scenario, sensor_info
+from harness.stack.navigator import Navigator
 
 Matrix = Counter[tuple[str, str]]
 """How often each planted cause (first) was found as which (second)."""
@@ -40,8 +45,24 @@ def confusion(causes: list[str], seeds: range, console: Console | None = None) -
 
 def run_planted(cause: str, seed: int, path: Path) -> Result:
     """Run one scenario."""
-    scenario, delays = plant(cause, seed)
-    return run_episode(scenario, path, delays=delays)
+    planted = plant(cause, seed)
+    return run_with(planted.stack, planted.scenario, planted.delays, path)
+
+
+def run_with(
+    stack: type[Navigator], scenario: Scenario, delays: dict[int, float], path: Path
+) -> Result:
+    """Run one episode with a stack of a given class and log it in full."""
+    infos = [sensor_info(caster) for caster in scenario.scene.casters]
+    beams = {info.name: beams_from_info(info) for info in infos}
+    navigator = stack(scenario.config, scenario.mission, beams)
+    head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
+    with LogWriter(path, *head) as log:
+        for info in infos:
+            log.write(f"/sensor/{info.name}/info", info, 0)
+        episode = Episode(scenario, navigator, log)
+        episode.delays.update(delays)
+        return episode.run()
 
 
 def table(counts: Matrix) -> Table:
@@ -64,11 +85,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=20, help="scenarios of each cause")
     parser.add_argument("--first", type=int, default=0, help="seed of the first one")
-    parser.add_argument("--cause", action="append", choices=CAUSES, help="of this cause only")
+    parser.add_argument("--cause", action="append", choices=list(PLANTS), help="of this cause only")
     options = parser.parse_args()
     console, began = Console(width=130, markup=False), time.process_time()
     seeds = range(options.first, options.first + options.count)
-    counts = confusion(options.cause or list(CAUSES), seeds, console)
+    counts = confusion(options.cause or list(PLANTS), seeds, console)
     console.print(table(counts))
     console.print(
         f"{right(counts):.1%} of {counts.total()} right, "

@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 
 from harness.cause.case import Case, Contact, Moment, off_path
 from harness.cause.finding import Finding
+from harness.cause.pose import PoseFacts, error_of, pose_facts
+from harness.cause.ranges import RangeFacts, range_facts
+from harness.evidence.audit import densely
+from harness.stack.decision import path_of
 from harness.stack.navigator import Navigator
 from maps.states import FREE, OCCUPIED, UNKNOWN
 
@@ -29,6 +33,12 @@ touched, m: ranges, attitude and calibration each have a share in it."""
 
 LEAST_NOTICE = 0.5
 """What stands in the way only this long before a contact was not there to be seen, s."""
+
+UNDER_WAY = ("follow", "slow", "explore")
+"""Actions whose trajectories keep clear of all that is mapped."""
+
+SET_OUT = 0.3
+"""Within this of its begin a trajectory may lead out of the inflation, m."""
 
 LATE = 0.01
 """A delay beyond the expected one that counts, s."""
@@ -54,6 +64,10 @@ class ContactFacts:
         planned_clearance: True clearance of a body on that path, m.
         pose_error: Believed less true position when it was touched, m.
         margin: Localization margin, m.
+        pose: Its error from a second before the last chance on.
+        ranges: What the sensors reported against the truth.
+        disregarded: By how much the trajectory that was chosen at the last chance, or after it,
+            comes nearer to what the map then held than body and margin allow, m.
         late: The earliest decision that kept clear of the place and would have been in time
             with the expected delay, but was not: its number, its delay and the expected one.
     """
@@ -73,11 +87,26 @@ class ContactFacts:
     planned_clearance: float
     pose_error: float
     margin: float
+    pose: PoseFacts
+    ranges: RangeFacts
+    disregarded: float
     late: tuple[int, float, float] | None
+
+
+def localization(facts: ContactFacts) -> str | None:
+    """The pose was farther off than the margin covers."""
+    return str(facts.pose) if facts.pose.beyond > 0.0 else None
+
+
+def perception(facts: ContactFacts) -> str | None:
+    """Echoes were lost or wrong."""
+    return str(facts.ranges) if facts.ranges.lied else None
 
 
 def latency(facts: ContactFacts) -> str | None:
     """A decision that kept clear was made in time, but took effect too late."""
+    if facts.ranges.withheld >= 0.5:
+        return f"{facts.ranges.withheld:.0%} of the decisions were made without a new sweep"
     if facts.late is None:
         return None
     number, delay, expected = facts.late
@@ -112,6 +141,16 @@ def tracking(facts: ContactFacts) -> str | None:
     )
 
 
+def disregarded_obstacle(facts: ContactFacts) -> str | None:
+    """The map held it, and the stack chose a trajectory through it."""
+    if not facts.own or facts.disregarded <= 0.0:
+        return None
+    return (
+        f"{facts.name} was mapped ({facts.own} cells), and a trajectory was chosen that comes "
+        f"{facts.disregarded:.2f} m nearer to it than body and margin allow"
+    )
+
+
 def unseen_obstacle(facts: ContactFacts) -> str | None:
     """It stood in unknown space, which the robot was let into."""
     if facts.own or facts.unknown <= facts.free:
@@ -142,9 +181,12 @@ def margin_too_small(facts: ContactFacts) -> str | None:
 
 
 TESTS: dict[str, Callable[[ContactFacts], str | None]] = {
+    "localization": localization,
+    "perception": perception,
     "latency": latency,
     "moved_obstacle": moved_obstacle,
     "tracking": tracking,
+    "disregarded_obstacle": disregarded_obstacle,
     "unseen_obstacle": unseen_obstacle,
     "missed_obstacle": missed_obstacle,
     "margin_too_small": margin_too_small,
@@ -188,10 +230,40 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         nearest_own=float(own.min()) if len(own) else 0.0,
         off_path=off,
         planned_clearance=planned,
-        pose_error=float(np.linalg.norm(last.error[: case.axes])),
+        pose_error=error_of(case, last),
+        pose=pose_facts(case, _stretch(case, number, time_s), place),
+        ranges=range_facts(case, _before(case, time_s)),
+        disregarded=_disregarded(case, navigator, moment),
         margin=last.decision.localization_margin_m,
         late=_late(case, contact, number),
     )
+
+
+def _stretch(case: Case, number: int, time_s: float) -> range:
+    """Decisions from a second before one on, up to a time."""
+    begin_s = case.moments[number].time_ns * 1e-9 - 1.0
+    end = _before(case, time_s)
+    return range(min(_before(case, begin_s), end), end + 1)
+
+
+def _disregarded(case: Case, navigator: Navigator, moment: Moment) -> float:
+    """By how much a decision's trajectory comes too near to occupied cells of its map, m.
+
+    Stopping and getting out of the inflation begin inside of it, so they do not count.
+    """
+    if moment.decision.action not in UNDER_WAY:
+        return 0.0
+    costmap = navigator.costmap
+    path = densely(path_of(moment.decision.trajectory.path), costmap.resolution)
+    path = path[np.linalg.norm(path - path[0], axis=1) > SET_OUT]
+    if not len(path):
+        return 0.0
+    cells = np.floor((path - costmap.origin) / costmap.resolution).astype(int)
+    cells = np.clip(cells, 0, np.array(costmap.shape) - 1)
+    nearest = float(costmap.obstacle_clearance[tuple(cells.T)].min())
+    if nearest > costmap.blocked_at_or_below:
+        return 0.0
+    return costmap.inflation_radius - float(np.sqrt(nearest)) * costmap.resolution
 
 
 def stopping_room(case: Case, moment: Moment, delay: float) -> float:

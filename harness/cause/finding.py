@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 CAUSES = (
+    "localization",
+    "perception",
+    "disregarded_obstacle",
     "missed_obstacle",
     "unseen_obstacle",
     "margin_too_small",
@@ -14,6 +17,7 @@ CAUSES = (
     "latency",
     "planner",
     "impossible",
+    "unexplained",
 )
 """Every cause; docs/causes.md says what each means."""
 

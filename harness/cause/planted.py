@@ -14,9 +14,11 @@ from typing import Any, cast
 import mujoco
 import numpy as np
 
+from harness.cause.reckless import Reckless
 from harness.config import Config, override
 from harness.errors import unknown_name
 from harness.scenario import Scenario, build
+from harness.stack.navigator import Navigator
 from models.robots import ROBOTS
 from models.scene import bind
 from models.worlds import Box, Mover, World
@@ -51,6 +53,7 @@ class Plant:
         goal_x: Where the goal is, m.
         flies: Whether the failure is one that only a drone has.
         delay: Of every decision, s, unknown to the stack; none for what it reckons with.
+        stack: That decides.
     """
 
     solids: tuple[Solid, ...] = ()
@@ -60,17 +63,33 @@ class Plant:
     goal_x: float = LENGTH - ENDS
     flies: bool = False
     delay: float | None = None
+    stack: type[Navigator] = Navigator
 
 
-def plant(cause: str, seed: int) -> tuple[Scenario, dict[int, float]]:
-    """A scenario that fails of a cause, another one for each seed, and delays by decision, s.
+@dataclass(frozen=True)
+class Planted:
+    """A scenario that fails of a cause.
+
+    Attributes:
+        scenario: To run.
+        delays: By decision, s.
+        stack: That decides.
+    """
+
+    scenario: Scenario
+    delays: dict[int, float]
+    stack: type[Navigator]
+
+
+def plant(cause: str, seed: int) -> Planted:
+    """A scenario that fails of a cause, another one for each seed.
 
     Raises:
         InputError: There is no such cause.
     """
     if cause not in PLANTS:
         raise unknown_name("cause", cause, PLANTS)
-    rng = np.random.default_rng([seed, sorted(PLANTS).index(cause)])
+    rng = np.random.default_rng([seed, list(PLANTS).index(cause)])
     planted = PLANTS[cause](rng)
     y = WIDTH / 2 + round(float(rng.uniform(-0.2, 0.2)), 2)
     low, high = (0.0, 0.0, -0.5), (LENGTH, WIDTH, HEIGHT)
@@ -90,7 +109,7 @@ def plant(cause: str, seed: int) -> tuple[Scenario, dict[int, float]]:
     scenario = build(config, world)
     mission = replace(scenario.mission, **cast(dict[str, Any], planted.told))
     delays = {} if planted.delay is None else dict.fromkeys(range(MOST), planted.delay)
-    return _glazed(replace(scenario, mission=mission)), delays
+    return Planted(_glazed(replace(scenario, mission=mission)), delays, planted.stack)
 
 
 def _glazed(scenario: Scenario) -> Scenario:
@@ -201,15 +220,38 @@ def _across(x: float, low: float = 0.2, high: float = WIDTH - 0.2, kind: str = "
     return Box.between((x - THICK, low, 0.0), (x + THICK, high, HEIGHT), kind)
 
 
+def _localization(rng: np.random.Generator) -> Plant:
+    """The pose jumps on the way, while the estimator believes that it does not."""
+    begin = round(rng.uniform(0.8, 1.6), 1)
+    severity = round(rng.uniform(4.0, 5.0), 2)
+    jump = f'{{"kind": "pose_jump", "severity": {severity}, "window": [{begin}, 100]}}'
+    return Plant(settings=(f"perturbation={jump}",))
+
+
+def _perception(rng: np.random.Generator) -> Plant:
+    """A partition with a door, and a map that takes in nothing near."""
+    x, door = rng.uniform(3.5, 4.5), 1.6
+    sides = (_across(x, 0.2, WIDTH - 0.2 - door),)
+    return Plant(solids=sides, settings=(f"map.minimum_range={rng.uniform(3.0, 4.0):.2f}",))
+
+
+def _disregarded_obstacle(rng: np.random.Generator) -> Plant:
+    """A stack that goes straight for its goal, with a wall in between."""
+    return Plant(solids=(_across(rng.uniform(3.5, 5.0)),), stack=Reckless, flies=True)
+
+
 PLANTS: dict[str, Callable[[np.random.Generator], Plant]] = {
-    "missed_obstacle": _missed_obstacle,
-    "unseen_obstacle": _unseen_obstacle,
-    "margin_too_small": _margin_too_small,
-    "moved_obstacle": _moved_obstacle,
     "ghost_obstacle": _ghost_obstacle,
-    "tracking": _tracking,
-    "latency": _latency,
-    "planner": _planner,
     "impossible": _impossible,
+    "latency": _latency,
+    "margin_too_small": _margin_too_small,
+    "missed_obstacle": _missed_obstacle,
+    "moved_obstacle": _moved_obstacle,
+    "planner": _planner,
+    "tracking": _tracking,
+    "unseen_obstacle": _unseen_obstacle,
+    "localization": _localization,
+    "perception": _perception,
+    "disregarded_obstacle": _disregarded_obstacle,
 }
-"""What plants each cause."""
+"""What plants each cause but `unexplained`; its number seeds it, so new ones come after."""

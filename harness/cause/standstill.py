@@ -1,41 +1,44 @@
 """The cause of not arriving: whether there was a way in truth, in the map, and for the planner.
 
 The tests are asked in order, each a question to measured facts, and the first that answers names
-the cause: first whether decisions took effect at all, then whether any way truly existed, then what
-stood in it, truly or in the map alone, then the body, and what is left is the planner.
+the cause. What would have to change first comes first: a goal that nobody could reach, decisions
+that never took effect, a pose and ranges that lied; only then what follows from them, the map and
+the body. The planner is named where a way lay open to it, and what no test explains is
+unexplained.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from harness.cause.case import Case, Moment, off_path
 from harness.cause.contact import LATE
 from harness.cause.finding import Finding
-from harness.cause.grids import (
-    Cells,
-    cell_of,
-    clearances,
-    holes_in_floor,
-    joined,
-    true_occupancy,
-    widest,
-)
-from harness.stack.navigator import Navigator
-from maps.states import OCCUPIED, UNKNOWN
+from harness.cause.pose import PoseFacts, pose_facts
+from harness.cause.ranges import RangeFacts, range_facts
+from harness.cause.ways import MapWays, TrueWays, map_ways, true_ways
+from harness.stack.navigator import MARGIN_SIGMAS
 
 HALF = 0.5
-"""The share of the last decisions that had to be discarded, or to find the body off its path."""
+"""A share of the last decisions that decides."""
+
+FEW = 0.1
+"""A share of the last decisions that matters."""
 
 STAYED = 0.3
 """Less movement than this is none, m."""
 
-GHOST_CELLS = 1.5
-"""An occupied cell farther than this from anything true, pose error apart, is a ghost."""
+PROGRESS = 0.5
+"""More of the way than this covered over the last decisions is progress, m."""
+
+BLIND = 1.0
+"""A robot that sees nothing within this distance beyond its body cannot see its way, m."""
+
+DOUBT = 0.1
+"""By so much at least a margin has to grow with the pose's doubt to be what closes a way, m."""
 
 
 @dataclass(frozen=True)
@@ -52,24 +55,16 @@ class StandstillFacts:
         delay: Median of their delays, s.
         off_path: Share of them with the body farther off its path than the tracking tolerance.
         worst_off_path: m.
-        radius: That a way has to be wide for, half of it: the inflation radius, m.
-        true_widest: Of the ways that truly exist without what moves, m; 0 if there is none.
-        true_way: Whether there is one for this body and margin.
-        way_with_movers: Whether there is with the movers as they are at the end.
-        map_way: Whether there is through what the map does not hold for occupied.
-        known_way: Whether there is through what it knows to be free.
-        ghosts: Cells mapped occupied that are truly free.
-        holes: Of these, columns of a walking robot that are forbidden because the map holds what
-            lies under their floor for free.
-        ghost: Centre of the one nearest to the robot, m.
-        way_without_ghosts: Whether there is a way in the map without them.
-        shortest_s: Time that the straight way takes at full speed.
+        left_path: Share of all decisions that stopped because the body had left its path.
         limit_s: Time limit.
         claimed: Whether the robot claimed the goal where it was not.
-        pose_error: At the end, m.
-        margin: Localization margin, m.
+        doubt: By how much the stated doubt of the pose widens the margin, m.
+        radius: Of the body, m.
         iterations: Spent by the last search.
-        unknown: Share of the map's cells in the plane or space of motion that are unknown.
+        pose: Its error over the window.
+        ranges: What the sensors reported against the truth.
+        truth: Ways that truly exist.
+        map: Ways that the map had.
     """
 
     outcome: str
@@ -81,33 +76,65 @@ class StandstillFacts:
     delay: float
     off_path: float
     worst_off_path: float
-    radius: float
-    true_widest: float
-    true_way: bool
-    way_with_movers: bool
-    map_way: bool
-    known_way: bool
-    ghosts: int
-    holes: int
-    ghost: tuple[float, float, float]
-    way_without_ghosts: bool
-    shortest_s: float
+    left_path: float
     limit_s: float
     claimed: bool
-    pose_error: float
-    margin: float
+    doubt: float
+    radius: float
     iterations: int
-    unknown: float
+    pose: PoseFacts
+    ranges: RangeFacts
+    truth: TrueWays
+    map: MapWays
+
+    @property
+    def fell(self) -> bool:
+        """Whether the body ended where no path leads."""
+        return self.outcome in ("fall", "out_of_bounds")
+
+
+def impossible(facts: StandstillFacts) -> str | None:
+    """There is no way in truth for this body and margin, or none that takes so little time."""
+    truth = facts.truth
+    if not truth.exists and not facts.fell:
+        return (
+            f"no way to the goal exists for a body of {truth.radius:.2f} m with its margin; the "
+            f"widest lets {truth.widest:.2f} m pass"
+        )
+    if truth.shortest_s > facts.limit_s:
+        return (
+            f"the shortest way takes {truth.shortest_s:.1f} s at full speed, "
+            f"the limit was {facts.limit_s:.1f} s"
+        )
+    return None
 
 
 def latency(facts: StandstillFacts) -> str | None:
-    """Decisions came past their deadline and were discarded."""
-    if facts.discarded < HALF:
-        return None
-    return (
-        f"{facts.discarded:.0%} of the last {facts.window} decisions took longer than the deadline "
-        f"of {facts.deadline * 1e3:.0f} ms (median {facts.delay * 1e3:.0f} ms) and were discarded"
-    )
+    """Decisions came past their deadline and were discarded, or sweeps did not come at all."""
+    if facts.discarded >= HALF:
+        return (
+            f"{facts.discarded:.0%} of the last {facts.window} decisions took longer than the "
+            f"deadline of {facts.deadline * 1e3:.0f} ms (median {facts.delay * 1e3:.0f} ms) and "
+            "were discarded"
+        )
+    if facts.ranges.withheld >= HALF:
+        return f"{facts.ranges.withheld:.0%} of the decisions were made without a new sweep"
+    return None
+
+
+def localization(facts: StandstillFacts) -> str | None:
+    """The pose was farther off than the margin covers, or so uncertain that the margin closed."""
+    pose = facts.pose
+    if facts.claimed:
+        return f"the goal was claimed where it is not: the pose was {pose.at_end:.2f} m off"
+    if pose.beyond > 0.0:
+        return str(pose)
+    if facts.doubt > DOUBT and facts.map.passable < HALF <= facts.map.certain:
+        return (
+            f"the stated doubt of the pose widens the margin by {facts.doubt:.2f} m, "
+            "and without that the map has a way"
+        )
+    return None
 
 
 def late_setpoints(facts: StandstillFacts) -> str | None:
@@ -120,87 +147,112 @@ def late_setpoints(facts: StandstillFacts) -> str | None:
     )
 
 
-def left_its_path(facts: StandstillFacts) -> str | None:
-    """The body fell, or left the area that every path keeps to."""
-    if facts.outcome not in ("fall", "out_of_bounds"):
-        return None
-    return f"{facts.reason}: no path leads there; last {facts.worst_off_path:.2f} m off its path"
-
-
-def margin_too_small(facts: StandstillFacts) -> str | None:
-    """The pose was farther off than the margin allows for, so the goal was missed."""
-    if not facts.claimed:
-        return None
-    return f"the pose was {facts.pose_error:.2f} m off, and the margin was {facts.margin:.2f} m"
-
-
-def impossible(facts: StandstillFacts) -> str | None:
-    """There is no way in truth for this body and margin, or none that takes so little time."""
-    if not facts.true_way:
+def perception(facts: StandstillFacts) -> str | None:
+    """Echoes were lost or wrong, or what is near was never taken in."""
+    if facts.ranges.lied:
+        return str(facts.ranges)
+    if facts.ranges.blind > facts.radius + BLIND and facts.map.known < HALF and not facts.fell:
         return (
-            f"no way to the goal exists for a body of {facts.radius:.2f} m with its margin; the "
-            f"widest lets {facts.true_widest:.2f} m pass"
-        )
-    if facts.shortest_s > facts.limit_s:
-        return (
-            f"the shortest way takes {facts.shortest_s:.1f} s at full speed, "
-            f"the limit was {facts.limit_s:.1f} s"
+            f"returns nearer than {facts.ranges.blind:.1f} m are dropped, "
+            "so the map knows no way where the robot stands"
         )
     return None
 
 
+def left_its_path(facts: StandstillFacts) -> str | None:
+    """The body fell, or left the area that every path keeps to."""
+    if not facts.fell:
+        return None
+    return f"{facts.reason}: no path leads there; last {facts.worst_off_path:.2f} m off its path"
+
+
 def moved_obstacle(facts: StandstillFacts) -> str | None:
     """What moves stood in the only way."""
-    if facts.way_with_movers:
+    if facts.truth.open_at_end:
         return None
     return "a way exists, but something that moves truly closed it at the end"
 
 
 def ghost_obstacle(facts: StandstillFacts) -> str | None:
     """The way is closed in the map alone, by cells that are truly free."""
-    if facts.map_way or not facts.ghosts or not facts.way_without_ghosts:
+    ways = facts.map
+    if ways.passable >= HALF or not ways.ghosts or not ways.without_ghosts:
         return None
-    x, y, z = facts.ghost
-    seen_through = (
-        f"{facts.holes} of them as beams went through their floor, " if facts.holes else ""
-    )
+    x, y, z = ways.ghost
+    seen_through = f"{ways.holes} of them as beams went through their floor, " if ways.holes else ""
     return (
-        f"{facts.ghosts} cells mapped occupied are truly free, {seen_through}"
+        f"{ways.ghosts} cells mapped occupied are truly free, {seen_through}"
         f"such as ({x:.2f}, {y:.2f}, {z:.2f}), and without them the map has a way to the goal"
     )
 
 
 def tracking(facts: StandstillFacts) -> str | None:
     """The body does not go where its path leads."""
-    if facts.off_path < HALF:
-        return None
-    return (
-        f"the body was off its path in {facts.off_path:.0%} of the last {facts.window} decisions, "
-        f"by up to {facts.worst_off_path:.2f} m"
-    )
+    if facts.off_path >= HALF:
+        return (
+            f"the body was off its path in {facts.off_path:.0%} of the last {facts.window} "
+            f"decisions, by up to {facts.worst_off_path:.2f} m"
+        )
+    if facts.left_path >= FEW:
+        return (
+            f"{facts.left_path:.0%} of the decisions stopped as the body had left its path by "
+            "more than the tolerance"
+        )
+    return None
 
 
 def planner(facts: StandstillFacts) -> str | None:
-    """A way existed in truth and in the map, and it was not taken."""
-    if facts.known_way:
-        where = "through space that the map knew to be free"
-    elif facts.map_way:
-        where = f"through space that nobody had looked at ({facts.unknown:.0%} was unknown)"
-    else:
-        where = "in truth, though not in the map's cells"
-    return f"a way existed {where}; the last search spent {facts.iterations} iterations"
+    """A way lay open in the map, and the search did not find it, or it was not taken."""
+    if facts.outcome == "timeout" and facts.truth.gained_m > PROGRESS:
+        return None
+    ways = facts.map
+    if ways.in_vain >= FEW and ways.not_found >= HALF:
+        return (
+            f"{ways.in_vain:.0%} of the last {facts.window} searches found no path in "
+            f"{facts.iterations} iterations, though {ways.not_found:.0%} of their maps had a way "
+            "around all that was occupied"
+        )
+    if facts.map.known >= HALF:
+        return (
+            f"in {facts.map.known:.0%} of the maps at the end a way led through space that was "
+            f"known to be free; the last search spent {facts.iterations} iterations"
+        )
+    return None
+
+
+def too_little_time(facts: StandstillFacts) -> str | None:
+    """The robot was on its way when its time ran out."""
+    truth = facts.truth
+    if facts.outcome != "timeout" or truth.gained_m <= PROGRESS:
+        return None
+    return (
+        f"the robot was on its way, {truth.left_m:.1f} m from the goal, when the limit of "
+        f"{facts.limit_s:.1f} s ran out"
+    )
+
+
+def unexplained(facts: StandstillFacts) -> str:
+    """Nothing that was measured explains it."""
+    known = "a" if facts.map.known >= HALF else "no"
+    return (
+        f"pose and ranges were right, a way exists, and the map knew {known} way to it "
+        f"({facts.map.unknown:.0%} was unknown)"
+    )
 
 
 TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
-    ("latency", latency),
-    ("latency", late_setpoints),
-    ("tracking", left_its_path),
-    ("margin_too_small", margin_too_small),
     ("impossible", impossible),
+    ("latency", latency),
+    ("localization", localization),
+    ("latency", late_setpoints),
+    ("perception", perception),
+    ("tracking", left_its_path),
     ("moved_obstacle", moved_obstacle),
     ("ghost_obstacle", ghost_obstacle),
     ("tracking", tracking),
     ("planner", planner),
+    ("impossible", too_little_time),
+    ("unexplained", unexplained),
 )
 """In the order in which they are asked."""
 
@@ -208,23 +260,24 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
 def cause_of_standstill(case: Case) -> Finding:
     """Why the goal was not reached, where nothing was touched."""
     facts = standstill_facts(case)
-    place = tuple(case.moments[-1].truth.position)
+    x, y, z = case.moments[-1].truth.position
     for cause, test in TESTS:
         evidence = test(facts)
         if evidence is not None:
-            return Finding(cause, evidence, _since(case), (place[0], place[1], place[2]))
+            return Finding(cause, evidence, _since(case), (x, y, z))
     raise AssertionError("the last test always answers")
 
 
 def standstill_facts(case: Case) -> StandstillFacts:
     """Measure all that the tests ask for."""
     last = case.moments[-1]
-    period = max(1e-9, last.time_ns * 1e-9 / max(len(case.moments) - 1, 1))
-    window = min(len(case.moments), max(1, round(case.config.episode.stuck_after / period)))
+    window = _window(case)
+    numbers = range(len(case.moments) - window, len(case.moments))
     recent = case.moments[-window:]
-    offs = [_off(case, number) for number in range(len(case.moments) - window, len(case.moments))]
+    offs = [_off(case, number) for number in numbers]
     tolerance = case.config.behaviour.tracking_tolerance
-    navigator = case.navigator_at(len(case.moments) - 1)
+    mapped, navigator = map_ways(case, numbers[0])
+    left = [one.decision.label == "localization_lost" for one in case.moments]
     searches = [one.decision.planner_iterations for one in case.moments]
     return StandstillFacts(
         outcome=case.outcome,
@@ -236,14 +289,23 @@ def standstill_facts(case: Case) -> StandstillFacts:
         delay=float(np.median([one.latency.delay_s for one in recent])),
         off_path=float(np.mean([off > tolerance for off in offs])),
         worst_off_path=max(offs),
-        shortest_s=_shortest(case),
+        left_path=float(np.mean(left)),
         limit_s=case.config.episode.time_limit,
         claimed=last.decision.action == "goal",
-        pose_error=float(np.linalg.norm(last.error[: case.axes])),
-        margin=last.decision.localization_margin_m,
+        doubt=MARGIN_SIGMAS * last.decision.position_sigma,
+        radius=case.mission.radius,
         iterations=next((spent for spent in reversed(searches) if spent), 0),
-        **_ways(case, navigator),
+        pose=pose_facts(case, numbers),
+        ranges=range_facts(case, len(case.moments) - 1),
+        truth=true_ways(case, navigator, numbers[0]),
+        map=mapped,
     )
+
+
+def _window(case: Case) -> int:
+    """Decisions at the end that fit into `episode.stuck_after`, at least one."""
+    period = max(1e-9, case.moments[-1].time_ns * 1e-9 / max(len(case.moments) - 1, 1))
+    return min(len(case.moments), max(1, round(case.config.episode.stuck_after / period)))
 
 
 def _since(case: Case) -> int:
@@ -263,65 +325,3 @@ def _off(case: Case, number: int) -> float:
 
 def _is_late(case: Case, moment: Moment) -> bool:
     return moment.latency.delay_s > case.config.latency.expected + LATE
-
-
-def _shortest(case: Case) -> float:
-    """Least time for the straight way to the goal, s: nothing is faster."""
-    axes = case.axes
-    way = np.subtract(case.mission.goal, case.mission.start)[:axes]
-    reached = case.config.episode.goal_tolerance
-    return max(float(np.linalg.norm(way)) - reached, 0.0) / case.mission.max_speed
-
-
-def _ways(case: Case, navigator: Navigator) -> dict[str, Any]:
-    """Which ways to the goal exist, in truth and in the map."""
-    costmap, last = navigator.costmap, case.moments[-1]
-    size, radius = costmap.resolution, costmap.inflation_radius
-    goal = cell_of(navigator, np.array(case.mission.goal))
-    reach = max(1, round(case.config.episode.goal_tolerance / size))
-    start = cell_of(navigator, np.array(case.mission.start))
-    here = cell_of(navigator, last.true_position)
-    believed = cell_of(navigator, last.true_position + last.error)
-    case.space.place_movers(last.truth, present=False)
-    still = clearances(true_occupancy(case, navigator), size)
-    case.space.place_movers(last.truth)
-    truth = true_occupancy(case, navigator)
-    gaps = clearances(truth, size)
-    occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
-    ghosts = occupied & (_to_nearest(truth, size) > GHOST_CELLS * size + np.linalg.norm(last.error))
-    mapped = clearances(occupied, size)
-    without = clearances(occupied & ~ghosts, size)
-    return {
-        "radius": radius,
-        "true_widest": widest(still, start, goal, reach),
-        "true_way": joined(still > radius, start, goal, reach),
-        "way_with_movers": joined(gaps > radius, here, goal, reach),
-        "map_way": joined(mapped > radius, believed, goal, reach),
-        "known_way": joined(clearances(occupied | unknown, size) > radius, believed, goal, reach),
-        "ghosts": int(ghosts.sum()),
-        "holes": int((ghosts & holes_in_floor(case, navigator)).sum()),
-        "ghost": _nearest_cell(navigator, ghosts, believed),
-        "way_without_ghosts": joined(without > radius, believed, goal, reach),
-        "unknown": float(unknown.mean()),
-    }
-
-
-def _to_nearest(occupied: Cells, size: float) -> np.ndarray:
-    """Distance to the nearest cell that is occupied, the grid's edge apart, m."""
-    from scipy import ndimage
-
-    if not occupied.any():
-        return np.full(occupied.shape, np.inf)
-    return np.asarray(ndimage.distance_transform_edt(~occupied) * size)
-
-
-def _nearest_cell(
-    navigator: Navigator, cells: Cells, about: tuple[int, ...]
-) -> tuple[float, float, float]:
-    places = np.argwhere(cells)
-    if not len(places):
-        return 0.0, 0.0, 0.0
-    nearest = places[((places - about) ** 2).sum(axis=1).argmin()]
-    costmap = navigator.costmap
-    x, y, z = (costmap.origin + (nearest + 0.5) * costmap.resolution).tolist()
-    return x, y, z

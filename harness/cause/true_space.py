@@ -88,6 +88,30 @@ class TrueSpace:
         """Whether a named obstacle moves by itself."""
         return bool(name) and any(self._moves[geom] for geom in self._named(name))
 
+    def cast(self, origins: Array, directions: Array) -> Array:
+        """What beams meet, by MuJoCo's own rays: distances (n,), m, -1 for nothing.
+
+        As for a sensor, the robot itself is not met, nor what is transparent.
+
+        Args:
+            origins: (3,) of all, or (n, 3), m.
+            directions: (n, 3) unit vectors.
+        """
+        distances = np.empty(len(directions))
+        groups = np.ones(mujoco.mjNGROUP, np.uint8)
+        groups[ROBOT_GROUP] = 0
+        starts, place = np.unique(origins.reshape(-1, 3), axis=0, return_inverse=True)
+        for number, start in enumerate(starts):
+            mine = slice(None) if len(starts) == 1 else np.flatnonzero(place == number)
+            beams = np.ascontiguousarray(directions[mine])
+            met, hit = np.empty(len(beams)), np.empty(len(beams), np.int32)
+            mujoco.mj_multiRay(
+                self._model, self._data, start, beams.ravel(), groups, 1, -1,
+                hit, met, None, len(beams), mujoco.mjMAXVAL,
+            )  # fmt: skip
+            distances[mine] = met
+        return distances
+
     def occupied(
         self, origin: Array, shape: tuple[int, int, int], size: float
     ) -> NDArray[np.bool_]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from harness.verbs.verb import Document, Verb, add_plugins, warn_of_changed_plug
 
 if TYPE_CHECKING:
     from harness.cause import Case, Finding, NearMiss
-    from harness.cause.check import Check
+    from harness.cause.check import Check, Verdict
     from harness.explain import Card
     from harness.logs.reader import Log
 
@@ -85,7 +86,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         number = last if finding is None else finding.decision
         _draw(case.as_of(number), make_card(case, number), options.png, console)
     if options.check:
-        document["checks"] = _check(log, finding, console)
+        document["check"] = _check(log, finding, console)
     return document
 
 
@@ -114,14 +115,14 @@ def _told_cause(log: Log) -> Finding | None:
     return Finding(log.result["cause"], *told, (x, y, z))
 
 
-def _check(log: Log, finding: Finding | None, console: Console) -> list[Document]:
-    from harness.cause.check import check
+def _check(log: Log, finding: Finding | None, console: Console) -> Document:
+    from harness.cause.check import check, refuse_success
 
-    if finding is None:
-        raise InputError(f"log '{log.path}': {log.result['outcome']}, expected a failure to check")
-    checks = check(log, finding)
-    print_checks(console, checks)
-    return [asdict(one) for one in checks]
+    refuse_success(log)
+    assert finding is not None
+    verdict = check(log, finding)
+    print_verdict(console, verdict)
+    return asdict(verdict)
 
 
 def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
@@ -152,12 +153,25 @@ def _print_misses(console: Console, misses: list[NearMiss]) -> None:
         )
 
 
-def print_checks(console: Console, checks: list[Check]) -> None:
-    """What one change would have done, a line each."""
-    table = Table("with", "outcome", "at, s", "saves the robot", title_justify="left")
+def print_verdict(console: Console, verdict: Verdict) -> None:
+    """What each change would have done, a line each, and what is left of the cause."""
+    _print_checks(console, verdict.checks)
+    finding = verdict.finding
+    if verdict.answer == "inconclusive":
+        console.print("check: inconclusive: with nothing changed it does not fail again")
+        return
+    told = Text.assemble("check: ", (finding.cause, "bold red"), f", {verdict.answer}")
+    if verdict.answer == "changed":
+        told.append(f": {finding.evidence}")
+    console.print(told, soft_wrap=True)
+
+
+def _print_checks(console: Console, checks: Sequence[Check]) -> None:
+    table = Table("with", "from decision", "outcome", "at, s", "saves the robot")
     for one in checks:
         saves = Text("yes", "bold green") if one.saves else "no"
-        table.add_row(one.remedy.replace("_", " "), one.outcome, f"{one.end_s:.1f}", saves)
+        remedy, begin = one.remedy.replace("_", " "), str(one.begin)
+        table.add_row(remedy, begin, one.outcome, f"{one.end_s:.1f}", saves)
     console.print(table)
 
 
@@ -237,7 +251,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--check",
         action="store_true",
-        help="simulate on from the last chance with one thing put right at a time",
+        help="simulate again with one thing put right at a time, and settle the cause by it",
     )
     add_plugins(parser)
 

@@ -9,13 +9,18 @@ import pytest
 from harness.cause import CAUSES, Contact, find_cause, near_misses, read_case
 from harness.cause import contact as contacts
 from harness.cause import standstill as standstills
-from harness.cause.check import check
+from harness.cause.check import Check, check, settle
 from harness.cause.confusion import confusion, right, run_planted, table
 from harness.cause.contact import ContactFacts
+from harness.cause.finding import Finding
 from harness.cause.grids import clearances, joined, widest
 from harness.cause.planted import PLANTS
+from harness.cause.pose import PoseFacts
+from harness.cause.ranges import RangeFacts
+from harness.cause.remedies import REMEDIES
 from harness.cause.standstill import StandstillFacts
 from harness.cause.true_space import TrueSpace
+from harness.cause.ways import MapWays, TrueWays
 from harness.errors import InputError
 from harness.evidence.fork import fork
 from harness.logs.reader import open_log
@@ -23,15 +28,24 @@ from harness.logs.reader import open_log
 TOUCH = ContactFacts(
     name="crate_0", time_s=5.0, decision=38, decision_s=3.8, there_when_decided=True,
     there_when_observed=True, observed_s=3.8, free=3, unknown=0, own=4, nearest_own=0.1,
-    off_path=0.02, planned_clearance=0.0, pose_error=0.2, margin=0.1, late=None,
+    off_path=0.02, planned_clearance=0.0, pose_error=0.02, margin=0.1, pose=PoseFacts(),
+    ranges=RangeFacts(), disregarded=0.0, late=None,
+)  # fmt: skip
+TRUTH = TrueWays(
+    radius=0.5, widest=0.8, exists=True, open_at_end=True, shortest_s=5.0, left_m=3.0, gained_m=0.0
+)
+MAP = MapWays(
+    known=0.0, passable=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0, holes=0,
+    ghost=(0.0, 0.0, 0.0), without_ghosts=True, unknown=0.2,
 )  # fmt: skip
 STILL = StandstillFacts(
     outcome="stuck", reason="", window=50, discarded=0.0, late=0.0, deadline=0.25, delay=0.05,
-    off_path=0.0, worst_off_path=0.1, radius=0.5, true_widest=0.8, true_way=True,
-    way_with_movers=True, map_way=True, known_way=True, ghosts=0, holes=0, ghost=(0.0, 0.0, 0.0),
-    way_without_ghosts=True, shortest_s=5.0, limit_s=60.0, claimed=False, pose_error=0.0,
-    margin=0.1, iterations=1, unknown=0.2,
+    off_path=0.0, worst_off_path=0.1, left_path=0.0, limit_s=60.0, claimed=False, doubt=0.02,
+    radius=0.3, iterations=1, pose=PoseFacts(), ranges=RangeFacts(), truth=TRUTH, map=MAP,
 )  # fmt: skip
+LIED = PoseFacts(error=0.5, covered=0.1, beyond=0.4, first=12, at_end=0.5)
+BAD = RangeFacts(lost=0.3)
+CLOSED = {"map.passable": 0.0, "map.ghosts": 7}
 
 SCENE = """<mujoco><size nuser_geom="1"/><worldbody>
 <geom name="floor" type="plane" size="5 5 0.1" user="1"/>
@@ -42,6 +56,15 @@ SCENE = """<mujoco><size nuser_geom="1"/><worldbody>
 
 def cause_of(tests, facts):
     return next(name for name, test in tests if test(facts) is not None)
+
+
+def changed(facts, changes):
+    """Facts with some of them changed, of a part by `part.name`."""
+    for name, value in changes.items():
+        part, _, inner = name.partition(".")
+        value = replace(getattr(facts, part), **{inner: value}) if inner else value
+        facts = replace(facts, **{part: value})
+    return facts
 
 
 @pytest.mark.parametrize(
@@ -56,35 +79,99 @@ def cause_of(tests, facts):
         ({"there_when_observed": False}, "moved_obstacle"),
         ({"there_when_observed": False, "observed_s": -1e-9, "own": 0}, "missed_obstacle"),
         ({"late": (40, 0.3, 0.05), "there_when_decided": False}, "latency"),
+        ({"disregarded": 0.2}, "disregarded_obstacle"),
+        ({"disregarded": 0.2, "own": 0}, "missed_obstacle"),
+        ({"pose": LIED, "own": 0}, "localization"),
+        ({"pose": LIED, "off_path": 0.6, "planned_clearance": 0.2}, "localization"),
+        ({"pose": LIED, "ranges": BAD}, "localization"),
+        ({"ranges": BAD, "own": 0}, "perception"),
+        ({"ranges": RangeFacts(off=0.4), "late": (40, 0.3, 0.05)}, "perception"),
+        ({"ranges": RangeFacts(lost=0.001, off=0.01), "own": 0}, "missed_obstacle"),
+        ({"ranges.withheld": 0.9}, "latency"),
     ],
 )
 def test_a_contact_has_the_cause_that_its_facts_leave(change, cause):
-    assert cause_of(contacts.TESTS.items(), replace(TOUCH, **change)) == cause
+    assert cause_of(contacts.TESTS.items(), changed(TOUCH, change)) == cause
 
 
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
-        ({}, "planner"),
-        ({"discarded": 0.6, "true_way": False}, "latency"),
-        ({"true_way": False}, "impossible"),
-        ({"shortest_s": 61.0}, "impossible"),
-        ({"way_with_movers": False}, "moved_obstacle"),
-        ({"map_way": False, "ghosts": 7}, "ghost_obstacle"),
-        ({"map_way": False, "ghosts": 7, "way_without_ghosts": False}, "planner"),
+        ({}, "unexplained"),
+        ({"map.known": 0.8}, "planner"),
+        ({"map.in_vain": 0.4, "map.not_found": 0.8}, "planner"),
+        ({"map.in_vain": 0.4, "map.not_found": 0.2}, "unexplained"),
+        ({"discarded": 0.6}, "latency"),
+        ({"discarded": 0.6, "truth.exists": False}, "impossible"),
+        ({"ranges.withheld": 0.9}, "latency"),
+        ({"truth.exists": False}, "impossible"),
+        ({"truth.shortest_s": 61.0}, "impossible"),
+        ({"truth.shortest_s": 61.0, "pose": LIED}, "impossible"),
+        ({"outcome": "timeout", "truth.gained_m": 2.0}, "impossible"),
+        ({"outcome": "timeout", "truth.gained_m": 2.0, "map.known": 1.0}, "impossible"),
+        ({"outcome": "timeout", "truth.gained_m": 0.1, "map.known": 1.0}, "planner"),
+        ({"truth.open_at_end": False}, "moved_obstacle"),
+        (CLOSED, "ghost_obstacle"),
+        ({**CLOSED, "map.without_ghosts": False}, "unexplained"),
+        ({**CLOSED, "pose": LIED}, "localization"),
+        ({**CLOSED, "ranges": BAD}, "perception"),
         ({"off_path": 0.7}, "tracking"),
+        ({"left_path": 0.2, "map.known": 1.0}, "tracking"),
         ({"outcome": "fall"}, "tracking"),
+        ({"outcome": "fall", "truth.exists": False}, "tracking"),
         ({"outcome": "fall", "late": 1.0}, "latency"),
-        ({"claimed": True}, "margin_too_small"),
+        ({"outcome": "fall", "pose": LIED}, "localization"),
+        ({"outcome": "out_of_bounds", "pose": LIED}, "localization"),
+        ({"claimed": True, "pose.at_end": 0.4}, "localization"),
+        ({"doubt": 0.5, "map.passable": 0.0}, "localization"),
+        ({"doubt": 0.5, "map.passable": 0.0, "map.certain": 0.0}, "unexplained"),
+        ({"ranges.blind": 4.0}, "perception"),
+        ({"ranges.blind": 4.0, "map.known": 1.0}, "planner"),
     ],
 )
 def test_a_standstill_has_the_cause_that_its_facts_leave(change, cause):
-    assert cause_of(standstills.TESTS, replace(STILL, **change)) == cause
+    assert cause_of(standstills.TESTS, changed(STILL, change)) == cause
 
 
 def test_every_cause_is_planted_and_asked_for():
     asked = set(contacts.TESTS) | {name for name, _ in standstills.TESTS}
-    assert asked == set(CAUSES) == set(PLANTS)
+    assert asked == set(CAUSES) == {*PLANTS, "unexplained"}
+
+
+def saved_by(*remedies):
+    """A check in which these saved the robot, and no other one of all."""
+    names = ("control", *REMEDIES)
+    return [Check(name, 0, "success" if name in remedies else "stuck", 9.0, name in remedies)
+            for name in names]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("found", "saving", "cause", "answer"),
+    [
+        ("localization", ("true_pose",), "localization", "confirmed"),
+        ("tracking", ("true_pose",), "localization", "changed"),
+        ("tracking", ("true_pose", "perfect_tracking"), "tracking", "confirmed"),
+        ("planner", ("larger_margin", "true_ranges", "true_map"), "perception", "changed"),
+        ("missed_obstacle", ("true_map", "larger_margin"), "missed_obstacle", "confirmed"),
+        ("ghost_obstacle", ("no_delay",), "latency", "changed"),
+        ("ghost_obstacle", (), "unexplained", "changed"),
+        ("planner", (), "planner", "confirmed"),
+        ("impossible", (), "impossible", "confirmed"),
+        ("unexplained", (), "unexplained", "confirmed"),
+        ("unexplained", ("more_search",), "planner", "changed"),
+        ("localization", ("control", "true_pose"), "localization", "inconclusive"),
+    ],
+)
+def test_the_answer_of_a_check_decides(found, saving, cause, answer):
+    finding = Finding(found, "by its facts", 3, (0.0, 0.0, 0.0))
+    settled, told = settle(finding, saved_by(*saving))
+    assert (settled.cause, told) == (cause, answer)
+    assert "by its facts" in settled.evidence
+
+
+def test_every_cause_but_what_nothing_can_put_right_has_a_remedy():
+    borne_out = {cause for _, causes in REMEDIES.values() for cause in causes}
+    assert borne_out == set(CAUSES) - {"disregarded_obstacle", "unexplained"}
 
 
 def test_grids_know_the_widest_way():
@@ -120,9 +207,9 @@ def test_a_contact_reads_what_it_wrote():
 
 
 def test_planted_causes_are_found():
-    counts = confusion(list(CAUSES), range(1))
+    counts = confusion(list(PLANTS), range(1))
     assert right(counts) == 1.0, counts
-    assert table(counts).row_count == len(CAUSES)
+    assert table(counts).row_count == len(PLANTS)
 
 
 def test_a_log_tells_the_cause_that_its_run_found(tmp_path):
@@ -134,8 +221,10 @@ def test_a_log_tells_the_cause_that_its_run_found(tmp_path):
     assert log.result["cause_evidence"] == finding.evidence
     assert int(log.result["cause_decision"]) == finding.decision
     assert result.contact.startswith("glass_0 at ")
-    saved = {one.remedy: one.saves for one in check(log, finding, ("true_map", "no_delay"))}
-    assert saved == {"true_map": True, "no_delay": False}
+    verdict = check(log, finding, ("true_map", "no_delay"))
+    saved = {one.remedy: one.saves for one in verdict.checks}
+    assert saved == {"control": False, "true_map": True, "no_delay": False}
+    assert (verdict.finding, verdict.answer) == (finding, "confirmed")
 
 
 def test_a_walking_robot_is_saved_by_the_true_map_alone(tmp_path):
@@ -149,8 +238,9 @@ def test_a_walking_robot_is_saved_by_the_true_map_alone(tmp_path):
     log = open_log(Path(forked.log))
     finding = find_cause(read_case(log))
     assert finding.cause == "unseen_obstacle"
-    saved = {one.remedy: one.saves for one in check(log, finding, ("true_map", "true_pose"))}
-    assert saved == {"true_map": True, "true_pose": False}
+    checks = check(log, finding, ("true_map", "true_pose")).checks
+    saved = {one.remedy: one.saves for one in checks}
+    assert saved == {"control": False, "true_map": True, "true_pose": False}
 
 
 def test_a_success_has_no_cause(recorded):

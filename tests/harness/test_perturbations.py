@@ -453,7 +453,7 @@ def test_a_perturbed_log_names_what_is_off(pair):
 
 @pytest.mark.parametrize(
     ("no_return", "outcome", "cause"),
-    [("free", "stuck", "ghost_obstacle"), ("ignored", "success", "")],
+    [("free", "stuck", "perception"), ("ignored", "success", "")],
 )
 def test_what_silence_tells_decides_whether_lost_echoes_make_holes_in_the_floor(
     tmp_path, no_return, outcome, cause
@@ -464,4 +464,4 @@ def test_what_silence_tells_decides_whether_lost_echoes_make_holes_in_the_floor(
     lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))
     result = run_episode(build(lossy), tmp_path / "lossy.mcap")
     assert (result.outcome, result.cause) == (outcome, cause)
-    assert ("as beams went through their floor" in result.cause_evidence) == bool(cause)
+    assert ("of the echoes were lost" in result.cause_evidence) == bool(cause)

@@ -1,0 +1,27 @@
+"""A stack that disregards its map: what a failure of the stack itself looks like."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from harness.stack.navigator import Navigator
+from harness.stack.view import Choice, Memory, View
+from planners import follow_path
+
+
+class Reckless(Navigator):
+    """A stack that goes straight for its goal, whatever its map holds."""
+
+    def _decide(self, view: View) -> tuple[Choice, Memory, View]:
+        choice, memory, view = super()._decide(view)
+        if choice.action == "goal":
+            return choice, memory, view
+        if view.sequence == 0:
+            path = np.stack([view.position, view.goal])
+            start = path, view.effect_ns, 0.0, 0.0, 0.0, view.heading
+            self._straight = follow_path(*start, view.limits, view.limits.speed)
+        straight = self._straight
+        choice = Choice("follow", "straight to the goal", "none", straight, straight.path)
+        return choice, replace(memory, trajectory=straight, guide=straight.path), view
