@@ -8,6 +8,7 @@ distributions, so that the true mean is known, and go through the code that judg
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable
 from typing import Any, Literal, get_args
 
@@ -73,23 +74,23 @@ def bench_coverage(
 
 def _intervals(repeats: int, seed: int, progress: Progress) -> list[Row]:
     """A row for each statistic, data and episodes a cluster: `coverage width` by clusters."""
-    rows = []
-    for statistic in STATISTICS:
-        for data in get_args(Data):
-            for episodes in EPISODES:
-                progress(f"{statistic}, {data}, {episodes} episodes a cluster")
-                cells = [
-                    coverage_of(statistic, data, clusters, episodes, repeats, seed)
-                    for clusters in CLUSTERS
-                ]
-                rows.append({
-                    "statistic": statistic,
-                    "data": data,
-                    "episodes": episodes,
-                    **{f"k={one['clusters']}": _cell(one) for one in cells},
-                    "least": min(one["coverage"] for one in cells),
-                })  # fmt: skip
-    return rows
+    cases = list(itertools.product(STATISTICS, get_args(Data), EPISODES))
+    cells: dict[tuple[str, Data, int], list[Row]] = {case: [] for case in cases}
+    for clusters in CLUSTERS:  # outermost: what is drawn for samples of one size is drawn once
+        for statistic, data, episodes in cases:
+            progress(f"{clusters} clusters: {statistic}, {data}, {episodes} episodes of each")
+            row = coverage_of(statistic, data, clusters, episodes, repeats, seed)
+            cells[statistic, data, episodes].append(row)
+    return [
+        {
+            "statistic": statistic,
+            "data": data,
+            "episodes": episodes,
+            **{f"k={one['clusters']}": _cell(one) for one in some},
+            "least": min(one["coverage"] for one in some),
+        }
+        for (statistic, data, episodes), some in cells.items()
+    ]
 
 
 def _cell(row: Row) -> str:

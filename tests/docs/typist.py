@@ -70,7 +70,7 @@ SMALLER = {
 """What else is typed for a verb on a small scale."""
 
 STAGES_SMALLER = {
-    "coverage": "--repeats 4".split(),
+    "coverage": "--repeats 2".split(),
     "crossing": "--repeats 1 --rows kept-crossing.jsonl".split(),
     "worlds": "--repeats 1 --rows kept-worlds.jsonl".split(),
     "plan": "--repeats 2".split(),
