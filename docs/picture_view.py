@@ -6,24 +6,29 @@ It needs a Vulkan driver; Mesa's lavapipe (Debian: mesa-vulkan-drivers, libvulka
 """
 
 import io
-import shutil
 import socket
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 from PIL import Image
 from rerun.experimental import ViewerClient
 
+from harness.viewer.rerun_view import loopback_viewer
+
 SETTLE = 3.0  # s, for data and shaders to arrive
 
 
 def main(recording: Path, seconds: float, out: Path) -> None:
     """Open the recording, go to a simulated time, and keep what is drawn, in 128 colours."""
-    beside = shutil.which("rerun", path=Path(sys.executable).parent)
+    start = loopback_viewer(Path(tempfile.mkdtemp()))
     try:
         with ViewerClient.spawn(
-            headless=True, port=free_port(), hide_welcome_screen=True, executable_path=beside
+            headless=True,
+            port=free_port(),
+            hide_welcome_screen=True,
+            executable_path=str(start),
         ) as viewer:
             viewer.open(str(recording))
             time.sleep(SETTLE)

@@ -189,6 +189,9 @@ NAMED: dict[str, Iterable[str]] = {
 }
 """Settings whose values are names in a registry."""
 
+NUMBERS = ("int", "float")
+"""Types of settings that are numbers; a switch is none."""
+
 PLUGIN = ":"
 """In the name of a planner or a robot's controller: `module:Class` of the user's own."""
 
@@ -205,9 +208,9 @@ def override(config: Config, settings: Iterable[str]) -> Config:
             raise InputError(f"--set {setting}: expected section.field=value")
         document = msgspec.to_builtins(config)
         section, name = _locate(document, key)
-        before = functools.reduce(getattr, key.split("."), config)
+        before: Any = functools.reduce(getattr, key.split("."), config)
         section[name] = value = _parse(text)
-        if isinstance(value, str) and type(before) in (int, float):
+        if isinstance(value, str) and type(before).__name__ in NUMBERS:
             number = "a whole number" if isinstance(before, int) else "a finite number"
             raise InputError(f"--set {setting}: expected {number}, such as {before}")
         plugin = key == "planner.name" and PLUGIN in str(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,6 +40,26 @@ def find_robot(config: Config) -> Robot:
             f"(available by name: {', '.join(sorted(ROBOTS))})"
         )
     return find_named("robot", config.robot, ROBOTS, ENDING, read_robot)
+
+
+UNUSED: dict[str, tuple[str, ...]] = {
+    "ground": ("motion.altitude_low", "motion.altitude_high"),
+    "air": ("behaviour.turn_first", "behaviour.backwards_speed", "map.max_slope"),
+}
+"""Settings that a robot of this motion does not use."""
+
+
+def refuse_unused(config: Config, settings: Iterable[str]) -> None:
+    """Refuse settings that the user gave and that would change nothing.
+
+    Raises:
+        InputError: The robot does not use one of them.
+    """
+    motion = find_robot(config).spec.motion
+    for name in settings:
+        if name in UNUSED[motion]:
+            kind = "walks" if motion == "ground" else "flies"
+            raise InputError(f"--set {name}: '{config.robot}' {kind} and does not use it")
 
 
 def find_logged_robot(config: Config, scene: str) -> Robot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
@@ -27,6 +29,9 @@ REACH = 4.0
 
 FINE = 0.05
 """Cells that true geometry is drawn with, m."""
+
+TRUE, BELIEVED = "#1f77d0", "#2a9d4a"
+"""Colours of what truly is, and of what the robot believes and plans."""
 
 KINDS = {
     "free": "#ffffff",
@@ -48,18 +53,26 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
     """
     moment = moment_of(case, card.sequence)
     with mpl.rc_context({"font.size": 8.0, "text.parse_math": False}):
-        figure = Figure(figsize=(7.0, 6.4), layout="constrained", dpi=120)
+        figure = Figure(figsize=(7.0, 7.2), layout="constrained", dpi=120)
         axes = figure.add_subplot()
         _draw_map(axes, navigator, moment)
         _draw_truth(axes, case, moment)
         _draw_motion(axes, case, moment)
         for cell in card.blocking:
-            axes.plot(*cell.place[:2], "x", color="#d1232a", ms=6, zorder=6)
+            _mark(axes, cell.place, "x", 6.0, "blocking cell")
         if case.contact is not None:
-            axes.plot(*case.contact.position[:2], "*", color="#d1232a", ms=11, zorder=7)
+            _mark(axes, case.contact.position, "*", 11.0, "contact")
         _finish(axes, moment, card)
         with written_whole(target, "picture") as partial:
             figure.savefig(partial, format="png", metadata={"Software": None})
+
+
+def _mark(axes: Axes, place: Sequence[float], marker: str, size: float, name: str) -> None:
+    """A red mark; the first of its name stands in the legend."""
+    known = axes.get_legend_handles_labels()[1]
+    label = "_" if name in known else name
+    style: dict[str, Any] = dict(color="#d1232a", ms=size, zorder=7, ls="none", label=label)
+    axes.plot(place[0], place[1], marker, **style)
 
 
 def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
@@ -81,6 +94,7 @@ def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
         vmax=3.5,
         interpolation="nearest",
     )
+    axes.set_facecolor(KINDS["unknown"])  # of what lies beyond the map nothing is known either
 
 
 def _draw_truth(axes: Axes, case: Case, moment: Moment) -> None:
@@ -109,10 +123,11 @@ def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
     committed = path_of(moment.decision.trajectory.path)
     _line(axes, committed, color="#2a9d4a", lw=2.5, label="committed trajectory")
     body = dict(radius=case.mission.radius, fill=False)
-    axes.add_patch(Circle(tuple(moment.true_position[:2]), color="#1f77d0", lw=1.5, **body))
+    axes.add_patch(Circle(tuple(moment.true_position[:2]), color=TRUE, lw=1.5, **body))
     believed = moment.true_position + moment.error
-    axes.add_patch(Circle(tuple(believed[:2]), color="#2a9d4a", lw=1.0, ls="--", **body))
-    axes.plot(*case.mission.goal[:2], "o", color="#2a9d4a", ms=7, mfc="none")
+    axes.add_patch(Circle(tuple(believed[:2]), color=BELIEVED, lw=1.0, ls="--", **body))
+    goal: dict[str, Any] = dict(color=BELIEVED, ms=7, mfc="none", ls="none", label="goal")
+    axes.plot(*case.mission.goal[:2], "o", **goal)
 
 
 def _line(axes: Axes, points: Array, **style: Any) -> None:
@@ -135,9 +150,23 @@ def _finish(axes: Axes, moment: Moment, card: Card) -> None:
         loc="left",
     )
     kinds = [Patch(facecolor=c, edgecolor="#888888", label=name) for name, c in KINDS.items()]
-    true = Patch(facecolor="none", edgecolor="#1f77d0", label="truth")
+    others = [
+        Line2D([], [], color=TRUE, lw=1.2, label="what truly stands there"),
+        Circle((0, 0), color=TRUE, lw=1.5, fill=False, label="body, where it was (solid circle)"),
+        Circle(
+            (0, 0),
+            color=BELIEVED,
+            ls="--",
+            fill=False,
+            label="body, where it believed it was (dashed circle)",
+        ),
+    ]
     handles, _ = axes.get_legend_handles_labels()
-    axes.legend(handles=[*kinds, true, *handles], loc="upper left", fontsize=7, framealpha=0.9)
+    figure = axes.get_figure()
+    assert isinstance(figure, Figure)
+    figure.legend(
+        handles=[*kinds, *others, *handles], loc="outside lower left", ncols=3, fontsize=7
+    )
 
 
 def _layer(navigator: Navigator, moment: Moment) -> int:

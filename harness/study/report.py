@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -146,5 +147,5 @@ def _failures(samples: Sequence[Sample], store: Store, allow_plugins: bool) -> l
         if path.is_file():
             log = open_log(path, allow_plugins)
             picture = track(read_trace(log), log.scene, log.mission.goal)
-        failures.append(Failure(row, str(Path("logs") / path.name), picture))
+        failures.append(Failure(row, shlex.quote(str(path)), picture))
     return failures

@@ -15,7 +15,8 @@ import msgspec
 from harness.config import PLUGIN
 from harness.errors import InputError
 from harness.logs.reader import open_log
-from harness.outputs import remove_abandoned
+from harness.logs.recover import finish_partial
+from harness.outputs import ENDING, remove_abandoned
 from harness.study.contents import Contents
 from harness.study.file import StudyFile
 
@@ -26,7 +27,8 @@ WORKER_ENDS_S = 5.0
 class Store:
     """The folder of one study.
 
-    `logs/KEY.mcap` is a finished episode, `errors/KEY.json` one that ended without a log.
+    `logs/KEY.mcap` is a finished episode, `errors/KEY.json` one that ended
+    in error, with what it had logged as `errors/KEY.mcap`.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -83,9 +85,24 @@ class Store:
         draft.write_text(json.dumps({"key": key, "error": text}) + "\n")
         draft.replace(path)
 
+    def keep_evidence(self, key: str, text: str) -> None:
+        """Keep what an episode in error had logged as `errors/KEY.mcap`, if it had begun.
+
+        Args:
+            key: Of the episode.
+            text: Its error.
+        """
+        log, kept = self.log(key), self.errors / f"{key}.mcap"
+        partial = log.with_name(log.name + ENDING)
+        if log.is_file():
+            log.replace(kept)
+        elif partial.is_file():
+            with contextlib.suppress(InputError):  # it ended before the head was whole
+                finish_partial(partial, kept, f"was ended ({text})", "")
+
     def forget_errors(self) -> None:
         """Let the episodes that ended without a log run again."""
-        for path in self.errors.glob("*.json"):
+        for path in (*self.errors.glob("*.json"), *self.errors.glob("*.mcap")):
             path.unlink()
 
     def clear_partial(self) -> None:

@@ -95,6 +95,7 @@ def run_missing(
     def keep(done: Done) -> None:
         if done.error:
             store.record_error(done.key, done.error)
+            store.keep_evidence(done.key, done.error)
         finished(done)
 
     if jobs:  # an engine may take seconds to start

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import msgspec
 from rich.console import Console
 
-from harness.errors import InputError
-from harness.verbs.pool import Watch, add_engine, check_engine, open_engine
+from harness.errors import InputError, Interrupted
+from harness.verbs.pool import GOES_ON, Watch, add_engine, check_engine, open_engine
 from harness.verbs.verb import LOGS, Document, Verb
 
 if TYPE_CHECKING:
@@ -40,7 +40,10 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     store = Store(options.out or LOGS / name)
     console.print(f"study {name}: at most {most} episodes a seed; logs in {store.folder}")
     with open_engine(options, study.bounds) as engine, Watch(console, None) as watch:
-        margins = find_margins(study, Question(kinds, most), store, engine, watch.finished)
+        try:
+            margins = find_margins(study, Question(kinds, most), store, engine, watch.finished)
+        except KeyboardInterrupt:
+            raise Interrupted(GOES_ON) from None
     for margin in margins:
         print_margin(console, margin)
     told = [asdict(margin) for margin in margins]

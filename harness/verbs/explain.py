@@ -30,6 +30,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
     if options.png is not None and not options.png.parent.is_dir():
         raise InputError(f"--png: got '{options.png}', expected a file in a folder that exists")
+    if options.png is not None and options.png.suffix != ".png":
+        raise InputError(f"--png: got '{options.png}', expected a name that ends in .png")
     if options.check and options.decision is not None:
         raise InputError("--check: goes with the whole episode, expected no decision's number")
     log = open_log(options.log, options.allow_plugins)

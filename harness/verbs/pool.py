@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 ENGINES = ("processes", "ray")
 
+GOES_ON = "the episodes that have ended are kept, and the same command goes on"
+"""What Ctrl-C leaves of a verb that keeps its episodes in a folder."""
+
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
     """How many episodes at a time, and where."""

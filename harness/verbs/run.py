@@ -31,12 +31,15 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run one episode."""
     from harness.config import from_document, override
     from harness.perturbations import perturbation_from
+    from harness.robots import refuse_unused
 
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), options.set)
-    for name in ("goal", "start"):
-        if (text := getattr(options, name)) is not None:
-            config = replace(config, **{name: _point(name, text)})
+    refuse_unused(config, [one.partition("=")[0] for one in options.set])
+    if options.goal is not None:
+        config = replace(config, goal=_point("goal", options.goal))
+    if options.start is not None:
+        config = replace(config, start=_point("start", options.start))
     if options.perturb is not None:
         config = replace(config, perturbation=perturbation_from(options.perturb))
     path = options.log or options.logs / f"{episode_name(config)}.mcap"

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 
 from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
+
+if TYPE_CHECKING:
+    from harness.metrics import Metric
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -24,16 +28,29 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         table.add_column("metric")
         table.add_column("value", justify="right")
         table.add_column("unit")
+        if options.long:
+            table.add_column("formula and source")
         for name, value in scores.items():
             text = "-" if value is None else f"{value:.3f}"
-            table.add_row(name, text, METRICS[name].unit)
+            about = [summary_of(METRICS[name])] if options.long else []
+            table.add_row(name, text, METRICS[name].unit, *about)
         console.print(table)
     return 0, one_or_all("scores", documents)
 
 
+def summary_of(metric: Metric) -> str:
+    """What a metric's docstring says of its formula and its source."""
+    return " ".join((metric.function.__doc__ or "").split())
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_log_paths(parser)
+    parser.add_argument("--long", action="store_true", help="each metric's formula and source, too")
+
+
 VERB = Verb(
     help="an episode's metrics again, from its log alone",
-    add_arguments=add_log_paths,
+    add_arguments=_add_arguments,
     run=run,
     example="wayproof score logs/warehouse-drone-3.mcap",
 )

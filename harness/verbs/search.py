@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.verbs.pool import Watch, add_engine, open_engine
+from harness.errors import Interrupted
+from harness.verbs.pool import GOES_ON, Watch, add_engine, open_engine
 from harness.verbs.run import episode_name
 from harness.verbs.verb import LOGS, Document, Verb, add_settings
 
@@ -40,7 +41,10 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     )
     store = Store(options.out or LOGS / f"search-{episode_name(config)}")
     with open_engine(options, Bounds()) as engine, Watch(console, None) as watch:
-        found = search(asked, store, engine, watch.finished)
+        try:
+            found = search(asked, store, engine, watch.finished)
+        except KeyboardInterrupt:
+            raise Interrupted(GOES_ON) from None
     print_found(console, found)
     console.print(Text.assemble(("note", "bold"), f": {NO_RATE}"), soft_wrap=True)
     document = {**asdict(found), "rate": None, "note": NO_RATE, "folder": str(store.folder)}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.errors import InputError
+from harness.errors import InputError, Interrupted
 from harness.verbs.pool import Watch, add_engine, check_engine, open_engine
 from harness.verbs.verb import LOGS, Document, Verb, add_plugins
 
@@ -60,7 +60,10 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     )
     with open_engine(options, study.bounds) as engine:
         with Watch(console, len(planned), missing) as watch:
-            result = run_study(study, planned, store, engine, watch.finished)
+            try:
+                result = run_study(study, planned, store, engine, watch.finished)
+            except KeyboardInterrupt:
+                raise kept(len(planned) - count_missing(planned, store), len(planned)) from None
     print_study(console, result)
     console.print(f"next: wayproof report {store.folder}", highlight=False, soft_wrap=True)
     document = {**asdict(result), "verdict": result.verdict, "folder": str(store.folder)}
@@ -70,6 +73,13 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     certificate = _certify(options, console, study, planned, store)
     code = code if certificate.identical else 1
     return code, {**document, "determinism": asdict(certificate)}
+
+
+def kept(done: int, episodes: int) -> Interrupted:
+    """What a study has when Ctrl-C ends it."""
+    return Interrupted(
+        f"{done} of {episodes} episodes are kept, and the same command goes on with the others"
+    )
 
 
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:

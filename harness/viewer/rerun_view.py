@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import sys
 import time
@@ -10,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from harness.errors import InputError
@@ -100,7 +102,9 @@ def _draw(
     stream = rr.RecordingStream("wayproof", recording_id=name)
     with ExitStack() as stack:
         if saved is None:
-            rr.spawn(executable_path=_viewer(), default_blueprint=layout(logs), recording=stream)
+            folder = stack.enter_context(TemporaryDirectory())
+            viewer = loopback_viewer(Path(folder))
+            rr.spawn(executable_path=str(viewer), default_blueprint=layout(logs), recording=stream)
         else:
             partial = stack.enter_context(written_whole(saved, "--save"))
             stream.save(partial, default_blueprint=layout(logs))
@@ -128,9 +132,16 @@ def _flush(stream: rr.RecordingStream) -> None:
         raise InputError(f"the viewer does not take the recording: {line}") from None
 
 
-def _viewer() -> str | None:
-    """The viewer beside this Python, where the search path does not lead to one."""
-    return None if shutil.which("rerun") else str(Path(sys.executable).with_name("rerun"))
+def loopback_viewer(folder: Path) -> Path:
+    """A command in a folder that starts Rerun's viewer listening on this machine alone.
+
+    The viewer listens on every interface by default, and whoever spawns it has no option for that.
+    """
+    found = shutil.which("rerun") or str(Path(sys.executable).with_name("rerun"))
+    start = folder / "rerun"
+    start.write_text(f'#!/bin/sh\nexec {shlex.quote(found)} --bind 127.0.0.1 "$@"\n')
+    start.chmod(0o700)
+    return start
 
 
 def _check_display() -> None:

@@ -76,6 +76,7 @@ def test_bad_words(capsys, tmp_path, changes, said):
             ["--set", "motion.altitude_high=0.5"],
             "motion.altitude_low, altitude_high: got 0.2 and 0.5",
         ),
+        (["--set", "behaviour.turn_first=1"], "'drone' flies and does not use it"),
         (["--nonsense"], "unknown option '--nonsense' (see 'wayproof run --help')"),
     ],
 )
@@ -284,5 +285,6 @@ def test_a_name_apart_in_case_or_part_of_one_is_near():
     assert near_name("vlp16", names) == "velodyne-vlp16"
     assert near_name("RRTstar", names) == "rrtstar"
     assert near_name("rrt_star", names) == "rrtstar"
-    assert near_name("star", names) is None  # of two
+    assert near_name("e", names) is None
+    assert near_name("own", ["brownfield", "downtown-street"]) is None  # of two
     assert near_name("wharehouse", names) == "warehouse"

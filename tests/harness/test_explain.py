@@ -87,6 +87,48 @@ def test_explain_prints_and_draws(stopped, tmp_path, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_beyond_the_map_a_picture_is_unknown_and_its_legend_covers_nothing(stopped, tmp_path):
+    from matplotlib.colors import to_hex
+    from matplotlib.figure import Figure
+
+    from harness.explain import make_card
+    from harness.explain.picture import KINDS, draw
+
+    case = read_case(open_log(stopped))
+    figures = []
+    saved = Figure.savefig
+
+    def keep(figure, *arguments, **options):
+        figures.append(figure)
+        return saved(figure, *arguments, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", keep)
+        draw(case, make_card(case, 3), case.navigator_at(3), tmp_path / "a.png")
+    [figure] = figures
+    [axes] = figure.axes
+    assert to_hex(axes.get_facecolor()) == KINDS["unknown"] != KINDS["free"]
+    [legend] = figure.legends
+    assert axes.get_legend() is None
+    assert not legend.get_window_extent().overlaps(axes.get_window_extent())
+    named = {text.get_text() for text in legend.get_texts()}
+    assert {*KINDS, "goal", "body, where it was (solid circle)"} <= named
+
+
+def test_a_clearance_that_is_a_cap_says_so():
+    from harness.clearance import in_metres, map_clearance_is_bound, true_in_metres
+    from harness.schema import wayproof_pb2 as pb
+    from harness.viewer.words import describe
+
+    decision = pb.Decision(resolution_m=0.1, inflation_radius_m=0.15, least_clearance_m=0.8)
+    assert map_clearance_is_bound(decision, cost_range=0.6)
+    assert "least clearance >= 0.80 m" in describe(decision, cost_range=0.6)
+    decision.least_clearance_m = 0.1 * 63**0.5  # of 8 cells
+    assert not map_clearance_is_bound(decision, cost_range=0.6)
+    assert in_metres(decision.least_clearance_m, False) == "0.79 m"
+    assert (true_in_metres(2.0), true_in_metres(1.04)) == (">= 2.00 m", "1.04 m")
+
+
 def test_explain_as_json_tells_the_story(stopped, capsys):
     assert main(["explain", str(stopped), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -115,6 +157,8 @@ def test_a_log_of_decisions_still_tells_its_cause(recorded, capsys):
         (["999999"], "decision 999999: expected a decision's number, 0 to"),
         (["3", "--check"], "--check: goes with the whole episode"),
         (["--png", "/nowhere/at/all.png"], "expected a file in a folder that exists"),
+        (["--png", "moment.svg"], "--png: got 'moment.svg', expected a name that ends in .png"),
+        (["--png", "moment"], "--png: got 'moment', expected a name that ends in .png"),
     ],
 )
 def test_bad_input_is_one_line(stopped, arguments, message, capsys):

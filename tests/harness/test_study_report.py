@@ -48,8 +48,11 @@ def test_a_page_tells_what_happened(folder: Path, capsys: pytest.CaptureFixture[
     assert "2 of 4 episodes reached the goal. Of 2 gates: 1 failed, 1 inconclusive" in page
     assert page.count("<figure>") == 2  # one for each failure
     assert page.count("timeout</strong>") == 2
-    for log in re.findall(r"wayproof replay (\S+)</code>", page):
-        assert (folder / log).is_file()
+    logs = re.findall(r"wayproof explain (\S+)</code> <code>wayproof view (\S+)</code>", page)
+    assert len(logs) == 2
+    for log, same in logs:  # as they are typed where the report was made
+        assert Path(log).is_file()
+        assert log == same
 
 
 def test_a_page_needs_nothing_from_outside(folder: Path) -> None:

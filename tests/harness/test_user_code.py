@@ -339,3 +339,31 @@ def test_a_replay_in_which_the_users_class_fails_is_one_line():
 
     with pytest.raises(InputError, match=r"decision 4: planner 'a\.py:B' raised ValueError"):
         guarded("decision 4", fails)
+
+
+def test_a_study_keeps_what_an_episode_in_error_had_logged(recorded, tmp_path):
+    from harness.study.store import Store
+
+    whole = Path(recorded("empty", "drone", 1).log).read_bytes()
+    store = Store(tmp_path)
+    with store.open():
+        (tmp_path / "logs" / "a.mcap.partial").write_bytes(whole[: len(whole) * 2 // 3])
+        store.record_error("a", "took more than the 900 s that bounds.wall_s allows")
+        store.keep_evidence("a", "took more than the 900 s that bounds.wall_s allows")
+        log = open_log(tmp_path / "errors" / "a.mcap")
+        assert log.result["outcome"] == "error"
+        assert "took more than the 900 s" in log.result["reason"]
+        assert int(log.result["decisions"]) == sum(1 for _ in log.records()) > 0
+        assert not list((tmp_path / "logs").iterdir())
+        assert store.is_done("a")
+        store.forget_errors()
+        assert not store.is_done("a")
+        assert not list((tmp_path / "errors").iterdir())
+
+
+def test_the_formulas_of_a_score_are_printed_where_asked_for(recorded, capsys):
+    log = recorded("empty", "drone", 1).log
+    assert main(["score", log]) == 0
+    assert "Anderson" not in capsys.readouterr().out
+    assert main(["score", log, "--long"]) == 0
+    assert "Anderson" in capsys.readouterr().out
