@@ -17,10 +17,11 @@ from harness.cause import Case, Contact, Moment, find_cause
 from harness.cause.touch import touched
 from harness.cause.true_space import TrueSpace
 from harness.config import LatencyConfig, to_json
+from harness.ending import Verdict
 from harness.evidence.relay import Stretch
 from harness.inputs import CODEC, beams_from_info, inputs_from_messages, serialized
 from harness.interference import Interference
-from harness.judge import Judge, Verdict
+from harness.judge import Judge
 from harness.logs.log import PLUGINS, TRACEBACK, LogWriter, hold_log
 from harness.logs.log_copy import thin, topic_of
 from harness.logs.streams import CONTROL, StreamHashes

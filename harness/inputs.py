@@ -100,6 +100,7 @@ class Beams:
         """Keep the tables, the range in m, the rate in Hz, and T_base_sensor."""
         self.table = table
         self.range = range
+        self.rate = rate
         self._ages = -1e-9 * moment_offsets(table, round(1e9 / rate))
         self._moments = moments(table)
         self._directions = directions(table, 0)
@@ -196,11 +197,8 @@ def inputs_from_messages(
     Raises:
         InputError: A sweep's codec or size is not what it says.
     """
-    digest = hashlib.blake2b(digest_size=16)
     if written is None:
         written = [serialized(message) for message in (*sweeps, pose)]
-    for data in written:
-        digest.update(data)
     return Inputs(
         time_ns=pose.timestamp.ToNanoseconds(),
         sequence=pose.sequence,
@@ -209,8 +207,16 @@ def inputs_from_messages(
             SweepInput(sweep.sensor, decode_ranges(sweep), decode_classes(sweep))
             for sweep in sweeps
         ),
-        digest=digest.hexdigest(),
+        digest=inputs_digest(written),
     )
+
+
+def inputs_digest(written: Sequence[bytes]) -> str:
+    """Hash of a decision's inputs as they are logged: its sweeps, then its pose."""
+    digest = hashlib.blake2b(digest_size=16)
+    for data in written:
+        digest.update(data)
+    return digest.hexdigest()
 
 
 def serialized(message: Message) -> bytes:

@@ -9,16 +9,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.ending import Limits, Verdict, goal_distance
 from harness.result import Outcome
 from harness.scenario import Scenario, decision_period
 from harness.schema import wayproof_pb2 as pb
 from models.truth import Truth
-
-Verdict = tuple[Outcome, str]
-"""An outcome and why."""
-
-STUCK_RADIUS = 0.3
-"""Less movement than this within `episode.stuck_after` is no movement, m."""
 
 LYING = 0.5
 """A walking robot whose base is below this share of its standing height has fallen."""
@@ -31,6 +26,8 @@ class Judge:
         """Watch what is simulated in `data`."""
         self._scenario = scenario
         self._truth = truth
+        config = scenario.config.episode
+        self._limits = Limits(config, scenario.mission, decision_period(scenario))
         base = scenario.scene.base
         self._position, self._rotation = data.xpos[base], data.xmat[base]  # views
         self._least_uprightness = math.cos(scenario.spec.max_tilt)
@@ -38,27 +35,8 @@ class Judge:
     def of_decision(
         self, decision: pb.Decision, positions: Sequence[NDArray[np.float64]]
     ) -> Verdict | None:
-        """What the decision ends: the goal it claims is checked against the truth.
-
-        Args:
-            decision: The newest.
-            positions: (3,) true, of the base, at every decision so far, m.
-        """
-        config = self._scenario.config.episode
-        if decision.action == "abort":
-            return "aborted", decision.reason
-        distance = self.goal_distance()
-        if decision.action == "goal":
-            if distance <= config.goal_tolerance:
-                return "success", decision.reason
-            return "aborted", f"claimed the goal from {distance:.2f} m away"
-        if decision.timestamp.ToNanoseconds() * 1e-9 >= config.time_limit:
-            return "timeout", f"{distance:.2f} m from the goal after {config.time_limit:g} s"
-        window = round(config.stuck_after / decision_period(self._scenario))
-        recent = positions[-window:]
-        if len(recent) == window and _spread(recent) < STUCK_RADIUS:
-            return "stuck", f"less than {STUCK_RADIUS} m of movement in {config.stuck_after:g} s"
-        return None
+        """What the newest decision ends; `positions` are the true ones so far, (3,) m."""
+        return self._limits.ending_at(decision, positions)
 
     def of_physics(self) -> Verdict | None:
         """What a physics step ends; asked wherever `limits_of` are left or something is touched."""
@@ -82,9 +60,7 @@ class Judge:
 
     def goal_distance(self) -> float:
         """True distance from the goal, m; in the plane for a ground robot."""
-        axes = 2 if self._scenario.mission.motion == "ground" else 3
-        offset = self._position - np.array(self._scenario.mission.goal)
-        return float(np.linalg.norm(offset[:axes]))
+        return goal_distance(self._limits.mission, self._position)
 
     def _place(self) -> str:
         return "(" + ", ".join(f"{value:.2f}" for value in self._position) + ")"
@@ -99,8 +75,3 @@ def limits_of(scenario: Scenario) -> NDArray[np.float64]:
     if spec.motion == "ground":
         z = max(z, LYING * spec.rest_height)
     return np.array([x, y, z, *scenario.mission.high, math.cos(spec.max_tilt)])
-
-
-def _spread(positions: Sequence[NDArray[np.float64]]) -> float:
-    points = np.array(positions)
-    return float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.ending import goal_distance
+from harness.errors import InputError
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log
 from harness.schema import wayproof_pb2 as pb
@@ -87,13 +89,17 @@ def read_trace(log: Log) -> Trace:
 def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> Trace:
     """The trace of a log whose messages were read already."""
     stages = [decision.stages for decision in decisions]
-    route = log.result.get("route_length_m")
+    if not truths:
+        raise InputError(f"log '{log.path}': no decisions in it")
+    known = _known_without_result(log, truths[-1])  # older recovered logs state less
+    result = {**known, **log.result}
+    route = result.get("route_length_m")
     axes = 2 if log.mission.motion == "ground" else 3
     return Trace(
-        outcome=log.result["outcome"],
-        duration=float(log.result["sim_time_s"]),
-        collisions=int(log.result["collisions"]),
-        goal_distance=float(log.result["goal_distance_m"]),
+        outcome=result["outcome"],
+        duration=float(result["sim_time_s"]),
+        collisions=int(result["collisions"]),
+        goal_distance=float(result["goal_distance_m"]),
         route_length=float(route) if route not in (None, "", "None") else None,
         times=np.array([truth.timestamp.ToNanoseconds() * 1e-9 for truth in truths]),
         positions=np.array([truth.position for truth in truths]).reshape(-1, 3),
@@ -104,6 +110,15 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
         missed=np.array([decision.deadline_missed for decision in decisions], bool),
         start_distance=math.dist(log.mission.start[:axes], log.mission.goal[:axes]),
     )
+
+
+def _known_without_result(log: Log, last: pb.Truth) -> dict[str, str]:
+    """Figures of an episode's end as its last truth has them."""
+    return {
+        "sim_time_s": str(last.timestamp.ToNanoseconds() * 1e-9),
+        "collisions": str(last.collisions),
+        "goal_distance_m": str(goal_distance(log.mission, np.array(last.position))),
+    }
 
 
 def _read(path: Path) -> tuple[list[pb.Decision], list[pb.Truth]]:

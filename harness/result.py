@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal
+
+import numpy as np
+
+from harness.schema import wayproof_pb2 as pb
 
 Outcome = Literal[
     "success", "collision", "fall", "timeout", "stuck", "out_of_bounds", "aborted", "error"
 ]
+
+RECOVERED = "recovered: "
+"""With which the reason of a recovered log begins: its end is missing, its outcome is `error`."""
 
 
 @dataclass(frozen=True)
@@ -63,3 +71,23 @@ class Result:
         apart = ("log", "log_mb_per_min", "wall_time_s", "traceback")
         fields = {k: v for k, v in asdict(self).items() if k not in apart}
         return {name: str(value) for name, value in fields.items()}
+
+
+def is_recovered(result: Mapping[str, str]) -> bool:
+    """Whether a log's result says that it was recovered, so that its end is missing."""
+    return result["outcome"] == "error" and result.get("reason", "").startswith(RECOVERED)
+
+
+def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> dict[str, float]:
+    """The result's figures that follow from what is logged at each decision, by name.
+
+    Args:
+        decisions: All of them.
+        truths: One for each, at least one.
+    """
+    steps = np.diff(np.array([truth.position for truth in truths]).reshape(-1, 3), axis=0)
+    return {
+        "min_clearance_m": min(truth.clearance_m for truth in truths),
+        "path_length_m": float(np.linalg.norm(steps, axis=1).sum()),
+        "deadline_misses": sum(decision.deadline_missed for decision in decisions),
+    }

@@ -35,6 +35,11 @@ class Stretch:
     mission: Mission
     beams: Mapping[str, Beams]
 
+    @property
+    def period_s(self) -> float:
+        """Time from one decision to the next, s: they follow the first sensor's rate."""
+        return 1.0 / next(iter(self.beams.values())).rate
+
 
 def stretches(log: Log) -> list[Stretch]:
     """A log's, in order; one if it was never forked."""

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from google.protobuf.message import Message
 
+from harness.ending import goal_distance
 from harness.errors import InputError, printable
 from harness.logs.container import Attachment, Metadata, Packet, walk
 from harness.logs.log import TRACEBACK
 from harness.logs.log_copy import write_copy
 from harness.logs.messages import decode, is_ours
 from harness.logs.reader import read_head
+from harness.mission import Mission
 from harness.outputs import ENDING
+from harness.result import RECOVERED, figures_of
 from harness.schema import wayproof_pb2 as pb
 from harness.user_code import plugins_of
+
+PARTIAL_NAME = re.compile(rf"{re.escape(ENDING)}(\.\d+)?$")
+"""How the name ends of a log that was not finished."""
 
 
 @dataclass(frozen=True)
@@ -25,14 +33,14 @@ class Recovery:
 
     Attributes:
         log: The broken log's path.
-        written: Of the new one.
+        written: Of the new one; none if the log is whole, so that there was nothing to recover.
         decisions: That could be read, with all that belongs to each.
         sim_time_s: Simulated time of the last of them.
         damage: Where reading ended, and why; empty if the whole file could be read.
     """
 
     log: str
-    written: str
+    written: str | None
     decisions: int
     sim_time_s: float
     damage: str
@@ -40,6 +48,9 @@ class Recovery:
 
 def recover(path: Path, target: Path | None = None, allow_plugins: bool = False) -> Recovery:
     """Write the readable part of a log as a log of its own.
+
+    Of a log that is whole nothing is written, unless it has only its partial name: the process was
+    killed before it could give the log its own. Then the copy is the log, with its result.
 
     Args:
         path: The broken log; it stays as it is.
@@ -56,25 +67,40 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
         raise InputError(f"--out {target}: the log itself, expected another name")
     reading = _Reading(path)
     head = read_head(reading.items(), path, allow_plugins)
-    if not reading.complete:
+    decisions = len(reading.decisions)
+    if not decisions:
         raise InputError(
             f"log '{path}': no whole decision in it ({reading.damage or 'at its end'})"
         )
-    last = reading.last
-    missed = reading.misses
-    result = {
-        "outcome": "error",
-        "reason": f"recovered: {reading.damage or 'the log ends without a result'}",
-        "sim_time_s": str(last.timestamp.ToNanoseconds() * 1e-9),
-        "decisions": str(reading.complete),
-        "deadline_misses": str(missed),
-        "chain": last.chain,
-    }
+    sim_time_s = reading.decisions[-1].timestamp.ToNanoseconds() * 1e-9
+    result = None if reading.damage else head.metadata.get("result")
+    if result is not None and not PARTIAL_NAME.search(path.name):
+        return Recovery(str(path), None, decisions, sim_time_s, "")
+    reason = f"{RECOVERED}{reading.damage or 'the log ends without a result'}"
+    result = result or _result_of(reading, head.mission, reason)
     record = "full" if reading.sweeps else "decisions"
-    write_copy(target, head, reading.whole_decisions(), {**reading.result, **result}, record)
-    return Recovery(
-        str(path), str(target), reading.complete, float(result["sim_time_s"]), reading.damage
-    )
+    write_copy(target, head, reading.whole_decisions(), result, record)
+    return Recovery(str(path), str(target), decisions, sim_time_s, reading.damage)
+
+
+def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, str]:
+    """What is known of an episode up to its last whole decision, if there is one."""
+    decisions, truths = reading.decisions, reading.truths
+    result: dict[str, object] = {"outcome": "error", "reason": reason, "decisions": len(decisions)}
+    result |= {"sim_time_s": 0.0, "chain": ""}
+    if not decisions:
+        return {name: str(value) for name, value in result.items()}
+    last = truths[-1]
+    result |= {
+        "goal_distance_m": goal_distance(mission, np.array(last.position)),
+        "sim_time_s": decisions[-1].timestamp.ToNanoseconds() * 1e-9,
+        "collisions": last.collisions,
+        "struck": last.struck,
+        **figures_of(decisions, truths),
+        "route_length_m": None,
+        "chain": decisions[-1].chain,
+    }
+    return {name: str(value) for name, value in result.items()}
 
 
 def finish_partial(partial: Path, target: Path, what: str, traceback: str) -> tuple[str, int]:
@@ -99,21 +125,15 @@ def finish_partial(partial: Path, target: Path, what: str, traceback: str) -> tu
     reading = _Reading(source)
     head = read_head(reading.items(), source, allow_plugins=True)
     who = ", ".join(plugins_of(head.config)) or head.config.robot
-    reason = printable(f"{who}: the process {what} after {reading.complete} decisions")
-    result = {
-        "outcome": "error",
-        "reason": reason,
-        "sim_time_s": str(reading.last.timestamp.ToNanoseconds() * 1e-9),
-        "decisions": str(reading.complete),
-        "deadline_misses": str(reading.misses),
-        "chain": reading.last.chain,
-    }
+    decisions = len(reading.decisions)
+    reason = printable(f"{who}: the process {what} after {decisions} decisions")
+    result = _result_of(reading, head.mission, reason)
     if traceback:
         head.attachments[TRACEBACK] = traceback.encode()
-    record = "full" if reading.sweeps or not reading.complete else "decisions"
+    record = "full" if reading.sweeps or not decisions else "decisions"
     write_copy(target, head, reading.whole_decisions(), result, record)
     source.unlink()
-    return reason, reading.complete
+    return reason, decisions
 
 
 def recovered_name(path: Path) -> Path:
@@ -129,30 +149,32 @@ class _Reading:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.damage = ""
-        self.complete = 0
-        self.misses = 0
         self.sweeps = 0
-        self.last = pb.Decision()
-        self.result: dict[str, str] = {}
+        self.decisions: list[pb.Decision] = []  # each with its truth
+        self.truths: list[pb.Truth] = []
 
     def items(self) -> Iterator[Attachment | Metadata | Packet]:
         """Everything up to the damage, counted on the way."""
+        decision = None
         for item in self._sound():
             if isinstance(item, Packet) and is_ours(item):
                 message = decode(item, self._path)
                 if isinstance(message, pb.Decision):
-                    self.complete += 1
-                    self.misses += message.deadline_missed
-                    self.last = message
+                    decision = message
+                elif isinstance(message, pb.Truth) and decision is not None:
+                    self.decisions.append(decision)
+                    self.truths.append(message)
+                    decision = None
                 self.sweeps += isinstance(message, pb.Sweep)
             yield item
 
     def whole_decisions(self) -> Iterator[Message]:
         """Messages up to the last decision and its truth."""
+        last = self.decisions[-1].sequence if self.decisions else 0
         for item in self._sound():
             if isinstance(item, Packet) and is_ours(item):
                 message = decode(item, self._path)
-                if getattr(message, "sequence", 0) > self.last.sequence:
+                if getattr(message, "sequence", 0) > last:
                     return
                 yield message
 

@@ -144,6 +144,7 @@ def _kill_one(
         tally["lost"] += len(told)
         return
     tally["recovered"] += 1
+    assert recovery.written is not None  # a partial log is always copied
     target = Path(recovery.written)
     chains = [one.chain for one in open_log(target).decisions()]
     tally["lost"] += max(len(told) - len(chains), 0)

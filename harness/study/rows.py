@@ -12,6 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from google.protobuf.message import Message
 
+from harness.evidence.consistency import refuse_contradictions
+from harness.evidence.content import Content
 from harness.logs.container import Packet, walk
 from harness.logs.messages import decode
 from harness.logs.reader import open_log
@@ -77,7 +79,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     """The row of an episode that has ended, or none.
 
     Raises:
-        InputError: Its log is damaged.
+        InputError: Its log is damaged, or contradicts itself.
     """
     arm, seed, key = planned.arm, planned.seed, planned.key
     error = store.error(key)
@@ -88,11 +90,12 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     if not path.is_file():
         return None
     log = open_log(path, allow_plugins)
-    messages = list(_read(path))
-    decisions = [one for one in messages if isinstance(one, pb.Decision)]
-    truths = [one for one in messages if isinstance(one, pb.Truth)]
-    streams = [one for one in messages if isinstance(one, pb.Streams)]
-    done = next((one for one in messages if isinstance(one, pb.Perturbation)), pb.Perturbation())
+    content = Content()
+    for message in _read(path):
+        content.add(message)
+    refuse_contradictions(log, content)
+    decisions, streams = content.decisions, content.streams
+    done = content.perturbations[0] if content.perturbations else pb.Perturbation()
     names = tuple(one.name for one in streams[0].streams) if streams else ()
     return Row(
         key=key,
@@ -103,7 +106,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         cause=log.result.get("cause", ""),
         chain=log.result["chain"],
         duration=float(log.result["sim_time_s"]),
-        metrics=score(trace_of(log, decisions, truths)),
+        metrics=score(trace_of(log, decisions, content.truths)),
         acts=tuple(_act(one) for one in decisions),
         declared=tuple(done.streams),
         streams=names,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, get_args
 from rich.console import Console
 from rich.text import Text
 
-from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
+from harness.verbs.verb import Document, Verb, add_log_paths, add_unchecked, check_log, one_or_all
 
 if TYPE_CHECKING:
     from harness.evidence.audit import Audit, Volumes
@@ -23,6 +23,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
     audits = []
     for path in options.log:
+        check_log(path, options)
         audits.append(audit(path, options.policy, options.allow_plugins, options.volumes))
         print_audit(console, audits[-1])
     measured = [one.volumes for one in audits if one.volumes is not None]
@@ -70,6 +71,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     from maps import UnknownPolicy
 
     add_log_paths(parser)
+    add_unchecked(parser)
     parser.add_argument(
         "--policy",
         choices=get_args(UnknownPolicy),

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb
+from harness.verbs.verb import Document, Verb, add_unchecked, check_log
 
 ENDING = ".mcap"
 
@@ -21,6 +21,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError(f"--foxglove: got '{out}', expected a name that ends in {ENDING}")
     if out.resolve() == options.log.resolve():
         raise InputError(f"--foxglove: got the log itself, '{out}'")
+    check_log(options.log, options)
     from harness.viewer.foxglove import convert
 
     began = time.perf_counter()
@@ -44,6 +45,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.mcap",
         help="with schemas that Foxglove draws",
     )
+    add_unchecked(parser)
     parser.add_argument(
         "--allow-plugins",
         action="store_true",

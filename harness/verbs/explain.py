@@ -13,7 +13,14 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_plugins, warn_of_changed_plugins
+from harness.verbs.verb import (
+    Document,
+    Verb,
+    add_plugins,
+    add_unchecked,
+    check_log,
+    warn_of_changed_plugins,
+)
 
 if TYPE_CHECKING:
     from harness.cause import Case, Finding, NearMiss
@@ -34,6 +41,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError(f"--png: got '{options.png}', expected a name that ends in .png")
     if options.check and options.decision is not None:
         raise InputError("--check: goes with the whole episode, expected no decision's number")
+    check_log(options.log, options)
     log = open_log(options.log, options.allow_plugins)
     if options.allow_plugins:
         warn_of_changed_plugins(log)
@@ -255,6 +263,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="simulate again with one thing put right at a time, and settle the cause by it",
     )
+    add_unchecked(parser)
     add_plugins(parser)
 
 

@@ -9,12 +9,13 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_plugins
+from harness.verbs.verb import Document, Verb, add_plugins, add_unchecked, check_log
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Draw one decision, or all of them."""
     _check(options)
+    check_log(options.log, options)
     from harness.viewer.driver import choose_driver
 
     choose_driver()
@@ -56,6 +57,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--period", type=float, default=0.2, metavar="S", help="between frames, s (default: 0.2)"
     )
+    add_unchecked(parser)
     add_plugins(parser)
 
 

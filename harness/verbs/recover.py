@@ -16,6 +16,12 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from harness.logs.recover import recover
 
     recovery = recover(options.broken, options.out, options.allow_plugins)
+    if recovery.written is None:
+        console.print(
+            f"nothing to recover: {recovery.log} is whole, {recovery.decisions} decisions",
+            soft_wrap=True,
+        )
+        return 0, asdict(recovery)
     console.print(
         f"recovered: {recovery.decisions} decisions, {recovery.sim_time_s:.1f} s simulated; "
         f"{recovery.damage or 'the log ends without a result'}",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
+from harness.verbs.verb import Document, Verb, add_log_paths, add_unchecked, check_log, one_or_all
 
 if TYPE_CHECKING:
     from harness.metrics import Metric
@@ -21,6 +21,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
     documents: list[Document] = []
     for path in options.log:
+        check_log(path, options)
         log = open_log(path, options.allow_plugins)
         scores = score(read_trace(log))
         documents.append({"log": str(path), "outcome": log.result["outcome"], "metrics": scores})
@@ -46,6 +47,7 @@ def summary_of(metric: Metric) -> str:
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_log_paths(parser)
     parser.add_argument("--long", action="store_true", help="each metric's formula and source, too")
+    add_unchecked(parser)
 
 
 VERB = Verb(

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_plugins, one_or_all
+from harness.verbs.verb import Document, Verb, add_plugins, add_unchecked, check_log, one_or_all
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -41,6 +41,7 @@ def _sign(options: argparse.Namespace, console: Console) -> tuple[int, Document]
     print_of_key = fingerprint(key.public_key())
     documents: list[Document] = []
     for path in options.log:
+        check_log(path, options)
         chain = open_log(path, options.allow_plugins).result["chain"]
         signature = sign(path, key)
         console.print(
@@ -66,6 +67,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--new-key", type=Path, metavar="FILE", help="write a new private key, and FILE.pub"
     )
     add_plugins(parser)
+    add_unchecked(parser)
 
 
 VERB = Verb(

@@ -71,6 +71,30 @@ def warn_of_changed_plugins(log: Log) -> list[str]:
     return changed
 
 
+def add_unchecked(parser: argparse.ArgumentParser) -> None:
+    """Leave to read a log that contradicts itself."""
+    parser.add_argument(
+        "--unchecked",
+        action="store_true",
+        help="read a log even if its result does not follow from its content",
+    )
+
+
+def check_log(path: Path, options: argparse.Namespace) -> None:
+    """Refuse a log whose result, chain or hashes do not follow from its content.
+
+    Raises:
+        InputError: It is none, is damaged, or contradicts itself and `--unchecked` is not given.
+    """
+    if options.unchecked:
+        return
+    from harness.evidence.consistency import refuse_contradictions
+    from harness.logs.reader import open_log
+
+    log = open_log(path, options.allow_plugins)
+    refuse_contradictions(log, hint="; --unchecked reads it anyway")
+
+
 def add_log_folder(parser: argparse.ArgumentParser) -> None:
     """Where new logs go."""
     parser.add_argument("--logs", type=Path, default=LOGS, metavar="FOLDER", help="log folder")

@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.errors import InputError
-from harness.verbs.verb import Document, Verb
+from harness.verbs.verb import Document, Verb, add_unchecked, check_log
 
 ENDING = ".rrd"
 
@@ -22,6 +22,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.save is not None and options.save.suffix != ENDING:
         raise InputError(f"--save: got '{options.save}', expected a name that ends in {ENDING}")
     paths = [options.log] + ([options.compare] if options.compare else [])
+    for path in paths:
+        check_log(path, options)
     with console.status("making the maps again"), _without_collector():
         from harness.viewer.rerun_view import view
 
@@ -51,6 +53,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", metavar="LOG", type=Path)
     parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write it, open no viewer")
     parser.add_argument("--compare", type=Path, metavar="LOG2", help="a second log beside it")
+    add_unchecked(parser)
     parser.add_argument(
         "--allow-plugins",
         action="store_true",

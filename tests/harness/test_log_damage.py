@@ -293,5 +293,7 @@ def test_a_text_that_looks_like_markup_is_printed_as_it_stands(source, tmp_path,
             decision.reason = "[/x] :warning: $\\frac{$"
             items[at] = item._replace(data=decision.SerializeToString())
     path = write_items(items, tmp_path / "markup.mcap")
-    assert main(["explain", str(path), "1", "--png", str(tmp_path / "moment.png")]) == 0
+    drawn = ["--png", str(tmp_path / "moment.png")]
+    assert main(["explain", str(path), "1", *drawn]) == 2  # the chain is not that of the reasons
+    assert main(["explain", str(path), "1", *drawn, "--unchecked"]) == 0
     assert "[/x] :warning: $\\frac{$" in capsys.readouterr().out

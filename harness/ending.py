@@ -1,0 +1,82 @@
+"""What ends an episode at a decision, worked out from decisions and true positions alone.
+
+The simulation asks it as it goes, and a check of a log asks it again; neither needs MuJoCo for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.config import EpisodeConfig
+from harness.mission import Mission
+from harness.result import Outcome
+from harness.schema import wayproof_pb2 as pb
+
+Array = NDArray[np.float64]
+
+Verdict = tuple[Outcome, str]
+"""An outcome and why."""
+
+AT_A_DECISION: tuple[Outcome, ...] = ("success", "timeout", "stuck", "aborted")
+"""Outcomes that follow from a decision and the truth at its time."""
+
+BETWEEN_DECISIONS = tuple(one for one in get_args(Outcome) if one not in AT_A_DECISION)
+"""Outcomes of the physics after a decision, or of a failure of the program."""
+
+STUCK_RADIUS = 0.3
+"""Less movement than this within `episode.stuck_after` is no movement, m."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an episode's decisions are held against.
+
+    Attributes:
+        episode: Times and tolerances.
+        mission: Its goal.
+        period_s: From one decision to the next, s.
+    """
+
+    episode: EpisodeConfig
+    mission: Mission
+    period_s: float
+
+    def ending_at(self, decision: pb.Decision, positions: Sequence[Array]) -> Verdict | None:
+        """What a decision ends: the goal that it claims is checked against the truth.
+
+        Args:
+            decision: The newest.
+            positions: (3,) true, of the base, at every decision so far, m.
+        """
+        config = self.episode
+        if decision.action == "abort":
+            return "aborted", decision.reason
+        distance = goal_distance(self.mission, positions[-1])
+        if decision.action == "goal":
+            if distance <= config.goal_tolerance:
+                return "success", decision.reason
+            return "aborted", f"claimed the goal from {distance:.2f} m away"
+        if decision.timestamp.ToNanoseconds() * 1e-9 >= config.time_limit:
+            return "timeout", f"{distance:.2f} m from the goal after {config.time_limit:g} s"
+        window = round(config.stuck_after / self.period_s)
+        recent = positions[-window:]
+        if len(recent) == window and _spread(recent) < STUCK_RADIUS:
+            return "stuck", f"less than {STUCK_RADIUS} m of movement in {config.stuck_after:g} s"
+        return None
+
+
+def goal_distance(mission: Mission, position: Array) -> float:
+    """Distance of a true position (3,) from the goal, m; in the plane for a ground robot."""
+    axes = 2 if mission.motion == "ground" else 3
+    return math.dist(position[:axes].tolist(), mission.goal[:axes])
+
+
+def _spread(positions: Sequence[Array]) -> float:
+    points = np.array(positions)
+    return math.dist(points.max(axis=0).tolist(), points.min(axis=0).tolist())
