@@ -1,38 +1,55 @@
-"""Simulating a log's episode anew, from its seed, and comparing what was sensed and decided."""
+"""Simulating a log's episode anew, from its seed, and comparing all that a log holds of it."""
 
 from __future__ import annotations
 
+import itertools
+import math
 import tempfile
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from google.protobuf.message import Message
 
 from harness.episode import run_episode
 from harness.errors import InputError
-from harness.evidence.rebuild import rebuild, scene_is_ours
+from harness.evidence.fork import fork_with
+from harness.evidence.rebuild import is_made_from_seed, made_otherwise, rebuild
+from harness.evidence.relay import stretches
+from harness.logs.log import is_regenerated
 from harness.logs.log_copy import topic_of
+from harness.logs.machine import other_than_here
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log, open_log
+from harness.result import is_recovered
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import Difference, differences
+from harness.stack.decision import Difference, differences, message_differences
+
+SAME = 1e-9
+"""Relative difference of a result's figures that are the same."""
+
+INPUTS: tuple[type[Message], ...] = (pb.SensorInfo, pb.Sweep, pb.Pose, pb.Latency)
+
+BEFORE_ALL = -1
+"""Number of the step that holds the sensors' tables."""
 
 
 @dataclass(frozen=True)
-class InputDifference:
-    """The first input that differs.
+class MessageDifference:
+    """The first message of some kind that differs.
 
     Attributes:
         stream: Its topic.
-        sequence: Of the decision that it is an input of.
+        sequence: Of the decision that it belongs to; -1 of a sensor's table.
         time_s: Simulated time.
+        differences: What differs in it, value by value.
     """
 
     stream: str
     sequence: int
     time_s: float
+    differences: tuple[Difference, ...]
 
 
 @dataclass(frozen=True)
@@ -41,13 +58,19 @@ class ClosedLoop:
 
     Attributes:
         log: The log's path.
-        identical: Every input in the log, every decision and the chain are the same bits.
-        scene_from_seed: This version makes the same scene from the seed; none if the world is a
-            file. What is simulated is the log's own scene in any case.
+        identical: All that was compared is the same: sensor tables, inputs, decisions, truth,
+            states, stream hashes, perturbation records, result, and the scene that the seed gives.
+        scene_from_seed: This version makes the same scene, mission and config from the seed; none
+            if world or robot is a file. What is simulated is the log's own scene in any case.
+        made_otherwise: What differs in them.
         decisions: In the log.
+        simulated: Decisions of the new episode; of a log whose end is missing it may have more.
         first_input: The first input that differs, if any.
+        first_record: The first message that differs of those that are no input and no decision.
         first_difference: Sequence number of the first decision that differs, if any.
         differences: What differs there, value by value.
+        result: Fields of the result that differ; not compared where the log's end is missing.
+        elsewhere: What the log was recorded with that is different here.
         chain: Hash over the new decisions.
         outcome: How the episode ended now.
         recorded_outcome: How it ended then.
@@ -59,10 +82,15 @@ class ClosedLoop:
     log: str
     identical: bool
     scene_from_seed: bool | None
+    made_otherwise: tuple[Difference, ...]
     decisions: int
-    first_input: InputDifference | None
+    simulated: int
+    first_input: MessageDifference | None
+    first_record: MessageDifference | None
     first_difference: int | None
     differences: tuple[Difference, ...]
+    result: tuple[Difference, ...]
+    elsewhere: tuple[Difference, ...]
     chain: str
     outcome: str
     recorded_outcome: str
@@ -70,11 +98,30 @@ class ClosedLoop:
     written: str | None
     wall_time_s: float
 
+    @property
+    def findings(self) -> list[Difference]:
+        """All that differs, in one list, each by its place in the log."""
+        found = list(self.made_otherwise)
+        for one in (self.first_input, self.first_record):
+            if one is not None:
+                place = f"{one.stream}[{one.sequence}]"
+                found += [
+                    Difference(f"{place}.{each.field}", each.recorded, each.recomputed)
+                    for each in one.differences
+                ]
+        found += [
+            Difference(
+                f"/decision[{self.first_difference}].{each.field}", each.recorded, each.recomputed
+            )
+            for each in self.differences
+        ]
+        return [*found, *self.result]
+
 
 def simulate_again(
     path: Path, allow_plugins: bool = False, written: Path | None = None
 ) -> ClosedLoop:
-    """Simulate a log's episode from its seed, config and scene.
+    """Simulate a log's episode from its seed, config and scene; a forked one fork by fork.
 
     Args:
         path: The log.
@@ -82,33 +129,50 @@ def simulate_again(
         written: Where to keep the new log; it is written in full.
 
     Raises:
-        InputError: No such log, a forked one, or one that cannot be simulated.
+        InputError: No such log, or one that cannot be simulated.
     """
     log = open_log(path, allow_plugins)
-    if log.fork is not None:
-        raise InputError(f"log '{path}': forked at {log.fork.at}, expected the log forked from")
     if written is not None and written.resolve() == path.resolve():
         raise InputError(f"--log {written}: the log itself, expected another name")
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         target = written or Path(folder) / "again.mcap"
-        result = run_episode(rebuild(log), target, delays=_delays(log), record="full")
-        first_input, first, found = _compare(log, target)
+        _simulate(log, target, Path(folder))
+        again = open_log(target, allow_plugins=True)
+        compared = _compare(log, again)
+    made = made_otherwise(log)
+    result = () if is_recovered(log.result) else tuple(_result_differences(log, again))
     return ClosedLoop(
         log=str(path),
-        identical=first_input is None and first is None and result.chain == log.result["chain"],
-        scene_from_seed=scene_is_ours(log),
-        decisions=result.decisions,
-        first_input=first_input,
-        first_difference=first,
-        differences=tuple(found),
-        chain=result.chain,
-        outcome=result.outcome,
+        identical=compared.alike and not result and not made,
+        scene_from_seed=not made if is_made_from_seed(log) else None,
+        made_otherwise=tuple(made),
+        decisions=compared.decisions,
+        simulated=int(again.result["decisions"]),
+        first_input=compared.first_input,
+        first_record=compared.first_record,
+        first_difference=compared.first_decision,
+        differences=tuple(compared.differences),
+        result=result,
+        elsewhere=tuple(other_than_here(log.run)),
+        chain=again.result["chain"],
+        outcome=again.result["outcome"],
         recorded_outcome=log.result["outcome"],
         regenerated=log.record == "decisions",
         written=None if written is None else str(written),
         wall_time_s=time.perf_counter() - began,
     )
+
+
+def _simulate(log: Log, target: Path, folder: Path) -> None:
+    """Write the episode anew: the first settings from the start, then each fork from its own."""
+    delays = _delays(log)
+    forks = stretches(log)[1:]
+    steps = [folder / f"{number}.mcap" for number in range(len(forks))] + [target]
+    run_episode(rebuild(log.as_of(BEFORE_ALL)), steps[0], delays=delays, record="full")
+    for run, before, after in zip(forks, steps[:-1], steps[1:], strict=True):
+        parent = open_log(before, allow_plugins=True)
+        fork_with(parent, run.begin, run.config, after, delays=delays, record="full")
 
 
 def _delays(log: Log) -> dict[int, float]:
@@ -120,43 +184,124 @@ def _delays(log: Log) -> dict[int, float]:
     }
 
 
-def _compare(log: Log, again: Path) -> tuple[InputDifference | None, int | None, list[Difference]]:
-    """The first input, and the first decision with its differences, that are not as recorded."""
-    first_input = None
-    new_log = open_log(again, allow_plugins=True)
-    regenerated = log.record == "decisions"
-    pairs = zip(_steps(log.path), _steps(new_log.path), strict=False)
-    for (inputs, decision), (new_inputs, new_decision) in pairs:
-        if first_input is None:
-            first_input = _input_difference(inputs, new_inputs, decision, regenerated)
-        if regenerated and not decision.guide:
-            new_decision.ClearField("guide")  # left out of the log; the chain vouches for it
-        found = differences(decision, new_decision)
-        if found:
-            return first_input, decision.sequence, found
-    return first_input, None, []
+@dataclass
+class _Comparison:
+    """Where two logs part, as far as they were compared."""
+
+    decisions: int = 0
+    first_input: MessageDifference | None = None
+    first_record: MessageDifference | None = None
+    first_decision: int | None = None
+    differences: list[Difference] = field(default_factory=list)
+
+    @property
+    def alike(self) -> bool:
+        return (self.first_input, self.first_record, self.first_decision) == (None, None, None)
 
 
-def _input_difference(
-    old: dict[str, bytes], new: dict[str, bytes], decision: pb.Decision, regenerated: bool
-) -> InputDifference | None:
-    streams = [name for name in {**old, **new} if name in old or not regenerated]
-    for stream in streams:
-        if old.get(stream) != new.get(stream):
-            time_s = decision.timestamp.ToNanoseconds() * 1e-9
-            return InputDifference(stream, decision.sequence, time_s)
-    return None
+@dataclass(frozen=True)
+class _Step:
+    """A decision, if one was made, and the other messages of its number by topic."""
+
+    number: int
+    decision: pb.Decision | None
+    others: Mapping[str, list[Message]]
 
 
-def _steps(path: Path) -> Iterator[tuple[dict[str, bytes], pb.Decision]]:
-    """Each decision with the bytes of its inputs, by topic."""
-    inputs: dict[str, bytes] = {}
-    for message in read_messages(path):
-        if isinstance(message, pb.Decision):
-            yield inputs, message
-            inputs = {}
-        elif isinstance(message, INPUTS):
-            inputs[topic_of(message)] = message.SerializeToString(deterministic=True)
+def _compare(log: Log, again: Log) -> _Comparison:
+    """Step by step, to the end of the log or to the first decision that differs."""
+    found = _Comparison()
+    thinned = log.record == "decisions"
+    pairs = itertools.zip_longest(_steps(log.path), _steps(again.path))
+    for old, new in pairs:
+        if old is None:
+            break  # the log's end is missing, or its result differs
+        found.decisions += old.decision is not None
+        if new is None:
+            found.first_decision = found.first_decision or old.number
+            found.differences = [Difference("decision", "is there", "the episode has ended")]
+            break
+        _compare_others(found, old, new, thinned)
+        if old.decision is None or new.decision is None:
+            continue
+        if thinned and not old.decision.guide:
+            new.decision.ClearField("guide")  # left out of the log; the chain covers it
+        different = differences(old.decision, new.decision)
+        if different:
+            found.first_decision, found.differences = old.number, different
+            found.decisions += sum(1 for one, _ in pairs if one and one.decision is not None)
+            break
+    return found
 
 
-INPUTS: tuple[type[Message], ...] = (pb.SensorInfo, pb.Sweep, pb.Pose, pb.Latency)
+def _compare_others(found: _Comparison, old: _Step, new: _Step, thinned: bool) -> None:
+    """Note the first input and the first other message that differ."""
+    topics = [one for one in {**old.others, **new.others}]
+    for topic in topics:
+        one, other = old.others.get(topic, []), new.others.get(topic, [])
+        if not one and thinned and is_regenerated(topic):
+            continue
+        different = _messages_differ(one, other)
+        if not different:
+            continue
+        is_input = isinstance((one or other)[0], INPUTS)
+        place = MessageDifference(topic, old.number, _time_of(old, one or other), tuple(different))
+        if is_input and found.first_input is None:
+            found.first_input = place
+        elif not is_input and found.first_record is None:
+            found.first_record = place
+
+
+def _messages_differ(old: list[Message], new: list[Message]) -> list[Difference]:
+    if len(old) != len(new):
+        return [Difference("messages", str(len(old)), str(len(new)))]
+    for one, other in zip(old, new, strict=True):
+        if type(one) is not type(other):
+            return [Difference("kind", type(one).__name__, type(other).__name__)]
+        if found := message_differences(one, other):
+            return found
+    return []
+
+
+def _time_of(step: _Step, messages: list[Message]) -> float:
+    if step.number == BEFORE_ALL:
+        return 0.0
+    time_ns: int = messages[0].timestamp.ToNanoseconds()  # type: ignore[attr-defined]
+    return time_ns * 1e-9
+
+
+def _steps(path: Path) -> Iterator[_Step]:
+    """Messages by the number of their decision, in file order; sensors' tables come first."""
+    for number, messages in itertools.groupby(read_messages(path), _number_of):
+        decision = None
+        others: dict[str, list[Message]] = {}
+        for message in messages:
+            if isinstance(message, pb.Decision):
+                decision = message
+            else:
+                others.setdefault(topic_of(message), []).append(message)
+        yield _Step(number, decision, others)
+
+
+def _number_of(message: Message) -> int:
+    if isinstance(message, pb.SensorInfo):
+        return BEFORE_ALL
+    return int(message.sequence)  # type: ignore[attr-defined]
+
+
+def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
+    """Fields of the recorded result that the new one has otherwise; an older log has fewer."""
+    for name, now in again.result.items():
+        then = log.result.get(name)
+        if then is not None and name != "record" and not _same(then, now):
+            yield Difference(f"result.{name}", then, now)
+
+
+def _same(then: str, now: str) -> bool:
+    """Whether two texts are the same, or the same number to its ninth digit."""
+    if then == now:
+        return True
+    try:
+        return math.isclose(float(then), float(now), rel_tol=SAME, abs_tol=SAME)
+    except ValueError:
+        return False

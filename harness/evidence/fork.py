@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,8 +80,35 @@ def fork(
     log = open_log(path, allow_plugins)
     if target.resolve() == path.resolve():
         raise InputError(f"--log {target}: the log itself, expected another name")
+    config = override(log.as_of(at).config, settings)
+    return fork_with(log, at, config, target, observe)
+
+
+def fork_with(
+    log: Log,
+    at: int,
+    config: Config,
+    target: Path,
+    observe: Observer | None = None,
+    delays: Mapping[int, float] | None = None,
+    record: str | None = None,
+) -> Result:
+    """Simulate a log's episode from one decision on, with another config.
+
+    Args:
+        log: The log.
+        at: Number of the first decision with the new config.
+        config: The new one.
+        target: Name of the new log.
+        observe: Called after each decision, for display.
+        delays: Of each decision, s, in place of measured ones.
+        record: What to keep in place of the config's `record`.
+
+    Raises:
+        InputError: A setting changes that the episode had begun with, there is no such decision, or
+            no state was kept there.
+    """
     log = log.as_of(at)
-    config = override(log.config, settings)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
     scenario = rebuild(log, config)
     with hold_log(target) as draft:
@@ -92,10 +119,11 @@ def fork(
                 writer.note(PLUGINS, digests)
             _write_past(writer, log, at, scenario)
             episode = Episode(scenario, past.navigator, writer, observe)
+            episode.delays.update(delays or {})
             episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
             with publishing_failures(draft, writer):
                 result = episode.run()
-        return settle_log(draft, result, config.record)
+        return settle_log(draft, result, record or config.record)
 
 
 def live_through(log: Log, at: int, scenario: Scenario) -> Past:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import itertools
+from dataclasses import asdict, replace
 
 from harness.config import Config
 from harness.errors import InputError
@@ -12,6 +13,7 @@ from harness.mujoco_warnings import tell_warnings
 from harness.robots import find_logged_robot
 from harness.scenario import Scenario
 from harness.scene_text import safe_scene
+from harness.stack.decision import Difference
 from harness.worlds import perturbed
 from models.robots import ROBOTS
 from models.scene import bind, resolve
@@ -52,13 +54,39 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
     )
 
 
-def scene_is_ours(log: Log) -> bool | None:
-    """Whether this version makes the log's scene from its seed; none if part of it is a file."""
+def is_made_from_seed(log: Log) -> bool:
+    """Whether world and robot are registered names, so that a seed makes the scene."""
+    return log.config.world in WORLDS and log.config.robot in ROBOTS
+
+
+def made_otherwise(log: Log) -> list[Difference]:
+    """What of a log's scene, mission and config this version does not make from its seed.
+
+    Nothing is compared where the world or the robot is a file, see `is_made_from_seed`.
+    """
     from harness.scenario import build
 
-    if log.config.world not in WORLDS or log.config.robot not in ROBOTS:
-        return None
-    return build(log.config).scene.mjcf == log.scene
+    log = log.as_of(-1)
+    if not is_made_from_seed(log):
+        return []
+    try:
+        built = build(log.config)
+    except InputError as error:
+        return [Difference("scene.xml", "as logged", f"none can be made: {error}")]
+    found = [] if built.scene.mjcf == log.scene else [_scene_difference(log.scene, built)]
+    if built.config != log.config:
+        found.append(Difference("config", "as logged", "as resolved now, which is another"))
+    for name, made in asdict(built.mission).items():
+        if made != getattr(log.mission, name):
+            found.append(Difference(f"mission.{name}", str(getattr(log.mission, name)), str(made)))
+    return found
+
+
+def _scene_difference(scene: str, built: Scenario) -> Difference:
+    """The first line that two scenes hold differently."""
+    pairs = itertools.zip_longest(scene.splitlines(), built.scene.mjcf.splitlines(), fillvalue="")
+    number, (old, new) = next((n, pair) for n, pair in enumerate(pairs, 1) if pair[0] != pair[1])
+    return Difference(f"scene.xml, line {number}", old.strip()[:120], new.strip()[:120])
 
 
 def _world(log: Log) -> World:

@@ -14,10 +14,8 @@ import contextlib
 import functools
 import hashlib
 import os
-import platform
 import shutil
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 
 import zstandard
@@ -27,6 +25,7 @@ from google.protobuf.message import Message
 
 from harness.errors import InputError
 from harness.logs.container import MAGIC
+from harness.logs.machine import installed_version, this_machine
 from harness.logs.mcap_file import McapFile
 from harness.logs.packed import pack
 from harness.outputs import Draft, check_target
@@ -54,8 +53,6 @@ PLUGINS = "plugins"
 
 TRACEBACK = "error.txt"
 """Attachment of an episode that ended as `error`: where the code failed."""
-
-RECORDED_PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
 
 
 class LogWriter:
@@ -264,25 +261,11 @@ def digest_name(attachment: str) -> str:
     return f"sha256 {attachment}"
 
 
-@functools.cache
-def installed_version(package: str) -> str:
-    """Of a package; to look it up lists all that is installed."""
-    return metadata.version(package)
-
-
 def _run_metadata(attachments: Mapping[str, bytes]) -> dict[str, str]:
-    versions = {name: installed_version(name) for name in RECORDED_PACKAGES}
     digests = {
         digest_name(name): hashlib.sha256(data).hexdigest() for name, data in attachments.items()
     }
-    return {
-        "format_version": FORMAT_VERSION,
-        **digests,
-        "wayproof": installed_version("wayproof"),
-        "python": platform.python_version(),
-        "machine": platform.machine(),
-        **versions,
-    }
+    return {"format_version": FORMAT_VERSION, **digests, **this_machine()}
 
 
 @functools.cache

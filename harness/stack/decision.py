@@ -84,11 +84,13 @@ def differences(recorded: pb.Decision, recomputed: pb.Decision) -> list[Differen
         alone.CopyFrom(decision)
         alone.ClearField("stages")
         pair.append(alone)
-    if pair[0].SerializeToString(deterministic=True) == pair[1].SerializeToString(
-        deterministic=True
-    ):
-        return []
-    return list(_differences("", pair[0], pair[1]))
+    return message_differences(*pair)
+
+
+def message_differences(recorded: Message, recomputed: Message) -> list[Difference]:
+    """Every value of two messages of one kind that differs in a bit, as `differences` has them."""
+    written = [one.SerializeToString(deterministic=True) for one in (recorded, recomputed)]
+    return [] if written[0] == written[1] else list(_differences("", recorded, recomputed))
 
 
 def _differences(prefix: str, old: Message, new: Message) -> Iterator[Difference]:
@@ -115,8 +117,14 @@ def _difference(name: str, old: Any, new: Any) -> Iterator[Difference]:
     elif isinstance(old, float):
         if struct.pack("<d", old) != struct.pack("<d", new):  # which -0.0 == 0.0 would not tell
             yield Difference(name, repr(old), repr(new))
+    elif isinstance(old, bytes) and old != new:
+        yield Difference(name, _of_bytes(old), _of_bytes(new))
     elif old != new:
         yield Difference(name, str(old), str(new))
+
+
+def _of_bytes(data: bytes) -> str:
+    return f"{len(data)} bytes, hash {hashlib.blake2b(data, digest_size=4).hexdigest()}"
 
 
 def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from harness.config import Config, from_json, to_json
 from harness.errors import InputError
-from harness.logs.log import installed_version
+from harness.logs.machine import installed_version
 
 PARENT_POLL = 0.2
 """How often a worker looks whether whoever started it is still there, s."""

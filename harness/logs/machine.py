@@ -1,0 +1,67 @@
+"""On what a log was recorded: processor, C library, packages and this program's own code."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import platform
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+
+from harness.stack.decision import Difference
+
+PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
+"""Whose versions a log records."""
+
+CODE = "code"
+"""Field of a log's run: a hash of this program's source."""
+
+FOLDERS = ("harness", "maps", "models", "planners")
+
+ROOT = Path(__file__).parents[2]
+
+
+@functools.cache
+def installed_version(package: str) -> str:
+    """Of a package; to look it up lists all that is installed."""
+    return metadata.version(package)
+
+
+@functools.cache
+def this_machine() -> Mapping[str, str]:
+    """Versions, processor and C library, as a log's run records them."""
+    from llvmlite import binding
+
+    features = sorted(name for name, there in binding.get_host_cpu_features().items() if there)
+    return {
+        "wayproof": installed_version("wayproof"),
+        CODE: code_digest(),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "cpu": binding.get_host_cpu_name(),
+        "cpu features": " ".join(features),
+        "libc": " ".join(platform.libc_ver()),
+        **{name: installed_version(name) for name in PACKAGES},
+    }
+
+
+@functools.cache
+def code_digest() -> str:
+    """SHA-256 over every source file of this program, names and all, the first 16 digits."""
+    digest = hashlib.sha256()
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            data = path.read_bytes()
+            digest.update(f"{path.relative_to(ROOT).as_posix()} {len(data)}\n".encode())
+            digest.update(data)
+    return digest.hexdigest()[:16]
+
+
+def other_than_here(run: Mapping[str, str]) -> list[Difference]:
+    """What a log was recorded with that is different here; of an older log, what it lacks."""
+    return [
+        Difference(name, run.get(name, "not recorded"), here)
+        for name, here in this_machine().items()
+        if run.get(name) != here
+    ]
