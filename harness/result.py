@@ -78,6 +78,11 @@ def is_recovered(result: Mapping[str, str]) -> bool:
     return result["outcome"] == "error" and result.get("reason", "").startswith(RECOVERED)
 
 
+def ends_in_error(result: Mapping[str, str]) -> bool:
+    """Whether an episode broke off: its process was killed, or code in it failed."""
+    return result["outcome"] == "error"
+
+
 def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> dict[str, float]:
     """The result's figures that follow from what is logged at each decision, by name.
 

@@ -22,7 +22,7 @@ from harness.logs.log_copy import topic_of
 from harness.logs.machine import other_than_here
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log, open_log
-from harness.result import is_recovered
+from harness.result import ends_in_error
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import Difference, differences, message_differences
 
@@ -141,7 +141,7 @@ def simulate_again(
         again = open_log(target, allow_plugins=True)
         compared = _compare(log, again)
     made = made_otherwise(log)
-    result = () if is_recovered(log.result) else tuple(_result_differences(log, again))
+    result = () if ends_in_error(log.result) else tuple(_result_differences(log, again))
     return ClosedLoop(
         log=str(path),
         identical=compared.alike and not result and not made,

@@ -21,7 +21,7 @@ from harness.evidence.content import Content, read_content
 from harness.evidence.relay import Stretch, stretches
 from harness.logs.reader import Log
 from harness.perturbations import UNPERTURBED
-from harness.result import figures_of, is_recovered
+from harness.result import ends_in_error, figures_of
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import Difference, seal
 
@@ -54,9 +54,9 @@ class Subject:
         return next(run for run in reversed(self.runs) if run.begin <= max(number, 0))
 
     @property
-    def recovered(self) -> bool:
-        """Whether the log says that its end is missing."""
-        return is_recovered(self.log.result)
+    def incomplete(self) -> bool:
+        """Whether the log says that the episode broke off."""
+        return ends_in_error(self.log.result)
 
 
 def contradictions(log: Log, content: Content | None = None) -> list[Difference]:
@@ -71,6 +71,8 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
     """
     content = content or read_content(log)
     if not content.decisions:
+        if ends_in_error(log.result):
+            return []  # a stack can fail before its first decision
         raise InputError(f"log '{log.path}': no decisions in it")
     subject = Subject(log, content, tuple(stretches(log)))
     found = list(_numbering(subject))
@@ -106,7 +108,7 @@ def _numbering(subject: Subject) -> Iterator[Difference]:
         messages: Sequence[pb.Truth] = getattr(content, kind)
         if kind in ("poses", "latencies") and not messages and not content.inputs:
             continue  # a row of a study reads neither
-        yield from _stamps(kind, messages, stamps, subject.log.result["outcome"] == "error")
+        yield from _stamps(kind, messages, stamps, subject.incomplete)
 
 
 def _stamps(
@@ -167,7 +169,7 @@ def _figures(subject: Subject) -> Iterator[Difference]:
         expected["goal_distance_m"] = goal_distance(mission, np.array(last.position))
     for name, value in expected.items():
         recorded = result.get(name)
-        if recorded is None and subject.recovered:
+        if recorded is None and subject.incomplete:
             continue
         if not _is_number(recorded, value):
             yield Difference(f"result.{name}", str(recorded), f"{value:.10g}")
@@ -177,7 +179,7 @@ def _end_time(subject: Subject) -> Iterator[Difference]:
     """An episode ends with its last decision, or in the physics before the next one."""
     last_s = subject.content.decisions[-1].timestamp.ToNanoseconds() * 1e-9
     recorded = subject.log.result.get("sim_time_s", "")
-    if _ends_at_decision(subject) or subject.recovered:
+    if _ends_at_decision(subject):
         if not _is_number(recorded, last_s):
             yield Difference("result.sim_time_s", recorded, f"{last_s:.10g}")
         return
@@ -203,7 +205,7 @@ def _outcome(subject: Subject) -> Iterator[Difference]:
     if verdict is None and outcome not in BETWEEN_DECISIONS:
         expected = f"one of {', '.join(BETWEEN_DECISIONS)}: decision {last} ends nothing"
         yield Difference("result.outcome", outcome, expected)
-    if verdict is not None and not subject.recovered:
+    if verdict is not None and not subject.incomplete:
         for name, recorded, expected in zip(
             ("outcome", "reason"), (outcome, reason), verdict, strict=True
         ):

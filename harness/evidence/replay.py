@@ -1,4 +1,4 @@
-"""Recomputing every decision of a log from the log alone, and comparing bit by bit."""
+"""Recomputing all of a log that follows from the rest of it, and comparing bit by bit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.errors import InputError
+from harness.evidence.consistency import contradictions
 from harness.evidence.relay import Relay, stretches
+from harness.evidence.scope import Scope, scope_of
 from harness.logs.reader import Log, Record, open_log
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import Difference, differences
@@ -20,13 +22,17 @@ class Replay:
 
     Attributes:
         log: The log's path.
-        identical: Every decision and the chain are the same bits.
+        identical: Every decision and the chain are the same bits, and all else that follows from
+            the log's content is what the log says.
         decisions: Decisions in the log.
         differing: Decisions that differ.
         first_difference: Sequence number of the first of them; none if identical.
         differences: What differs there, value by value.
+        contradictions: What else of the log does not follow from its content: result, times, cause,
+            hashes.
         chain: Hash over the recomputed decisions.
         outcome: What the log says of the episode.
+        scope: What was recomputed, what only the closed loop shows, and what is a claim.
         wall_time_s: Time that the replay took.
     """
 
@@ -36,18 +42,23 @@ class Replay:
     differing: int
     first_difference: int | None
     differences: tuple[Difference, ...]
+    contradictions: tuple[Difference, ...]
     chain: str
     outcome: str
+    scope: Scope
     wall_time_s: float
 
 
-def replay(path: Path, allow_plugins: bool = False, threads: int | None = None) -> Replay:
-    """Recompute a log's decisions.
+def replay(
+    path: Path, allow_plugins: bool = False, threads: int | None = None, with_cause: bool = True
+) -> Replay:
+    """Recompute a log's decisions, and all else that follows from it.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
         threads: In place of the log's own; no decision depends on them.
+        with_cause: Whether the cause of a failure is worked out again as well.
 
     Raises:
         InputError: The file is no finished log, holds no decision, or its sweeps were left out.
@@ -68,15 +79,20 @@ def replay(path: Path, allow_plugins: bool = False, threads: int | None = None) 
         chain = recomputed.chain
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
+    others = contradictions(log)
+    cause = None if others or differing or not with_cause else cause_differences(log)
+    others += cause or []
     return Replay(
         log=str(path),
-        identical=not differing and chain == log.result["chain"],
+        identical=not differing and chain == log.result["chain"] and not others,
         decisions=decisions,
         differing=differing,
         first_difference=None if first is None else first[0],
         differences=() if first is None else tuple(first[1]),
+        contradictions=tuple(others),
         chain=chain,
         outcome=log.result["outcome"],
+        scope=scope_of(log, with_cause=cause is not None),
         wall_time_s=time.perf_counter() - began,
     )
 
@@ -90,3 +106,31 @@ def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
     relay = Relay(stretches(log))
     for record in log.records():
         yield record, relay.step(record)
+
+
+def cause_differences(log: Log) -> list[Difference] | None:
+    """How the cause that a log states differs from the one that is worked out of it now.
+
+    Returns:
+        Nothing where the cause is the same; none where it is not worked out: the log states none,
+        or MuJoCo, whose geometry it needs, is not installed.
+
+    Raises:
+        InputError: The log's scene cannot be compiled.
+    """
+    if not log.result.get("cause") or log.record == "decisions":
+        return None
+    try:
+        from harness.cause import find_cause, read_case
+    except ImportError:
+        return None
+    finding = find_cause(read_case(log))
+    now = ("none", "", "-1")
+    if finding is not None:
+        now = (finding.cause, finding.evidence, str(finding.decision))
+    names = ("cause", "cause_evidence", "cause_decision")
+    return [
+        Difference(f"result.{name}", log.result.get(name, "not recorded"), one)
+        for name, one in zip(names, now, strict=True)
+        if log.result.get(name) != one
+    ]

@@ -21,6 +21,7 @@ from harness.verbs import (
     search,
     sign,
     study,
+    verify,
     view,
 )
 from harness.verbs.verb import Document, Verb
@@ -28,6 +29,7 @@ from harness.verbs.verb import Document, Verb
 VERBS: dict[str, Verb] = {
     "run": run.VERB,
     "replay": replay.VERB,
+    "verify": verify.VERB,
     "explain": explain.VERB,
     "audit": audit.VERB,
     "score": score.VERB,

@@ -24,6 +24,7 @@ from harness.verbs.verb import (
 if TYPE_CHECKING:
     from harness.evidence.closed_loop import ClosedLoop
     from harness.evidence.replay import Replay
+    from harness.evidence.scope import Scope
     from harness.evidence.what_if import Answer, WhatIf
     from harness.stack.decision import Difference
 
@@ -117,21 +118,35 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
 
 
 def print_replay(console: Console, replayed: Replay) -> None:
-    """One replay's verdict in a line, and what differs first."""
+    """One replay's verdict in a line, what differs first, and what the verdict covers."""
     if replayed.identical:
         text = Text.assemble(
             ("identical", "bold green"), f": {replayed.decisions} of {replayed.decisions} decisions"
         )
     else:
         first = replayed.first_difference
-        where = "only the log's own chain" if first is None else f"first {first}"
+        where = "" if first is None else f", first {first}"
+        if first is None and not replayed.contradictions:
+            where = ", only the log's own chain"
         text = Text.assemble(
             ("differs", "bold red"),
-            f": {replayed.differing} of {replayed.decisions} decisions, {where}",
+            f": {replayed.differing} of {replayed.decisions} decisions{where}",
         )
     text.append(f"; {replayed.wall_time_s:.1f} s; chain {replayed.chain}; {replayed.log}")
     console.print(text, soft_wrap=True)
-    _print_differences(console, replayed.differences)
+    print_differences(console, [*replayed.differences, *replayed.contradictions])
+    print_scope(console, replayed.scope)
+
+
+def print_scope(console: Console, scope: Scope) -> None:
+    """What a verdict covers, and what not, a line each."""
+    for title, parts in (
+        ("recomputed", scope.recomputed),
+        ("only --closed-loop shows", scope.simulation),
+        ("claims", scope.claims),
+    ):
+        if parts:
+            console.print(f"  {title}: {', '.join(parts)}", soft_wrap=True, highlight=False)
 
 
 def print_what_if(console: Console, answer: WhatIf) -> None:
@@ -176,33 +191,51 @@ def print_what_if(console: Console, answer: WhatIf) -> None:
 def print_closed_loop(console: Console, again: ClosedLoop) -> None:
     """Whether the simulated episode is the recorded one, and where it leaves it."""
     verdict = ("identical", "bold green") if again.identical else ("differs", "bold red")
-    kept = "decisions (sweeps simulated anew)" if again.regenerated else "inputs and decisions"
+    kept = "all but sweeps and states" if again.regenerated else "all"
+    ended = f"{again.outcome} now, {again.recorded_outcome} then"
+    if again.outcome == again.recorded_outcome:
+        ended = again.outcome
     console.print(
         Text.assemble(
             verdict,
-            f": {kept} of {again.decisions} decisions, {again.outcome} now, "
-            f"{again.recorded_outcome} then; {again.wall_time_s:.1f} s; chain {again.chain}; "
-            f"{again.log}",
+            f": {kept} of {again.decisions} decisions, {ended}; {again.wall_time_s:.1f} s; "
+            f"chain {again.chain}; {again.log}",
         ),
         soft_wrap=True,
     )
-    if again.scene_from_seed is False:
-        console.print("  this version makes another scene from the seed; the log's was simulated")
-    if again.first_input is not None:
-        place = again.first_input
-        console.print(
-            f"  first input that differs: {place.stream} of decision {place.sequence} "
-            f"({place.time_s:.1f} s)",
-            soft_wrap=True,
-        )
+    if again.made_otherwise:
+        console.print("  the seed makes another episode in this version; the log's was simulated:")
+        print_differences(console, again.made_otherwise)
+    for kind, place in (("input", again.first_input), ("record", again.first_record)):
+        if place is not None:
+            console.print(
+                f"  first {kind} that differs: {place.stream} of decision {place.sequence} "
+                f"({place.time_s:.1f} s)",
+                soft_wrap=True,
+            )
+            print_differences(console, place.differences)
     if again.first_difference is not None:
         console.print(f"  first decision that differs: {again.first_difference}")
-    _print_differences(console, again.differences)
+    print_differences(console, [*again.differences, *again.result])
+    if not again.identical and again.elsewhere:
+        print_elsewhere(console, again.elsewhere)
     if again.written:
         console.print(f"log: {again.written}", soft_wrap=True, highlight=False)
 
 
-def _print_differences(console: Console, differences: Sequence[Difference]) -> None:
+def print_elsewhere(console: Console, elsewhere: Sequence[Difference]) -> None:
+    """What a log was recorded with that is different here, in a line."""
+    names = ", ".join(one.field for one in elsewhere)
+    console.print(
+        f"  recorded with another {names}: a simulation is repeated to the bit only on like "
+        "machines, with the same versions",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def print_differences(console: Console, differences: Sequence[Difference]) -> None:
+    """The first few of some differences, a line each."""
     for one in differences[:SHOWN_DIFFERENCES]:
         console.print(f"  {one.field}: {one.recorded} -> {one.recomputed}", soft_wrap=True)
     if len(differences) > SHOWN_DIFFERENCES:
