@@ -256,6 +256,8 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"config: {error}") from None
     planner = document.get("planner") if isinstance(document, dict) else None
+    if isinstance(planner, dict):
+        planner.setdefault("grain", 0.0)  # recorded before there was one
     name = planner.get("name") if isinstance(planner, dict) else None
     if not allow_plugins and isinstance(name, str) and PLUGIN in name:
         raise InputError(

@@ -17,6 +17,9 @@ from planners.state_spaces import STATE_SPACES, StateSpace, state_space_for
 DETOUR_REACH = 1.0
 # Headings tried at a goal that leaves it free.
 GOAL_HEADINGS = 16
+# A nanometre, some million times what the last bits of a coordinate are worth [m].
+GRAIN = 2.0**-30
+GREATEST_GRAIN = 1e-3
 
 PlanLabel = Literal["none", "no_path", "start_blocked", "goal_blocked"]
 
@@ -44,6 +47,9 @@ class PlannerConfig:
         state_space: What is planned: ``position``, ``pose``, ``reeds_shepp``, ``dubins``, or
             ``auto``: a pose where the body is checked at its heading, else a position.
         turning_radius: Least radius of ``reeds_shepp`` and ``dubins`` curves [m].
+        grain: Coordinates and headings of what OMPL finds are whole multiples of it [m, rad]: its
+            curves and informed samples rest on functions of the C library, whose last bits follow
+            the processor. 0 leaves them as they are. The planner ``field`` needs none.
 
     Raises:
         ValueError: If a field is out of its range.
@@ -58,6 +64,7 @@ class PlannerConfig:
     keep_ratio: float = 0.9
     state_space: str = "auto"
     turning_radius: float = 0.5
+    grain: float = GRAIN
 
     def __post_init__(self) -> None:
         planner_builder(self.name)
@@ -79,6 +86,9 @@ class PlannerConfig:
             got = getattr(self, field)
             if not 0.0 <= got < math.inf:
                 raise ValueError(f"planner.{field}: got {got}, expected 0 or more, finite")
+        if not 0.0 <= self.grain <= GREATEST_GRAIN:
+            got = f"{self.grain}"
+            raise ValueError(f"planner.grain: got {got}, expected 0 to {GREATEST_GRAIN} m")
         if not 0.0 < self.keep_ratio <= 1.0:
             raise ValueError(f"planner.keep_ratio: got {self.keep_ratio}, expected in (0, 1]")
 
@@ -285,6 +295,8 @@ def _search_once(
         return np.array([query.start, query.goal], dtype=np.float64), 1
     budget = Budget(iterations, config.clearance_weight)
     poses, used = search(query, config.name, budget, seed, config.shortcuts)
+    if poses is not None and config.grain > 0.0 and config.name not in UNSEEDED:
+        poses[1:-1] = np.rint(poses[1:-1] / config.grain) * config.grain
     if poses is None or math.isinf(_cost(query, poses, config.clearance_weight)):
         return None, used
     return smoothed(query, poses, config, seed), used

@@ -1,4 +1,4 @@
-"""`python -m harness.soak kill|fuzz|episodes|worlds|studies --count N`: 0 if nothing broke.
+"""`python -m harness.soak SOAK --count N`: 0 if nothing broke.
 
 Progress is a line each, for episodes one JSON document; the last line is the summary, in JSON.
 """
@@ -9,21 +9,25 @@ import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from harness.soak.episodes import Tally, soak_episodes
 from harness.soak.fuzz import Fuzzed, soak_fuzz
 from harness.soak.kill import Killed, soak_kill
+from harness.soak.processors import Processors, soak_processors
 from harness.soak.studies import Disturbed, soak_studies
 from harness.soak.worlds import Drawn, soak_worlds
 
-SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally | Drawn | Disturbed]] = {
+SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally | Drawn | Disturbed | Processors]] = {
     "kill": soak_kill,
     "fuzz": soak_fuzz,
     "episodes": soak_episodes,
     "worlds": soak_worlds,
     "studies": soak_studies,
+    "processors": soak_processors,
 }
 """Name on the command line -> what it runs: count, seed, progress, number of the first."""
 
@@ -36,14 +40,24 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
+    parser.add_argument(
+        "--python", action="append", default=[], help="of processors: an interpreter to replay with"
+    )
+    parser.add_argument(
+        "--log", action="append", type=Path, default=[], help="of processors: one to replay as well"
+    )
     options = parser.parse_args()
 
     def progress(text: str) -> None:
         print(text, flush=True)
 
     chosen = SOAKS[options.soak]
-    jobs = {"jobs": options.jobs} if chosen is soak_episodes else {}
-    findings = chosen(options.count, options.seed, progress, options.first, **jobs)
+    more: dict[str, Any] = {}
+    if chosen in (soak_episodes, soak_processors):
+        more["jobs"] = options.jobs
+    if chosen is soak_processors:
+        more |= {"pythons": options.python, "given": options.log}
+    findings = chosen(options.count, options.seed, progress, options.first, **more)
     print(msgspec.json.encode(asdict(findings)).decode())
     return 1 if findings.failures else 0
 

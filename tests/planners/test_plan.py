@@ -208,3 +208,20 @@ def test_a_path_is_replaced_only_by_a_clearly_cheaper_one():
     assert not PlannerConfig(keep_ratio=0.9).replaces(9.1, 10.0)
     assert PlannerConfig().replaces(1e6, math.inf)
     assert not PlannerConfig().replaces(math.inf, math.inf)
+
+
+def test_what_ompl_finds_is_rounded_to_the_grain(maze, boxes):
+    """The last bits of its samples may follow the processor; a user's own planner's, too."""
+    bare = dict(iterations=ITERATIONS, restarts=1, shortcuts=0)
+    for space, start, goal in queries(maze, boxes):
+        for grain in (2.0**-30, 2.0**-16):
+            rounded = plan(space, start, goal, PlannerConfig("rrtconnect", grain=grain, **bare), 7)
+            inner = rounded.waypoints[1:-1] / grain
+            assert np.array_equal(inner, np.rint(inner))
+            assert len(inner) > 0
+            assert np.array_equal(rounded.waypoints[[0, -1]], [start, goal])
+        exact = plan(space, start, goal, PlannerConfig("rrtconnect", grain=0.0, **bare), 7)
+        inner = exact.waypoints[1:-1] * 2.0**30
+        assert not np.array_equal(inner, np.rint(inner))
+    with pytest.raises(ValueError, match=r"planner\.grain: got 0\.1, expected 0 to 0\.001 m"):
+        PlannerConfig(grain=0.1)

@@ -1,0 +1,132 @@
+"""Logs replay to the same bits in processes that compute as other processors do."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.config import from_json, to_json
+from harness.logs.reader import open_log
+from harness.soak.kinds import KINDS, draw
+from harness.soak.processors import (
+    Emulated,
+    Emulation,
+    emulations,
+    replay_all,
+    replay_under,
+    soak_processors,
+)
+from harness.soak.replays import arithmetic
+from models.devices import DEVICES, Rangefinder
+from planners import PLANNERS
+
+HERE = [one for one in emulations(Path(os.devnull), compiled=False) if one.name != "as it is"]
+
+EPISODES = (
+    ("crossing", "drone", 4, "episode.time_limit=2", "planner.name=informed_rrtstar"),
+    ("warehouse", "quadruped", 3, "episode.time_limit=1.5"),
+    (
+        *("office", "quadruped", 5, "episode.time_limit=1", "planner.name=rrtconnect"),
+        *("planner.state_space=reeds_shepp", "planner.iterations=100", "planner.restarts=1"),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def logs(recorded):
+    return [Path(recorded(*episode).log) for episode in EPISODES]
+
+
+@pytest.mark.parametrize("emulation", HERE, ids=lambda one: one.name)
+def test_logs_replay_to_the_same_bits(logs, emulation):
+    if emulation.refused:
+        pytest.skip(emulation.refused)
+    result = Emulated()
+    assert replay_all(emulation, logs, arithmetic(), result) == []
+    assert (result.replays, result.identical) == (len(logs), len(logs))
+    assert result.decisions >= 30
+
+
+BENDS = """
+import hashlib, types
+import numpy as np
+from harness.stack.stopping import _bends
+from planners import MotionLimits
+
+limits = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)
+rng, digest = np.random.default_rng(3), hashlib.sha256()
+for ground in [False, True] * 1000:
+    towards = rng.integers(-1000, 1001, 3) * [1.0, 1.0, not ground]
+    towards /= np.sqrt(np.square(towards).sum())
+    speed, reach = rng.uniform(0.3, 2.0), rng.uniform(0.3, 1.5)
+    now = types.SimpleNamespace(speed=speed, position=rng.uniform(0.0, 20.0, 3))
+    view = types.SimpleNamespace(limits=limits, turns_in_place=ground)
+    for bend in _bends(view, now, towards, reach):
+        digest.update(bend.tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_stops_turn_away_on_the_same_bits():
+    found = {}
+    for emulation in emulations(Path(os.devnull), compiled=False):
+        if not emulation.refused and emulation.name != "numpy at its baseline":
+            environment = {**os.environ, **emulation.environment}
+            done = subprocess.run(
+                [sys.executable, "-c", BENDS],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=True,
+            )
+            found[emulation.name] = done.stdout
+    assert len(found) >= 4
+    assert len(set(found.values())) == 1, found
+
+
+def test_what_does_not_take_effect_or_differs_is_a_failure(tmp_path):
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(b"no log")
+    without_effect = Emulation("nothing", {}, lambda child, own: child.library != own.library)
+    result = Emulated()
+    effect, differs = replay_all(without_effect, [broken], arithmetic(), result)
+    assert effect.startswith("nothing: not in effect: Arithmetic(")
+    assert str(broken) in differs
+    assert (result.replays, result.identical) == (1, 0)
+
+
+def test_a_child_that_ends_early_is_told_of():
+    missing = Emulation("other", {"PYTHONHOME": os.devnull}, lambda child, own: True)
+    with pytest.raises(RuntimeError, match="other: exit code 1"):
+        replay_under(missing, [])
+
+
+def test_kinds_take_everything_in_turn():
+    planners, devices = set(), set()
+    kinds = list(KINDS)
+    for turn in range(2 * len(PLANNERS)):
+        planners.add(
+            draw(len(kinds) * turn + kinds.index("planner"), 0).scenario.config.planner.name
+        )
+    for turn in range(2 * len(DEVICES)):
+        devices.add(
+            draw(len(kinds) * turn + kinds.index("device"), 0).scenario.config.sensors.lidar
+        )
+    assert planners == set(PLANNERS)
+    assert devices == {name for name in DEVICES if not isinstance(DEVICES[name], Rangefinder)}
+
+
+def test_one_of_each_step_of_the_soak():
+    found = soak_processors(0, 0, print)
+    assert found.failures == []
+    assert found.emulations["as it is"].skipped == ""
+
+
+def test_paths_of_older_logs_are_not_rounded(recorded):
+    config = open_log(Path(recorded(*EPISODES[0]).log)).config
+    text = to_json(config)
+    assert from_json(text).planner.grain == 2.0**-30
+    before = text.replace(b'"grain"', b'"grains"')
+    assert from_json(before).planner.grain == 0.0
