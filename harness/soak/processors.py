@@ -112,7 +112,7 @@ def emulations(caches: Path, pythons: Sequence[str] = (), compiled: bool = True)
         compiled: Whether kernels are compiled anew for a processor without any extension, which
             takes some minutes.
     """
-    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])  # type: ignore[call-overload]
+    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     lacking = "" if AVX_512 in found else "OpenBLAS's kernels for it need AVX-512"
     made = [
         Emulation("as it is", {}, lambda child, own: child == own),

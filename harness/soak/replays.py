@@ -69,7 +69,7 @@ class Verdict:
 
 def arithmetic() -> Arithmetic:
     """What this process computes with."""
-    vectors = np.show_config(mode="dicts")["SIMD Extensions"]  # type: ignore[call-overload]
+    vectors = np.show_config(mode="dicts")["SIMD Extensions"]
     rng = np.random.default_rng(0)
     values = rng.uniform(0.01, 20.0, SAMPLES).tolist()
     functions: tuple[Callable[[float], float], ...] = (math.sin, math.cos, math.exp, math.log)
@@ -81,7 +81,7 @@ def arithmetic() -> Arithmetic:
         numpy=np.__version__,
         blas=_blas(),
         vectors=tuple(vectors.get("found", ())),
-        compiler=str(numba.config.CPU_NAME or "host"),
+        compiler=str(getattr(numba.config, "CPU_NAME", None) or "host"),
         library=_digest(results),
         products=_digest(products),
     )
