@@ -192,6 +192,9 @@ NAMED: dict[str, Iterable[str]] = {
 NUMBERS = ("int", "float")
 """Types of settings that are numbers; a switch is none."""
 
+CODE = ("planner.name",)
+"""Settings that may name code of the user's own."""
+
 PLUGIN = ":"
 """In the name of a planner or a robot's controller: `module:Class` of the user's own."""
 

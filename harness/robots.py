@@ -9,6 +9,7 @@ from pathlib import Path
 from harness.config import Config
 from harness.errors import InputError, unknown_name
 from harness.named import HASHED, find_named
+from models.imports.reading import read_text
 from models.robots import ROBOTS, Robot, brought
 from models.robots.brought import (
     CONTROLLERS,
@@ -25,6 +26,9 @@ EXAMPLES = Path(brought.__file__).parent / "examples"
 
 ENDING = ".toml"
 """Of a spec file, given in place of a robot's name."""
+
+MOST_BYTES = 2**20
+"""Of one that is looked into before it is read."""
 
 
 def find_robot(config: Config) -> Robot:
@@ -60,6 +64,16 @@ def refuse_unused(config: Config, settings: Iterable[str]) -> None:
         if name in UNUSED[motion]:
             kind = "walks" if motion == "ground" else "flies"
             raise InputError(f"--set {name}: '{config.robot}' {kind} and does not use it")
+
+
+def controller_of(name: str) -> str:
+    """What the spec file of a robot names as its controller, without loading it; else empty."""
+    if not name.endswith(ENDING):
+        return ""
+    try:
+        return parse_spec(read_text(Path(name), MOST_BYTES)).controller
+    except ValueError:
+        return ""  # told when the robot is read
 
 
 def find_logged_robot(config: Config, scene: str) -> Robot:

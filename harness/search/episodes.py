@@ -17,6 +17,7 @@ from harness.search.hunt import Hunt, Tried, hunt, shorten
 from harness.search.space import LEAST, Space
 from harness.study.contents import contents_of
 from harness.study.file import CLEAN, Arm, Planned, perturbation_at, planned_for
+from harness.study.matching import open_planned
 from harness.study.processes import Finished
 from harness.study.store import Store
 from harness.study.study import Engine, run_missing
@@ -176,4 +177,5 @@ class _Runs:
         error = self._store.error(planned.key)
         if error is not None:
             raise InputError(error)
-        return open_log(self._store.log(planned.key), allow_plugins=True).result
+        log = open_planned(self._store.log(planned.key), planned, allow_plugins=True)
+        return log.result

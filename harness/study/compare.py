@@ -11,7 +11,7 @@ from harness.study.file import Planned, plan_episodes, read_gate
 from harness.study.gates import judge
 from harness.study.rows import Row
 from harness.study.store import Store
-from harness.study.study import StudyResult, error_in_words, read_rows
+from harness.study.study import StudyResult, error_in_words, read_own_rows
 
 
 def compare(
@@ -25,8 +25,8 @@ def compare(
         InputError: A folder is none of a study, a gate is none, or the two share no episode.
     """
     judged = [read_gate(text) for text in gates]
-    planned, rows = _read(after, allow_plugins)
-    planned_before, rows_before = _read(before, allow_plugins)
+    planned, rows, foreign = _read(after, allow_plugins)
+    planned_before, rows_before, foreign_before = _read(before, allow_plugins)
     samples = samples_between(rows_before, rows)
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
@@ -42,10 +42,11 @@ def compare(
         first_error=error_in_words(errors[0]) if errors else "",
         arms=summarise(samples, limit),
         gates=judge(samples, judged, limit),
+        foreign=(*foreign_before, *foreign),
     )
 
 
-def _read(folder: Path, allow_plugins: bool) -> tuple[list[Planned], list[Row]]:
+def _read(folder: Path, allow_plugins: bool) -> tuple[list[Planned], list[Row], tuple[str, ...]]:
     store = Store(folder)
     planned = plan_episodes(store.read_study(allow_plugins), store.read_contents())
-    return planned, read_rows(planned, store, allow_plugins)
+    return planned, *read_own_rows(planned, store, allow_plugins)

@@ -14,7 +14,6 @@ import msgspec
 
 from harness.config import Config
 from harness.errors import InputError
-from harness.logs.reader import open_log
 from harness.perturbations import PERTURBATIONS
 from harness.perturbations.perturbation import GREATEST
 from harness.statistics import Interval, quantile_interval
@@ -24,11 +23,14 @@ from harness.study.file import (
     Arm,
     Planned,
     StudyFile,
+    episodes_of,
     files_of,
     perturbation_at,
     plan_episodes,
     planned_for,
 )
+from harness.study.file import MOST_EPISODES as MOST_PLANNED
+from harness.study.matching import open_planned
 from harness.study.processes import Finished
 from harness.study.store import Store
 from harness.study.study import Engine, run_missing
@@ -192,31 +194,35 @@ def read_margins(study: StudyFile, store: Store) -> list[Margin]:
 
 def brackets_of(study: StudyFile, question: Question, contents: Contents) -> list[Bracket]:
     """One for each unperturbed episode and each perturbation, before anything is known."""
-    for name in question.perturbations:
+    names = question.perturbations
+    if len(names) != len(set(names)) or len(names) * episodes_of(study) > MOST_PLANNED:
+        raise InputError(
+            f"{len(names)} perturbations of {episodes_of(study)} episodes, expected each once and "
+            f"at most {MOST_PLANNED} pairs"
+        )
+    for name in names:
         perturbation_at(name, GREATEST)
     clean = [one for one in plan_episodes(study, contents) if one.arm.perturbation == CLEAN]
     return [
-        Bracket(replace(one.arm, perturbation=name), one.config)
-        for one in clean
-        for name in question.perturbations
+        Bracket(replace(one.arm, perturbation=name), one.config) for one in clean for name in names
     ]
 
 
 def _advance(bracket: Bracket, question: Question, store: Store, contents: Contents) -> Bracket:
     """As far as the store's episodes lead."""
     while (severity := bracket.next_severity(question.most_episodes)) is not None:
-        key = _planned(bracket, severity, contents).key
-        if not store.is_done(key):
+        planned = _planned(bracket, severity, contents)
+        if not store.is_done(planned.key):
             return bracket
-        bracket = bracket.told(severity, *_outcome(store, key))
+        bracket = bracket.told(severity, *_outcome(store, planned))
     return bracket
 
 
-def _outcome(store: Store, key: str) -> tuple[str, str]:
-    error = store.error(key)
+def _outcome(store: Store, planned: Planned) -> tuple[str, str]:
+    error = store.error(planned.key)
     if error is not None:
         return "error", error
-    result = open_log(store.log(key), allow_plugins=True).result
+    result = open_planned(store.log(planned.key), planned, allow_plugins=True).result
     return result["outcome"], result.get("reason", "")
 
 

@@ -7,18 +7,19 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import msgspec
 
-from harness.config import Config, from_document, override
+from harness.config import CODE, PLUGIN, Config, from_document, override
 from harness.errors import InputError, unknown_name
 from harness.metrics import METRICS
 from harness.perturbations import AnyPerturbation, perturbation_from
 from harness.robots import ENDING as ROBOT_FILE
+from harness.robots import controller_of
 from harness.study.contents import Contents, contents_of
 from harness.study.job import episode_key
 from harness.worlds import ENDING as WORLD_FILE
@@ -31,7 +32,14 @@ PACKAGED = Path(__file__).parent.parent / "studies"
 CLEAN = "none"
 """What an arm without a perturbation is called."""
 
-MOST_EPISODES = 1_000_000
+MOST_EPISODES = 100_000
+"""Of one study: to plan them takes some seconds and a quarter of a GiB."""
+
+MOST_ARMS = 5000
+"""Combinations of worlds, robots, axes and perturbations."""
+
+MOST_BYTES = 2**20
+"""Of a study file."""
 
 
 class Bounds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -137,11 +145,16 @@ class Gate:
     proven: bool
 
 
-def read_study(name: str) -> StudyFile:
+def read_study(name: str, allow_plugins: bool = False) -> StudyFile:
     """Read a study file, or a packaged study by its name.
 
+    Args:
+        name: Of the file, or of the packaged study.
+        allow_plugins: Whether it may name code of the user's own, which its episodes import.
+
     Raises:
-        InputError: No such file or study, no TOML, or fields that are missing, unknown or wrong.
+        InputError: No such file or study, no TOML, too large, or fields that are missing, unknown
+            or wrong; or it names code and may not.
     """
     path = Path(name)
     if not path.suffix and not path.is_file():
@@ -149,17 +162,33 @@ def read_study(name: str) -> StudyFile:
         if not path.is_file():
             raise unknown_name("study", name, [one.stem for one in PACKAGED.glob("*.toml")])
     try:
-        document = tomllib.loads(path.read_text())
+        document = tomllib.loads(_text_of(path, name))
         study = msgspec.convert(document, StudyFile)
     except OSError as error:
         raise InputError(f"study '{name}': {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
-        raise InputError(f"study '{name}': {' '.join(str(error).split())}") from None
-    _check(study)
+    except (ValueError, RecursionError) as error:  # no TOML, no text, or values of another type
+        raise InputError(f"study '{name}': {' '.join(str(error).split())[:300]}") from None
+    check_study(study)
+    if not allow_plugins:
+        refuse_code(study)
     return study
 
 
-def _check(study: StudyFile) -> None:
+def _text_of(path: Path, name: str) -> str:
+    if path.exists() and not path.is_file():
+        raise InputError(f"study '{name}': a folder or device, expected a file")
+    size = path.stat().st_size
+    if size > MOST_BYTES:
+        raise InputError(f"study '{name}': {size} bytes, expected at most {MOST_BYTES}")
+    return path.read_text(encoding="utf-8")
+
+
+def check_study(study: StudyFile) -> None:
+    """Refuse what no study is, by its numbers and before anything is listed.
+
+    Raises:
+        InputError: Naming the field, what was got and what was expected.
+    """
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", study.name):
         raise InputError(
             f"study name '{study.name}': expected letters, digits, '_', '.', '-', at most 64"
@@ -167,8 +196,14 @@ def _check(study: StudyFile) -> None:
     for field in ("worlds", "robots"):
         if not getattr(study, field):
             raise InputError(f"study '{study.name}': {field} is empty, expected at least one")
-    if not seeds_of(study):
+    if _seed_count(study) < 1:
         raise InputError(f"study '{study.name}': seeds is empty, expected at least one")
+    for what, count, most in (
+        ("arms", arms_of(study), MOST_ARMS),
+        ("episodes", episodes_of(study), MOST_EPISODES),
+    ):
+        if count > most:
+            raise InputError(f"study '{study.name}': {count} {what}, expected at most {most}")
     if study.bounds.wall_s <= 0 or study.bounds.memory_mib < 512:
         raise InputError(
             f"study '{study.name}': bounds of {study.bounds.wall_s:g} s and "
@@ -176,6 +211,51 @@ def _check(study: StudyFile) -> None:
         )
     for text in study.gates:
         read_gate(text)
+
+
+def arms_of(study: StudyFile) -> int:
+    """How many combinations of worlds, robots, axes and perturbations there are."""
+    variants = math.prod(len(values) for values in study.axes.values())
+    perturbed = 1 + sum(len(levels) for levels in study.perturbations.values())
+    return len(study.worlds) * len(study.robots) * variants * perturbed
+
+
+def episodes_of(study: StudyFile) -> int:
+    """How many episodes there are, by multiplication; a seed given twice counts twice."""
+    return arms_of(study) * _seed_count(study)
+
+
+def _seed_count(study: StudyFile) -> int:
+    return study.seeds if isinstance(study.seeds, int) else len(study.seeds)
+
+
+def refuse_code(study: StudyFile) -> None:
+    """Refuse a study that names code of the user's own, before any of it is imported.
+
+    Raises:
+        InputError: Naming the setting, or the robot's file.
+    """
+    for key, value in _named(study):
+        if key == "robot_file" or (key in CODE and PLUGIN in str(value)):
+            raise InputError(
+                f"study '{study.name}' sets {key} to '{str(value)[:80]}', which is code outside "
+                "Wayproof; expected --allow-plugins to load it"
+            )
+    for robot in study.robots:
+        controller = controller_of(robot)
+        if PLUGIN in controller:
+            raise InputError(
+                f"study '{study.name}': robot '{robot}' has the controller '{controller[:80]}', "
+                "which is code outside Wayproof; expected --allow-plugins to load it"
+            )
+
+
+def _named(study: StudyFile) -> Iterator[tuple[str, Any]]:
+    """Every setting with each of its values."""
+    yield from study.settings.items()
+    for key, values in study.axes.items():
+        for value in values:
+            yield key, value
 
 
 def seeds_of(study: StudyFile) -> list[int]:
@@ -221,6 +301,7 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         InputError: A world, robot or setting that does not exist, a file that cannot be read, a
             gate on a difference where nothing is paired, or too many episodes.
     """
+    check_study(study)
     _check_names(study)
     if contents is None:
         contents = contents_of(files_of(study))
@@ -236,15 +317,9 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         if perturbation != CLEAN:
             config = replace(config, perturbation=perturbation_at(perturbation, severity))
         configs.append((Arm(world, robot, " ".join(variant), perturbation, severity), config))
-    seeds = seeds_of(study)
-    if len(seeds) * len(configs) > MOST_EPISODES:
-        raise InputError(
-            f"study '{study.name}': {len(seeds) * len(configs)} episodes, expected at most "
-            f"{MOST_EPISODES}"
-        )
     return [
         planned_for(arm, replace(config, seed=seed), contents)
-        for seed in seeds
+        for seed in seeds_of(study)
         for arm, config in configs
     ]
 

@@ -50,9 +50,17 @@ def episode_key(config: Config, contents: Mapping[str, str]) -> str:
         contents: Of the files that it names, see `contents_of`; a path is no part of the key.
     """
     world, robot = (contents.get(name, name) for name in (config.world, config.robot))
-    version = installed_version("wayproof").encode()
-    told = to_json(replace(config, world=world, robot=robot))
-    return hashlib.sha256(version + b"\n" + told).hexdigest()[:24]
+    return key_of(replace(config, world=world, robot=robot), installed_version("wayproof"))
+
+
+def key_of(config: Config, version: str) -> str:
+    """Content address of an episode.
+
+    Args:
+        config: Resolved, with name and hash of its world and robot where these are files.
+        version: Of Wayproof.
+    """
+    return hashlib.sha256(version.encode() + b"\n" + to_json(config)).hexdigest()[:24]
 
 
 def run_job(job: Job) -> Done:

@@ -13,8 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
+from harness.errors import InputError
 from harness.metrics import Trace
+from harness.scene_text import safe_scene
 from harness.statistics import Interval
+from models.imports.mjcf_scenes import NOT_COMPILED
 
 STYLE: Any = {
     "svg.hashsalt": "wayproof",  # else ids are drawn at random
@@ -76,8 +79,16 @@ def track(trace: Trace, scene: str, goal: Sequence[float]) -> str:
 
 
 def footprints(scene: str) -> list[NDArray[np.float64]]:  # (4, 2) each
-    """Outlines from above of the world's geoms, boxes exact and others by their bounds."""
-    model = mujoco.MjModel.from_xml_string(scene)
+    """Outlines from above of the world's geoms, boxes exact and others by their bounds.
+
+    Raises:
+        InputError: The scene reaches outside itself, or does not compile.
+    """
+    text = safe_scene(scene)
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except NOT_COMPILED as error:
+        raise InputError(f"scene: {' '.join(str(error).split())[:200]}") from None
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     outlines = []

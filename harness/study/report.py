@@ -19,7 +19,7 @@ from harness.study.gates import gate_advice, interval_in_words
 from harness.study.plots import borne, dose_response, track
 from harness.study.rows import Row
 from harness.study.store import Store
-from harness.study.study import StudyResult, conclude, read_rows, verdict_in_words
+from harness.study.study import StudyResult, conclude, read_own_rows, verdict_in_words
 
 SHOWN_FAILURES = 24
 """Pictures in the gallery; the table names every failure."""
@@ -72,8 +72,8 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
     store = Store(folder)
     study = store.read_study(allow_plugins)
     planned = plan_episodes(study, store.read_contents())
-    rows = read_rows(planned, store, allow_plugins)
-    result = conclude(study, planned, rows)
+    rows, foreign = read_own_rows(planned, store, allow_plugins)
+    result = conclude(study, planned, rows, foreign)
     samples = samples_of(rows, planned[0].arm.variant)
     page = _template().render(
         result=result,

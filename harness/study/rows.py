@@ -16,11 +16,11 @@ from harness.evidence.consistency import refuse_contradictions
 from harness.evidence.content import Content
 from harness.logs.container import Packet, walk
 from harness.logs.messages import decode
-from harness.logs.reader import open_log
 from harness.logs.streams import Pairing, compare_hashes
 from harness.metrics import METRICS, score, trace_of
 from harness.schema import wayproof_pb2 as pb
 from harness.study.file import CLEAN, Arm, Planned
+from harness.study.matching import open_planned
 from harness.study.store import Store
 
 READ = {kind.DESCRIPTOR.full_name for kind in (pb.Decision, pb.Truth, pb.Streams, pb.Perturbation)}
@@ -79,6 +79,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     """The row of an episode that has ended, or none.
 
     Raises:
+        ForeignLog: Where its log belongs lies that of another episode.
         InputError: Its log is damaged, or contradicts itself.
     """
     arm, seed, key = planned.arm, planned.seed, planned.key
@@ -89,7 +90,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         return Row(key, arm, seed, "error", error, "", "", 0.0, metrics, ())
     if not path.is_file():
         return None
-    log = open_log(path, allow_plugins)
+    log = open_planned(path, planned, allow_plugins)
     content = Content()
     for message in _read(path):
         content.add(message)

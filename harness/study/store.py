@@ -7,18 +7,17 @@ import fcntl
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
-from harness.config import PLUGIN
 from harness.errors import InputError
-from harness.logs.reader import open_log
 from harness.logs.recover import finish_partial
 from harness.outputs import ENDING, remove_abandoned
 from harness.study.contents import Contents
-from harness.study.file import StudyFile
+from harness.study.file import MOST_BYTES, Planned, StudyFile, check_study, refuse_code
+from harness.study.matching import open_planned
 
 WORKER_ENDS_S = 5.0
 """In which a worker has ended whose parent was killed, s: it looks some times a second."""
@@ -68,10 +67,10 @@ class Store:
         """Why an episode has no log, or none."""
         path = self.errors / f"{key}.json"
         try:
-            return str(json.loads(path.read_bytes())["error"])
+            return str(json.loads(_bounded(path))["error"])
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise InputError(f"'{path}': {error}; delete it to run the episode again") from None
 
     def is_done(self, key: str) -> bool:
@@ -111,7 +110,8 @@ class Store:
         Raises:
             InputError: A worker of a killed run is still writing.
         """
-        for path in (*self.logs.glob("*.thin"), *self.errors.glob("*.partial")):
+        left = (*self.logs.glob("*.thin"), *self.logs.glob("*.partial.*"))
+        for path in (*left, *self.errors.glob("*.partial")):
             path.unlink()
         for path in self.logs.glob("*.partial"):
             remove_abandoned(path, WORKER_ENDS_S)
@@ -137,7 +137,7 @@ class Store:
         """
         path = self.folder / "contents.json"
         try:
-            return msgspec.json.decode(path.read_bytes(), type=Contents)
+            return msgspec.json.decode(_bounded(path), type=Contents)
         except FileNotFoundError:
             return {}
         except (OSError, msgspec.DecodeError) as error:
@@ -150,28 +150,47 @@ class Store:
             InputError: It is no folder of a study, or it names code that is not allowed.
         """
         try:
-            study = msgspec.json.decode(self.study.read_bytes(), type=StudyFile)
-        except (OSError, msgspec.DecodeError):
+            study = msgspec.json.decode(_bounded(self.study), type=StudyFile)
+        except (OSError, msgspec.DecodeError, RecursionError):
             raise InputError(f"'{self.folder}': no folder of a study (no study.json)") from None
-        named = [study.settings.get("planner.name"), *study.axes.get("planner.name", [])]
-        if not allow_plugins and any(PLUGIN in str(name) for name in named):
-            raise InputError(
-                f"'{self.folder}': its study names a planner outside Wayproof; "
-                "expected --allow-plugins to load it"
-            )
+        check_study(study)
+        if not allow_plugins:
+            refuse_code(study)
         return study
 
 
-def merge(target: Store, sources: Sequence[Path], allow_plugins: bool = False) -> int:
+def _bounded(path: Path) -> bytes:
+    """What a document of the folder holds, if it is of a size that one has.
+
+    Raises:
+        InputError: It is larger.
+    """
+    size = path.stat().st_size
+    if size > MOST_BYTES:
+        raise InputError(f"'{path}': {size} bytes, expected at most {MOST_BYTES}")
+    return path.read_bytes()
+
+
+def merge(
+    target: Store, sources: Sequence[Path], planned: Sequence[Planned], allow_plugins: bool = False
+) -> int:
     """Copy the episodes of other folders of the same study into one.
+
+    Args:
+        target: The folder.
+        sources: The others.
+        planned: The study's episodes.
+        allow_plugins: Whether code that a log's config names may be imported.
 
     Returns:
         How many were new.
 
     Raises:
-        InputError: A folder is none of a study, a log is damaged or names code that is not allowed,
-            or two hold different results for one key; then nothing has been copied.
+        InputError: A folder is none of a study; a log is damaged, names code that is not allowed or
+            is not of the episode that its name says; or two hold different results for one key.
+            Then nothing has been copied.
     """
+    episodes = {one.key: one for one in planned}
     found: dict[str, Path] = {path.stem: path for path in target.logs.glob("*.mcap")}
     new: dict[str, Path] = {}
     for folder in sources:
@@ -180,9 +199,9 @@ def merge(target: Store, sources: Sequence[Path], allow_plugins: bool = False) -
         for path in sorted((folder / "logs").glob("*.mcap")):
             known = found.setdefault(path.stem, path)
             if known is path:
-                _chain(path, allow_plugins)  # whole, and naming no code that is not allowed
+                _chain(path, episodes, allow_plugins)  # whole, and what its name says
                 new[path.stem] = path
-            elif _chain(known, True) != _chain(path, allow_plugins):
+            elif _chain(known, episodes, True) != _chain(path, episodes, allow_plugins):
                 raise InputError(
                     f"episode {path.stem} has two different results: '{known}' and '{path}'"
                 )
@@ -193,5 +212,12 @@ def merge(target: Store, sources: Sequence[Path], allow_plugins: bool = False) -
     return len(new)
 
 
-def _chain(path: Path, allow_plugins: bool) -> str:
-    return open_log(path, allow_plugins).result["chain"]
+def _chain(path: Path, episodes: Mapping[str, Planned], allow_plugins: bool) -> str:
+    """Of the log of an episode.
+
+    Raises:
+        InputError: It is no log of the episode that it is named by.
+    """
+    if path.stem not in episodes:
+        raise InputError(f"log '{path}': named by no episode of this study")
+    return open_planned(path, episodes[path.stem], allow_plugins).result["chain"]

@@ -13,6 +13,7 @@ from harness.study.contents import contents_of
 from harness.study.file import Planned, StudyFile, files_of, name_of, read_gate
 from harness.study.gates import GateResult, judge
 from harness.study.job import Done, Job
+from harness.study.matching import ForeignLog
 from harness.study.processes import Finished
 from harness.study.rows import Row, read_row, write_table
 from harness.study.store import Store
@@ -44,6 +45,7 @@ class StudyResult:
         first_error: What the first of those says; empty without any.
         arms: Summaries.
         gates: Each gate on each arm.
+        foreign: Lines that name the logs of other episodes, which count as missing.
     """
 
     name: str
@@ -53,6 +55,7 @@ class StudyResult:
     first_error: str
     arms: list[ArmSummary]
     gates: list[GateResult]
+    foreign: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> StudyVerdict:
@@ -126,14 +129,38 @@ def read_rows(planned: Sequence[Planned], store: Store, allow_plugins: bool = Fa
     """Rows of the episodes that have ended, in the order of the plan.
 
     Raises:
+        InputError: A log is damaged, names code that is not allowed, or is of another episode.
+    """
+    rows, foreign = read_own_rows(planned, store, allow_plugins)
+    if foreign:
+        raise InputError(foreign[0])
+    return rows
+
+
+def read_own_rows(
+    planned: Sequence[Planned], store: Store, allow_plugins: bool = False
+) -> tuple[list[Row], tuple[str, ...]]:
+    """Rows of the episodes that have ended, and a line for each log that is of another episode.
+
+    Raises:
         InputError: A log is damaged, or names code that is not allowed.
     """
-    rows = (read_row(store, one, allow_plugins) for one in planned)
-    return [row for row in rows if row is not None]
+    rows, foreign = [], []
+    for one in planned:
+        try:
+            row = read_row(store, one, allow_plugins)
+        except ForeignLog as error:
+            foreign.append(str(error))
+            continue
+        if row is not None:
+            rows.append(row)
+    return rows, tuple(foreign)
 
 
-def conclude(study: StudyFile, planned: Sequence[Planned], rows: Sequence[Row]) -> StudyResult:
-    """Summarise the rows and hold them against the gates."""
+def conclude(
+    study: StudyFile, planned: Sequence[Planned], rows: Sequence[Row], foreign: Sequence[str] = ()
+) -> StudyResult:
+    """Summarise the rows and hold them against the gates; a log of another episode is missing."""
     limit = max(one.config.episode.time_limit for one in planned)
     samples = samples_of(rows, planned[0].arm.variant)
     errors = [row for row in rows if not row.ran]
@@ -145,6 +172,7 @@ def conclude(study: StudyFile, planned: Sequence[Planned], rows: Sequence[Row]) 
         first_error=error_in_words(errors[0]) if errors else "",
         arms=summarise(samples, limit),
         gates=judge(samples, [read_gate(text) for text in study.gates], limit),
+        foreign=tuple(foreign),
     )
 
 
@@ -160,6 +188,8 @@ def verdict_in_words(result: StudyResult) -> str:
     text = f"{reached} of {ran} episodes reached the goal"
     if result.missing:
         text += f"; {result.missing} of {result.episodes} have not run"
+    if result.foreign:
+        text += f"; in place of {len(result.foreign)} of these lie logs of other episodes"
     if result.errors:
         text += f"; {result.errors} failed to run, first {result.first_error}"
     if not result.gates:
@@ -188,7 +218,7 @@ def run_study(
     with store.open():
         store.clear_partial()
         run_missing(planned, store, engine, finished)
-        rows = read_rows(planned, store, allow_plugins=True)  # they were run or let in here
+        rows, foreign = read_own_rows(planned, store, allow_plugins=True)  # the study was let in
         write_table(rows, planned[0].arm.variant, store.folder / "table.parquet")
         store.keep_study(study, contents_of(files_of(study)))
-    return conclude(study, planned, rows)
+    return conclude(study, planned, rows, foreign)

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from harness.errors import InputError, Interrupted
 from harness.verbs.pool import GOES_ON, Watch, add_engine, check_engine, open_engine
-from harness.verbs.verb import LOGS, Document, Verb
+from harness.verbs.verb import LOGS, Document, Verb, add_plugins
 
 if TYPE_CHECKING:
     from harness.study.critical import Margin
@@ -26,7 +26,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from harness.study.store import Store
 
     check_engine(options)
-    written = read_study(options.file)
+    written = read_study(options.file, options.allow_plugins)
     kinds = options.perturb or list(written.perturbations)
     if not kinds:
         raise InputError(f"study '{written.name}' has no [perturbations]: expected --perturb KIND")
@@ -73,6 +73,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--episodes", type=int, metavar="N", help="most for one seed (default: 12)")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: logs/NAME-critical")
     add_engine(parser)
+    add_plugins(parser)
 
 
 VERB = Verb(

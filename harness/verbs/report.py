@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from harness.verbs.study import print_foreign
 from harness.verbs.verb import Document, Verb, add_plugins
 
 
@@ -17,6 +18,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from harness.study.study import verdict_in_words
 
     path, result = write_report(options.folder, options.allow_plugins)
+    print_foreign(console, result)
     console.print(verdict_in_words(result), highlight=False, soft_wrap=True)
     console.print(f"report: {path}", highlight=False, soft_wrap=True)
     return 0, {**asdict(result), "verdict": result.verdict, "report": str(path)}

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from harness.study.store import Store
     from harness.study.study import StudyResult
 
+SHOWN_FOREIGN = 10
+"""Lines for logs of other episodes; `--json` has all."""
+
 VERDICT_STYLES = {
     "complete": "green",
     "held": "green",
@@ -42,14 +45,13 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     check_engine(options)
     if options.sample < 1:
         raise InputError(f"--sample {options.sample}: expected at least 1")
-    study = read_study(options.file)
-    planned = plan_episodes(study)
-    if options.shard:
-        planned = shard(planned, options.shard)
+    study = read_study(options.file, options.allow_plugins)
+    whole = plan_episodes(study)
+    planned = shard(whole, options.shard) if options.shard else whole
     store = Store(options.out or LOGS / study.name)
     if options.merge:
         with store.open():
-            copied = merge(store, options.merge, options.allow_plugins)
+            copied = merge(store, options.merge, whole, options.allow_plugins)
         console.print(f"{copied} episodes copied to {store.folder}")
     if options.retry_errors:
         store.forget_errors()
@@ -135,9 +137,18 @@ def print_study(console: Console, result: StudyResult) -> None:
             (gate.verdict, VERDICT_STYLES[gate.verdict]), f": {gate_in_words(gate)}"
         )
         console.print(line, soft_wrap=True)
+    print_foreign(console, result)
     verdict = (result.verdict, VERDICT_STYLES[result.verdict])
     line = Text.assemble("verdict: ", verdict, f": {verdict_in_words(result)}")
     console.print(line, soft_wrap=True)
+
+
+def print_foreign(console: Console, result: StudyResult) -> None:
+    """Name the logs that are not of the episodes planned."""
+    for line in result.foreign[:SHOWN_FOREIGN]:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if len(result.foreign) > SHOWN_FOREIGN:
+        console.print(f"and {len(result.foreign) - SHOWN_FOREIGN} more logs of other episodes")
 
 
 def _arm_in_words(one: ArmSummary) -> str:

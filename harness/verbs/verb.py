@@ -44,11 +44,12 @@ def add_log_paths(parser: argparse.ArgumentParser) -> None:
 
 
 def add_plugins(parser: argparse.ArgumentParser) -> None:
-    """Leave to run code that logs name."""
+    """Leave to run code that logs and study files name."""
     parser.add_argument(
         "--allow-plugins",
         action="store_true",
-        help="load the planner or controller that a log names as module:Class or FILE.py:Class",
+        help="load the planner or controller that a log or a study names as module:Class or "
+        "FILE.py:Class",
     )
 
 

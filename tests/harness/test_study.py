@@ -14,6 +14,10 @@ import pytest
 
 from harness.config import to_json
 from harness.errors import InputError
+from harness.logs.container import walk
+from harness.logs.log_copy import write_copy
+from harness.logs.messages import read_messages
+from harness.logs.reader import open_log, read_head
 from harness.study.contents import contents_of
 from harness.study.file import Bounds, files_of, plan_episodes, read_gate, read_study
 from harness.study.job import Done, Job, run_job
@@ -228,14 +232,20 @@ def test_merging_takes_what_is_new_and_refuses_two_truths(
     for key in keys[:2]:
         (part / "logs" / f"{key}.mcap").write_bytes(whole.log(key).read_bytes())
     target = Store(tmp_path / "target")
+    planned = plan_episodes(read_study(str(undisturbed / "study.toml")))
     with target.open():
-        assert merge(target, [part, undisturbed / "out"]) == 4
-        planned = plan_episodes(read_study(str(undisturbed / "study.toml")))
+        assert merge(target, [part, undisturbed / "out"], planned) == 4
         assert count_missing(planned, target) == 0
-        assert merge(target, [part]) == 0
-        (part / "logs" / f"{keys[0]}.mcap").write_bytes(whole.log(keys[1]).read_bytes())
+        assert merge(target, [part], planned) == 0
+        _spoil_chain(part / "logs" / f"{keys[0]}.mcap")
         with pytest.raises(InputError, match="two different results"):
-            merge(target, [part])
+            merge(target, [part], planned)
+
+
+def _spoil_chain(path: Path) -> None:
+    head = read_head(walk(path), path, allow_plugins=False)
+    result = {**open_log(path).result, "chain": "0" * 32}
+    write_copy(path, head, read_messages(path), result)
 
 
 def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None:
@@ -265,9 +275,8 @@ def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None
 
 def test_a_strangers_folder_loads_no_code(tmp_path: Path) -> None:
     """A page or a comparison of it would import what its study names."""
-    study = read_study(
-        written(tmp_path, SHORT.replace("[axes]", '"planner.name" = "os:abort"\n[axes]'))
-    )
+    text = SHORT.replace("[axes]", '"planner.name" = "os:abort"\n[axes]')
+    study = read_study(written(tmp_path, text), allow_plugins=True)
     store = Store(tmp_path)
     store.keep_study(study, {})
     with pytest.raises(InputError, match="expected --allow-plugins"):

@@ -1,0 +1,133 @@
+"""Whether a log is that of the episode that was planned: its file's name alone says nothing.
+
+A run fills in what its config leaves open: start, goal and sensors. These are worked out again from
+the world and the robot; all the rest, with the hashes of the world's and the robot's files and the
+version of Wayproof, has to give the episode's key.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from harness.config import Config
+from harness.errors import InputError
+from harness.logs.reader import Log, open_log
+from harness.study.file import Planned
+from harness.study.job import key_of
+from harness.worlds import find_world
+from models.robots import ROBOTS
+from models.robots.brought import parse_spec
+from models.scene import resolve
+from models.worlds import WORLDS
+
+CLOSE = 1e-6
+"""Between a start or goal and its like: a world's last bits are another machine's, m."""
+
+Points = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+class ForeignLog(InputError):
+    """A log that lies where another episode's belongs."""
+
+
+def open_planned(path: Path, planned: Planned, allow_plugins: bool = False) -> Log:
+    """Open the log of an episode.
+
+    Args:
+        path: Where it lies.
+        planned: The episode.
+        allow_plugins: Whether code that its config names may be imported.
+
+    Raises:
+        ForeignLog: It is the log of another episode, or a forked one.
+        InputError: It is no finished log.
+    """
+    log = open_log(path, allow_plugins)
+    differing = mismatch(log, planned)
+    if differing:
+        raise ForeignLog(
+            f"log '{path}': not the episode that was planned ({differing}); "
+            "move it away to run the episode"
+        )
+    return log
+
+
+def mismatch(log: Log, planned: Planned) -> str:
+    """In what a log is not the one of an episode; empty if it is."""
+    if log.forks:
+        return f"forked at decision {log.forks[0].at}, expected an episode of one config"
+    asked = planned.config
+    open_again = replace(
+        log.config, start=asked.start, goal=asked.goal, sensors=asked.sensors, robot_file=""
+    )
+    if key_of(open_again, log.run.get("wayproof", "")) != planned.key:
+        return _difference(log, open_again, asked)
+    if log.config.sensors not in (asked.sensors, _sensors(log, asked)):
+        return "sensors: others than the robot's with the settings planned"
+    for name, own in zip(("start", "goal"), _points(log, asked), strict=True):
+        got = getattr(log.config, name)
+        if got is not None and own is not None and not _alike(got, own):
+            return f"{name}: got {_point(got)}, expected {_point(own)}"
+    return ""
+
+
+def _sensors(log: Log, asked: Config) -> object:
+    """Those that the run resolved, from the robot's own and the settings."""
+    if asked.robot in ROBOTS:
+        mounts = ROBOTS[asked.robot].spec.mounts
+    else:
+        mounts = parse_spec(log.config.robot_file).mounts()
+    try:
+        return resolve(mounts, asked.sensors)
+    except ValueError:
+        return None  # which no episode was run with
+
+
+def _points(log: Log, asked: Config) -> Sequence[tuple[float, ...] | None]:
+    """Start and goal as given, or the world's own; none where only a file tells them."""
+    own: Sequence[tuple[float, ...] | None] = (None, None)
+    if asked.world in WORLDS and (asked.start is None or asked.goal is None):
+        own = _world_points(asked.world, asked.seed, asked.difficulty)
+    given = (asked.start, asked.goal)
+    return [one if one is not None else other for one, other in zip(given, own, strict=True)]
+
+
+@functools.lru_cache(256)
+def _world_points(world: str, seed: int, difficulty: float) -> Points:
+    """Start and goal of a generated world on the floor, which the arms of a study share."""
+    made = find_world(Config(world, "", seed, difficulty=difficulty))
+    return made.start[:2], made.goal[:2]
+
+
+def _alike(got: Sequence[float], own: Sequence[float]) -> bool:
+    """The run fills in the height."""
+    return bool(np.allclose(got[: len(own)], own, rtol=0.0, atol=CLOSE))
+
+
+def _point(values: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in values) + ")"
+
+
+def _difference(log: Log, got: Config, expected: Config) -> str:
+    """The first setting that is not as planned; names of files last, as their hashes may agree."""
+    one, other = (dict(_settings(msgspec.to_builtins(config))) for config in (got, expected))
+    names = sorted(other, key=lambda name: (name in ("world", "robot"), name != "seed"))
+    for name in names:
+        if one.get(name) != other[name]:
+            return f"{name}: got {str(one.get(name))[:60]}, expected {str(other[name])[:60]}"
+    return f"by Wayproof {log.run.get('wayproof', 'of no version')[:20]}"
+
+
+def _settings(document: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in document.items():
+        if isinstance(value, dict):
+            yield from _settings(value, f"{before}{name}.")
+        else:
+            yield f"{before}{name}", value
