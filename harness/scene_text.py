@@ -8,9 +8,14 @@ MuJoCo sees it.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from pathlib import Path
 from xml.etree import ElementTree
 
 from harness.errors import InputError
+from models.imports.mjcf_bounds import Bounds
+from models.imports.reading import Unreadable
+from models.imports.xml_tree import Element
 
 GREATEST_TEXT = 16 * 2**20
 
@@ -27,8 +32,11 @@ REFUSED_ATTRIBUTES = frozenset(
 )
 """Those that name folders or code, or amounts of memory; beside them all that begin with `file`."""
 
-GREATEST_SIZES = {"width": 2048, "height": 2048, "nuserdata": 4096, "nkey": 64, "iterations": 1000}
-"""Of what MuJoCo allocates or repeats on one number's word."""
+GREATEST_SIZES = {"width": 2048, "height": 2048, "nkey": 64}
+"""Of what MuJoCo allocates or repeats on one number's word, beside what no import may ask for."""
+
+MOST_DEPTH = 100
+"""Of elements within one another; our own scenes have some ten."""
 
 TIMESTEPS = (1e-4, 0.05)
 """Least and greatest physics step, s."""
@@ -50,15 +58,36 @@ def safe_scene(text: str) -> str:
         raise InputError(f"scene: {error}") from None
     if root.tag != "mujoco":
         raise InputError(f"scene: <{root.tag[:40]}>, expected <mujoco>")
-    for count, element in enumerate(root.iter()):
+    bounds = Bounds(Path("scene"))
+    for count, (element, depth) in enumerate(_walk(root)):
         if count >= MOST_ELEMENTS:
             raise InputError(f"scene: more than {MOST_ELEMENTS} elements")
+        if depth > MOST_DEPTH:
+            raise InputError(f"scene: more than {MOST_DEPTH} elements within one another")
         _check(element)
+        _check_bounds(bounds, element)
         if element.tag == "text" and element.text:
             # MuJoCo saves what holds quotes as CDATA, of which nothing is left after parsing.
             element.set("data", element.text)
             element.text = None
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _walk(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, int]]:
+    """Every element with its depth; by no recursion, which a deep scene would exhaust."""
+    ahead = [(root, 1)]
+    while ahead:
+        element, depth = ahead.pop()
+        yield element, depth
+        ahead.extend((child, depth + 1) for child in element)
+
+
+def _check_bounds(bounds: Bounds, element: ElementTree.Element) -> None:
+    """As for a scene that is imported: sizes and counts by the numbers written."""
+    try:
+        bounds.check(Path("scene"), Element(str(element.tag), element.attrib, 0))
+    except Unreadable as error:
+        raise InputError(str(error).replace("scene:0: ", "scene: ")) from None
 
 
 def _check(element: ElementTree.Element) -> None:

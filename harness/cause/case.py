@@ -22,6 +22,7 @@ from harness.scene_text import safe_scene
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import path_of
 from harness.stack.navigator import Navigator
+from models.imports.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]
 
@@ -165,7 +166,7 @@ def read_case(log: Log) -> Case:
         raise InputError(f"log '{log.path}': no decisions in it")
     try:
         space = TrueSpace(safe_scene(log.scene))
-    except (ValueError, KeyError) as error:
+    except (KeyError, *NOT_COMPILED) as error:
         text = " ".join(str(error).split())[:200]
         raise InputError(f"log '{log.path}': its scene: {text}") from None
     return Case(

@@ -15,6 +15,7 @@ from harness.scenario import Scenario
 from harness.scene_text import safe_scene
 from harness.stack.decision import Difference
 from harness.worlds import perturbed
+from models.imports.mjcf_scenes import NOT_COMPILED
 from models.robots import ROBOTS
 from models.scene import bind, resolve
 from models.worlds import WORLDS, World
@@ -41,7 +42,7 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
     try:
         config = replace(config, sensors=resolve(robot.spec.mounts, config.sensors))
         scene = bind(text, robot, config.sensors, config.threads)
-    except (ValueError, KeyError, TypeError) as error:
+    except (KeyError, TypeError, *NOT_COMPILED) as error:
         line = " ".join(str(error).split())[:200]
         raise InputError(f"log '{log.path}': its scene with '{config.robot}': {line}") from None
     return Scenario(

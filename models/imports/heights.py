@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.images import read_image
+from models.imports.images import png_size, read_image
 from models.imports.options import Found, ImportOptions
 from models.imports.parts import Part
-from models.imports.reading import MOST_CELLS, Unreadable, check_file
+from models.imports.reading import MOST_HEIGHTS, Unreadable, check_file
 
 DEPTH = 0.5
 """Of the ground below the least height, m."""
@@ -30,6 +30,10 @@ def read_heights(path: Path, options: ImportOptions) -> Found:
     if path.suffix.lower() == ".npy":
         heights = _array(path)
     else:
+        size = png_size(path)
+        if size is not None and size[0] * size[1] > MOST_HEIGHTS:
+            what = f"{size[0]} x {size[1]} heights, expected at most {MOST_HEIGHTS}"
+            raise Unreadable(path, what)
         image = read_image(path)
         scale = options.height / np.iinfo(image.dtype).max
         heights = np.asarray(image[::-1] * scale, np.float64)
@@ -52,8 +56,10 @@ def _array(path: Path) -> NDArray[np.float64]:  # (ny, nx)
         raise Unreadable(path, f"no array ({' '.join(str(error).split())[:100]})") from None
     if not isinstance(array, np.ndarray):
         raise Unreadable(path, "an archive, expected one array")
-    if array.ndim != 2 or array.dtype.kind not in "fiu" or array.size > MOST_CELLS:
-        raise Unreadable(path, f"{array.dtype} {array.shape}, expected (ny, nx) numbers")
+    if array.ndim != 2 or array.dtype.kind not in "fiu" or array.size > MOST_HEIGHTS:
+        raise Unreadable(
+            path, f"{array.dtype} {array.shape}, expected (ny, nx) numbers, at most {MOST_HEIGHTS}"
+        )
     if not np.isfinite(array).all():
         raise Unreadable(path, "a height that is not finite")
     return np.asarray(array, np.float64)

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import struct
+import warnings
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.reading import MOST_CELLS, Unreadable, check_file
+from models.imports.reading import Unreadable, check_file
+
+MOST_PIXELS = 2**26
+"""Of one image: 8192 x 8192."""
+
+HEADER = struct.Struct(">8s4s4sII")
+"""Of a PNG: signature, length and name of its first chunk, width, height."""
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -24,6 +34,11 @@ def read_image(path: Path) -> Image:
     if path.suffix.lower() != ".png":
         raise Unreadable(path, "expected an image in PGM or PNG")
     return _png(path)
+
+
+def _check_size(path: Path, width: int, height: int) -> None:
+    if not 0 < width * height <= MOST_PIXELS:
+        raise Unreadable(path, f"{width} x {height} pixels, expected 1 to {MOST_PIXELS}")
 
 
 def _pgm(path: Path) -> Image:
@@ -45,8 +60,9 @@ def _pgm(path: Path) -> Image:
     if len(words) < 4 or words[0] not in (b"P2", b"P5") or not all(map(bytes.isdigit, words[1:])):
         raise Unreadable(path, "no PGM image")
     width, height, most = (int(word) for word in words[1:])
-    if not (0 < width * height <= MOST_CELLS and 0 < most < 65536):
-        raise Unreadable(path, f"{width} x {height} pixels up to {most}: not an image taken here")
+    _check_size(path, width, height)
+    if not 0 < most < 65536:
+        raise Unreadable(path, f"grey levels up to {most}, expected 1 to 65535")
     kind = np.dtype(np.uint8 if most < 256 else ">u2")
     if words[0] == b"P5":
         body = data[at + 1 : at + 1 + width * height * kind.itemsize]
@@ -57,10 +73,22 @@ def _pgm(path: Path) -> Image:
             raise Unreadable(path, "a grey level that is no number") from None
     if len(body) != width * height * kind.itemsize:
         raise Unreadable(path, f"ends early: expected {width} x {height} pixels")
-    levels = np.frombuffer(body, kind).reshape(height, width).astype(np.float64)
+    levels = np.frombuffer(body, kind).reshape(height, width)
     if most == 255:
         return levels.astype(np.uint8)
-    return np.rint(levels * (65535.0 / most)).clip(0, 65535).astype(np.uint16)
+    shades = np.rint(np.arange(65536) * (65535.0 / most)).clip(0, 65535).astype(np.uint16)
+    grey: Image = shades[levels]
+    return grey
+
+
+def png_size(path: Path) -> tuple[int, int] | None:
+    """Width and height that a PNG's header says, before anything is unpacked; none of others."""
+    with path.open("rb") as file:
+        head = file.read(HEADER.size)
+    if len(head) < HEADER.size or not head.startswith(SIGNATURE):
+        return None
+    _, _, _, width, height = HEADER.unpack(head)
+    return width, height
 
 
 def _png(path: Path) -> Image:
@@ -68,14 +96,13 @@ def _png(path: Path) -> Image:
         from PIL import Image as pillow
     except ImportError:
         raise Unreadable(path, "PNG images need Pillow: pip install pillow") from None
+    width, height = png_size(path) or (0, 0)
+    _check_size(path, width, height)
     try:
-        with pillow.open(path, formats=["PNG"]) as image:
-            if image.width * image.height > MOST_CELLS:
-                raise Unreadable(path, f"{image.width} x {image.height} pixels: too large")
+        with warnings.catch_warnings(), pillow.open(path, formats=["PNG"]) as image:
+            warnings.simplefilter("error")  # of a picture that only seems to be small enough
             deep = image.mode.startswith("I")
             levels = np.array(image if deep else image.convert("L"))
-    except (OSError, ValueError, SyntaxError) as error:
-        if isinstance(error, Unreadable):
-            raise
+    except (OSError, ValueError, SyntaxError, Warning, pillow.DecompressionBombError) as error:
         raise Unreadable(path, f"no PNG image ({str(error)[:100]})") from None
     return levels.astype(np.uint16) if deep else levels.astype(np.uint8)

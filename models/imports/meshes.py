@@ -14,6 +14,7 @@ from models.imports.parts import Mesh, Part
 from models.imports.reading import Unreadable, check_file
 
 MOST_FACES = 1_000_000
+MOST_BYTES = 64 * 2**20
 MOST_PIECES = 2000
 ENDINGS = (".stl", ".obj")
 
@@ -45,7 +46,8 @@ def mesh_parts(path: Path, scale: NDArray[np.float64], notes: list[str]) -> list
     """
     if path.suffix.lower() not in ENDINGS:
         raise Unreadable(path, f"a mesh of this format, expected {' or '.join(ENDINGS)}")
-    check_file(path)
+    check_file(path, MOST_BYTES)
+    _check_count(path)
     vertices, faces = _load(path)
     if not 1 <= len(faces) <= MOST_FACES:
         raise Unreadable(path, f"{len(faces)} triangles, expected 1 to {MOST_FACES}")
@@ -64,6 +66,20 @@ def mesh_parts(path: Path, scale: NDArray[np.float64], notes: list[str]) -> list
         notes.append(f"{path.name}: {hollow} of {len(pieces)} pieces are not convex: beams meet "
                      "their triangles, bodies their convex hull")  # fmt: skip
     return [Part("mesh", (), (0.0, 0.0, 0.0), mesh=piece) for piece in pieces]
+
+
+def _check_count(path: Path) -> None:
+    """Refuse what says to be too much before a parser makes arrays of it."""
+    data = path.read_bytes()
+    if path.suffix.lower() == ".obj":
+        count = data.count(b"\nf") + data.count(b"\nv ")
+    elif data[:5].lower() == b"solid" and b"facet" in data[:1000]:
+        count = data.count(b"facet normal")
+    else:
+        count = int.from_bytes(data[80:84], "little")
+    if count > 2 * MOST_FACES:
+        what = f"{count} triangles and vertices, expected at most {2 * MOST_FACES}"
+        raise Unreadable(path, what)
 
 
 def _load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

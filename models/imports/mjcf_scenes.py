@@ -1,6 +1,7 @@
 """MuJoCo's own scenes (`.xml`, `.mjcf`): every solid geom where the scene starts, at rest for good.
 
-Includes and assets are those in the scene's folder or below; what would load code is refused.
+Includes, attached models and assets are those in the scene's folder or below; what would load code
+or ask for more memory than a scene needs is refused.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from models.imports.mjcf_files import check_scene
 from models.imports.options import Found, ImportOptions
 from models.imports.parts import Mesh, Part, Shape, quaternion_of, vector
-from models.imports.reading import MOST_SOLIDS, Unreadable, beside
-from models.imports.xml_tree import Element, read_xml
+from models.imports.reading import MOST_SOLIDS, Unreadable
+from models.imports.xml_tree import Element
 
 CUSTOM = "wayproof_"
 """Before the names of what a world file tells besides its geoms."""
@@ -32,22 +34,23 @@ SHAPES: dict[int, tuple[Shape, int]] = {
 }
 """Geom type -> shape, and how many lengths it has."""
 
-CODE = ("plugin", "extension")
-FOLDERS = ("assetdir", "meshdir", "texturedir")
-MOST_NESTED = 20
 FLAT = 1e-9
+
+NOT_COMPILED = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
+"""What MuJoCo raises for a scene that it does not take."""
 
 
 def read_mjcf(path: Path, options: ImportOptions) -> Found:
     """Every solid geom of a scene.
 
     Raises:
-        Unreadable: No MJCF; a file outside the folder; a plugin; a plane that is not the floor.
+        Unreadable: No MJCF; a file outside the folder; a plugin; more of anything than a scene may
+            ask for; a plane that is not the floor.
     """
-    check_files(path, path, [])
+    check_scene(path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
+    except NOT_COMPILED as error:
         raise Unreadable(path, " ".join(str(error).split())[:300]) from None
     return found_in(model, path)
 
@@ -84,46 +87,6 @@ def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
             found.parts.append(_part(path, model, data, geom))
     _take_custom(model, found)
     return found
-
-
-def check_files(top: Path, path: Path, opened: list[Path]) -> None:
-    """Every file that a scene names has to lie in its folder, and none may load code."""
-    if len(opened) >= MOST_NESTED or path in opened:
-        raise Unreadable(top, f"<include> of '{path.name}': in a circle, or too deep")
-    tree = read_xml(path)
-    elements = list(_walk(tree))
-    folders = {
-        element.attributes[k] for element in elements for k in FOLDERS if k in element.attributes
-    }
-    for element in elements:
-        if element.tag in CODE:
-            raise Unreadable(
-                path, f"<{element.tag}>: loads code, cannot be taken over", element.line
-            )
-        named = [value for key, value in element.attributes.items() if key.startswith("file")]
-        for name in named:
-            for folder in ("", *folders):
-                _check_inside(path, top, str(Path(folder) / name), element)
-        if element.tag == "include":
-            file = beside(top, element.attributes.get("file", ""))
-            if not file.is_file():
-                what = f"<include>: no file '{element.attributes.get('file', '')}' in its folder"
-                raise Unreadable(path, what, element.line)
-            check_files(top, file, [*opened, path])
-
-
-def _check_inside(path: Path, top: Path, name: str, element: Element) -> None:
-    try:
-        beside(top, name)
-    except Unreadable:
-        what = f"<{element.tag}>: '{name}' lies outside the scene's folder"
-        raise Unreadable(path, what, element.line) from None
-
-
-def _walk(element: Element) -> Iterator[Element]:
-    yield element
-    for child in element.children:
-        yield from _walk(child)
 
 
 def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_]) -> Iterator[str]:

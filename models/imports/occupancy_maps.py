@@ -38,11 +38,13 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     if entries.get("mode", ("trinary", 0))[0] not in ("trinary", "scale"):
         raise Unreadable(path, "mode: expected trinary or scale", entries["mode"][1])
     image = read_image(beside(path, entries["image"][0]))
-    grey = image / np.iinfo(image.dtype).max
-    occupancy = (grey if negate else 1.0 - grey)[::-1]  # rows upwards
-    occupied, unknown = occupancy > most, (occupancy <= most) & (occupancy >= least)
+    grey = np.arange(np.iinfo(image.dtype).max + 1) / np.iinfo(image.dtype).max
+    occupancy = grey if negate else 1.0 - grey  # of each level
+    rows = image[::-1]  # upwards
+    occupied = (occupancy > most)[rows]
+    unknown = ((occupancy <= most) & (occupancy >= least))[rows]
     solid = occupied | unknown if options.unknown == "occupied" else occupied
-    found = Found(parts=_walls(solid, resolution, origin, options.height))
+    found = Found(parts=_walls(path, solid, resolution, origin, options.height))
     found.notes.append(
         f"{occupied.sum()} cells occupied, {unknown.sum()} unknown, taken as {options.unknown}"
     )
@@ -50,11 +52,11 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
 
 
 def _walls(
-    solid: NDArray[np.bool_], resolution: float, origin: list[float], height: float
+    path: Path, solid: NDArray[np.bool_], resolution: float, origin: list[float], height: float
 ) -> list[Part]:
     """Merged cells (ny, nx) as boxes of the whole height, about the map's own low corner."""
     x, y, yaw = origin
-    flat = cell_boxes(solid.T[:, :, None], resolution, (x, y, 0.0), yaw)
+    flat = cell_boxes(path, solid.T[:, :, None], resolution, (x, y, 0.0), yaw)
     return [
         replace(
             part, size=(*part.size[:2], height / 2.0), position=(*part.position[:2], height / 2.0)

@@ -12,6 +12,11 @@ from models.imports.parts import vector
 from models.imports.reading import MOST_CELLS, Unreadable, check_file
 from models.imports.voxel_maps import cell_boxes
 
+MOST_BYTES = 8 * 2**20
+"""Of one file: two bytes of it may stand for eight cells in memory."""
+
+MOST_LEAVES = 2_000_000
+
 HEADER = b"# Octomap OcTree binary file"
 
 
@@ -21,7 +26,7 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     Raises:
         Unreadable: No pyoctomap, no binary OctoMap, or one of more cells than allowed.
     """
-    check_file(path)
+    check_file(path, MOST_BYTES)
     with path.open("rb") as file:
         if not file.readline().startswith(HEADER):
             raise Unreadable(path, f"expected a file that begins with '{HEADER.decode()}'", 1)
@@ -33,11 +38,12 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     if not tree.readBinary(str(path)):
         raise Unreadable(path, "no binary OctoMap")
     cell = float(tree.getResolution())
-    leaves = [
-        (*leaf.getCoordinate(), leaf.getSize())
-        for leaf in tree.begin_leafs()
-        if tree.isNodeOccupied(leaf)
-    ]
+    leaves = []
+    for count, leaf in enumerate(tree.begin_leafs(), start=1):
+        if count > MOST_LEAVES:
+            raise Unreadable(path, f"more than {MOST_LEAVES} leaves")
+        if tree.isNodeOccupied(leaf):
+            leaves.append((*leaf.getCoordinate(), leaf.getSize()))
     if not leaves:
         raise Unreadable(path, "no occupied cell")
     table = np.array(leaves)  # (n, 4)
@@ -49,4 +55,4 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     occupied = np.zeros(tuple(high - low), np.bool_)
     for (i, j, k), side in zip((first - low).tolist(), sides.tolist(), strict=True):
         occupied[i : i + side, j : j + side, k : k + side] = True
-    return Found(parts=cell_boxes(occupied, cell, vector(low * cell)))
+    return Found(parts=cell_boxes(path, occupied, cell, vector(low * cell)))

@@ -10,6 +10,9 @@ MOST_BYTES = 256 * 2**20
 MOST_CELLS = 2**28
 """Of one grid, for the same reason."""
 
+MOST_HEIGHTS = 2**21
+"""Of one world, which holds each as a number in text."""
+
 MOST_SOLIDS = 200_000
 """Of one world: beyond this a scene takes minutes to compile."""
 

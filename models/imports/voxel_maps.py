@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,10 @@ from numpy.typing import NDArray
 
 from models.imports.options import Found, ImportOptions
 from models.imports.parts import Part, Vector3, moved, turned_by, vector
-from models.imports.reading import MOST_CELLS, Unreadable, read_text
+from models.imports.reading import MOST_CELLS, MOST_SOLIDS, Unreadable, read_text
+
+LONGEST_HEAD = 200
+"""Characters among which the first line ends."""
 
 
 def read_voxels(path: Path) -> NDArray[np.bool_]:  # (nx, ny, nz)
@@ -20,21 +24,26 @@ def read_voxels(path: Path) -> NDArray[np.bool_]:  # (nx, ny, nz)
     Raises:
         Unreadable: Naming the line that is no cell of the map.
     """
-    lines = read_text(path).splitlines()
-    head = lines[0].split()
+    text = read_text(path)
+    first = text[:LONGEST_HEAD].partition("\n")[0]
+    head = first.split()
     if len(head) != 4 or head[0] != "voxel" or not all(word.isdecimal() for word in head[1:]):
-        raise Unreadable(path, f"got '{lines[0][:60]}', expected 'voxel X Y Z'", 1)
+        raise Unreadable(path, f"got '{first[:60]}', expected 'voxel X Y Z'", 1)
     shape = tuple(int(word) for word in head[1:])
     if min(shape) < 1 or shape[0] * shape[1] * shape[2] > MOST_CELLS:
         raise Unreadable(path, f"{shape} cells, expected 1 to {MOST_CELLS}", 1)
     occupied = np.zeros(shape, np.bool_)
-    for number, line in enumerate(lines[1:], start=2):
+    lines = io.StringIO(text)
+    next(lines)
+    for number, line in enumerate(lines, start=2):
         words = line.split()
         if not words:
             continue
         cell = tuple(int(word) for word in words if word.isdecimal())
         if len(words) != 3 or len(cell) != 3 or any(map(int.__ge__, cell, shape)):
-            raise Unreadable(path, f"got '{line[:60]}', expected a cell within {shape}", number)
+            raise Unreadable(
+                path, f"got '{line[:60].strip()}', expected a cell within {shape}", number
+            )
         occupied[cell] = True
     return occupied
 
@@ -47,18 +56,28 @@ def merged_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:  # (n, 2, 3)
 
     Args:
         occupied: (nx, ny, nz).
+
+    Raises:
+        TooMany: They are more than a world may hold.
     """
     left = occupied.copy()
     boxes = []
-    for i, j, k in np.argwhere(occupied).tolist():
-        if not left[i, j, k]:
-            continue
-        z = k + _run(left[i, j, k:])
-        y = j + _run(np.asarray(left[i, j:, k:z].all(axis=1)))
-        x = i + _run(np.asarray(left[i:, j:y, k:z].all(axis=(1, 2))))
-        left[i:x, j:y, k:z] = False
-        boxes.append(((i, j, k), (x, y, z)))
+    for i in range(len(left)):
+        for j, k in np.argwhere(left[i]).tolist():
+            if not left[i, j, k]:
+                continue
+            z = k + _run(left[i, j, k:])
+            y = j + _run(np.asarray(left[i, j:, k:z].all(axis=1)))
+            x = i + _run(np.asarray(left[i:, j:y, k:z].all(axis=(1, 2))))
+            left[i:x, j:y, k:z] = False
+            boxes.append(((i, j, k), (x, y, z)))
+            if len(boxes) > MOST_SOLIDS:
+                raise TooMany(f"more than {MOST_SOLIDS} boxes")
     return np.array(boxes, np.int64).reshape(-1, 2, 3)
+
+
+class TooMany(ValueError):
+    """A grid of more separate boxes than a world may hold."""
 
 
 def _run(taken: NDArray[np.bool_]) -> int:
@@ -72,23 +91,35 @@ def read_voxel_map(path: Path, options: ImportOptions) -> Found:
     Raises:
         Unreadable: Naming the line that is no cell of the map.
     """
-    return Found(parts=cell_boxes(read_voxels(path), options.resolution, (0.0, 0.0, 0.0)))
+    return Found(parts=cell_boxes(path, read_voxels(path), options.resolution, (0.0, 0.0, 0.0)))
 
 
 def cell_boxes(
-    occupied: NDArray[np.bool_], resolution: float, origin: Vector3, yaw: float = 0.0
+    path: Path,
+    occupied: NDArray[np.bool_],
+    resolution: float,
+    origin: Vector3,
+    yaw: float = 0.0,
 ) -> list[Part]:
     """Merged boxes of a grid.
 
     Args:
+        path: Of the file that it is from.
         occupied: (nx, ny, nz).
         resolution: Side of a cell, m.
         origin: Low corner of the grid in the world, m.
         yaw: Turn of the grid about that corner, rad.
+
+    Raises:
+        Unreadable: They are more than a world may hold.
     """
+    try:
+        boxes = merged_boxes(occupied)
+    except TooMany as error:
+        raise Unreadable(path, str(error)) from None
     R = turned_by(0.0, 0.0, yaw)
     parts = []
-    for low, high in merged_boxes(occupied):
+    for low, high in boxes:
         size, centre = (high - low) * (resolution / 2.0), (low + high) * (resolution / 2.0)
         parts.append(moved(Part("box", vector(size), vector(centre)), origin, R))
     return parts

@@ -10,11 +10,12 @@ from xml.parsers import expat
 from models.imports.reading import Unreadable, read_text
 
 MOST_BYTES = 64 * 2**20
-MOST_ELEMENTS = 2_000_000
+MOST_ELEMENTS = 1_000_000
+MOST_ATTRIBUTES = 4_000_000
 MOST_DEPTH = 100
 
 
-@dataclass
+@dataclass(slots=True)
 class Element:
     """One element.
 
@@ -48,6 +49,8 @@ def read_xml(path: Path) -> Element:
         Unreadable: Naming the line: no XML, a document type, or more elements than allowed.
     """
     text = read_text(path, MOST_BYTES)
+    if text.count("=") > MOST_ATTRIBUTES:
+        raise Unreadable(path, f"{text.count('=')} '=', expected at most {MOST_ATTRIBUTES}")
     builder = _Builder(path)
     try:
         builder.parser.Parse(text, True)

@@ -13,6 +13,9 @@ def scene(inside, head=""):
     return f"<mujoco>{head}<worldbody>{inside}</worldbody></mujoco>"
 
 
+TEXTURES = '<texture builtin="flat" width="2048" height="2048"/>' * 400
+
+
 def test_our_own_scenes_pass():
     text = open_log(COMMITTED / committed_name()).scene
     assert safe_scene(text).count("<geom") == text.count("<geom")
@@ -34,7 +37,13 @@ def test_our_own_scenes_pass():
         ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco/>', "a document type"),
         ("<mujoco><worldbody>", "no element found"),
         ("<robot/>", "expected <mujoco>"),
-        (scene("<body>" * 60_000 + "</body>" * 60_000), "more than 50000 elements"),
+        (scene("<body/>" * 60_000), "more than 50000 elements"),
+        (scene("", '<size nuser_body="300000000"/>'), "<size>: nuser_body 3e+08, expected at most"),
+        (scene("", '<option ccd_iterations="2000000000"/>'), "ccd_iterations 2e+09"),
+        (scene("", '<option noslip_iterations="2000000000"/>'), "noslip_iterations 2e+09"),
+        (scene("", '<custom><numeric name="a" size="400000000"/></custom>'), "size 4e+08"),
+        (scene("", f"<asset>{TEXTURES}</asset>"), "pixels of all textures"),
+        (scene("<body>" * 20_000 + "</body>" * 20_000), "more than 100 elements within one"),
     ],
 )
 def test_what_reaches_outside_or_multiplies_is_refused(text, said):

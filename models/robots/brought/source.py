@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.mjcf_scenes import check_files
+from models.imports.mjcf_files import check_scene
+from models.imports.mjcf_scenes import NOT_COMPILED
 from models.imports.reading import Unreadable
 
 Array = NDArray[np.float64]
@@ -83,12 +84,12 @@ def open_source(path: Path, base: str) -> Source:
         Unusable: It reaches outside its folder, does not compile, or has no such base.
     """
     try:
-        check_files(path, path, [])
+        check_scene(path)
         tree = mujoco.MjSpec.from_file(str(path))
         model = free(tree, base).compile()
     except Unreadable as error:
         raise Unusable(f"mjcf: {error}") from None
-    except ValueError as error:
+    except NOT_COMPILED as error:
         raise Unusable(f"mjcf '{path}': {' '.join(str(error).split())[:300]}") from None
     body = find(model, mujoco.mjtObj.mjOBJ_BODY, base)
     if body is None:
