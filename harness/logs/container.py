@@ -27,6 +27,23 @@ GREATEST_RECORD = 64 * 2**20
 GREATEST_RATIO = 4096
 """Of all that the chunks unpack to and the file's own size; an empty world's sweeps reach 800."""
 
+MOST_DECISIONS = 200_000
+"""Of one file; an hour at 10 Hz makes 36,000."""
+
+MOST_MESSAGES = 1_000_000
+"""Of one file, whatever they are."""
+
+ONCE = frozenset(f"wayproof.{name}" for name in ("Pose", "Latency", "State", "Truth", "Streams"))
+"""Schemas of which a decision has one message."""
+
+DECISION, SWEEP, TABLE = "wayproof.Decision", "wayproof.Sweep", "wayproof.SensorInfo"
+
+MOST_SWEEPS = 256
+"""Between two decisions."""
+
+MOST_TABLES = 1000
+"""Sensors' tables in one file, those before its forks among them."""
+
 HEAD = struct.Struct("<BQ")  # opcode, length
 
 
@@ -116,6 +133,33 @@ def walk(path: Path, head_only: bool = False) -> Iterator[Item]:
         raise InputError(f"log '{path}': {error.strerror}") from None
 
 
+class _Census:
+    """Counts messages, so that a small file cannot hold more than an episode makes."""
+
+    def __init__(self) -> None:
+        self._all = self._decisions = self._tables = 0
+        self._since: dict[str, int] = {}  # schema -> messages since the last decision
+
+    def count(self, schema: str, topic: str) -> None:
+        self._all += 1
+        self._hold(self._all, MOST_MESSAGES, "messages")
+        if schema == DECISION:
+            self._decisions += 1
+            self._hold(self._decisions, MOST_DECISIONS, "decisions")
+            self._since.clear()
+        elif schema == TABLE:
+            self._tables += 1
+            self._hold(self._tables, MOST_TABLES, "sensors' tables")
+        elif schema == SWEEP or schema in ONCE:
+            self._since[schema] = count = self._since.get(schema, 0) + 1
+            most = MOST_SWEEPS if schema == SWEEP else 1
+            self._hold(count, most, f"messages of {topic[:40]!r} for decision {self._decisions}")
+
+    def _hold(self, count: int, most: int, what: str) -> None:
+        if count > most:
+            raise _Broken(f"{count} {what}, expected at most {most}")
+
+
 class _Walk:
     """One pass over one file."""
 
@@ -126,6 +170,7 @@ class _Walk:
         self._head_only = head_only
         self._chunks = 0
         self._unpacked = 0
+        self._census = _Census()
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str]] = {}  # topic, schema's name
 
@@ -190,6 +235,7 @@ class _Walk:
             if number not in self._channels:
                 raise _Broken(f"a message on channel {number}, which was never declared")
             topic, schema_name = self._channels[number]
+            self._census.count(schema_name, topic)
             yield Packet(schema_name, topic, time_ns, cursor.take(cursor.left))
 
     def _unpack(self, cursor: _Cursor) -> Iterator[Packet]:

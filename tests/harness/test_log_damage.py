@@ -5,6 +5,7 @@ import hashlib
 import io
 import itertools
 import json
+import re
 import resource
 import signal
 import zlib
@@ -297,3 +298,38 @@ def test_a_text_that_looks_like_markup_is_printed_as_it_stands(source, tmp_path,
     assert main(["explain", str(path), "1", *drawn]) == 2  # the chain is not that of the reasons
     assert main(["explain", str(path), "1", *drawn, "--unchecked"]) == 0
     assert "[/x] :warning: $\\frac{$" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic", "said"),
+    [
+        (pb.Truth, "/truth", "2 messages of '/truth' for decision 0, expected at most 1"),
+        (pb.Pose, "/pose", "2 messages of '/pose' for decision 0, expected at most 1"),
+        (pb.Sweep, "/sensor/lidar", "257 messages of '/sensor/lidar' for decision 0"),
+        (pb.SensorInfo, "/sensor/lidar/info", "1001 sensors' tables, expected at most 1000"),
+        (pb.Decision, "/decision", "200001 decisions, expected at most 200000"),
+        (pb.Perturbation, "/perturbation", "1000001 messages, expected at most 1000000"),
+    ],
+)
+def test_messages_are_counted_before_they_are_made(tmp_path, kind, topic, said):
+    """Chunks of empty messages compress by thousands: a small file could fill the memory."""
+    flood(tmp_path / "flood.mcap", kind.DESCRIPTOR.full_name, topic)
+    with pytest.raises(InputError, match=re.escape(said)):
+        list(walk(tmp_path / "flood.mcap"))
+
+
+def flood(path, schema, topic):
+    """Two chunks of 600,000 empty messages each."""
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start()
+        number = writer.register_schema(schema, "protobuf", b"")
+        writer.register_channel(topic, "protobuf", number)
+        noise = np.random.default_rng(0).bytes(20_000)  # else the file is too small for its chunks
+        writer.add_attachment(0, 0, "noise", "text/plain", noise)
+        writer.finish()
+    head = path.read_bytes()
+    end = head.index(bytes([15]) + (4).to_bytes(8, "little"))
+    message = HEAD.pack(5, 22) + bytes([1]) + bytes(21)
+    two = chunk(message * 600_000, 600_000 * len(message))[len(MAGIC) :] * 2
+    path.write_bytes(head[:end] + two + head[end:])
