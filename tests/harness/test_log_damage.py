@@ -197,7 +197,7 @@ def test_sizes_are_checked_before_anything_of_that_size_is_made(tmp_path, data, 
 def write_items(items, target):
     """A log of these items, whose checksums hold."""
     with target.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.NONE)
+        writer = Writer(file, use_chunking=False)
         writer.start(profile="wayproof")
         channels = {}
         for item in items:
@@ -321,7 +321,7 @@ def test_messages_are_counted_before_they_are_made(tmp_path, kind, topic, said):
 def flood(path, schema, topic):
     """Two chunks of 600,000 empty messages each."""
     with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.NONE)
+        writer = Writer(file, use_chunking=False)
         writer.start()
         number = writer.register_schema(schema, "protobuf", b"")
         writer.register_channel(topic, "protobuf", number)
