@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 
 from harness.cli import main
 from harness.errors import InputError
