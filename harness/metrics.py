@@ -46,7 +46,7 @@ class Trace:
         positions: (n, 3) true, of the base, m.
         velocities: (n, 3) true, m/s.
         clearances: (n,) least true distance to anything but the floor, m.
-        actions: (n,) names.
+        actions: (n,) names; none for a log of before format 5, in which they meant otherwise.
         latencies: (n,) wall time of a decision's stages together, ms.
         missed: (n,) whether it was past its deadline.
         start_distance: Distance of the start from the goal, measured as `goal_distance` is, m.
@@ -61,7 +61,7 @@ class Trace:
     positions: Array
     velocities: Array
     clearances: Array
-    actions: tuple[str, ...]
+    actions: tuple[str, ...] | None
     latencies: Array
     missed: NDArray[np.bool_]
     start_distance: float
@@ -105,7 +105,7 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
         positions=np.array([truth.position for truth in truths]).reshape(-1, 3),
         velocities=np.array([truth.velocity for truth in truths]).reshape(-1, 3),
         clearances=np.array([truth.clearance_m for truth in truths]),
-        actions=tuple(decision.action for decision in decisions),
+        actions=None if log.not_compared else tuple(one.action for one in decisions),
         latencies=np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages]),
         missed=np.array([decision.deadline_missed for decision in decisions], bool),
         start_distance=math.dist(log.mission.start[:axes], log.mission.goal[:axes]),
@@ -198,19 +198,29 @@ def time_stopped(trace: Trace) -> float:
     return float(spans[np.linalg.norm(trace.velocities, axis=1) < STANDING_SPEED].sum())
 
 
-def explorations(trace: Trace) -> float:
-    """Errands to look from elsewhere: runs of `explore`, not decisions."""
-    return float(sum(now and not before for before, now in _runs(trace, "explore")))
+def explorations(trace: Trace) -> float | None:
+    """Times that the robot set out to look from elsewhere: runs of `explore`, not decisions.
+
+    To follow the path while its far end is unknown is no exploration.
+    """
+    return _runs(trace, "explore")
 
 
-def stops(trace: Trace) -> float:
-    """Times that the stack chose to stop and wait: runs, not decisions."""
-    return float(sum(now and not before for before, now in _runs(trace, "stop_and_wait")))
+def stops(trace: Trace) -> float | None:
+    """Times that the stack stopped for something or waited: runs of `stop_and_wait`, not decisions.
+
+    To brake to the goal is no stop.
+    """
+    return _runs(trace, "stop_and_wait")
 
 
-def _runs(trace: Trace, action: str) -> list[tuple[bool, bool]]:
+def _runs(trace: Trace, action: str) -> float | None:
+    """Number of times that an action begins."""
+    if trace.actions is None:
+        return None
     chosen = [name == action for name in trace.actions]
-    return list(zip([False, *chosen[:-1]], chosen, strict=True))
+    pairs = zip([False, *chosen[:-1]], chosen, strict=True)
+    return float(sum(now and not before for before, now in pairs))
 
 
 def jerk(trace: Trace) -> float | None:

@@ -139,6 +139,18 @@ class Costmap:
             self._state = states.reshape(self.shape)
         return self._state
 
+    def states_between(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """The three states of the cells from `first` (3,) up to, but not with, `end` (3,)."""
+        cells = self._cells
+        (x0, y0, z0), (x1, y1, z1) = first.tolist(), end.tolist()
+        flat = self.motion == "ground"  # there a row of bits runs along y
+        rows = (slice(x0, x1), slice(0, 1) if flat else slice(y0, y1))
+        states = unpack(cells.free[rows], cells.rows[2]) * np.uint8(FREE)
+        states += unpack(cells.occupied[rows], cells.rows[2]) * np.uint8(OCCUPIED)
+        if flat:
+            return states[:, 0, y0:y1, None]
+        return states[:, :, z0:z1]
+
     @property
     def clearance(self) -> NDArray[np.uint16]:
         """Squared distances, (nx, ny, nz) uint16, in cells^2, at most `truncation`.

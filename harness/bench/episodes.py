@@ -27,8 +27,6 @@ from harness.warm_up import warm_up
 from maps import UNKNOWN, states_in
 
 WORLD = "warehouse"
-LOOKING = "looking from"
-"""In the reason of a decision that sets out for a place to look from."""
 
 
 class Arm(NamedTuple):
@@ -72,7 +70,8 @@ class Row:
         length_m: Mean distance travelled of these.
         speed_m_s: Their lengths by their times.
         looks: Mean number of times that the robot set out for a place to look from.
-        explore_share: Share of decisions that drive up to what has not been seen.
+        edge_share: Share of decisions that drive up to the edge of what was seen: that explore, or
+            follow with the label `unknown_ahead`.
         least_clearance_m: Least true distance to an obstacle, of all episodes.
         unknown_share: Share of decisions whose committed path leads through space not known to be
             free.
@@ -91,7 +90,7 @@ class Row:
     length_m: float
     speed_m_s: float
     looks: float
-    explore_share: float
+    edge_share: float
     least_clearance_m: float
     unknown_share: float
     unknown_cells: float
@@ -102,8 +101,8 @@ class Row:
 class Noted(NamedTuple):
     """What is kept of one decision."""
 
-    action: str
-    reason: str
+    sets_out: bool  # for a place to look from
+    at_edge: bool  # drives up to the edge of what was seen
     unknown: bool  # whether its committed path leads through space not known to be free
     plan_ms: float
 
@@ -113,7 +112,7 @@ class Trial(NamedTuple):
 
     result: Result
     looks: int
-    explore_share: float
+    edge_share: float
     unknown_share: float
     unknown_cells: int
     plan_ms: list[float]
@@ -159,13 +158,17 @@ def _run(arm: Arm, seed: int, path: Path) -> Trial:
     def note(decision: pb.Decision, _: pb.Truth) -> None:
         nearest = (decision.least_clearance_m / decision.resolution_m) ** 2
         unknown = round(nearest) <= decision.blocked_at_or_below
-        decisions.append(Noted(decision.action, decision.reason, unknown, decision.stages.plan_ms))
+        grounds, label = decision.grounds, decision.label
+        sets_out = decision.action == "explore" and grounds.since == decision.sequence
+        at_edge = decision.action == "follow" and label == "unknown_ahead"
+        at_edge = at_edge or decision.action == "explore"
+        decisions.append(Noted(sets_out, at_edge, unknown, decision.stages.plan_ms))
 
     result = run_episode(build(config), path, note)
     return Trial(
         result,
-        sum(LOOKING in one.reason for one in decisions),
-        sum(one.action == "explore" for one in decisions) / len(decisions),
+        sum(one.sets_out for one in decisions),
+        sum(one.at_edge for one in decisions) / len(decisions),
         sum(one.unknown for one in decisions) / len(decisions),
         entered_unknown(open_log(path)) if arm in POLICIES else 0,
         [one.plan_ms for one in decisions],
@@ -219,7 +222,7 @@ def _row(arm: Arm, trials: list[Trial]) -> Row:
         length_m=length,
         speed_m_s=length / time_s if reached else 0.0,
         looks=float(np.mean([trial.looks for trial in trials])),
-        explore_share=float(np.mean([trial.explore_share for trial in trials])),
+        edge_share=float(np.mean([trial.edge_share for trial in trials])),
         least_clearance_m=min(trial.result.min_clearance_m for trial in trials),
         unknown_share=float(np.mean([trial.unknown_share for trial in trials])),
         unknown_cells=float(np.mean([trial.unknown_cells for trial in trials])),

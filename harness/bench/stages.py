@@ -86,7 +86,7 @@ SHORT_HEADINGS = {
     "least_clearance_m": "clear m",
     "episodes": "runs",
     "success": "ok",
-    "explore_share": "expl",
+    "edge_share": "edge",
     "unknown_share": "unkn",
     "unknown_cells": "cells",
     "collisions": "hits",

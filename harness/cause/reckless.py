@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from harness.stack.navigator import Navigator
-from harness.stack.view import Choice, Memory, View
+from harness.stack.reasons import Reason
+from harness.stack.view import Choice, Memory, View, length
 from planners import follow_path
 
 
@@ -23,5 +24,6 @@ class Reckless(Navigator):
             start = path, view.effect_ns, 0.0, 0.0, 0.0, view.heading
             self._straight = follow_path(*start, view.limits, view.limits.speed)
         straight = self._straight
-        choice = Choice("follow", "straight to the goal", "none", straight, straight.path)
+        reason = Reason("path_to_goal", path_m=length(straight.path))  # which is what it believes
+        choice = Choice("follow", reason, "none", straight, straight.path)
         return choice, replace(memory, trajectory=straight, guide=straight.path), view

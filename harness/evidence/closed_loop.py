@@ -72,6 +72,7 @@ class ClosedLoop:
         result: Fields of the result that differ; not compared where the log's end is missing.
         elsewhere: What the log was recorded with that is different here.
         chain: Hash over the new decisions.
+        not_compared: Fields of decisions that the log's older format gave otherwise.
         outcome: How the episode ended now.
         recorded_outcome: How it ended then.
         regenerated: Whether the log had left its sweeps out.
@@ -92,6 +93,7 @@ class ClosedLoop:
     result: tuple[Difference, ...]
     elsewhere: tuple[Difference, ...]
     chain: str
+    not_compared: tuple[str, ...]
     outcome: str
     recorded_outcome: str
     regenerated: bool
@@ -156,6 +158,7 @@ def simulate_again(
         result=result,
         elsewhere=tuple(other_than_here(log.run)),
         chain=again.result["chain"],
+        not_compared=log.not_compared,
         outcome=again.result["outcome"],
         recorded_outcome=log.result["outcome"],
         regenerated=log.record == "decisions",
@@ -226,7 +229,7 @@ def _compare(log: Log, again: Log) -> _Comparison:
             continue
         if thinned and not old.decision.guide:
             new.decision.ClearField("guide")  # left out of the log; the chain covers it
-        different = differences(old.decision, new.decision)
+        different = differences(old.decision, new.decision, log.not_compared)
         if different:
             found.first_decision, found.differences = old.number, different
             found.decisions += sum(1 for one, _ in pairs if one and one.decision is not None)
@@ -293,7 +296,9 @@ def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
     """Fields of the recorded result that the new one has otherwise; an older log has fewer."""
     for name, now in again.result.items():
         then = log.result.get(name)
-        if then is not None and name != "record" and not _same(then, now):
+        if name == "record" or name in log.not_compared:
+            continue
+        if then is not None and not _same(then, now):
             yield Difference(f"result.{name}", then, now)
 
 

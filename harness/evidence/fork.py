@@ -20,7 +20,7 @@ from harness.evidence.rebuild import rebuild
 from harness.evidence.relay import Relay, stretches
 from harness.evidence.what_if import refuse_sensed
 from harness.logs.container import walk
-from harness.logs.log import PLUGINS, LogWriter, hold_log
+from harness.logs.log import FORMAT_VERSION, PLUGINS, LogWriter, hold_log
 from harness.logs.log_copy import time_of, topic_of
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log, before, fork_note, open_log, read_head
@@ -108,6 +108,12 @@ def fork_with(
         InputError: A setting changes that the episode had begun with, there is no such decision, or
             no state was kept there.
     """
+    if log.not_compared:
+        raise InputError(
+            f"log '{log.path}': format version {log.run['format_version']}, expected "
+            f"{FORMAT_VERSION}, whose chain a fork can go on with; --closed-loop --log FILE writes "
+            "it so"
+        )
     log = log.as_of(at)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
     scenario = rebuild(log, config)

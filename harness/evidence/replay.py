@@ -33,6 +33,7 @@ class Replay:
         chain: Hash over the recomputed decisions.
         outcome: What the log says of the episode.
         scope: What was recomputed, what only the closed loop shows, and what is a claim.
+        not_compared: Fields of decisions that the log's older format gave otherwise.
         wall_time_s: Time that the replay took.
     """
 
@@ -46,6 +47,7 @@ class Replay:
     chain: str
     outcome: str
     scope: Scope
+    not_compared: tuple[str, ...]
     wall_time_s: float
 
 
@@ -71,7 +73,7 @@ def replay(
     decisions = differing = 0
     chain = ""
     for record, recomputed in recomputations(log):
-        found = differences(record.decision, recomputed)
+        found = differences(record.decision, recomputed, log.not_compared)
         if found:
             differing += 1
             first = first or (record.decision.sequence, found)
@@ -84,7 +86,9 @@ def replay(
     others += cause or []
     return Replay(
         log=str(path),
-        identical=not differing and chain == log.result["chain"] and not others,
+        identical=not differing
+        and (bool(log.not_compared) or chain == log.result["chain"])
+        and not others,
         decisions=decisions,
         differing=differing,
         first_difference=None if first is None else first[0],
@@ -93,6 +97,7 @@ def replay(
         chain=chain,
         outcome=log.result["outcome"],
         scope=scope_of(log, with_cause=cause is not None),
+        not_compared=log.not_compared,
         wall_time_s=time.perf_counter() - began,
     )
 

@@ -15,7 +15,7 @@ from harness.errors import InputError
 from harness.evidence.twin import Twin
 from harness.logs.reader import Log, open_log
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
+from harness.stack.decision import differences, path_of
 
 Array = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
     decisions, faithful = 0, True
     for record in log.records():
         recorded, other = twin.step(record)
-        faithful = faithful and recorded.chain == record.decision.chain
+        faithful = faithful and not differences(record.decision, recorded, log.not_compared)
         change = compare(recorded, other, log.mission.motion == "ground")
         if change is not None:
             changes.append(change)

@@ -5,6 +5,7 @@ The map at the decision comes from taking the log's inputs up to it into an empt
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from harness.clearance import map_clearance_is_bound, true_clearance_is_bound
 from harness.errors import InputError
 from harness.evidence.audit import densely
 from harness.labels import bound_version
+from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import path_of
 from harness.stack.navigator import Navigator
 from maps.states import FREE, OCCUPIED
@@ -76,7 +78,10 @@ class Card:
         deadline_missed: Whether the decision was discarded for it.
         planner: Of this decision's search; empty if the path was kept.
         iterations: Of it.
-        path_length_m: To the goal; 0 if there is no way.
+        goal_distance_m: Straight, from the believed position to the goal; in the plane on the
+            ground.
+        path_leads_to: `the goal`, `a viewpoint`, `admitted space`, or empty if there is no path.
+        path_length_m: Of the path; 0 if there is none.
         committed_m: The part that may be entered.
         least_clearance_m: Along it, by the map.
         least_clearance_is_bound: Whether it may be larger, as the map's distances end there.
@@ -112,6 +117,8 @@ class Card:
     deadline_missed: bool
     planner: str
     iterations: int
+    goal_distance_m: float
+    path_leads_to: str
     path_length_m: float
     committed_m: float
     least_clearance_m: float
@@ -186,6 +193,8 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         deadline_missed=decision.deadline_missed,
         planner=decision.planner,
         iterations=decision.planner_iterations,
+        goal_distance_m=math.dist(decision.position[: case.axes], case.mission.goal[: case.axes]),
+        path_leads_to=_leads_to(decision),
         path_length_m=decision.path_length_m,
         committed_m=decision.committed_length_m,
         least_clearance_m=decision.least_clearance_m,
@@ -196,6 +205,15 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         if perturbation is None
         else f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}",
     )
+
+
+def _leads_to(decision: pb.Decision) -> str:
+    """Where a decision's path leads; in a log of before format 5 an errand looks like the goal."""
+    if not len(decision.guide):
+        return ""
+    if decision.grounds.kind in ("looking_elsewhere", "backing_up"):
+        return "a viewpoint"
+    return "admitted space" if decision.action == "recover" else "the goal"
 
 
 def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[BlockingCell, ...]:

@@ -30,11 +30,14 @@ from harness.logs.mcap_file import McapFile
 from harness.logs.packed import pack
 from harness.outputs import Draft, check_target
 
-FORMAT_VERSION = "3"
-"""Raised when logs of the version before replay no longer: 3 has an odometry and other plans."""
+FORMAT_VERSION = "5"
+"""Raised when decisions are recorded otherwise: 5 has each reason as a predicate with figures."""
 
-PACKED_FORMAT_VERSION = "4"
-"""Of a packed log: as 3, with the longest fields of its messages packed."""
+PACKED_AS = {"3": "4"}
+"""Format version of a packed log, where it differs: 4 is 3, with the longest fields packed."""
+
+READABLE = ("2", "3", "4", FORMAT_VERSION)
+"""Format versions that can be read."""
 
 LEAST_FREE_BYTES = 64 * 2**20
 """Free disk space below which no episode is started; a minute of a 20,000-ray lidar takes less."""
@@ -106,8 +109,9 @@ class LogWriter:
         self._safe_ns = 0  # last instant that is flushed before another one comes
         self._flush_period_ns = flush_period_ns
         attachments = {"config.json": config, "mission.json": mission, "scene.xml": scene.encode()}
-        version = PACKED_FORMAT_VERSION if packed else FORMAT_VERSION
-        run = {**(run or _run_metadata(attachments)), "format_version": version}
+        run = dict(run or _run_metadata(attachments))
+        if packed:
+            run["format_version"] = PACKED_AS.get(run["format_version"], run["format_version"])
         self._writer.add_metadata("run", run)
         if packed:
             attachments[PACKED_SCENE] = zstandard.compress(attachments.pop("scene.xml"), 19)

@@ -16,9 +16,9 @@ from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
 from harness.logs.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.logs.log import (
     FORMAT_VERSION,
-    PACKED_FORMAT_VERSION,
     PACKED_SCENE,
     PLUGINS,
+    READABLE,
     TRACEBACK,
     digest_name,
 )
@@ -36,6 +36,9 @@ MOST_LINES = 400
 
 MOST_FORKS = 99
 """Of one log."""
+
+BEFORE_GROUNDS = ("action", "reason", "label", "grounds", "chain")
+"""Fields of a decision that came to mean something else with format 5, and what hangs on them."""
 
 LONGEST_NS = 4000 * 10**9
 """Simulated time that no episode reaches: `episode.time_limit` ends at an hour."""
@@ -188,6 +191,11 @@ class Log:
                 yield message
 
     @property
+    def not_compared(self) -> tuple[str, ...]:
+        """Fields of a decision that this version gives otherwise than the log's format did."""
+        return () if self.run["format_version"] == FORMAT_VERSION else BEFORE_GROUNDS
+
+    @property
     def record(self) -> str:
         """What of the episode is in here: `full` or `decisions`."""
         return self.result.get("record", "full")
@@ -328,10 +336,9 @@ def read_head(
     if "run" not in metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
     version = metadata["run"].get("format_version")
-    if version not in (FORMAT_VERSION, PACKED_FORMAT_VERSION):
+    if version not in READABLE:
         raise InputError(
-            f"log '{path}': format version {version}, "
-            f"expected {FORMAT_VERSION} or {PACKED_FORMAT_VERSION}"
+            f"log '{path}': format version {version}, expected {READABLE[0]} to {READABLE[-1]}"
         )
     _unpack_scene(attachments, path)
     missing = [name for name in ATTACHMENTS if name not in attachments]

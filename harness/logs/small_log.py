@@ -11,7 +11,7 @@ from pathlib import Path
 
 from harness.config import Config, override
 from harness.episode import run_episode
-from harness.logs.log import FORMAT_VERSION, PACKED_FORMAT_VERSION
+from harness.logs.log import FORMAT_VERSION
 from harness.logs.log_copy import thin
 from harness.scenario import build
 from harness.warm_up import warm_up
@@ -28,15 +28,15 @@ def small_log(path: Path) -> Path:
     return path
 
 
-def committed_name(version: str = FORMAT_VERSION) -> str:
+def committed_name(version: str = FORMAT_VERSION, packed: bool = False) -> str:
     """Name of the committed log of a format version, by default the current one."""
-    return f"format-{version}.mcap"
+    return f"format-{version}-packed.mcap" if packed else f"format-{version}.mcap"
 
 
 def write_committed() -> None:
     """Write the log of the current format version and its packed form."""
     full = small_log(COMMITTED / committed_name())
-    packed = full.with_name(committed_name(PACKED_FORMAT_VERSION))
+    packed = full.with_name(committed_name(packed=True))
     packed.write_bytes(full.read_bytes())
     thin(packed)
 

@@ -153,8 +153,54 @@ class PackedDecision(_message.Message):
     hashes: bytes
     def __init__(self, path: _Optional[_Iterable[int]] = ..., arc_length: _Optional[_Iterable[int]] = ..., heading: _Optional[_Iterable[int]] = ..., guide: _Optional[_Iterable[int]] = ..., hashes: _Optional[bytes] = ...) -> None: ...
 
+class Reason(_message.Message):
+    __slots__ = ("kind", "free_m", "path_m", "short_m", "stop_m", "full_speed_stop_m", "distance_m", "limit_m", "turn_rad", "speed_share", "waited_s", "delay_s", "deadline_s", "since", "places", "iterations", "cell", "cell_state", "place", "target", "frontier")
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    FREE_M_FIELD_NUMBER: _ClassVar[int]
+    PATH_M_FIELD_NUMBER: _ClassVar[int]
+    SHORT_M_FIELD_NUMBER: _ClassVar[int]
+    STOP_M_FIELD_NUMBER: _ClassVar[int]
+    FULL_SPEED_STOP_M_FIELD_NUMBER: _ClassVar[int]
+    DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
+    LIMIT_M_FIELD_NUMBER: _ClassVar[int]
+    TURN_RAD_FIELD_NUMBER: _ClassVar[int]
+    SPEED_SHARE_FIELD_NUMBER: _ClassVar[int]
+    WAITED_S_FIELD_NUMBER: _ClassVar[int]
+    DELAY_S_FIELD_NUMBER: _ClassVar[int]
+    DEADLINE_S_FIELD_NUMBER: _ClassVar[int]
+    SINCE_FIELD_NUMBER: _ClassVar[int]
+    PLACES_FIELD_NUMBER: _ClassVar[int]
+    ITERATIONS_FIELD_NUMBER: _ClassVar[int]
+    CELL_FIELD_NUMBER: _ClassVar[int]
+    CELL_STATE_FIELD_NUMBER: _ClassVar[int]
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    TARGET_FIELD_NUMBER: _ClassVar[int]
+    FRONTIER_FIELD_NUMBER: _ClassVar[int]
+    kind: str
+    free_m: float
+    path_m: float
+    short_m: float
+    stop_m: float
+    full_speed_stop_m: float
+    distance_m: float
+    limit_m: float
+    turn_rad: float
+    speed_share: float
+    waited_s: float
+    delay_s: float
+    deadline_s: float
+    since: int
+    places: int
+    iterations: int
+    cell: Point
+    cell_state: str
+    place: Point
+    target: Point
+    frontier: str
+    def __init__(self, kind: _Optional[str] = ..., free_m: _Optional[float] = ..., path_m: _Optional[float] = ..., short_m: _Optional[float] = ..., stop_m: _Optional[float] = ..., full_speed_stop_m: _Optional[float] = ..., distance_m: _Optional[float] = ..., limit_m: _Optional[float] = ..., turn_rad: _Optional[float] = ..., speed_share: _Optional[float] = ..., waited_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., since: _Optional[int] = ..., places: _Optional[int] = ..., iterations: _Optional[int] = ..., cell: _Optional[_Union[Point, _Mapping]] = ..., cell_state: _Optional[str] = ..., place: _Optional[_Union[Point, _Mapping]] = ..., target: _Optional[_Union[Point, _Mapping]] = ..., frontier: _Optional[str] = ...) -> None: ...
+
 class Decision(_message.Message):
-    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "blocked_at_or_below", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "guide", "trajectory", "committed_length_m", "chain", "packed")
+    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "blocked_at_or_below", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "guide", "trajectory", "committed_length_m", "chain", "packed", "grounds")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     TRIGGER_FIELD_NUMBER: _ClassVar[int]
@@ -188,6 +234,7 @@ class Decision(_message.Message):
     COMMITTED_LENGTH_M_FIELD_NUMBER: _ClassVar[int]
     CHAIN_FIELD_NUMBER: _ClassVar[int]
     PACKED_FIELD_NUMBER: _ClassVar[int]
+    GROUNDS_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     trigger: str
@@ -221,7 +268,8 @@ class Decision(_message.Message):
     committed_length_m: float
     chain: str
     packed: PackedDecision
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., blocked_at_or_below: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., guide: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ..., packed: _Optional[_Union[PackedDecision, _Mapping]] = ...) -> None: ...
+    grounds: Reason
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., blocked_at_or_below: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., guide: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ..., packed: _Optional[_Union[PackedDecision, _Mapping]] = ..., grounds: _Optional[_Union[Reason, _Mapping]] = ...) -> None: ...
 
 class Truth(_message.Message):
     __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "clearance_m", "collisions", "movers", "struck")

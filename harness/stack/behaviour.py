@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from harness.stack import obstruction
 from harness.stack.decision import Action, Label
 from harness.stack.fit import (
     LEAST_STEP,
@@ -17,15 +18,45 @@ from harness.stack.fit import (
     fits,
     fits_along,
     leads_away,
+    poses_from,
     tail_first,
     to_where_it_turns,
     ways_to_face,
     wrapped,
 )
-from harness.stack.guide import ARRIVED, apart, heading_at, keep_or_replan_guide, place_for_goal
+from harness.stack.grounds import (
+    BRAKES,
+    WAITS,
+    ahead,
+    errand_reason,
+    inside,
+    why_it_drives,
+    why_no_path,
+    why_no_room,
+    why_without_path,
+)
+from harness.stack.guide import (
+    ARRIVED,
+    HEADINGS,
+    apart,
+    heading_at,
+    keep_or_replan_guide,
+    place_for_goal,
+)
+from harness.stack.reasons import Reason
 from harness.stack.stopping import clearest_stop
 from harness.stack.trail import trodden, way_back
-from harness.stack.view import Array, Choice, Memory, View, distance, length, standing
+from harness.stack.view import (
+    Array,
+    Choice,
+    Errand,
+    GivenUp,
+    Memory,
+    View,
+    distance,
+    length,
+    standing,
+)
 from planners import (
     Plan,
     Trajectory,
@@ -59,6 +90,9 @@ OVERRUN = 0.03
 FRONTIERS = 4
 """How many frontiers a long body, which cannot get to each, tries to plan to."""
 
+WAY_OUT = 1.0
+"""A way out of the inflation is at most so long, m."""
+
 TURNS_OUT = [sign * 0.1 * n for n in range(1, 9) for sign in (1, -1)]
 """By what a body turns to get out of the inflation, rad."""
 
@@ -68,8 +102,16 @@ def decide(view: View, memory: Memory) -> tuple[Choice, Memory]:
     committed = (*memory.earlier, memory.trajectory)
     begun = [k for k, trajectory in enumerate(committed) if trajectory.start_ns <= view.time_ns]
     committed = committed[begun[-1] if begun else 0 :]
-    choice, memory = _choose(view, trodden(memory, view), committed[0])
-    return choice, replace(memory, earlier=committed)
+    choice, after = _choose(view, trodden(memory, view), committed[0])
+    given_up = _given_up(view, memory, choice) if after.guide is None else None
+    return choice, replace(after, earlier=committed, given_up=given_up)
+
+
+def _given_up(view: View, memory: Memory, choice: Choice) -> GivenUp:
+    """Since when there is no guide: since an earlier decision, or since this one."""
+    if memory.given_up is not None and choice.reason.since == memory.given_up.sequence:
+        return memory.given_up
+    return GivenUp(view.sequence, choice.reason.kind, choice.label)
 
 
 def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, Memory]:
@@ -85,11 +127,11 @@ def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, M
     target = place_for_goal(view)
     if target is not view.goal and believed.at_rest and distance(now.position, target) < ARRIVED:
         return _wait_at_goal(view, memory, now)
-    view = replace(view, goal=target)
+    view = replace(view, goal=target, mission_goal=view.goal)
     before = memory
     memory, search, seed = keep_or_replan_guide(view, memory, now)
     if memory.guide is None:
-        choice, memory = _stop_or_wait(view, memory, now, search)
+        choice, memory = _stop_or_wait(view, memory, now, before, search)
     else:
         choice, memory = _advance(view, memory, now, memory.guide, before)
     if choice.search is None:  # an errand's search is the one that was acted on
@@ -99,16 +141,20 @@ def _choose(view: View, memory: Memory, followed: Trajectory) -> tuple[Choice, M
 
 def _anchor_again(view: View, memory: Memory, believed: TrajectorySample) -> tuple[Choice, Memory]:
     """The robot left its trajectory: hold where it is believed to be, and plan from there."""
-    off = distance(view.position, believed.position)
     trajectory = hold(view.position, view.effect_ns, view.heading)
-    reason = f"{off:.2f} m off the trajectory: holding here"
+    reason = Reason(
+        "off_trajectory",
+        distance_m=distance(view.position, believed.position),
+        limit_m=view.behaviour.tracking_tolerance,
+    )
     choice = Choice("recover", reason, "localization_lost", trajectory)
     return choice, replace(memory, trajectory=trajectory, guide=None)
 
 
 def _arrive(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, Memory]:
     trajectory = hold(now.position, view.effect_ns, now.heading)
-    reason = f"at rest {distance(view.position, view.goal):.2f} m from the goal"
+    left = distance(view.position, view.goal)
+    reason = Reason("at_goal", distance_m=left, limit_m=view.goal_tolerance)
     return Choice("goal", reason, "none", trajectory), replace(memory, trajectory=trajectory)
 
 
@@ -118,10 +164,9 @@ def _wait_at_goal(view: View, memory: Memory, now: TrajectorySample) -> tuple[Ch
     since = view.time_ns if memory.rest_since_ns < 0 else memory.rest_since_ns
     waited = (view.time_ns - since) * 1e-9
     memory = replace(memory, trajectory=trajectory, rest_since_ns=since, guide=None)
-    reason = (
-        f"the goal is inside the inflation, the nearest place outside of it "
-        f"{distance(now.position, view.goal):.2f} m away; waited {waited:.1f} s"
-    )
+    found = obstruction.at_place(view, view.goal, float(HEADINGS[0]), unknown_blocks=False)
+    away = distance(now.position, view.goal)
+    reason = inside("goal_inside_inflation", found, distance_m=away, waited_s=waited)
     action: Action = "abort" if waited >= view.behaviour.goal_patience else "stop_and_wait"
     return Choice(action, reason, "goal_blocked", trajectory), memory
 
@@ -129,32 +174,36 @@ def _wait_at_goal(view: View, memory: Memory, now: TrajectorySample) -> tuple[Ch
 def _escape(view: View, memory: Memory, now: TrajectorySample) -> tuple[Choice, Memory]:
     """The body stands inside the inflation: step to the nearest admitted place, straight."""
     target, heading = _way_out(view, now)
+    found = obstruction.at_place(view, now.position, now.heading, view.unknown_blocks)
     if target is None:
-        return _wait(view, memory, now, "start_blocked", "no admitted space within 1 m")
+        reason = inside("no_way_out", found, limit_m=WAY_OUT)
+        return _wait(view, memory, now, "start_blocked", reason)
+    away = distance(now.position, target)
     # Away from what is unknown may be towards an obstacle, which is worse.
     if not all(leads_away(one, now, target, heading) for one in (view.admitted, view.passable)):
-        return _wait(view, memory, now, "start_blocked", "the way out leads nearer to what blocks")
+        reason = inside("way_out_blocked", found, distance_m=away)
+        return _wait(view, memory, now, "start_blocked", reason)
     path = np.stack([now.position, target])
     if heading == now.heading:
         trajectory = _profile(view, now, path, speed_share=0.3)
+        reason = inside("escaping_inflation", found, distance_m=away)
         if view.admitted.discs:
             trajectory = trajectory.facing(heading)
     else:
         start = now.position, view.effect_ns, now.heading
         trajectory = turn_in_place(*start, heading, view.limits)
-    reason = f"inside the inflation; {distance(now.position, target):.2f} m to admitted space"
+        turn = wrapped(heading - now.heading)
+        reason = inside("turning_out_of_inflation", found, turn_rad=turn)
     choice = Choice("recover", reason, "start_blocked", trajectory, path)
-    return choice, replace(
-        memory, trajectory=trajectory, guide=None, on_errand=False, rest_since_ns=-1
-    )
+    return choice, replace(memory, trajectory=trajectory, guide=None, errand=None, rest_since_ns=-1)
 
 
 def _way_out(view: View, now: TrajectorySample) -> tuple[Array | None, float]:
     """The nearest admitted place at the present heading, or the heading nearest to it here."""
     space = view.admitted
     if not space.discs:
-        return space.nearest_free(now.position, 1.0), now.heading
-    pose = space.nearest_pose(now.position, 1.0, np.array([now.heading]))
+        return space.nearest_free(now.position, WAY_OUT), now.heading
+    pose = space.nearest_pose(now.position, WAY_OUT, np.array([now.heading]))
     moved = np.inf if pose is None else distance(now.position, pose[:3])
     for turn in TURNS_OUT:
         if abs(turn) < moved and space.pose_free(now.position, now.heading + turn):
@@ -163,14 +212,21 @@ def _way_out(view: View, now: TrajectorySample) -> tuple[Array | None, float]:
 
 
 def _stop_or_wait(
-    view: View, memory: Memory, now: TrajectorySample, search: Plan | None
+    view: View, memory: Memory, now: TrajectorySample, before: Memory, search: Plan | None
 ) -> tuple[Choice, Memory]:
     """No guide: brake along the old trajectory if moving, else wait for the map to change."""
-    if standing(now):
-        label: Label = "no_path" if search is None else search.label
-        return _wait(view, memory, now, label, "no path to the goal in the map")
+    if search is not None and standing(now):
+        return _wait(view, memory, now, search.label, why_no_path(view, search))
     path = remaining(memory.trajectory.path, now.arc_length)
-    return _brake(view, memory, now, path, "the way ahead is blocked: stopping on the path")
+    if search is not None:
+        stop = stopping_distance(now.speed, now.acceleration, view.limits)
+        reason = replace(why_no_path(view, search), stop_m=stop)
+        return _brake(view, memory, now, path, reason, search.label)
+    reason, label = why_without_path(view, before, now)
+    choice, memory = _brake(view, memory, now, path, reason, label)
+    if reason.path_m is not None:
+        reason = replace(reason, path_m=length(choice.trajectory.path))
+    return replace(choice, reason=reason), memory
 
 
 def _advance(
@@ -186,12 +242,12 @@ def _advance(
     end = min(admitted, corner, length(guide))
     blocked = end == admitted and admitted < length(guide)
     if end < braking - 1e-3 - (overrun if end == corner else 0.0):
-        label: Label = "unknown_ahead" if view.passable.free_length(guide) > end else "none"
-        path = truncate(guide, max(end, 1e-3))
-        reason = f"{end:.2f} m admitted ahead, {braking:.2f} m needed to stop"
-        return _brake(view, memory, now, path, reason, label)
+        return _brake_on_guide(view, memory, now, guide, end, blocked)
     if standing(now) and blocked and end < view.behaviour.least_advance:
-        return _wait(view, memory, now, "unknown_ahead", f"{end:.2f} m admitted ahead")
+        least = view.behaviour.least_advance
+        found = obstruction.on_path(view, guide, end, view.unknown_blocks)
+        reason, label = ahead(WAITS, found, limit_m=least)
+        return _wait(view, memory, now, label, reason)
     if standing(now) and view.admitted.discs:
         return _set_out(view, memory, now, guide, end, blocked)
     if standing(now) and view.turns_in_place:
@@ -202,12 +258,25 @@ def _advance(
     return choice or _keep_course(view, memory, now, before)
 
 
+def _brake_on_guide(
+    view: View, memory: Memory, now: TrajectorySample, guide: Array, end: float, blocked: bool
+) -> tuple[Choice, Memory]:
+    """Less of the guide may be entered than the robot needs to stop."""
+    braking = stopping_distance(now.speed, now.acceleration, view.limits)
+    path = truncate(guide, max(end, 1e-3))
+    if not blocked:
+        reason = Reason("path_too_short", path_m=end, stop_m=braking)
+        return _brake(view, memory, now, path, reason, "none")
+    found = obstruction.on_path(view, guide, end, view.unknown_blocks)
+    return _brake(view, memory, now, path, *ahead(BRAKES, found, stop_m=braking))
+
+
 def _set_out(
     view: View, memory: Memory, now: TrajectorySample, guide: Array, end: float, blocked: bool
 ) -> tuple[Choice, Memory]:
     """From rest, nose first; where the body cannot turn about, as it stands, perhaps tail first."""
-    ahead = heading_at(guide, min(0.1, 0.5 * length(guide)))
-    for target, backwards in ways_to_face(view.admitted, now, ahead):
+    nose_first = heading_at(guide, min(0.1, 0.5 * length(guide)))
+    for target, backwards in ways_to_face(view.admitted, now, nose_first):
         error = abs(wrapped(target - now.heading))
         if error <= view.behaviour.turn_first:
             chosen = _follow(view, memory, now, guide, end, blocked, backwards)
@@ -216,7 +285,8 @@ def _set_out(
         if error > ALIGNED:
             return _turn(view, memory, now, guide, target)
     memory = replace(memory, guide=None)
-    return _wait(view, memory, now, "no_path", "no room to turn into the path")
+    reason = why_no_room(view, now, _profile(view, now, truncate(guide, end), 1.0), nose_first)
+    return _wait(view, memory, now, "no_path", reason)
 
 
 def _keep_course(
@@ -226,11 +296,12 @@ def _keep_course(
     trajectory = before.trajectory
     begun = (view.effect_ns - trajectory.start_ns) * 1e-9
     if fits_along(view.admitted, trajectory, begun) is None:
-        reason = "no room to take the path in motion: following the last trajectory"
-        choice = Choice("slow", reason, "none", trajectory, before.guide)
+        choice = Choice("follow", Reason("keeping_course"), "none", trajectory, before.guide)
         return choice, replace(before, improved_ns=memory.improved_ns)
+    found = obstruction.on_poses(view, poses_from(trajectory, begun), view.unknown_blocks)
     path = remaining(trajectory.path, now.arc_length)
-    return _brake(view, memory, now, path, "the way ahead is blocked: stopping on the path")
+    stop = stopping_distance(now.speed, now.acceleration, view.limits)
+    return _brake(view, memory, now, path, *ahead(BRAKES, found, stop_m=stop))
 
 
 def _follow(
@@ -252,15 +323,7 @@ def _follow(
     trajectory = _fitting(view, now, path, share, backwards)
     if trajectory is None:
         return None
-    needed = stopping_distance(view.limits.speed, 0.0, view.limits)
-    if not blocked:
-        action: Action = "slow" if unknown_ahead else "explore" if memory.on_errand else "follow"
-        reason = f"{end:.2f} m admitted to the next stop"
-        label: Label = "unknown_ahead" if unknown_ahead else "none"
-    else:
-        action = "slow" if end < needed or unknown_ahead else "explore"
-        reason = f"unknown ahead: {end:.2f} m admitted, {needed:.2f} m for full speed"
-        label = "unknown_ahead"
+    action, reason, label = why_it_drives(view, memory, now, guide, end, blocked, unknown_ahead)
     choice = Choice(action, reason, label, trajectory, guide)
     return choice, replace(memory, trajectory=trajectory, guide=guide, rest_since_ns=-1)
 
@@ -290,30 +353,33 @@ def _turn(
     trajectory = memory.trajectory
     if now.at_rest or abs(wrapped(target - _final_heading(trajectory))) > 0.2:
         trajectory = turn_in_place(now.position, view.effect_ns, now.heading, target, view.limits)
-    reason = f"turning {np.degrees(wrapped(target - now.heading)):.0f} degrees into the path"
-    choice = Choice("follow", reason, "none", trajectory, guide)
+    reason = Reason("turning_into_path", turn_rad=wrapped(target - now.heading))
+    action: Action = "follow"
+    if memory.errand is not None:
+        action, reason = errand_reason(memory, guide)
+    choice = Choice(action, reason, "none", trajectory, guide)
     return choice, replace(memory, trajectory=trajectory, guide=guide, rest_since_ns=-1)
 
 
 def _wait(
-    view: View, memory: Memory, now: TrajectorySample, label: Label, reason: str
+    view: View, memory: Memory, now: TrajectorySample, label: Label, reason: Reason
 ) -> tuple[Choice, Memory]:
     """Stay at rest; after `patience` look from elsewhere, after `tries` of that abort."""
     trajectory = hold(now.position, view.effect_ns, now.heading)
     since = view.time_ns if memory.rest_since_ns < 0 else memory.rest_since_ns
     waited = (view.time_ns - since) * 1e-9
     memory = replace(memory, trajectory=trajectory, rest_since_ns=since)
+    reason = replace(reason, waited_s=waited)
     if waited < view.behaviour.patience:
-        text = f"{reason}; waited {waited:.1f} s"
-        return Choice("stop_and_wait", text, label, trajectory, memory.guide), memory
+        return Choice("stop_and_wait", reason, label, trajectory, memory.guide), memory
     if len(memory.visited) >= view.behaviour.tries:
-        text = f"{reason}; gave up after looking from {len(memory.visited)} places"
-        return Choice("abort", text, label, trajectory, memory.guide), memory
+        reason = replace(reason, places=len(memory.visited))
+        return Choice("abort", reason, label, trajectory, memory.guide), memory
     return _look_from_elsewhere(view, memory, now, label, reason)
 
 
 def _look_from_elsewhere(
-    view: View, memory: Memory, now: TrajectorySample, label: Label, reason: str
+    view: View, memory: Memory, now: TrajectorySample, label: Label, reason: Reason
 ) -> tuple[Choice, Memory]:
     """Set out for the best frontier that the robot can reach; without one, wait once more."""
     visited = np.vstack([memory.visited, now.position])
@@ -323,15 +389,15 @@ def _look_from_elsewhere(
     if search is None or search.waypoints is None:
         back = way_back(view, memory, now)
         if back is not None:
-            return _back_up(view, memory, now, back, reason)
-        text = f"{reason}; no frontier in reach"
-        memory = replace(memory, guide=None, on_errand=False)
-        return Choice("stop_and_wait", text, label, memory.trajectory), memory
+            return _back_up(view, memory, now, back)
+        reason = replace(reason, frontier="none" if search is None else "out_of_reach")
+        memory = replace(memory, guide=None, errand=None)
+        return Choice("stop_and_wait", reason, label, memory.trajectory), memory
     guide = blend_corners(view.admitted, apart(search.waypoints), view.behaviour.blend_length)
-    memory = replace(memory, guide=guide, on_errand=True, improved_ns=view.time_ns)
+    errand = Errand(view.sequence)
+    memory = replace(memory, guide=guide, errand=errand, improved_ns=view.time_ns)
     choice, memory = _advance(view, memory, now, guide, memory)
-    text = f"{reason}; looking from {length(guide):.2f} m away"
-    return replace(choice, reason=text, search=search, search_seed=seed), memory
+    return replace(choice, search=search, search_seed=seed), memory
 
 
 def _search_frontier(view: View, now: TrajectorySample, visited: Array, seed: int) -> Plan | None:
@@ -350,15 +416,14 @@ def _search_frontier(view: View, now: TrajectorySample, visited: Array, seed: in
 
 
 def _back_up(
-    view: View, memory: Memory, now: TrajectorySample, back: Array, reason: str
+    view: View, memory: Memory, now: TrajectorySample, back: Array
 ) -> tuple[Choice, Memory]:
     """Go back on the trail, to look from there."""
+    errand = Errand(view.sequence, backing_up=True)
     memory = replace(
-        memory, guide=back, on_errand=True, improved_ns=view.time_ns, backups=memory.backups + 1
+        memory, guide=back, errand=errand, improved_ns=view.time_ns, backups=memory.backups + 1
     )
-    choice, memory = _advance(view, memory, now, back, memory)
-    text = f"{reason}; going back {length(back):.2f} m on the trail"
-    return replace(choice, action="recover", reason=text), memory
+    return _advance(view, memory, now, back, memory)
 
 
 def _brake(
@@ -366,14 +431,14 @@ def _brake(
     memory: Memory,
     now: TrajectorySample,
     path: Array,
-    reason: str,
-    label: Label = "none",
+    reason: Reason,
+    label: Label,
 ) -> tuple[Choice, Memory]:
     path = clearest_stop(view, now, path)
     start = path, view.effect_ns, 0.0, now.speed, now.acceleration, now.heading
     trajectory = stop_along(*start, view.limits, tail_first(view, now, path))
     choice = Choice("stop_and_wait", reason, label, trajectory)
-    return choice, replace(memory, trajectory=trajectory, guide=None, on_errand=False)
+    return choice, replace(memory, trajectory=trajectory, guide=None, errand=None)
 
 
 def _profile(

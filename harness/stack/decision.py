@@ -23,6 +23,7 @@ Label = Literal[
     "start_blocked",
     "goal_blocked",
     "unknown_ahead",
+    "path_blocked",
     "deadline_missed",
     "map_stale",
     "localization_lost",
@@ -73,16 +74,24 @@ class Difference:
     recomputed: str
 
 
-def differences(recorded: pb.Decision, recomputed: pb.Decision) -> list[Difference]:
+def differences(
+    recorded: pb.Decision, recomputed: pb.Decision, without: Iterable[str] = ()
+) -> list[Difference]:
     """Every value that differs in a bit, the measured stage latencies apart.
 
     Of repeated fields, the number of elements if that differs, and the first element that does.
+
+    Args:
+        recorded: What the log says.
+        recomputed: What came out now.
+        without: Names of fields that are not compared.
     """
     pair = []
     for decision in (recorded, recomputed):
         alone = pb.Decision()
         alone.CopyFrom(decision)
-        alone.ClearField("stages")
+        for name in ("stages", *without):
+            alone.ClearField(name)
         pair.append(alone)
     return message_differences(*pair)
 

@@ -57,11 +57,17 @@ def fits_along(space: FreeSpace, trajectory: Trajectory, begun: float = 0.0) -> 
     if not space.discs:
         return None
     poses = trajectory.poses(CHECK_STEP)
-    first = min(int(max(begun, 0.0) / CHECK_STEP), len(poses) - 1)
+    first = len(poses) - len(poses_from(trajectory, begun))
     free = first + space.free_poses(poses[first:])
     if free == len(poses):
         return None
     return float(arc_lengths(poses[: max(free, 1), :3])[-1])
+
+
+def poses_from(trajectory: Trajectory, begun: float) -> Array:
+    """Poses (n, 4) of a trajectory of which some seconds have passed."""
+    poses = trajectory.poses(CHECK_STEP)
+    return poses[min(int(max(begun, 0.0) / CHECK_STEP), len(poses) - 1) :]
 
 
 def tail_first(view: View, now: TrajectorySample, path: Array) -> bool:

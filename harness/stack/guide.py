@@ -62,13 +62,15 @@ def keep_or_replan_guide(
         return replace(memory, guide=guide), None, 0
     prefix = _prefix_to_keep(view, now, guide)
     if prefix is None:
-        return replace(memory, guide=None, on_errand=False), None, 0
+        if valid:  # it is too late to bend it, as where the robot brakes to its end
+            return replace(memory, guide=guide), None, 0
+        return replace(memory, guide=None, errand=None), None, 0
     seed = plan_seed(view.seed, "guide", view.sequence)
     only_known = valid and memory.on_errand
     search, fresh = _search(view, prefix, now.heading, seed, only_known, anew=guide is None)
     if valid and guide is not None and not _better(view, memory, fresh, guide):
         return replace(memory, guide=guide, improved_ns=view.time_ns), search, seed
-    return replace(memory, guide=fresh, on_errand=False, improved_ns=view.time_ns), search, seed
+    return replace(memory, guide=fresh, errand=None, improved_ns=view.time_ns), search, seed
 
 
 def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> Array | None:

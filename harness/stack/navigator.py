@@ -23,6 +23,7 @@ from harness.schema import wayproof_pb2 as pb
 from harness.stack.behaviour import decide
 from harness.stack.decision import add_points, seal, thinned, trajectory_message
 from harness.stack.footprint import HEADING_TOLERANCE, NARROWEST, body_of, costs, lever
+from harness.stack.reasons import Reason, reason_message, sentence
 from harness.stack.view import Choice, Memory, View
 from harness.stack.width import decide_by_width
 from maps import MAPS, Costmap, Distances, VoxelMap
@@ -155,12 +156,13 @@ class Navigator:
         decision.deadline_s = deadline
         decision.deadline_missed = delay_s > deadline
         if decision.deadline_missed:
-            decision.action = "stop_and_wait"
-            decision.label = "deadline_missed"
-            decision.reason = (
-                f"{delay_s * 1e3:.0f} ms, {deadline * 1e3:.0f} allowed: the last trajectory stands"
-            )
             standing = self._memory.trajectory
+            late = decision.timestamp.ToNanoseconds() - standing.start_ns
+            decision.action = "stop_and_wait" if late >= standing.duration_s * 1e9 else "follow"
+            decision.label = "deadline_missed"
+            reason = Reason("deadline_missed", delay_s=delay_s, deadline_s=deadline)
+            decision.reason = sentence(reason)
+            decision.grounds.CopyFrom(reason_message(reason))
             decision.trajectory.CopyFrom(trajectory_message(standing))
             decision.committed_length_m = _length(standing.path)
             decision.ClearField("guide")
@@ -226,6 +228,8 @@ class Navigator:
             admitted=admitted,
             known=known,
             passable=passable,
+            states=self.costmap.states_between,
+            unknown_blocks=config.map.unknown_policy == "forbid",
             turns_in_place=mission.motion == "ground",
             penalize_unknown=config.map.unknown_policy == "penalize",
             limits=_limits(config, mission),
@@ -269,7 +273,8 @@ class Navigator:
             path_length_m=_length(choice.guide),
             least_clearance_m=view.known.least_clearance(path),
             action=choice.action,
-            reason=choice.reason,
+            reason=sentence(choice.reason),
+            grounds=reason_message(choice.reason),
             label=choice.label,
             trajectory=trajectory_message(choice.trajectory),
             committed_length_m=_length(path),

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.stack.decision import Action, Label
+from harness.stack.reasons import Kind, Reason
 from maps.elementary import norm
 from planners import (
     FreeSpace,
@@ -20,6 +22,9 @@ from planners import (
 )
 
 Array = NDArray[np.float64]
+
+States = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.uint8]]
+"""States (nx, ny, nz) of the cells from one on up to another, both (3,) within the costmap."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +94,14 @@ class View:
         admitted: Space that the unknown policy lets the body enter.
         known: Space known to be free.
         passable: Space not known to be blocked; what is not known to be free costs most.
+        states: Of the costmap's cells.
+        unknown_blocks: Whether the unknown policy keeps the body out of unknown space.
         turns_in_place: Whether heading matters for motion (ground robots).
         penalize_unknown: Whether unknown space costs speed.
         limits: What the body may be asked for.
         planner: Search settings.
         behaviour: Waiting and giving up.
+        mission_goal: (3,) what `goal` stands for where the mission's own is blocked, m; else none.
         plans: Those made for this decision, by what was asked for: they rest on distances that hold
             until the next one, so they hold for a decision that begins anew.
     """
@@ -109,12 +117,43 @@ class View:
     admitted: FreeSpace
     known: FreeSpace
     passable: FreeSpace
+    states: States
+    unknown_blocks: bool
     turns_in_place: bool
     penalize_unknown: bool
     limits: MotionLimits
     planner: PlannerConfig
     behaviour: BehaviourConfig
+    mission_goal: Array | None = None
     plans: dict[tuple[object, ...], Plan] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Errand:
+    """A way to somewhere else than the goal, to look from there.
+
+    Attributes:
+        since: Number of the decision that set out.
+        backing_up: Whether it leads back on the robot's own trail, and not to a frontier.
+    """
+
+    since: int
+    backing_up: bool = False
+
+
+@dataclass(frozen=True)
+class GivenUp:
+    """The decision after which the robot had no path any more.
+
+    Attributes:
+        sequence: Its number.
+        kind: Of its reason.
+        label: Its label.
+    """
+
+    sequence: int
+    kind: Kind
+    label: Label
 
 
 @dataclass(frozen=True)
@@ -125,7 +164,8 @@ class Memory:
         trajectory: The last one committed; the robot follows it until the next takes effect.
         earlier: Those committed before it, from the one that the robot follows now.
         guide: (n, 3) from the start of `trajectory` to the goal, or on an errand to a frontier.
-        on_errand: Whether the guide leads to a frontier, to look from there.
+        errand: If the guide leads not to the goal, but to a place to look from.
+        given_up: Since when there is no guide; none if there is one.
         rest_since_ns: Since when the robot has been waiting for the way to open; -1 if it is not.
         improved_ns: When a cheaper guide was last looked for.
         visited: (n, 3) places that it has looked from.
@@ -137,13 +177,19 @@ class Memory:
     trajectory: Trajectory
     earlier: tuple[Trajectory, ...] = ()
     guide: Array | None = None
-    on_errand: bool = False
+    errand: Errand | None = None
+    given_up: GivenUp | None = None
     rest_since_ns: int = -1
     improved_ns: int = 0
     visited: Array = field(default_factory=lambda: np.empty((0, 3)))
     trail: Array = field(default_factory=lambda: np.empty((0, 3)))
     backups: int = 0
     slender: bool = False
+
+    @property
+    def on_errand(self) -> bool:
+        """Whether the guide leads to a place to look from."""
+        return self.errand is not None
 
 
 @dataclass(frozen=True)
@@ -152,7 +198,7 @@ class Choice:
 
     Attributes:
         action: What the robot does.
-        reason: Why, in words with numbers.
+        reason: Why.
         label: What stood in the way.
         trajectory: What it follows.
         guide: (n, 3) path to the goal, or none.
@@ -161,7 +207,7 @@ class Choice:
     """
 
     action: Action
-    reason: str
+    reason: Reason
     label: Label
     trajectory: Trajectory
     guide: Array | None = None

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from harness.stack.behaviour import decide
 from harness.stack.guide import heading_at
+from harness.stack.reasons import STUCK_INSIDE
 from harness.stack.view import Choice, Memory, View, length
 from maps.elementary import cosine
 from planners import remaining
@@ -77,6 +78,6 @@ def _way(memory: Memory) -> float:
 
 def _leads_on(choice: Choice) -> bool:
     """Whether the robot moves, turns or has arrived; who brakes first has to come to rest."""
-    if choice.label == "start_blocked" or choice.action == "abort":
+    if choice.reason.kind in STUCK_INSIDE or choice.action == "abort":
         return False
     return choice.action != "stop_and_wait" or choice.trajectory.duration_s > 0.0

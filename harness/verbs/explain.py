@@ -240,8 +240,8 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         ),
         (
             "path",
-            f"{card.path_length_m:.2f} m to the goal, {card.committed_m:.2f} m committed, least "
-            f"clearance there {least}; {search}",
+            f"{_way(card)}, {card.committed_m:.2f} m committed, least clearance there "
+            f"{least}; {search}",
         ),
     ]
     if card.perturbation:
@@ -252,6 +252,15 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         text = f"{cell.state} ({at}), {cell.distance_m:.2f} m away, p {cell.probability:.2f}, {age}"
         rows.append(("blocked by", text))
     return rows
+
+
+def _way(card: Card) -> str:
+    """Where the path leads, and how far the goal is."""
+    straight = f"the goal is {card.goal_distance_m:.2f} m away"
+    if not card.path_leads_to:
+        return f"none; {straight}"
+    path = f"{card.path_length_m:.2f} m to {card.path_leads_to}"
+    return path if card.path_leads_to == "the goal" else f"{path}; {straight}"
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

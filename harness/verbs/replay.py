@@ -132,6 +132,7 @@ def print_replay(console: Console, replayed: Replay) -> None:
             ("differs", "bold red"),
             f": {replayed.differing} of {replayed.decisions} decisions{where}",
         )
+    text.append(_not_compared(replayed.not_compared))
     text.append(f"; {replayed.wall_time_s:.1f} s; chain {replayed.chain}; {replayed.log}")
     console.print(text, soft_wrap=True)
     print_differences(console, [*replayed.differences, *replayed.contradictions])
@@ -147,6 +148,11 @@ def print_scope(console: Console, scope: Scope) -> None:
     ):
         if parts:
             console.print(f"  {title}: {', '.join(parts)}", soft_wrap=True, highlight=False)
+
+
+def _not_compared(fields: Sequence[str]) -> str:
+    """What of a log of an older format is not compared."""
+    return f" ({', '.join(fields)} not compared: an older format)" if fields else ""
 
 
 def print_what_if(console: Console, answer: WhatIf) -> None:
@@ -198,8 +204,8 @@ def print_closed_loop(console: Console, again: ClosedLoop) -> None:
     console.print(
         Text.assemble(
             verdict,
-            f": {kept} of {again.decisions} decisions, {ended}; {again.wall_time_s:.1f} s; "
-            f"chain {again.chain}; {again.log}",
+            f": {kept} of {again.decisions} decisions, {ended}{_not_compared(again.not_compared)}; "
+            f"{again.wall_time_s:.1f} s; chain {again.chain}; {again.log}",
         ),
         soft_wrap=True,
     )

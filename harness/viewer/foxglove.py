@@ -23,6 +23,7 @@ from harness.stack.decision import path_of
 from harness.viewer.layer import COLOURS, kinds, layer_at
 from harness.viewer.moments import Moment, moments, standing_low
 from harness.viewer.tiles import Tiles
+from harness.viewer.words import is_warning
 
 WORLD, ROBOT, TRUTH = "world", "robot", "truth"
 """Frames."""
@@ -197,12 +198,11 @@ def _transforms(moment: Moment) -> fox.FrameTransforms:
 
 def _reason(moment: Moment) -> fox.Log:
     decision = moment.decision
-    plain = decision.label == "none"
     return fox.Log(
         timestamp=decision.timestamp,
-        level=fox.Log.INFO if plain else fox.Log.WARNING,
+        level=fox.Log.WARNING if is_warning(decision) else fox.Log.INFO,
         message=f"{decision.action}: {decision.reason}",
-        name="none" if plain else decision.label,
+        name=decision.label,
     )
 
 

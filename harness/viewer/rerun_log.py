@@ -19,7 +19,7 @@ from harness.viewer.layer import FRONTIER, INFLATED
 from harness.viewer.rows import Rows
 from harness.viewer.snapshots import Layer, Snapshot, tiles_of
 from harness.viewer.tiles import Tile
-from harness.viewer.words import describe
+from harness.viewer.words import describe, is_warning
 from maps import FREE, OCCUPIED, UNKNOWN
 
 RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
@@ -107,7 +107,7 @@ class _Artist:
         rows.put("decision", rr.TextDocument, text=describe(decision, self._cost_range))
         rows.put("action", rr.StateChange, state=decision.action)
         rows.put("label", rr.StateChange, state=decision.label)
-        level = "INFO" if decision.label == "none" else "WARN"
+        level = "WARN" if is_warning(decision) else "INFO"
         told = f"{decision.action}: {decision.reason}"
         rows.put("reasons", rr.TextLog, text=told, level=level)
 

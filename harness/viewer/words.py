@@ -5,6 +5,17 @@ from __future__ import annotations
 from harness.clearance import in_metres, map_clearance_is_bound
 from harness.schema import wayproof_pb2 as pb
 
+INTENDED = ("follow", "explore", "goal")
+"""Actions of a robot that does what it means to."""
+
+
+def is_warning(decision: pb.Decision) -> bool:
+    """Whether something keeps the robot from what it means to do.
+
+    The far end of a path is unknown most of the time: to follow up to there is no warning.
+    """
+    return decision.action not in INTENDED or decision.label == "deadline_missed"
+
 
 def describe(decision: pb.Decision, cost_range: float) -> str:
     """All that one decision says of itself, as Markdown.
@@ -21,6 +32,7 @@ def describe(decision: pb.Decision, cost_range: float) -> str:
     if decision.planner:
         search = f"{decision.planner}, seed {decision.planner_seed}"
         search += f", {decision.planner_iterations} iterations"
+    path = f"{decision.path_length_m:.2f} m" if len(decision.guide) else "no path"
     delay, deadline = decision.delay_s * 1e3, decision.deadline_s * 1e3
     return "\n".join(
         [
@@ -32,7 +44,7 @@ def describe(decision: pb.Decision, cost_range: float) -> str:
             f"- inflation {decision.inflation_radius_m:.3f} m, of it margin "
             f"{decision.localization_margin_m:.3f} m",
             f"- oldest evidence along the path {decision.evidence_age_s:.2f} s",
-            f"- committed {decision.committed_length_m:.2f} m of {decision.path_length_m:.2f} m, "
+            f"- committed {decision.committed_length_m:.2f} m of {path}, "
             f"least clearance {in_metres(decision.least_clearance_m, is_bound)}",
             f"- search: {search}",
             f"- delay {delay:.0f} ms of {deadline:.0f} ms{missed}",

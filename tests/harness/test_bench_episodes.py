@@ -37,7 +37,7 @@ def test_a_row_by_hand():
     row = _row(Arm("drone", "allow", ()), trials)
     assert (row.episodes, row.success, row.collisions) == (4, 0.5, 1)
     assert (row.time_s, row.length_m, row.speed_m_s) == (15.0, 15.0, 1.0)
-    assert (row.looks, row.explore_share, row.unknown_share, row.unknown_cells) == (1, 0.5, 0.25, 3)
+    assert (row.looks, row.edge_share, row.unknown_share, row.unknown_cells) == (1, 0.5, 0.25, 3)
     assert row.plan_ms_p50 == 2.0
 
 

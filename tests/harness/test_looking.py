@@ -45,6 +45,8 @@ def make_view(known, passable, position, sequence):
         admitted=known,
         known=known,
         passable=FreeSpace(passable, *grid, costs(4.0)),
+        states=lambda first, end: np.ones(end - first, np.uint8),
+        unknown_blocks=True,
         turns_in_place=False,
         penalize_unknown=False,
         limits=LIMITS,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from harness.errors import InputError
 from harness.logs.container import Packet, walk
-from harness.logs.log import PACKED_FORMAT_VERSION
+from harness.logs.log import FORMAT_VERSION
 from harness.logs.messages import decode, read_messages
 from harness.logs.packed import HASHES, pack, unpack
 from harness.logs.reader import open_log
@@ -100,7 +100,7 @@ def test_what_is_packed_is_not_believed(spoil):
 def test_a_log_of_decisions_is_packed_and_read_like_any_other(recorded):
     full = Path(recorded(*SHORT).log)
     small = Path(recorded(*SHORT, "record=decisions").log)
-    assert open_log(small).run["format_version"] == PACKED_FORMAT_VERSION
+    assert open_log(small).run["format_version"] == FORMAT_VERSION
     raw = [one for one in walk(small) if isinstance(one, Packet) and one.topic == "/decision"]
     assert all(pb.Decision.FromString(one.data).HasField("packed") for one in raw)
     kept = (pb.Pose, pb.Latency, pb.Truth, pb.Streams, pb.Decision)

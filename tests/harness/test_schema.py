@@ -6,12 +6,17 @@ from pathlib import Path
 
 import pytest
 
+from harness.cli import main
 from harness.errors import InputError
+from harness.evidence.audit import audit
+from harness.evidence.fork import fork
 from harness.evidence.replay import replay
-from harness.logs import field_numbers
-from harness.logs.log import FORMAT_VERSION, PACKED_FORMAT_VERSION
+from harness.logs import field_numbers, log
+from harness.logs.log import FORMAT_VERSION
+from harness.logs.log_copy import thin
 from harness.logs.reader import open_log
 from harness.logs.small_log import COMMITTED, committed_name
+from harness.metrics import read_trace, score
 
 ROOT = Path(__file__).parents[2]
 PROTO = "harness/schema/wayproof.proto"
@@ -52,21 +57,51 @@ def test_the_committed_log_of_this_version_replays():
 
 
 @pytest.mark.parametrize("path", sorted(COMMITTED.glob("*.mcap")), ids=lambda path: path.stem)
-def test_a_committed_log_opens_or_says_why_not(path):
-    version = path.stem.removeprefix("format-")
-    if version not in (FORMAT_VERSION, PACKED_FORMAT_VERSION):
-        with pytest.raises(InputError, match=f"version {version}, expected 3 or 4$"):
-            open_log(path)
-        return
-    log = open_log(path)
-    assert log.run["format_version"] == version
-    assert log.record == ("decisions" if version == PACKED_FORMAT_VERSION else "full")
-    decisions = list(log.decisions())
-    assert len(decisions) == int(log.result["decisions"])
-    assert decisions[-1].chain == log.result["chain"]
+def test_every_committed_log_opens(path):
+    version, *packed = path.stem.removeprefix("format-").split("-")
+    opened = open_log(path)
+    assert opened.run["format_version"] == version
+    assert opened.record == ("decisions" if packed or version == "4" else "full")
+    assert bool(opened.not_compared) == (version != FORMAT_VERSION)
+    decisions = list(opened.decisions())
+    assert len(decisions) == int(opened.result["decisions"])
+    assert decisions[-1].chain == opened.result["chain"]
     for decision in decisions:
         assert len(decision.trajectory.path) >= 1
         assert len(decision.trajectory.arc_length) == len(decision.trajectory.heading) >= 1
         assert not decision.HasField("packed")
-    if log.record == "full":
-        assert sum(1 for _ in log.records()) == len(decisions)
+        assert decision.HasField("grounds") == (version == FORMAT_VERSION)
+    if opened.record == "full":
+        assert sum(1 for _ in opened.records()) == len(decisions)
+
+
+def test_a_format_that_is_not_known_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(log, "FORMAT_VERSION", "99")
+    with log.LogWriter(tmp_path / "later.mcap", b"{}", b"{}", "<mujoco/>") as writer:
+        writer.finish({"outcome": "success", "chain": ""})
+    with pytest.raises(InputError, match=r"format version 99, expected 2 to 5$"):
+        open_log(tmp_path / "later.mcap")
+
+
+def test_an_old_log_is_compared_in_all_but_what_its_format_said_otherwise(capsys):
+    """Its trajectories are those of this version, its actions and reasons are not."""
+    path = COMMITTED / committed_name("3")
+    again = replay(path)
+    assert again.identical, again.differences
+    assert again.not_compared == ("action", "reason", "label", "grounds", "chain")
+    assert main(["replay", str(path)]) == 0
+    assert "reason, label, grounds, chain not compared: an older format" in capsys.readouterr().out
+    found = audit(path)
+    assert (found.violations, found.reasons, found.decisions) == ((), 0, again.decisions)
+    metrics = score(read_trace(open_log(path)))
+    assert (metrics["explorations"], metrics["stops"]) == (None, None)
+    with pytest.raises(InputError, match="format version 3, expected 5, whose chain a fork"):
+        fork(path, 2, [], path.with_name("fork.mcap"))
+
+
+def test_a_copy_of_an_old_log_keeps_its_format(tmp_path):
+    path = tmp_path / "old.mcap"
+    path.write_bytes((COMMITTED / committed_name("3")).read_bytes())
+    thin(path)
+    assert open_log(path).run["format_version"] == "4"
+    assert list(open_log(path).decisions())[-1].chain == open_log(path).result["chain"]

@@ -36,6 +36,8 @@ def stop(view_space, speed=2.0, ground=False, path=AHEAD):
         admitted=view_space,
         known=view_space,
         passable=view_space,
+        states=lambda first, end: np.ones(end - first, np.uint8),
+        unknown_blocks=True,
         turns_in_place=ground,
         penalize_unknown=False,
         limits=LIMITS,

@@ -30,7 +30,7 @@ class Violation:
     Attributes:
         sequence: Of the decision.
         rule: `form`, `version`, `inputs`, `settings`, `margin`, `deadline`, `figure`, `limits`,
-            `rest`, `joined`, `swept`, `stop`, `recover` or `volume`.
+            `rest`, `joined`, `swept`, `stop`, `recover`, `reason` or `volume`.
         text: What was found, and what was expected.
     """
 

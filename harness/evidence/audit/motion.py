@@ -117,7 +117,7 @@ def check_deadline(moment: Moment) -> list[Violation]:
         found.append(moment.broken("deadline", text))
     if not moment.late:
         return found
-    if decision.action != "stop_and_wait":
+    if decision.action not in ("stop_and_wait", "follow"):  # which of them, its reason tells
         found.append(moment.broken("deadline", f"late, but its action is {decision.action}"))
     if not _stands(moment, decision.trajectory, moment.before[-1]):
         found.append(moment.broken("deadline", "late, but another trajectory than the last one"))

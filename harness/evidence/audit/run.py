@@ -26,6 +26,7 @@ from harness.evidence.audit.record import (
 )
 from harness.evidence.audit.volumes import Volumes, measure, together
 from harness.evidence.audit.way import judge_way
+from harness.evidence.reasons import ReasonCheck
 from harness.evidence.relay import Relay, stretches
 from harness.labels import bound_version
 from harness.logs.reader import Log, open_log
@@ -61,6 +62,7 @@ class Audit:
         late: Of the others, the ones past their deadline; the trajectory before them stands.
         violations: In order.
         rules: How many of them broke which rule.
+        reasons: How many reasons were checked; none of a log of before format 5.
         volumes: How near the swept paths come to the volumes of cells; none if not measured.
     """
 
@@ -73,6 +75,7 @@ class Audit:
     late: int
     violations: tuple[Violation, ...]
     rules: dict[str, int]
+    reasons: int
     volumes: Volumes | None = None
 
 
@@ -97,8 +100,10 @@ def audit(
     violations: list[Violation] = []
     counts: Counter[str] = Counter()
     measured: list[Volumes] = []
+    reasons = ReasonCheck(required=not log.not_compared)
     for moment in moments(log, policy):
         kind, found = judge(moment)
+        found += _check_reason(moment, reasons)
         violations += found
         counts[kind] += 1
         if volumes and kind == "swept" and not any(one.rule == "swept" for one in found):
@@ -119,6 +124,7 @@ def audit(
         late=counts["late"],
         violations=tuple(violations),
         rules=dict(Counter(violation.rule for violation in violations)),
+        reasons=reasons.checked,
         volumes=together(measured) if volumes else None,
     )
 
@@ -130,6 +136,13 @@ def judge(moment: Moment) -> tuple[str, list[Violation]]:
     way = judge_way(moment)
     found = [violation for check in CHECKS for violation in check(moment)]
     return way.kind, [*found, *way.violations]
+
+
+def _check_reason(moment: Moment, reasons: ReasonCheck) -> list[Violation]:
+    if is_malformed(moment):
+        return []
+    told = reasons.check(moment.decision, moment.map, moment.config, moment.mission)
+    return [moment.broken("reason", text) for text in told]
 
 
 def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:

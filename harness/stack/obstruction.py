@@ -1,0 +1,157 @@
+"""What the body would overlap first on its way: the cell, and how far it gets before."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.stack.decision import GRAIN
+from harness.stack.fit import wrapped
+from harness.stack.guide import heading_at
+from harness.stack.view import Array, View, length
+from maps.elementary import sines_cosines
+from maps.states import FREE, OCCUPIED, UNKNOWN
+from planners import arc_lengths, point_at
+
+JUST_BEYOND = 1e-3
+"""So far beyond the last free place of a path is the first one that is not, cells."""
+
+BESIDE = 2e-3
+"""So far beside a place is right beside it, cells."""
+
+STEP = 0.25
+"""Places of a path are looked at so far apart, cells."""
+
+SAME_EDGE = 1e-3
+"""So far before an arc length lies the edge that leads to it, m."""
+
+REACH = 0.3
+"""So far beyond that, m: the free length of a long body ends with a whole edge of its path."""
+
+TURN_STEP = 0.02
+"""Headings are looked at so far apart, rad."""
+
+OUTSIDE = 3
+"""State of a cell that lies outside of the operating area."""
+
+NAMES = {UNKNOWN: "unknown", OCCUPIED: "occupied", OUTSIDE: "outside"}
+
+
+class Obstruction(NamedTuple):
+    """The first overlap on a way.
+
+    Attributes:
+        free_m: Length of the way before it, m.
+        cell: Centre of the cell, m; none if there is no overlap.
+        cell_state: `occupied`, `unknown` or `outside`.
+        place: Of the body's centre, or of one of its discs, where it overlaps it, m.
+    """
+
+    free_m: float
+    cell: tuple[float, float, float] | None = None
+    cell_state: str = ""
+    place: tuple[float, float, float] | None = None
+
+
+def on_path(view: View, path: Array, free_m: float, unknown_blocks: bool) -> Obstruction:
+    """What ends the free length of a path.
+
+    Args:
+        view: Of the decision.
+        path: (n, 3) m.
+        free_m: Its free length, m.
+        unknown_blocks: Whether unknown space ends it, too.
+    """
+    size = view.admitted.resolution
+    beyond = np.arange(0.0, REACH if view.admitted.discs else size, STEP * size)
+    arcs = np.minimum(free_m + JUST_BEYOND * size + beyond, length(path))
+    return _first(view, _headed(view, path, arcs), np.full(len(arcs), free_m), unknown_blocks)
+
+
+def on_poses(view: View, poses: Array, unknown_blocks: bool) -> Obstruction:
+    """What first overlaps the body at poses (n, 4): x, y, z, m, and heading, rad."""
+    return _first(view, poses, arc_lengths(poses[:, :3]), unknown_blocks)
+
+
+def on_turn(view: View, position: Array, heading: float, target: float) -> Obstruction:
+    """What the body overlaps when it turns on the spot, the shorter way round."""
+    turn = wrapped(target - heading)
+    headings = heading + np.linspace(0.0, turn, max(math.ceil(abs(turn) / TURN_STEP), 1) + 1)
+    return on_poses(view, _poses(position, headings), view.unknown_blocks)
+
+
+def at_place(view: View, position: Array, heading: float, unknown_blocks: bool) -> Obstruction:
+    """What the body overlaps where it stands."""
+    return on_poses(view, _poses(position, np.array([heading])), unknown_blocks)
+
+
+def _poses(position: Array, headings: Array) -> Array:
+    return np.column_stack((np.tile(position, (len(headings), 1)), headings))
+
+
+def _headed(view: View, path: Array, arcs: Array) -> Array:
+    """Poses (m, 4) on a path; a long body heads along it, and turns at its points."""
+    poses = []
+    before = heading_at(path, max(float(arcs[0]) - SAME_EDGE, 0.0))
+    for arc in arcs.tolist():
+        point, heading = point_at(path, arc), heading_at(path, arc)
+        if view.admitted.discs:
+            turn = wrapped(heading - before)
+            steps = np.linspace(0.0, turn, max(math.ceil(abs(turn) / TURN_STEP), 1) + 1)
+            poses += [(*point, before + step) for step in steps.tolist()]
+        else:
+            poses.append((*point, heading))
+        before = heading
+    return np.array(poses)
+
+
+def _first(view: View, poses: Array, along: Array, unknown_blocks: bool) -> Obstruction:
+    """The first pose with a cell in reach of a disc: the nearest one."""
+    offsets, thresholds = view.admitted.shape
+    size, origin = view.admitted.resolution, view.admitted.origin
+    centres = np.repeat(poses[:, None, None, :3], len(offsets), axis=2)  # (n, 1, discs, 3)
+    sines, cosines = sines_cosines(poses[:, 3])
+    centres[:, 0, :, 0] += offsets * cosines[:, None]
+    centres[:, 0, :, 1] += offsets * sines[:, None]
+    # A way can touch the edge of a cell and no more of it: so places right beside it count, too.
+    places = centres + _beside(view)[:, None] * size  # (n, sides, discs, 3)
+    places = np.rint(places / GRAIN) * GRAIN
+    cells = np.floor((places - origin) / size).astype(np.int64)
+    found, states = _wrong_cells(view, cells.reshape(-1, 3), int(thresholds.max()), unknown_blocks)
+    for n, side, k in np.ndindex(*cells.shape[:3]) if len(found) else ():
+        squared = np.square(found - cells[n, side, k]).sum(axis=1)
+        nearest = int(squared.argmin())
+        if squared[nearest] <= thresholds[k]:
+            x, y, z = (origin + (found[nearest] + 0.5) * size).tolist()
+            at, state = places[n, side, k].tolist(), NAMES[int(states[nearest])]
+            return Obstruction(float(along[n]), (x, y, z), state, (at[0], at[1], at[2]))
+    return Obstruction(float(along[-1]))
+
+
+def _beside(view: View) -> Array:
+    """Shifts (sides, 3) of a place, cells: none first, then all corners around it."""
+    flat = view.admitted.flat
+    corners = itertools.product(
+        (-BESIDE, BESIDE), (-BESIDE, BESIDE), (0,) if flat else (-BESIDE, BESIDE)
+    )
+    return np.array([(0.0, 0.0, 0.0), *corners])
+
+
+def _wrong_cells(
+    view: View, cells: NDArray[np.int64], threshold: int, unknown_blocks: bool
+) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+    """Cells (m, 3) in reach of any of some, which the body may not overlap, and their states."""
+    reach = math.isqrt(threshold) + 1
+    shape = np.array(view.admitted.grid.field.shape)
+    pad = np.where(shape > 1, reach, 0)  # a plane has nothing above or below
+    low, high = cells.min(axis=0) - pad, cells.max(axis=0) + pad + 1
+    states = np.full(high - low, OUTSIDE, np.uint8)
+    first, end = np.clip(low, 0, shape), np.clip(high, 0, shape)
+    inner = tuple(slice(a, b) for a, b in zip(first - low, end - low, strict=True))
+    states[inner] = view.states(first, end)
+    wrong = states != FREE if unknown_blocks else states >= OCCUPIED
+    return np.argwhere(wrong) + low, states[wrong]

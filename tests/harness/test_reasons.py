@@ -1,0 +1,238 @@
+"""Reasons are predicates: what a log says of its decisions is true, and a false one is found."""
+
+import itertools
+import math
+from pathlib import Path
+
+import pytest
+
+from harness.evidence.audit.run import moments
+from harness.evidence.reasons import PREDICATES, ReasonCheck, figures_of
+from harness.logs.reader import open_log
+from harness.schema import wayproof_pb2 as pb
+from harness.stack.reasons import (
+    FIGURES,
+    MEANINGS,
+    POINTS,
+    TEXTS,
+    Reason,
+    logged_reason,
+    reason_message,
+    sentence,
+)
+
+EVERY = 8
+"""Of the decisions on the way so many are checked, and all of the last ones."""
+
+
+@pytest.fixture(scope="module")
+def log(recorded):
+    """A drone that follows up to the unknown, and brakes to its goal."""
+    return open_log(Path(recorded("empty", "drone", 1).log))
+
+
+def shifted(name, by):
+    def falsify(decision):
+        grounds = decision.grounds
+        if name in POINTS and grounds.HasField(name):
+            getattr(grounds, name).x += by
+        elif name not in POINTS and grounds.HasField(name):
+            setattr(grounds, name, getattr(grounds, name) + by)
+
+    return falsify
+
+
+def explores(decision):
+    decision.action = "explore"
+
+
+def unlabelled(decision):
+    decision.label = "none"
+
+
+def occupied(decision):
+    decision.grounds.cell_state = "occupied"
+
+
+def as_it_is(decision):
+    pass
+
+
+FALSE = {
+    "nothing": (as_it_is, set()),
+    "free_m": (shifted("free_m", 1.5), {"unknown_ahead"}),
+    "cell": (shifted("cell", 0.8), {"unknown_ahead"}),
+    "place": (shifted("place", 0.8), {"unknown_ahead"}),
+    "full_speed_stop_m": (shifted("full_speed_stop_m", 0.3), {"unknown_ahead"}),
+    "path_m": (shifted("path_m", 0.5), {"path_to_goal", "braking_to_goal"}),
+    "stop_m": (shifted("stop_m", 0.1), {"braking_to_goal"}),
+    "distance_m": (shifted("distance_m", 0.1), {"at_goal"}),
+    "limit_m": (shifted("limit_m", 0.1), {"at_goal"}),
+    "action": (explores, {"unknown_ahead", "path_to_goal", "braking_to_goal", "at_goal"}),
+    "label": (unlabelled, {"unknown_ahead"}),
+    "cell_state": (occupied, {"unknown_ahead"}),
+}
+"""What is falsified in all decisions, and the kinds of reasons that it makes false."""
+
+
+@pytest.fixture(scope="module")
+def told(log):
+    """Texts of what is false by kind of reason, for each falsification; the map is built once."""
+    checks = {name: ReasonCheck() for name in FALSE}
+    found = {name: {} for name in FALSE}
+    for moment in moments(log):
+        chosen = moment.decision.sequence % EVERY == 0 or moment.decision.sequence > 56
+        for name, (falsify, _) in FALSE.items():
+            decision = pb.Decision()
+            decision.CopyFrom(moment.decision)
+            if not chosen:
+                checks[name].pass_by(decision)
+                continue
+            falsify(decision)
+            decision.reason = sentence(logged_reason(decision.grounds))
+            texts = checks[name].check(decision, moment.map, moment.config, moment.mission)
+            if texts:
+                found[name].setdefault(decision.grounds.kind, []).extend(texts)
+    return found
+
+
+def test_what_a_log_says_of_its_decisions_is_true(told, log):
+    assert told["nothing"] == {}
+    kinds = {one.grounds.kind for one in log.decisions()}
+    assert {"unknown_ahead", "path_to_goal", "braking_to_goal", "at_goal"} <= kinds
+
+
+@pytest.mark.parametrize("name", [name for name in FALSE if name != "nothing"])
+def test_a_false_figure_is_found(told, name):
+    assert FALSE[name][1] <= set(told[name])
+
+
+def test_what_is_found_is_named(told):
+    assert "unknown_ahead is no reason to explore" in told["action"]["unknown_ahead"]
+    assert "unknown_ahead does not go with label none" in told["label"]["unknown_ahead"]
+    texts = told["cell_state"]["unknown_ahead"]
+    assert any("the cell is unknown, not occupied" in text for text in texts)
+
+
+def test_words_that_its_figures_do_not_make_are_found(log):
+    check, moment = ReasonCheck(), next(moments(log))
+    moment.decision.reason = "the way ahead is blocked"
+    texts = check.check(moment.decision, moment.map, moment.config, moment.mission)
+    assert texts == ["its words are others than its figures make"]
+
+
+PLANTED = {
+    "blocked_ahead": {"free_m": 1.0, "full_speed_stop_m": 1.008, "cell_state": "occupied"},
+    "through_unknown": {"free_m": 1.0, "speed_share": 0.4, "cell_state": "unknown"},
+    "path_to_corner": {"free_m": 1.0, "path_m": 3.0},
+    "turning_into_path": {"turn_rad": 1.0},
+    "looking_elsewhere": {"path_m": 2.0, "since": 0, "places": 1},
+    "at_viewpoint": {"path_m": 0.1},
+    "backing_up": {"path_m": 1.0, "since": 0},
+    "off_trajectory": {"distance_m": 1.0, "limit_m": 0.8},
+    "escaping_inflation": {"distance_m": 0.4, "cell_state": "occupied"},
+    "turning_out_of_inflation": {"turn_rad": 0.2, "cell_state": "occupied"},
+    "braking_before_unknown": {"free_m": 0.4, "stop_m": 0.8, "cell_state": "unknown"},
+    "braking_before_blocked": {"free_m": 0.4, "stop_m": 0.8, "cell_state": "occupied"},
+    "path_too_short": {"path_m": 0.4, "stop_m": 0.8},
+    "goal_place_moved": {"distance_m": 0.5, "stop_m": 0.8},
+    "coming_to_rest": {"path_m": 0.4, "since": 3},
+    "waiting_before_unknown": {
+        "free_m": 0.1,
+        "limit_m": 0.3,
+        "waited_s": 0.5,
+        "cell_state": "unknown",
+    },
+    "waiting_before_blocked": {
+        "free_m": 0.1,
+        "limit_m": 0.3,
+        "waited_s": 0.5,
+        "cell_state": "occupied",
+    },
+    "no_path_in_map": {"iterations": 1, "waited_s": 0.0},
+    "no_path_found": {"iterations": 7, "waited_s": 0.0},
+    "goal_blocked": {"limit_m": 1.0, "waited_s": 0.0, "cell_state": "occupied"},
+    "goal_inside_inflation": {"distance_m": 0.5, "waited_s": 0.0, "cell_state": "occupied"},
+    "no_room_to_turn": {"turn_rad": 1.0, "waited_s": 0.0, "cell_state": "occupied"},
+    "no_room_along_path": {"free_m": 0.0, "waited_s": 0.0, "cell_state": "occupied"},
+    "no_way_out": {"limit_m": 1.0, "waited_s": 0.0, "cell_state": "occupied"},
+    "way_out_blocked": {"distance_m": 0.5, "waited_s": 0.0, "cell_state": "occupied"},
+    "keeping_course": {},
+    "deadline_missed": {"delay_s": 0.3, "deadline_s": 0.25},
+    "path_to_goal": {"path_m": 2.0},
+    "braking_to_goal": {"path_m": 1.0, "stop_m": 1.0},
+    "at_goal": {"distance_m": 0.1, "limit_m": 0.4},
+    "unknown_ahead": {"free_m": 1.0, "full_speed_stop_m": 1.008, "cell_state": "unknown"},
+}
+"""A reason of each kind that decision 12, which follows up to the unknown, does not have."""
+
+
+def test_a_false_reason_of_each_kind_is_found(log):
+    assert set(PLANTED) == set(MEANINGS) == set(PREDICATES)
+    *_, moment = itertools.islice(moments(log), 13)
+    before = list(itertools.islice(log.decisions(), 12))
+    for kind, figures in PLANTED.items():
+        check = ReasonCheck()
+        for decision in before:
+            check.pass_by(decision)
+        x, y, z = moment.decision.trajectory.path[5].x, moment.decision.trajectory.path[5].y, 1.0
+        places = {name: (x, y, z) for name in (*POINTS,) if _needs(kind, name)}
+        decision = pb.Decision()
+        decision.CopyFrom(moment.decision)
+        reason = Reason(kind, **figures, **places)
+        decision.grounds.CopyFrom(reason_message(reason))
+        decision.reason = sentence(reason)
+        decision.action, decision.label = MEANINGS[kind].actions[0], MEANINGS[kind].labels[0]
+        texts = check.check(decision, moment.map, moment.config, moment.mission)
+        assert any(text.startswith(f"{kind}: ") for text in texts), kind
+
+
+def _needs(kind, name):
+    needed = figures_of(MEANINGS[kind].text)
+    return name in needed or (name == "place" and "cell" in needed)
+
+
+def test_a_decision_without_figures_is_found_but_not_in_an_old_log(log):
+    moment = next(moments(log))
+    moment.decision.ClearField("grounds")
+    given = moment.decision, moment.map, moment.config, moment.mission
+    assert ReasonCheck().check(*given) == ["there is no reason with figures"]
+    assert ReasonCheck(required=False).check(*given) == []
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e300])
+def test_figures_that_no_decision_has_are_found_and_harm_nothing(log, value):
+    moment = next(moments(log))
+    for name in FIGURES:
+        decision = pb.Decision()
+        decision.CopyFrom(moment.decision)
+        grounds = decision.grounds
+        if name in POINTS:
+            getattr(grounds, name).x = value
+        elif name in (*TEXTS, "since", "places", "iterations"):
+            continue
+        else:
+            setattr(grounds, name, value)
+        given = decision, moment.map, moment.config, moment.mission
+        assert ReasonCheck().check(*given), name
+
+
+def test_a_sentence_is_made_of_its_figures():
+    reason = Reason(
+        "braking_before_blocked",
+        free_m=0.4,
+        stop_m=0.81,
+        cell=(1.0, 2.0, 3.0),
+        cell_state="occupied",
+        place=(1.0, 1.5, 3.0),
+    )
+    text = "blocked from 0.40 m on, occupied at (1.00, 2.00, 3.00); 0.81 m needed to stop"
+    assert sentence(reason) == text
+    assert logged_reason(reason_message(reason)) == reason
+
+
+@pytest.mark.parametrize("kind", list(MEANINGS))
+def test_every_figure_of_a_sentence_is_one_of_a_reason(kind):
+    assert set(figures_of(MEANINGS[kind].text)) <= set(FIGURES)
+    assert MEANINGS[kind].actions
+    assert MEANINGS[kind].labels
