@@ -108,6 +108,8 @@ def check(
                 break
         if any(one.saves for one in checks) or simulated >= most_s:
             break
+    if simulated >= most_s and not any(one.saves for one in checks):  # the rest may save it
+        return Verdict(finding, "inconclusive", tuple(checks), simulated)
     settled, answer = settle(finding, checks)
     return Verdict(settled, answer, tuple(checks), simulated)
 

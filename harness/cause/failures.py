@@ -20,10 +20,15 @@ import numpy as np
 from rich.console import Console
 
 from harness.cause.breaks import KINDS, Broken
+from harness.cause.case import read_case
+from harness.cause.check import check
 from harness.cause.confusion import Matrix, right, run_with, table
+from harness.cause.finding import Finding
+from harness.cause.procedure import find_cause
 from harness.config import from_document, override
 from harness.episode import run_episode
 from harness.errors import InputError
+from harness.logs.reader import open_log
 from harness.result import Result
 from harness.scenario import Scenario, build
 
@@ -40,6 +45,9 @@ COMBINATIONS = tuple(
 
 SETTINGS = ("episode.time_limit=40", "episode.stuck_after=8")
 FIRST_SEED = 3000
+MOST_SIMULATED = 120.0
+"""Simulated time after which a failure's check begins no other remedy, s."""
+
 ATTEMPTS = 16
 """Of each kind; each half has one seed for all combinations, then the next."""
 
@@ -148,21 +156,73 @@ def read_failures(folder: Path) -> list[Failure]:
 
 def judge(failures: list[Failure], folder: Path, console: Console) -> Matrix:
     """Count what was broken against what was found, from the logs alone."""
-    from harness.cause import find_cause, read_case
-    from harness.logs.reader import open_log
-
     counts: Matrix = Counter()
     for one in failures:
-        finding = find_cause(read_case(open_log(folder / one.log)))
-        found = "" if finding is None else finding.cause
-        counts[one.cause, found] += 1
-        mark = " " if found == one.cause else "*"
-        evidence = "" if finding is None else finding.evidence
-        console.print(
-            f"{mark} {one.log} ({one.outcome}): {one.cause} found {found}: {evidence}",
-            soft_wrap=True,
-        )
+        finding = _found(folder / one.log)
+        counts[one.cause, finding.cause] += 1
+        _print(console, one, finding.cause, finding.evidence)
     return counts
+
+
+@dataclass
+class Checked:
+    """What the counterfactual checks of failures answered.
+
+    Attributes:
+        matrix: What was broken against the cause that the check leaves.
+        answers: How often each answer was given.
+        refused: Failures that cannot be checked.
+        simulated_s: Simulated time that the checks took, s.
+    """
+
+    matrix: Matrix
+    answers: Counter[str]
+    refused: int = 0
+    simulated_s: float = 0.0
+
+
+def judge_by_check(failures: list[Failure], folder: Path, console: Console) -> Checked:
+    """The same with a counterfactual check of each, one of each kind after the other."""
+    checked = Checked(Counter(), Counter())
+    for one in _in_turn(failures):
+        log = open_log(folder / one.log)
+        finding = _found(folder / one.log)
+        try:
+            verdict = check(log, finding, thorough=False, most_s=MOST_SIMULATED)
+        except InputError as error:
+            checked.refused += 1
+            console.print(f"- {error}", soft_wrap=True)
+            continue
+        checked.simulated_s += verdict.simulated_s
+        checked.answers[verdict.answer] += 1
+        if verdict.answer != "inconclusive":
+            checked.matrix[one.cause, verdict.finding.cause] += 1
+        saving = ", ".join(f"{c.remedy} {c.outcome}" for c in verdict.checks)
+        told = f"{verdict.answer}, from {finding.cause}: {saving}"
+        _print(console, one, verdict.finding.cause, told)
+    return checked
+
+
+def _found(path: Path) -> Finding:
+    finding = find_cause(read_case(open_log(path)))
+    assert finding is not None
+    return finding
+
+
+def _print(console: Console, one: Failure, cause: str, evidence: str) -> None:
+    mark = " " if cause == one.cause else "*"
+    line = f"{mark} {one.log} ({one.outcome}): {one.cause}, found {cause}: {evidence}"
+    console.print(line, soft_wrap=True)
+
+
+def _in_turn(failures: list[Failure]) -> list[Failure]:
+    """The first of each kind, then the second of each, and so on."""
+    seen: Counter[str] = Counter()
+    turns = []
+    for one in failures:
+        turns.append((seen[one.kind], one))
+        seen[one.kind] += 1
+    return [one for _, one in sorted(turns, key=lambda turn: turn[0])]
 
 
 def main() -> None:
@@ -173,6 +233,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=4, help="failures of each kind and half")
     parser.add_argument("--kind", action="append", choices=list(KINDS), help="of this kind only")
     parser.add_argument("--half", choices=("tuned", "untuned"), help="this half only")
+    parser.add_argument("--check", action="store_true", help="check each, and let that decide")
     options = parser.parse_args()
     console, began = Console(width=130, markup=False, highlight=False), time.process_time()
     kinds = options.kind or list(KINDS)
@@ -189,7 +250,13 @@ def main() -> None:
     failures = [
         one for one in read_failures(options.folder) if one.kind in kinds and one.seed % 2 in parity
     ]
-    counts = judge(failures, options.folder, console)
+    if options.check:
+        checked = judge_by_check(failures, options.folder, console)
+        counts = checked.matrix
+        console.print(f"{dict(checked.answers)}, {checked.refused} refused,", end=" ")
+        console.print(f"{checked.simulated_s:.0f} s simulated")
+    else:
+        counts = judge(failures, options.folder, console)
     console.print(table(counts))
     console.print(
         f"{right(counts):.1%} of {counts.total()} right, "

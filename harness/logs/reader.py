@@ -31,6 +31,9 @@ ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
 DOCUMENTS = ("config", "mission")
 """Fields of a fork's metadata that are JSON."""
 
+CHECK = "check"
+"""Name of the metadata that hold the verdict of a counterfactual check."""
+
 MOST_LINES = 400
 """Of a traceback that are read."""
 
@@ -91,6 +94,7 @@ class Log:
         result: Outcome and figures.
         beams: Sensor geometry by sensor name.
         forks: Where its settings changed on the way, if they did, in order.
+        check: Verdict of a counterfactual check, as metadata; empty without one.
         traceback: Of an episode that ended as `error` in code; empty without.
         plugins: SHA-256 of the file of each of the user's classes that it was made with, by name.
     """
@@ -103,6 +107,7 @@ class Log:
     result: dict[str, str]
     beams: dict[str, Beams]
     forks: tuple[Fork, ...] = ()
+    check: dict[str, str] = field(default_factory=dict)
     traceback: str = ""
     plugins: dict[str, str] = field(default_factory=dict)
 
@@ -252,6 +257,7 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
         result=result,
         beams=head.beams,
         forks=forks,
+        check=head.metadata.get(CHECK, {}),
         traceback=_traceback(head),
         plugins=head.metadata.get(PLUGINS, {}),
     )

@@ -40,13 +40,14 @@ class Row:
         seed: Of the episode.
         outcome: `error` where it left no log.
         reason: In words.
-        cause: Of a failure, where one was worked out.
+        cause: Of a failure, where one was worked out; the one that a check left, where one was run.
         chain: Hash over its decisions; empty without a log.
         duration: Simulated time, s; 0 without a log.
         metrics: By name; all none without a log, but for a success of 0.
         acts: Digest of each decision's action and committed path.
         declared: Input streams that its perturbation declares to change.
         streams: Names of all streams.
+        check: What the check answered to the cause that the facts gave; empty without one.
         hashes: Of each decision, the first bytes of every stream's hash, one after another.
     """
 
@@ -63,6 +64,7 @@ class Row:
     declared: tuple[str, ...] = ()
     streams: tuple[str, ...] = ()
     hashes: tuple[bytes, ...] = ()
+    check: str = ""
 
     @property
     def success(self) -> bool:
@@ -104,7 +106,8 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         seed=seed,
         outcome=log.result["outcome"],
         reason=log.result["reason"],
-        cause=log.result.get("cause", ""),
+        cause=log.check.get("cause") or log.result.get("cause", ""),
+        check=log.check.get("answer", ""),
         chain=log.result["chain"],
         duration=float(log.result["sim_time_s"]),
         metrics=score(trace_of(log, decisions, content.truths)),
@@ -211,8 +214,8 @@ def write_table(rows: Sequence[Row], first_variant: str, path: Path) -> None:
 def _flat(row: Row) -> dict[str, Any]:
     arm = {**asdict(row.arm), "severity": float(row.arm.severity)}
     fields = {"key": row.key, **arm, "seed": row.seed, "outcome": row.outcome}
-    told = {"reason": row.reason, "cause": row.cause, "chain": row.chain, "duration": row.duration}
-    return {**fields, **told, **row.metrics}
+    told = {"reason": row.reason, "cause": row.cause, "check": row.check, "chain": row.chain}
+    return {**fields, **told, "duration": row.duration, **row.metrics}
 
 
 def _paired(row: Row, twin: Row | None) -> dict[str, Any]:

@@ -208,9 +208,22 @@ def verdict_in_words(result: StudyResult) -> str:
 
 
 def run_study(
-    study: StudyFile, planned: Sequence[Planned], store: Store, engine: Engine, finished: Finished
+    study: StudyFile,
+    planned: Sequence[Planned],
+    store: Store,
+    engine: Engine,
+    finished: Finished,
+    check: Callable[[], None] | None = None,
 ) -> StudyResult:
     """Run what is missing of a study, write its table, and judge it.
+
+    Args:
+        study: What to run.
+        planned: Its episodes.
+        store: Where their logs go.
+        engine: Runs them.
+        finished: Called after each.
+        check: Called when all have ended, before their logs are read.
 
     Raises:
         InputError: The folder cannot be written, another run holds it, or a log is damaged.
@@ -218,6 +231,8 @@ def run_study(
     with store.open():
         store.clear_partial()
         run_missing(planned, store, engine, finished)
+        if check is not None:
+            check()
         rows, foreign = read_own_rows(planned, store, allow_plugins=True)  # the study was let in
         write_table(rows, planned[0].arm.variant, store.folder / "table.parquet")
         store.keep_study(study, contents_of(files_of(study)))

@@ -66,6 +66,7 @@ def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -
 
 
 def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:
+    from harness.cause.record import read_check
     from harness.explain import make_card, phases
 
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
@@ -77,8 +78,13 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
     for line in log.traceback.splitlines():
         console.print(f"  {line}", soft_wrap=True, highlight=False)
     case, finding, misses = _why(log) if decisions or not log.traceback else (None, None, [])
+    verdict = _check(log, finding) if options.check else read_check(log)
+    if verdict is not None:
+        finding = verdict.finding
     if finding is not None:
         print_finding(console, finding)
+    if verdict is not None:
+        print_verdict(console, verdict)
     _print_misses(console, misses)
     document: Document = {
         "log": str(log.path),
@@ -95,8 +101,8 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         last = len(case.moments) - 1
         number = last if finding is None else finding.decision
         _draw(case.as_of(number), make_card(case, number), options.png, console)
-    if options.check:
-        document["check"] = _check(log, finding, console)
+    if verdict is not None:
+        document["check"] = asdict(verdict)
     return document
 
 
@@ -125,14 +131,12 @@ def _told_cause(log: Log) -> Finding | None:
     return Finding(log.result["cause"], *told, (x, y, z))
 
 
-def _check(log: Log, finding: Finding | None, console: Console) -> Document:
+def _check(log: Log, finding: Finding | None) -> Verdict:
     from harness.cause.check import check, refuse_success
 
     refuse_success(log)
     assert finding is not None
-    verdict = check(log, finding)
-    print_verdict(console, verdict)
-    return asdict(verdict)
+    return check(log, finding)
 
 
 def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
@@ -164,16 +168,18 @@ def _print_misses(console: Console, misses: list[NearMiss]) -> None:
 
 
 def print_verdict(console: Console, verdict: Verdict) -> None:
-    """What each change would have done, a line each, and what is left of the cause."""
+    """What each change would have done, a line each, and what that answers."""
     _print_checks(console, verdict.checks)
-    finding = verdict.finding
+    console.print(f"check: {in_words(verdict)}", soft_wrap=True, highlight=False)
+
+
+def in_words(verdict: Verdict) -> str:
+    """What a check answers to the cause."""
     if verdict.answer == "inconclusive":
-        console.print("check: inconclusive: with nothing changed it does not fail again")
-        return
-    told = Text.assemble("check: ", (finding.cause, "bold red"), f", {verdict.answer}")
-    if verdict.answer == "changed":
-        told.append(f": {finding.evidence}")
-    console.print(told, soft_wrap=True)
+        return "inconclusive: no remedy was tried, or nothing changed and it did not fail again"
+    saving = [one.remedy.replace("_", " ") for one in verdict.checks if one.saves]
+    by = f"; {', '.join(saving)} would have saved it" if saving else "; nothing saves it"
+    return f"{verdict.finding.cause} is {verdict.answer}{by}"
 
 
 def _print_checks(console: Console, checks: Sequence[Check]) -> None:

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from harness.errors import InputError, Interrupted
 from harness.verbs.render import check_render, render
-from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
+from harness.verbs.verb import Document, Verb, add_check, add_log_folder, add_settings
 
 if TYPE_CHECKING:
     from harness.config import Config
@@ -47,10 +47,34 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         check_render(config, options.render)
     result = run_one(config, path, console)
     print_verdict(console, result)
+    checked = _check(result, options, console)
     code, document = (0 if result.outcome == "success" else 1), document_of(result)
+    if checked is not None:
+        document["check"] = checked
     if options.render is not None:
         document["render"] = render(Path(result.log), options.render, console)
     return code, document
+
+
+def _check(result: Result, options: argparse.Namespace, console: Console) -> Document | None:
+    """Check the cause of a failure within the bound, and keep the verdict in its log."""
+    if options.check is None or result.outcome == "success":
+        return None
+    from harness.cause.case import read_case
+    from harness.cause.check import check, refuse_success
+    from harness.cause.procedure import find_cause
+    from harness.cause.record import record_check
+    from harness.logs.reader import open_log
+    from harness.verbs.explain import print_verdict as print_checked
+
+    log = open_log(Path(result.log), allow_plugins=True)
+    refuse_success(log)
+    finding = find_cause(read_case(log))
+    assert finding is not None
+    verdict = check(log, finding, thorough=False, most_s=options.check)
+    record_check(log.path, verdict)
+    print_checked(console, verdict)
+    return asdict(verdict)
 
 
 def _point(name: str, text: str) -> tuple[float, ...]:
@@ -178,6 +202,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--render", type=Path, metavar="FILE", help="then draw it, moving: a .gif or .mp4"
     )
+    add_check(parser)
     add_log_folder(parser)
 
 

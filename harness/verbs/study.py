@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from harness.errors import InputError, Interrupted
 from harness.verbs.pool import Watch, add_engine, check_engine, open_engine
-from harness.verbs.verb import LOGS, Document, Verb, add_plugins
+from harness.verbs.verb import LOGS, Document, Verb, add_check, add_plugins
 
 if TYPE_CHECKING:
     from harness.study.analysis import ArmSummary
@@ -62,11 +62,14 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     )
     with open_engine(options, study.bounds) as engine:
         with Watch(console, len(planned), missing) as watch:
+            checks = _checks(options, planned, store)
             try:
-                result = run_study(study, planned, store, engine, watch.finished)
+                result = run_study(study, planned, store, engine, watch.finished, checks)
             except KeyboardInterrupt:
                 raise kept(len(planned) - count_missing(planned, store), len(planned)) from None
     print_study(console, result)
+    if options.check is not None:
+        console.print(f"causes checked: {options.tally}", highlight=False, soft_wrap=True)
     console.print(f"next: wayproof report {store.folder}", highlight=False, soft_wrap=True)
     document = {**asdict(result), "verdict": result.verdict, "folder": str(store.folder)}
     code = result.exit_code(options.allow_inconclusive)
@@ -82,6 +85,20 @@ def kept(done: int, episodes: int) -> Interrupted:
     return Interrupted(
         f"{done} of {episodes} episodes are kept, and the same command goes on with the others"
     )
+
+
+def _checks(
+    options: argparse.Namespace, planned: Sequence[Planned], store: Store
+) -> Callable[[], None] | None:
+    """What checks the causes of failures, if it was asked for."""
+    if options.check is None:
+        return None
+    from harness.study.checks import check_failures
+
+    def run_checks() -> None:
+        options.tally = check_failures(planned, store, options.check, allow_plugins=True)
+
+    return run_checks
 
 
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -197,6 +214,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--sample", type=int, default=8, metavar="N", help="episodes for --check-determinism"
     )
     add_inconclusive(parser)
+    add_check(parser)
     add_engine(parser)
     add_plugins(parser)
 

@@ -115,3 +115,20 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 def one_or_all(name: str, documents: list[Document]) -> Document:
     """The document of a verb that takes several logs: flat for one, a list under `name` else."""
     return documents[0] if len(documents) == 1 else {name: documents}
+
+
+MOST_CHECKED = 600.0
+"""Simulated time after which `--check` begins no other remedy, s."""
+
+
+def add_check(parser: argparse.ArgumentParser) -> None:
+    """`--check [SECONDS]`."""
+    parser.add_argument(
+        "--check",
+        type=float,
+        nargs="?",
+        const=MOST_CHECKED,
+        metavar="SECONDS",
+        help="check causes of failure by simulating again with one thing put right, until so much "
+        f"time is simulated (default {MOST_CHECKED:g} s)",
+    )

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from harness.cause.grids import clearances, joined, widest
 from harness.cause.planted import PLANTS
 from harness.cause.pose import PoseFacts
 from harness.cause.ranges import RangeFacts
+from harness.cause.record import read_check, record_check
 from harness.cause.remedies import REMEDIES
 from harness.cause.standstill import StandstillFacts
 from harness.cause.true_space import TrueSpace
@@ -24,6 +26,7 @@ from harness.cause.ways import MapWays, TrueWays
 from harness.errors import InputError
 from harness.evidence.fork import fork
 from harness.logs.reader import open_log
+from harness.study.checks import check_failures
 
 TOUCH = ContactFacts(
     name="crate_0", time_s=5.0, decision=38, decision_s=3.8, there_when_decided=True,
@@ -225,6 +228,24 @@ def test_a_log_tells_the_cause_that_its_run_found(tmp_path):
     saved = {one.remedy: one.saves for one in verdict.checks}
     assert saved == {"control": False, "true_map": True, "no_delay": False}
     assert (verdict.finding, verdict.answer) == (finding, "confirmed")
+    record_check(path, verdict)
+    checked = open_log(path)
+    assert read_check(checked) == verdict
+    assert checked.result == log.result  # the facts' cause stays, for anybody to work out again
+    assert find_cause(read_case(checked)) == finding
+
+
+def test_a_study_checks_its_failures_within_a_bound(tmp_path):
+    for name in ("one", "two"):
+        run_planted("missed_obstacle", 1, tmp_path / f"{name}.mcap")
+    planned = [SimpleNamespace(key=name) for name in ("one", "one", "two", "none")]
+    store = SimpleNamespace(log=lambda key: tmp_path / f"{key}.mcap")
+    tally = check_failures(planned, store, most_s=1.0)
+    assert (dict(tally.answers), tally.left) == ({"inconclusive": 1}, 1)
+    assert "1 left unchecked by the bound" in str(tally)
+    tally = check_failures(planned, store, most_s=600.0)
+    assert dict(tally.answers) == {"confirmed": 1}  # a log is checked once
+    assert tally.left == 0
 
 
 def test_a_walking_robot_is_saved_by_the_true_map_alone(tmp_path):
