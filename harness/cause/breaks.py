@@ -235,7 +235,7 @@ def _hasty_search(sound: Scenario, result: Result, rng: Rng) -> Broken:
     few = ("planner.iterations=1", "planner.restarts=1", "planner.shortcuts=0")
     if rng.uniform() < 0.5:
         return Broken(settings=few)
-    return Broken(settings=(f"planner.name={('rrt', 'rrtconnect')[int(rng.integers(2))]}", *few))
+    return Broken(settings=("planner.name=rrtconnect", *few))
 
 
 def _strict(sound: Scenario, result: Result, rng: Rng) -> Broken:

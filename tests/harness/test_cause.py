@@ -1,6 +1,6 @@
 """Causes: each test on facts by hand, and planted failures through the whole procedure."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,9 +10,11 @@ import pytest
 from harness.cause import CAUSES, Contact, find_cause, near_misses, read_case
 from harness.cause import contact as contacts
 from harness.cause import standstill as standstills
+from harness.cause.breaks import KINDS, Broken
 from harness.cause.check import Check, check, settle
 from harness.cause.confusion import confusion, right, run_planted, table
 from harness.cause.contact import ContactFacts
+from harness.cause.failures import attempts
 from harness.cause.finding import Finding
 from harness.cause.grids import clearances, joined, widest
 from harness.cause.planted import PLANTS
@@ -23,9 +25,11 @@ from harness.cause.remedies import REMEDIES
 from harness.cause.standstill import StandstillFacts
 from harness.cause.true_space import TrueSpace
 from harness.cause.ways import MapWays, TrueWays
+from harness.config import Config
 from harness.errors import InputError
 from harness.evidence.fork import fork
 from harness.logs.reader import open_log
+from harness.scenario import build
 from harness.study.checks import check_failures
 
 TOUCH = ContactFacts(
@@ -285,3 +289,27 @@ def test_near_misses_are_found_in_a_success(recorded):
 def test_an_unknown_cause_is_refused():
     with pytest.raises(InputError, match="unknown cause 'gost_obstacle'; did you mean"):
         run_planted("gost_obstacle", 0, Path("none.mcap"))
+
+
+def test_attempts_take_both_halves_in_turn():
+    for kind in KINDS:
+        tried = list(attempts(kind))
+        assert [seed % 2 for _, _, seed in tried] == [0, 1] * (len(tried) // 2)
+        assert len(set(tried)) == len(tried)
+
+
+def test_every_kind_breaks_one_thing():
+    sound = build(Config("corridor", "drone", 3))
+    rng = np.random.default_rng(0)
+    for kind, (cause, breaks) in KINDS.items():
+        assert cause in CAUSES
+        broken = breaks(sound, SimpleNamespace(sim_time_s=10.0), rng)
+        whole = Broken()
+        differing = [
+            one.name
+            for one in fields(Broken)
+            if getattr(broken, one.name) != getattr(whole, one.name)
+        ]
+        assert len(differing) == 1, kind
+    closed = KINDS["closed"][1](sound, None, rng).scenario(sound)
+    assert len(closed.world.solids) == len(sound.world.solids) + 1
