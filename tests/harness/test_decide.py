@@ -1,0 +1,232 @@
+"""Which action, label and reason a decision has, in rooms made by hand."""
+
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from harness.stack.behaviour import decide
+from harness.stack.decision import Action, Label
+from harness.stack.reasons import MEANINGS
+from harness.stack.view import BehaviourConfig, Memory, View
+from tests.harness.views import (
+    GOAL,
+    LONG,
+    PERIOD_NS,
+    START,
+    at_rest,
+    drive,
+    make_states,
+    make_view,
+    next_view,
+    place,
+    sample_at,
+)
+
+WALL = (4.0, 4.3, 0.0, 4.0)
+"""From one side of the room to the other, between start and goal."""
+
+NAVIGATORS_OWN = {"deadline_missed", "map_stale"}
+"""Labels that `decide` does not give."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a decision is made on."""
+
+    view: View
+    memory: Memory
+
+
+def seen_from_rest(**room):
+    return Case(make_view(**room), at_rest())
+
+
+def seen_in_motion(states, decisions=8, **room):
+    """It drives in a free room, and then sees another one."""
+    memory = drive(decisions, **room)
+    return Case(next_view(memory, decisions, states=states, **room), memory)
+
+
+def waited(states, seconds, **memory):
+    """It has been at rest from the first decision on, before a way that is not open."""
+    sequence = round(seconds * 1e9) // PERIOD_NS
+    return Case(make_view(states, sequence=sequence), at_rest(rest_since_ns=0, **memory))
+
+
+def all_the_way_is_free():
+    return seen_from_rest()
+
+
+def what_is_left_takes_braking():
+    memory = drive(32)
+    return Case(next_view(memory, 32), memory)
+
+
+def a_sharp_corner_comes_first():
+    bent = np.array([place(1.05, 2.05), place(3.05, 2.05), place(3.05, 3.55)])
+    view = make_view(goal=(3.05, 3.55))
+    return Case(view, at_rest(guide=bent))
+
+
+def the_far_end_is_unknown():
+    return seen_from_rest(states=make_states(unknown=[(5.0, 8.0, 0.0, 4.0)]))
+
+
+def the_next_metre_is_unknown():
+    return seen_from_rest(states=make_states(unknown=[(2.2, 8.0, 0.0, 4.0)]))
+
+
+def unknown_space_costs_speed():
+    return seen_from_rest(states=make_states(unknown=[(2.2, 8.0, 0.0, 4.0)]), policy="penalize")
+
+
+def unknown_space_is_like_free():
+    return seen_from_rest(states=make_states(unknown=[(2.2, 8.0, 0.0, 4.0)]), policy="allow")
+
+
+def the_goal_lies_behind_a_robot_on_the_ground():
+    view = make_view(position=(4.05, 2.05), goal=(1.05, 2.05), turns_in_place=True)
+    return Case(view, at_rest((4.05, 2.05)))
+
+
+def the_unknown_begins_right_ahead():
+    return seen_from_rest(states=make_states(unknown=[(1.6, 8.0, 0.0, 4.0)]))
+
+
+def the_unknown_comes_nearer_in_motion():
+    x = sample_at(drive(8), 8 * PERIOD_NS).position[0]
+    return seen_in_motion(make_states(unknown=[(round(x, 1) + 0.9, 8.0, 0.0, 4.0)]))
+
+
+def a_wall_comes_into_the_way_in_motion():
+    x = sample_at(drive(8), 8 * PERIOD_NS).position[0]
+    return seen_in_motion(make_states(occupied=[(round(x, 1) + 0.9, 8.0, 0.0, 4.0)]))
+
+
+def a_wall_came_into_the_way_before():
+    case = a_wall_comes_into_the_way_in_motion()
+    _, memory = decide(case.view, case.memory)
+    x = sample_at(drive(8), 8 * PERIOD_NS).position[0]
+    wall = make_states(occupied=[(round(x, 1) + 0.9, 8.0, 0.0, 4.0)])
+    return Case(next_view(memory, 9, states=wall), memory)
+
+
+def a_wall_shuts_off_the_goal():
+    return seen_from_rest(states=make_states(occupied=[WALL]))
+
+
+def a_wall_shuts_off_the_goal_and_a_corner_was_not_seen():
+    return waited(make_states(occupied=[WALL], unknown=[(2.5, 4.0, 3.0, 4.0)]), seconds=1.5)
+
+
+def a_wall_shuts_off_the_goal_and_it_came_from_behind():
+    trail = np.array([place(x, 2.05) for x in np.arange(2.05, 3.1, 0.1)])
+    view = make_view(make_states(occupied=[WALL]), position=(3.05, 2.05), sequence=15)
+    return Case(view, at_rest((3.05, 2.05), rest_since_ns=0, trail=trail))
+
+
+def it_has_looked_from_everywhere():
+    tries = BehaviourConfig().tries
+    return waited(make_states(occupied=[WALL]), 1.5, visited=np.tile(place(*START), (tries, 1)))
+
+
+def the_goal_lies_deep_in_a_block():
+    block = make_states(occupied=[(5.0, 8.0, 0.0, 4.0)])
+    return Case(make_view(block, goal=(7.05, 2.05)), at_rest())
+
+
+def it_stands_as_near_to_a_blocked_goal_as_it_can():
+    block = make_states(occupied=[(6.5, 6.7, 2.0, 2.2)])
+    memory = drive(60, states=block)
+    return Case(next_view(memory, 60, states=block), memory)
+
+
+def a_blocked_goal_did_not_become_free():
+    block = make_states(occupied=[(6.5, 6.7, 2.0, 2.2)])
+    memory = drive(110, states=block)
+    return Case(next_view(memory, 110, states=block), memory)
+
+
+def a_block_touches_its_inflation():
+    return seen_from_rest(states=make_states(occupied=[(0.0, 0.8, 0.0, 4.0)]))
+
+
+def all_about_it_is_occupied():
+    return seen_from_rest(states=make_states(occupied=[(0.0, 4.0, 0.0, 4.0)]))
+
+
+def a_long_body_lies_askew_in_a_lane():
+    lane = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])
+    view = make_view(lane, LONG, position=(3.05, 2.05), heading=0.7)
+    return Case(view, at_rest((3.05, 2.05), heading=0.7))
+
+
+def it_stands_a_metre_beside_its_trajectory():
+    return Case(make_view(position=(1.05, 3.05)), at_rest())
+
+
+def it_stands_at_the_goal():
+    return Case(make_view(position=GOAL), at_rest(GOAL))
+
+
+CASES = {
+    all_the_way_is_free: ("follow", "none", "path_to_goal"),
+    what_is_left_takes_braking: ("follow", "none", "braking_to_goal"),
+    a_sharp_corner_comes_first: ("follow", "none", "path_to_corner"),
+    the_far_end_is_unknown: ("follow", "unknown_ahead", "unknown_ahead"),
+    the_next_metre_is_unknown: ("slow", "unknown_ahead", "unknown_ahead"),
+    unknown_space_costs_speed: ("slow", "unknown_ahead", "through_unknown"),
+    unknown_space_is_like_free: ("follow", "none", "path_to_goal"),
+    the_goal_lies_behind_a_robot_on_the_ground: ("follow", "none", "turning_into_path"),
+    the_unknown_begins_right_ahead: ("stop_and_wait", "unknown_ahead", "waiting_before_unknown"),
+    the_unknown_comes_nearer_in_motion: (
+        "stop_and_wait",
+        "unknown_ahead",
+        "braking_before_unknown",
+    ),
+    a_wall_comes_into_the_way_in_motion: (
+        "stop_and_wait",
+        "path_blocked",
+        "braking_before_blocked",
+    ),
+    a_wall_came_into_the_way_before: ("stop_and_wait", "path_blocked", "coming_to_rest"),
+    a_wall_shuts_off_the_goal: ("stop_and_wait", "no_path", "no_path_in_map"),
+    a_wall_shuts_off_the_goal_and_a_corner_was_not_seen: ("explore", "none", "looking_elsewhere"),
+    a_wall_shuts_off_the_goal_and_it_came_from_behind: ("recover", "none", "backing_up"),
+    it_has_looked_from_everywhere: ("abort", "no_path", "no_path_in_map"),
+    the_goal_lies_deep_in_a_block: ("stop_and_wait", "goal_blocked", "goal_blocked"),
+    it_stands_as_near_to_a_blocked_goal_as_it_can: (
+        "stop_and_wait",
+        "goal_blocked",
+        "goal_inside_inflation",
+    ),
+    a_blocked_goal_did_not_become_free: ("abort", "goal_blocked", "goal_inside_inflation"),
+    a_block_touches_its_inflation: ("recover", "start_blocked", "escaping_inflation"),
+    all_about_it_is_occupied: ("stop_and_wait", "start_blocked", "no_way_out"),
+    a_long_body_lies_askew_in_a_lane: ("recover", "start_blocked", "turning_out_of_inflation"),
+    it_stands_a_metre_beside_its_trajectory: ("recover", "localization_lost", "off_trajectory"),
+    it_stands_at_the_goal: ("goal", "none", "at_goal"),
+}
+"""What each is decided to be: action, label and kind of reason."""
+
+
+@pytest.mark.parametrize("situation", CASES, ids=lambda one: one.__name__)
+def test_a_situation_has_its_action_label_and_reason(situation):
+    case = situation()
+    choice, _ = decide(case.view, case.memory)
+    assert (choice.action, choice.label, choice.reason.kind) == CASES[situation]
+
+
+@pytest.mark.parametrize("situation", CASES, ids=lambda one: one.__name__)
+def test_a_reason_goes_with_its_action_and_label(situation):
+    action, label, kind = CASES[situation]
+    assert action in MEANINGS[kind].actions
+    assert label in MEANINGS[kind].labels
+
+
+def test_every_action_and_every_label_has_its_situation():
+    actions, labels, _ = map(set, zip(*CASES.values(), strict=True))
+    assert actions == set(get_args(Action))
+    assert labels == set(get_args(Label)) - NAVIGATORS_OWN

@@ -1,0 +1,127 @@
+"""Views for `decide`, made by hand: a room of 8 x 4 m in the plane, and a robot in it.
+
+A room is all free. Rectangles of it are made unknown or occupied; the distances that a decision
+plans on are worked out from its cells as a costmap would.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from harness.stack.behaviour import decide
+from harness.stack.view import BehaviourConfig, Memory, View
+from maps import FREE, OCCUPIED, UNKNOWN
+from planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
+from tests.maps.test_field import scipy_squared
+
+CELL = 0.1  # m
+SHAPE = (80, 40, 1)
+REACH = 20  # cells that the distances go
+PERIOD_NS = 100_000_000  # between decisions, and from a decision to its effect
+HEIGHT = 0.5 * CELL  # of all places, m
+
+ROUND = Body((0.0,), (0.3,))
+LONG = Body((-0.3, 0.0, 0.3), (0.2, 0.2, 0.2))
+LIMITS = MotionLimits(
+    speed=2.0, acceleration=2.5, jerk=15.0, lateral_acceleration=2.5, yaw_rate=2.0
+)
+
+START, GOAL = (1.05, 2.05), (6.55, 2.05)
+
+Rectangle = tuple[float, float, float, float]  # least and greatest x, least and greatest y, m
+
+
+def place(x, y):
+    """A place (3,) in the room, m."""
+    return np.array([x, y, HEIGHT])
+
+
+def make_states(unknown=(), occupied=()):
+    """States (nx, ny, 1) of a room's cells."""
+    states = np.full(SHAPE, FREE, np.uint8)
+    for state, rectangles in ((UNKNOWN, unknown), (OCCUPIED, occupied)):
+        for rectangle in rectangles:
+            x, x_end, y, y_end = np.rint(np.array(rectangle) / CELL).astype(int)
+            states[x:x_end, y:y_end] = state
+    return states
+
+
+def make_space(blocked, body=ROUND):
+    """Where a body fits among blocked cells (nx, ny, 1); at its heading if it is long."""
+    discs = body.discs(margin=0.0, resolution=CELL, flat=True)
+    distances = scipy_squared(blocked, REACH).astype(np.uint16)
+    least = min(disc.blocked_at_or_below for disc in discs)
+    costs = np.zeros(REACH**2 + 1)
+    return FreeSpace(distances, np.zeros(3), CELL, least, costs, discs if len(discs) > 1 else ())
+
+
+def make_view(
+    states=None, body=ROUND, policy="forbid", position=START, goal=GOAL, sequence=0, **others
+):
+    """What one decision sees.
+
+    Args:
+        states: From `make_states`; a free room by default.
+        body: `ROUND` or `LONG`.
+        policy: For unknown space.
+        position: (2,) where the robot believes to be, m.
+        goal: (2,) m.
+        sequence: Number of the decision; the others follow from it.
+        others: Fields of the view in place of its own.
+    """
+    states = make_states() if states is None else states
+    known, passable = make_space(states != FREE, body), make_space(states == OCCUPIED, body)
+    view = View(
+        time_ns=sequence * PERIOD_NS,
+        effect_ns=(sequence + 1) * PERIOD_NS,
+        sequence=sequence,
+        seed=1,
+        position=place(*position),
+        heading=0.0,
+        goal=place(*goal),
+        goal_tolerance=0.2,
+        admitted=known if policy == "forbid" else passable,
+        known=known,
+        passable=passable,
+        states=lambda first, end: states[tuple(map(slice, first, end))],
+        unknown_blocks=policy == "forbid",
+        turns_in_place=False,
+        penalize_unknown=policy == "penalize",
+        limits=LIMITS,
+        planner=PlannerConfig(),
+        behaviour=BehaviourConfig(),
+    )
+    return replace(view, **others)
+
+
+def at_rest(position=START, heading=0.0, **others):
+    """The memory of a robot that has stood in its place so far."""
+    return Memory(hold(place(*position), 0, heading), **others)
+
+
+def sample_at(memory, time_ns):
+    """Where a robot is that follows what was committed, as a `TrajectorySample`."""
+    flown = (*memory.earlier, memory.trajectory)
+    begun = [one for one in flown if one.start_ns <= time_ns]
+    return (begun or flown[:1])[-1].at(time_ns)
+
+
+def next_view(memory, sequence, **room):
+    """What the robot sees at a decision, having followed what it committed to before."""
+    now = sample_at(memory, sequence * PERIOD_NS)
+    x, y, _ = now.position
+    return make_view(position=(x, y), heading=now.heading, sequence=sequence, **room)
+
+
+def drive(decisions, memory=None, **room):
+    """The memory after so many decisions in a room, from rest at the start.
+
+    Args:
+        decisions: How many.
+        memory: Before them; that of a robot at rest by default.
+        room: Of `make_view`.
+    """
+    memory = at_rest() if memory is None else memory
+    for sequence in range(decisions):
+        _, memory = decide(next_view(memory, sequence, **room), memory)
+    return memory
