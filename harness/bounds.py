@@ -102,7 +102,8 @@ def _draws(size: int, tail: float) -> int:
 def _dirichlet(size: int, draws: int) -> Array:
     """Weights that sum to one, (size, draws); the same ones for every sample."""
     exponentials = np.random.default_rng([size, draws]).standard_exponential((size, draws))
-    return exponentials / exponentials.sum(axis=0)
+    weights: Array = exponentials / exponentials.sum(axis=0)
+    return weights
 
 
 def studentized(means: Array, tail: float) -> Ends:
