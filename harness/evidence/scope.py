@@ -72,6 +72,8 @@ def _claims(log: Log) -> tuple[str, ...]:
         claims.append("that its end is missing")
     elif ends_in_error(log.result):
         claims.append("the error that ended it")
+    if log.check:
+        claims.append("verdict of its counterfactual check")
     if log.plugins:
         claims.append("files of the user's classes")
     return tuple(claims)

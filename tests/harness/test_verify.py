@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from harness.cause.check import Verdict
+from harness.cause.finding import Finding
+from harness.cause.record import record_check
 from harness.cli import main
 from harness.errors import InputError
 from harness.evidence.closed_loop import simulate_again
@@ -13,6 +16,7 @@ from harness.evidence.consistency import contradictions
 from harness.evidence.fork import fork
 from harness.evidence.rebuild import made_otherwise
 from harness.evidence.replay import replay
+from harness.evidence.scope import scope_of
 from harness.evidence.signature import new_key, read_private_key, sign
 from harness.evidence.verify import verify
 from harness.logs.log_copy import thin
@@ -148,6 +152,15 @@ def test_a_replay_lists_what_it_covers(source):
     assert {"decisions", "chain", "outcome", "cause", "deadline misses"} <= set(scope.recomputed)
     assert {"truth", "states", "sweeps"} <= set(scope.simulation)
     assert scope.claims == ("stage latencies", "versions", "machine")
+
+
+def test_the_verdict_of_a_check_is_a_claim(source, tmp_path):
+    log = tmp_path / "checked.mcap"
+    shutil.copyfile(source, log)
+    finding = Finding("tracking", "by hand", 3, (0.0, 0.0, 0.0))
+    record_check(log, Verdict(finding, "confirmed", (), 0.0))
+    scopes = [scope_of(open_log(one), with_cause=True) for one in (source, log)]
+    assert set(scopes[1].claims) - set(scopes[0].claims) == {"verdict of its counterfactual check"}
 
 
 def test_a_replay_works_the_cause_out_again(source, tmp_path):
