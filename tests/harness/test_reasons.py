@@ -8,6 +8,7 @@ import pytest
 
 from harness.evidence.audit.run import moments
 from harness.evidence.reasons import PREDICATES, ReasonCheck, figures_of
+from harness.evidence.reasons.__main__ import main, tally
 from harness.logs.reader import open_log
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.reasons import (
@@ -20,6 +21,9 @@ from harness.stack.reasons import (
     reason_message,
     sentence,
 )
+from tests.harness.test_audit import forge
+
+LOGS = Path(__file__).parent / "logs"
 
 EVERY = 8
 """Of the decisions on the way so many are checked, and all of the last ones."""
@@ -236,3 +240,40 @@ def test_every_figure_of_a_sentence_is_one_of_a_reason(kind):
     assert set(figures_of(MEANINGS[kind].text)) <= set(FIGURES)
     assert MEANINGS[kind].actions
     assert MEANINGS[kind].labels
+
+
+def false_in_all(decision):
+    occupied(decision)
+    decision.reason = sentence(logged_reason(decision.grounds))
+
+
+def test_decisions_are_counted_by_action_label_and_reason():
+    row = ("follow", "unknown_ahead", "unknown_ahead")
+    found = tally(LOGS / "format-5.mcap")
+    count = found.decisions.total()
+    assert found.decisions == {row: count}
+    assert found.checked == count > 0
+    assert found.texts == []
+    counted = tally(LOGS / "format-5.mcap", check=False)
+    assert (counted.decisions, counted.checked) == (found.decisions, 0)
+
+
+def test_an_old_log_is_counted_by_its_words():
+    ((action, label, words),) = tally(LOGS / "format-4.mcap").decisions
+    assert (action, label) == ("explore", "unknown_ahead")
+    assert words == "unknown ahead: # m admitted, # m for full speed"
+
+
+def test_the_table_takes_folders_and_ends_with_1_if_a_reason_is_false(tmp_path, capsys):
+    (tmp_path / "logs").mkdir()
+    forge(LOGS / "format-5.mcap", tmp_path / "logs" / "forged.mcap", false_in_all)
+    count = tally(LOGS / "format-5.mcap").checked
+    assert main([str(tmp_path)]) == 1
+    printed = capsys.readouterr().out
+    assert "forged.mcap: decision 0: unknown_ahead: the cell is unknown, not occupied" in printed
+    assert f"1 logs, {count} decisions: {count} reasons checked, {count} false" in printed
+    assert main(["--no-check", str(tmp_path)]) == 0
+    assert "0 reasons checked, 0 false" in capsys.readouterr().out
+    (tmp_path / "none").mkdir()
+    assert main([str(tmp_path / "none")]) == 2
+    assert "no log in it, expected *.mcap" in capsys.readouterr().err
