@@ -19,6 +19,30 @@ def flat_boxes(cells: NDArray[np.bool_], origin: Array, resolution: float) -> tu
     return origin[:2] + resolution * middle, resolution * half
 
 
+def surrounding_boxes(
+    shape: tuple[int, ...], origin: Array, resolution: float, reach: float
+) -> tuple[Array, Array]:
+    """Centres and half sizes (4, 2), m, of what lies outside a map (nx, ny) up to a reach, m."""
+    low, high = origin[:2], origin[:2] + resolution * np.array(shape[:2])
+    lows = np.array(
+        [
+            [low[0] - reach, low[1] - reach],  # left and right, from end to end
+            [high[0], low[1] - reach],
+            [low[0], low[1] - reach],  # below and above, between them
+            [low[0], high[1]],
+        ]
+    )
+    highs = np.array(
+        [
+            [low[0], high[1] + reach],
+            [high[0] + reach, high[1] + reach],
+            [high[0], low[1]],
+            [high[0], high[1] + reach],
+        ]
+    )
+    return 0.5 * (lows + highs), 0.5 * (highs - lows)
+
+
 def upright_boxes(a_map: Representation, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
     """Centres and half sizes (n, 3), m, of the occupied cells in a box of space, columns merged.
 

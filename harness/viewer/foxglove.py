@@ -24,6 +24,7 @@ from harness.viewer.layer import COLOURS, kinds, layer_at
 from harness.viewer.moments import Moment, moments, standing_low
 from harness.viewer.tiles import Tiles
 from harness.viewer.words import is_warning
+from maps import UNKNOWN
 
 WORLD, ROBOT, TRUTH = "world", "robot", "truth"
 """Frames."""
@@ -31,6 +32,10 @@ WORLD, ROBOT, TRUTH = "world", "robot", "truth"
 MOST_HITS = 3000
 SWEEP_PERIOD_NS = 200_000_000
 CELLS_PERIOD_NS = 1_000_000_000
+
+EDGE_M = 1.0
+"""Width of the unknown that is drawn around the map, m: nothing is known outside it."""
+
 """As in the view by Rerun."""
 
 BLUE, GREEN, RED = (0.24, 0.43, 0.92), (0.08, 0.67, 0.27), (0.82, 0.16, 0.16)
@@ -136,9 +141,11 @@ class _Artist:
         palette = np.zeros((max(COLOURS) + 1, 4), np.uint8)
         for kind, colour in COLOURS.items():
             palette[kind] = (*colour, 230)
-        nx, _ = told.shape
-        x, y = (float(value) for value in costmap.origin[:2])
         side = costmap.resolution
+        edge = round(EDGE_M / side)
+        told = np.pad(told, edge, constant_values=UNKNOWN)
+        nx, _ = told.shape
+        x, y = (float(value) - edge * side for value in costmap.origin[:2])
         return fox.Grid(
             timestamp=moment.decision.timestamp,
             frame_id=WORLD,

@@ -9,6 +9,10 @@ import rerun.blueprint as rrb
 from harness.logs.reader import Log
 from harness.viewer.snapshots import layer_period_ns
 
+UNKNOWN_SPACE = (112, 137, 134)
+"""Colour of unknown cells in RViz's maps, as red, green and blue: what lies outside the map is
+unknown too."""
+
 
 def layout(logs: Mapping[str, Log]) -> rrb.Blueprint:
     """The windows for one log, or for several side by side, each by its root."""
@@ -77,6 +81,6 @@ def _space(
         name=name,
         eye_controls=eye,
         line_grid=False,
-        background=[245, 246, 248],
+        background=list(UNKNOWN_SPACE),
         overrides={f"{world}/trail": [so_far]},
     )

@@ -25,7 +25,7 @@ from harness.outputs import written_whole
 from harness.scenario import Scenario
 from harness.stack.decision import path_of
 from harness.state import Simulation, restore_parts
-from harness.viewer.boxes import flat_boxes, upright_boxes
+from harness.viewer.boxes import flat_boxes, surrounding_boxes, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
 from harness.viewer.moments import Moment, moments, standing_low
 from harness.viewer.sight import geoms_in_front
@@ -47,6 +47,9 @@ DISTANCE, ELEVATION = 7.0, -46.0  # of the camera from the robot, m and degrees
 SIGHT = 10.0
 """Farther from the robot no occupied cells are drawn, m: most of them would be out of the picture,
 and each costs time."""
+
+BEYOND = 30.0
+"""So far outside the map the floor is drawn as unknown, m: farther than the camera sees."""
 
 IN_FRONT = 0.12
 """How opaque what stands between camera and robot is."""
@@ -154,11 +157,11 @@ class Stage:
         costmap, mission = moment.costmap, self._log.mission
         layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
         told = kinds(costmap, layer, moment.record.decision.blocked_at_or_below)
-        for kind, opacity in OVERLAY.items():
-            middles, halves = flat_boxes(told == kind, costmap.origin, costmap.resolution)
-            colour = (*(value / 255.0 for value in COLOURS[kind]), opacity)
-            for middle, half in zip(middles, halves, strict=True):
-                self._add_box([*middle, 0.02], [*half, 0.002], colour)
+        self._lay_flat(
+            *surrounding_boxes(told.shape, costmap.origin, costmap.resolution, BEYOND), UNKNOWN
+        )
+        for kind in OVERLAY:
+            self._lay_flat(*flat_boxes(told == kind, costmap.origin, costmap.resolution), kind)
         middles, halves = upright_boxes(moment.map, standing_low(mission), mission.high)
         off = middles[:, :2] - np.array(moment.truth.position)[:2]
         near = np.hypot(off[:, 0], off[:, 1]) < SIGHT
@@ -169,6 +172,12 @@ class Stage:
         self._add_line(path_of(decision.guide) + lift, 0.015, GUIDE)
         self._add_line(path_of(decision.trajectory.path) + lift, 0.035, COMMITTED)
         self._add_line(np.array(self._trail), 0.015, TRAIL)
+
+    def _lay_flat(self, middles: Box, halves: Box, kind: int) -> None:
+        """Boxes on the floor in the colour of a kind of cells."""
+        colour = (*(value / 255.0 for value in COLOURS[kind]), OVERLAY[kind])
+        for middle, half in zip(middles, halves, strict=True):
+            self._add_box([*middle, 0.02], [*half, 0.002], colour)
 
     def _add_box(self, middle: Any, half: Any, colour: tuple[float, ...]) -> None:
         geom = self._next()

@@ -13,7 +13,8 @@ from mcap.reader import make_reader
 
 from harness.cli import main
 from harness.logs.reader import open_log
-from maps import FREE
+from harness.viewer.layer import COLOURS
+from maps import FREE, UNKNOWN
 
 LAYOUT = Path(__file__).parents[2] / "docs/foxglove-layout.json"
 
@@ -143,9 +144,9 @@ def test_the_layer_fits_the_world_and_is_free_about_the_start(converted, log):
     assert grid.cell_size.x * grid.column_count >= mission.high[0] - mission.low[0]
     x = int((mission.start[0] - grid.pose.position.x) / grid.cell_size.x)
     y = int((mission.start[1] - grid.pose.position.y) / grid.cell_size.y)
-    from harness.viewer.layer import COLOURS
-
     assert tuple(cells[y, x, :3]) == COLOURS[FREE]
+    for edge in (cells[0], cells[-1], cells[:, 0], cells[:, -1]):  # outside the map
+        assert (edge[:, :3] == COLOURS[UNKNOWN]).all()
 
 
 def test_points_lie_within_the_world(converted, log):
@@ -175,6 +176,8 @@ def test_the_layout_names_topics_that_there_are(converted):
     topics = {topic for topic, _, _, _ in converted}
     panels = layout["configById"]
     assert set(panels["3D!space"]["topics"]) <= topics
+    background = panels["3D!space"]["scene"]["backgroundColor"]
+    assert background == "#{:02x}{:02x}{:02x}".format(*COLOURS[UNKNOWN])
     for name, panel in panels.items():
         for series in panel.get("paths", []):
             topic, *fields = series["value"].split(".")

@@ -1,7 +1,9 @@
 """What is shown is what the log holds, and what the map was at each decision."""
 
+import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 from threading import Event
 
@@ -19,9 +21,10 @@ from harness.logs.messages import read_messages
 from harness.logs.reader import open_log, read_head
 from harness.schema import wayproof_pb2 as pb
 from harness.viewer.ahead import Ahead
-from harness.viewer.boxes import runs, upright_boxes
+from harness.viewer.boxes import runs, surrounding_boxes, upright_boxes
 from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
 from harness.viewer.moments import moments
+from harness.viewer.rerun_view import loopback_viewer
 from harness.viewer.sight import geoms_in_front
 from harness.viewer.tiles import TILE, Tiles
 from harness.viewer.words import describe
@@ -86,6 +89,31 @@ def test_runs_by_hand():
     rows = np.array([[1, 1, 0, 1], [0, 0, 0, 0], [0, 1, 1, 1]], bool)
     row, first, end = runs(rows)
     assert list(zip(row, first, end, strict=True)) == [(0, 0, 2), (0, 3, 4), (2, 1, 4)]
+
+
+def test_boxes_around_a_map_cover_what_is_outside_once_and_nothing_of_it():
+    origin = np.array([-1.0, 2.0, 0.0])
+    middles, halves = surrounding_boxes((20, 10), origin, 0.1, 3.0)  # x -1 to 1, y 2 to 3
+    rng = np.random.default_rng(0)
+    points = rng.uniform((-4.0, -1.0), (4.0, 6.0), (500, 2))
+    inside = ((points > (-1.0, 2.0)) & (points < (1.0, 3.0))).all(axis=1)
+    hits = (np.abs(points[:, None] - middles) <= halves).all(axis=2).sum(axis=1)
+    assert inside.any()
+    np.testing.assert_array_equal(hits, np.where(inside, 0, 1))
+
+
+def test_the_viewer_s_background_is_unknown_and_not_free(log):
+    """What lies outside the map has the colour that the unknown has in it."""
+    pytest.importorskip("rerun")
+    from harness.viewer.layout import UNKNOWN_SPACE, layout
+
+    column = layout({"log": open_log(log)}).root_container
+    spaces = column.contents[0].contents
+    assert len(spaces) == 2
+    for view in spaces:
+        (packed,) = view.properties["Background"].color.as_arrow_array().to_pylist()
+        assert [packed >> shift & 255 for shift in (24, 16, 8)] == list(UNKNOWN_SPACE)
+    assert max(UNKNOWN_SPACE) < 150  # free cells are white
 
 
 def test_tiles_tell_a_change_once_and_boxes_hold_the_same_cells():
@@ -238,6 +266,59 @@ def test_no_display_is_told_in_a_line(capsys, monkeypatch, log):
     assert "--save FILE.rrd" in capsys.readouterr().err
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="sockets are looked up in /proc")
+def test_the_viewer_listens_on_this_machine_alone(tmp_path):
+    """Rerun's own server, started by the command that starts its window."""
+    pytest.importorskip("rerun")
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port = one.getsockname()[1]
+    command = [str(loopback_viewer(tmp_path)), "--serve-grpc", "--port", str(port)]
+    server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        found = []
+        while not found and server.poll() is None:
+            time.sleep(0.05)
+            found = listening(port)
+        assert found == ["0100007F"]  # 127.0.0.1
+    finally:
+        server.kill()
+        server.wait()
+
+
+def listening(port):
+    """Addresses in hex on which a port listens."""
+    rows = [
+        line.split()
+        for name in ("tcp", "tcp6")
+        for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
+    ]
+    local = [row[1].split(":") for row in rows if row[3] == "0A"]
+    return [address for address, number in local if int(number, 16) == port]
+
+
+class Started(Exception):
+    """A viewer would have started."""
+
+
+def start_nothing(*arguments, executable_path, **options):
+    raise Started(Path(executable_path).read_text())
+
+
+def test_windows_and_screenshots_are_of_that_viewer(monkeypatch, tmp_path, log):
+    rerun = pytest.importorskip("rerun")
+    experimental = pytest.importorskip("rerun.experimental")
+    from docs.picture_view import main as picture_view
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(rerun, "spawn", start_nothing)
+    monkeypatch.setattr(experimental.ViewerClient, "spawn", start_nothing)
+    with pytest.raises(Started, match=r"exec \S+ --bind 127\.0\.0\.1 "):
+        main(["view", str(log)])
+    with pytest.raises(Started, match=r"exec \S+ --bind 127\.0\.0\.1 "):
+        picture_view(tmp_path / "x.rrd", 1.0, tmp_path / "x.png")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -282,6 +363,8 @@ def test_a_picture_shows_the_map(tmp_path, log):
     assert (blue - red > 30).mean() > 0.01  # occupied cells
     assert (red - blue > 30).mean() > 0.005  # inflation and trail
     assert ((green - red > 30) & (green - blue > 30)).any()  # what it has committed to
+    # The start is 1 m from the edge of the world: the lowest rows show what is outside the map.
+    assert (image[-40:].max(axis=2) < 190).mean() > 0.5
 
 
 def test_a_decision_that_is_not_there(tmp_path, failed):
