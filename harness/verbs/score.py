@@ -16,15 +16,24 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Score one or more logs."""
+    from harness.clearance import true_clearance_is_bound
     from harness.logs.reader import open_log
-    from harness.metrics import METRICS, read_trace, score
+    from harness.metrics import METRICS, least_clearance, read_trace, score
 
     documents: list[Document] = []
     for path in options.log:
         check_log(path, options)
         log = open_log(path, options.allow_plugins)
-        scores = score(read_trace(log))
-        documents.append({"log": str(path), "outcome": log.result["outcome"], "metrics": scores})
+        trace = read_trace(log)
+        scores, is_bound = score(trace), true_clearance_is_bound(least_clearance(trace))
+        documents.append(
+            {
+                "log": str(path),
+                "outcome": log.result["outcome"],
+                "metrics": scores,
+                "least_clearance_is_bound": is_bound,
+            }
+        )
         table = Table(title=f"{path}: {log.result['outcome']}", title_justify="left")
         table.add_column("metric")
         table.add_column("value", justify="right")
@@ -33,6 +42,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
             table.add_column("formula and source")
         for name, value in scores.items():
             text = "-" if value is None else f"{value:.3f}"
+            if name == "least_clearance" and is_bound:
+                text = f">= {text}"
             about = [summary_of(METRICS[name])] if options.long else []
             table.add_row(name, text, METRICS[name].unit, *about)
         console.print(table)

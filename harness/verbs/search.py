@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Search; exit code 1 where a failure was found."""
+    from harness.clearance import true_clearance_is_bound
     from harness.config import from_document, override
     from harness.perturbations import check_kind
     from harness.search.episodes import Search, search
@@ -47,16 +48,24 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
             raise Interrupted(GOES_ON) from None
     print_found(console, found)
     console.print(Text.assemble(("note", "bold"), f": {NO_RATE}"), soft_wrap=True)
-    document = {**asdict(found), "rate": None, "note": NO_RATE, "folder": str(store.folder)}
+    document = {
+        **asdict(found),
+        "nearest_is_bound": true_clearance_is_bound(found.nearest.robustness),
+        "rate": None,
+        "note": NO_RATE,
+        "folder": str(store.folder),
+    }
     return (1 if found.failing else 0), document
 
 
 def print_found(console: Console, found: Found) -> None:
     """What was found, in two lines."""
+    from harness.clearance import true_in_metres
+
     if found.failing is None:
         console.print(
             f"no failure in {found.episodes} episodes; least clearance "
-            f"{found.nearest.robustness:.2f} m with {found.nearest.perturbation}",
+            f"{true_in_metres(found.nearest.robustness)} with {found.nearest.perturbation}",
             highlight=False,
             soft_wrap=True,
         )
