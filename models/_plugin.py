@@ -101,7 +101,11 @@ def source_file(name: str) -> Path | None:
     if place.endswith(SUFFIX):
         file = Path(place)
     else:
-        file = Path(getattr(sys.modules.get(place), "__file__", None) or "")
+        try:
+            spec = importlib.util.find_spec(place)
+        except (ImportError, ValueError):  # no such package, or a module of no file
+            return None
+        file = Path((spec and spec.origin) or "")
     return file if file.is_file() else None
 
 

@@ -15,7 +15,7 @@ from harness.perturbations import AnyPerturbation
 from harness.perturbations.perturbation import GREATEST
 from harness.search.hunt import Hunt, Tried, hunt, shorten
 from harness.search.space import LEAST, Space
-from harness.study.contents import contents_of
+from harness.study.contents import contents_of, named_by
 from harness.study.file import CLEAN, Arm, Planned, perturbation_at, planned_for
 from harness.study.matching import open_planned
 from harness.study.processes import Finished
@@ -136,7 +136,7 @@ class _Runs:
         self._store = store
         self._engine = engine
         self._finished = finished
-        self._contents = contents_of((asked.config.world, asked.config.robot))
+        self._contents = contents_of(named_by(asked.config))
         self.episodes = 0
 
     def __call__(self, perturbations: Sequence[AnyPerturbation]) -> list[Tried]:

@@ -18,7 +18,7 @@ import numpy as np
 from harness.config import to_json
 from harness.errors import InputError
 from harness.logs.reader import open_log
-from harness.study.contents import contents_of
+from harness.study.contents import contents_of, named_by
 from harness.study.file import Bounds, Planned, name_of
 from harness.study.job import Done, Job, episode_key
 from harness.study.processes import Finished, Workers
@@ -187,7 +187,7 @@ def _run_again(
         jobs, keys = [], {}
         for one in order:
             config = replace(one.config, threads=arrangement.threads)
-            key = episode_key(config, contents_of((config.world, config.robot)))
+            key = episode_key(config, contents_of(named_by(config)))
             jobs.append(Job(key, to_json(config), Path(folder) / f"{one.key}.mcap"))
             keys[key] = one.key
         errors: dict[str, str] = {}

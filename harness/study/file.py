@@ -345,8 +345,14 @@ def _refuse_differences(study: StudyFile) -> None:
 
 
 def files_of(study: StudyFile) -> list[str]:
-    """Names of worlds and robots, some of which may be files."""
-    return [*study.worlds, *study.robots]
+    """Names of worlds, robots and planners, some of which may be files."""
+    return [*study.worlds, *study.robots, *planners_of(study)]
+
+
+def planners_of(study: StudyFile) -> list[str]:
+    """Names of planners that its settings and axes choose."""
+    named = [study.settings.get("planner.name", ""), *study.axes.get("planner.name", [])]
+    return [str(name) for name in named]
 
 
 def planned_for(arm: Arm, config: Config, contents: Contents) -> Planned:

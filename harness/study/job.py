@@ -14,6 +14,7 @@ from pathlib import Path
 from harness.config import Config, from_json, to_json
 from harness.errors import InputError
 from harness.logs.machine import installed_version
+from harness.study.contents import contents_of, named_by
 
 PARENT_POLL = 0.2
 """How often a worker looks whether whoever started it is still there, s."""
@@ -49,15 +50,16 @@ def episode_key(config: Config, contents: Mapping[str, str]) -> str:
         config: Resolved.
         contents: Of the files that it names, see `contents_of`; a path is no part of the key.
     """
-    world, robot = (contents.get(name, name) for name in (config.world, config.robot))
-    return key_of(replace(config, world=world, robot=robot), installed_version("wayproof"))
+    world, robot, planner = (contents.get(name, name) for name in named_by(config))
+    named = replace(config, world=world, robot=robot, planner=replace(config.planner, name=planner))
+    return key_of(named, installed_version("wayproof"))
 
 
 def key_of(config: Config, version: str) -> str:
     """Content address of an episode.
 
     Args:
-        config: Resolved, with name and hash of its world and robot where these are files.
+        config: Resolved, with name and hash of its world, robot and planner where these are files.
         version: Of Wayproof.
     """
     return hashlib.sha256(version.encode() + b"\n" + to_json(config)).hexdigest()[:24]
@@ -67,12 +69,11 @@ def run_job(job: Job) -> Done:
     """Run one episode; whatever it raises becomes its error text."""
     from harness.episode import run_episode
     from harness.scenario import build
-    from harness.study.contents import contents_of
 
     try:
         config = from_json(job.config, allow_plugins=True)
-        if episode_key(config, contents_of((config.world, config.robot))) != job.key:
-            return Done(job.key, "the file of its world or robot was changed since it was planned")
+        if episode_key(config, contents_of(named_by(config))) != job.key:
+            return Done(job.key, "a file of its world, robot or planner was changed since the plan")
         run_episode(build(config), job.log)
     except InputError as error:
         return Done(job.key, str(error))

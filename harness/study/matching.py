@@ -1,8 +1,8 @@
 """Whether a log is that of the episode that was planned: its file's name alone says nothing.
 
 A run fills in what its config leaves open: start, goal and sensors. These are worked out again from
-the world and the robot; all the rest, with the hashes of the world's and the robot's files and the
-version of Wayproof, has to give the episode's key.
+the world and the robot; all the rest, with the hashes of the files of world, robot and planner
+and the version of Wayproof, has to give the episode's key.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from harness.config import Config
 from harness.errors import InputError
 from harness.logs.reader import Log, open_log
+from harness.study.contents import class_identity
 from harness.study.file import Planned
 from harness.study.job import key_of
 from harness.worlds import find_world
@@ -67,7 +68,7 @@ def mismatch(log: Log, planned: Planned) -> str:
     open_again = replace(
         log.config, start=asked.start, goal=asked.goal, sensors=asked.sensors, robot_file=""
     )
-    if key_of(open_again, log.run.get("wayproof", "")) != planned.key:
+    if key_of(_by_content(open_again, log), log.run.get("wayproof", "")) != planned.key:
         return _difference(log, open_again, asked)
     if log.config.sensors not in (asked.sensors, _sensors(log, asked)):
         return "sensors: others than the robot's with the settings planned"
@@ -76,6 +77,19 @@ def mismatch(log: Log, planned: Planned) -> str:
         if got is not None and own is not None and not _alike(got, own):
             return f"{name}: got {_point(got)}, expected {_point(own)}"
     return ""
+
+
+def _by_content(config: Config, log: Log) -> Config:
+    """With the hashes that a log has of its classes' files in place of their names."""
+    if config.planner.name in log.plugins:
+        name = class_identity(config.planner.name, log.plugins[config.planner.name])
+        config = replace(config, planner=replace(config.planner, name=name))
+    if log.config.robot_file:
+        controller = parse_spec(log.config.robot_file).controller
+        if controller in log.plugins:
+            own = class_identity(controller, log.plugins[controller])
+            config = replace(config, robot=f"{config.robot} {own}")
+    return config
 
 
 def _sensors(log: Log, asked: Config) -> object:
@@ -122,7 +136,9 @@ def _difference(log: Log, got: Config, expected: Config) -> str:
     for name in names:
         if one.get(name) != other[name]:
             return f"{name}: got {str(one.get(name))[:60]}, expected {str(other[name])[:60]}"
-    return f"by Wayproof {log.run.get('wayproof', 'of no version')[:20]}"
+    version = f"by Wayproof {log.run.get('wayproof', 'of no version')[:20]}"
+    files = ", ".join(log.plugins)[:80]
+    return f"{version}, or with another file of {files}" if files else version
 
 
 def _settings(document: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

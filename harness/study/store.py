@@ -100,9 +100,16 @@ class Store:
                 finish_partial(partial, kept, f"was ended ({text})", "")
 
     def forget_errors(self) -> None:
-        """Let the episodes that ended without a log run again."""
+        """Let the episodes that ended as `error` run again, with a log or without.
+
+        Raises:
+            InputError: A log is damaged.
+        """
         for path in (*self.errors.glob("*.json"), *self.errors.glob("*.mcap")):
             path.unlink()
+        for path in self.logs.glob("*.mcap"):
+            if open_log(path, allow_plugins=True).result["outcome"] == "error":
+                path.unlink()
 
     def clear_partial(self) -> None:
         """Remove what killed runs left half written.

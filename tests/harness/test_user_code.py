@@ -2,17 +2,21 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from harness.cli import main
+from harness.config import to_json
 from harness.errors import InputError
 from harness.logs.reader import open_log
 from harness.user_code import LONGEST_TRACEBACK, NeverReturned, bounded, failure_of
+from planners import FreeSpace, PlannerConfig, plan
 from planners._plugin import UserCodeError, load_class
 
 ROOT = Path(__file__).parents[2]
@@ -134,51 +138,72 @@ def run(capsys, name, log, *options):
     return code, json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.parametrize(
-    ("kind", "said"),
-    [
-        ("Raises", r"raised ValueError: no way \x1b[31m out (mine.py:"),
-        ("Leaves", "raised SystemExit: 0 (mine.py:"),
-        ("ReturnsNone", "returned NoneType from solve, expected ompl.base.PlannerStatus"),
-        ("NotFinite", "added a path whose state 1 is (nan, 1.000, 1.000)"),
-        ("Elsewhere", "added a path with its start at (1.000, 1.000, 1.000), expected ("),
-        ("Short", "added a path of 1 states, expected 2 or more"),
-        ("Loops", "had not returned after 5 s (plugins.wall_s)"),
-    ],
-)
-def test_a_planner_that_fails_ends_the_episode_with_its_evidence(
-    capsys, tmp_path, file, kind, said
-):
-    path = tmp_path / "log.mcap"
-    name = f"{file}:{kind}"
-    bound = ["--set", "plugins.wall_s=5"] if kind == "Loops" else []
-    code, told = run(capsys, name, path, *bound)
+def ended(capsys, path, name, said, *options):
+    """Run to the error; its log."""
+    code, told = run(capsys, name, path, *options)
     assert (code, told["outcome"]) == (1, "error")
     assert told["reason"].startswith(f"planner '{name}' {said}")
-    decisions = told["decisions"]
-    assert told["reason"].endswith(f"at decision {decisions}")
-    assert decisions > 0
+    assert told["reason"].endswith(f"at decision {told['decisions']}")
+    assert told["decisions"] > 0
     log = open_log(path, allow_plugins=True)
     assert log.result["reason"] == told["reason"]
-    assert log.traceback.isprintable() or "\n" in log.traceback
+    assert not list(path.parent.glob("*.partial"))
+    return log
+
+
+def test_a_planner_that_raises_ends_the_episode_with_its_evidence(capsys, tmp_path, file):
+    path = tmp_path / "log.mcap"
+    name = f"{file}:Raises"
+    log = ended(capsys, path, name, r"raised ValueError: no way \x1b[31m out (mine.py:")
+    assert "in fail" in log.traceback
     assert "\x1b" not in log.traceback
-    assert not list(tmp_path.glob("*.partial"))
     assert main(["explain", str(path), "--allow-plugins"]) == 0
     shown = capsys.readouterr().out
     assert shown.startswith(f"error: planner '{name}'")
     assert log.traceback.splitlines()[-1] in shown
-    if kind == "Raises":
-        assert "in fail" in log.traceback
-
-
-def test_what_was_decided_before_replays(capsys, tmp_path, file):
-    path = tmp_path / "log.mcap"
-    _, told = run(capsys, f"{file}:Raises", path)
-    capsys.readouterr()
-    load_class(f"{file}:Raises").calls = 0
+    load_class(name).calls = 0
     assert main(["replay", str(path), "--allow-plugins"]) == 0
-    assert f"identical: {told['decisions']} of {told['decisions']}" in capsys.readouterr().out
+    count = log.result["decisions"]
+    assert f"identical: {count} of {count}" in capsys.readouterr().out
     assert main(["score", str(path), "--allow-plugins"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "said", "options"),
+    [
+        ("Leaves", "raised SystemExit: 0 (mine.py:", ()),
+        (
+            "Loops",
+            "had not returned after 5 s (plugins.wall_s)",
+            ("--set", "plugins.wall_s=5"),
+        ),
+    ],
+)
+def test_a_planner_that_leaves_or_loops_ends_the_episode_likewise(
+    capsys, tmp_path, file, kind, said, options
+):
+    log = ended(capsys, tmp_path / "log.mcap", f"{file}:{kind}", said, *options)
+    assert "in fail" in log.traceback
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("ReturnsNone", "returned NoneType from solve, expected ompl.base.PlannerStatus"),
+        ("NotFinite", "added a path whose state 1 is (nan, 1.000, 1.000)"),
+        ("Elsewhere", "added a path with its start at (1.000, 1.000, 1.000), expected ("),
+        ("Short", "added a path of 1 states, expected 2 or more"),
+    ],
+)
+def test_what_a_planner_answers_is_checked(file, kind, said):
+    """Each raises as a planner that raises does, and so ends an episode likewise."""
+    name = f"{file}:{kind}"
+    load_class(name).calls = 1
+    field = np.full((20, 20, 12), 100, np.uint16)
+    space = FreeSpace(field, np.zeros(3), 0.2, 4, np.zeros(101))
+    near, far = np.array([0.5, 0.5, 0.5]), np.array([3.0, 3.0, 1.5])
+    with pytest.raises(UserCodeError, match=re.escape(f"planner '{name}' {said}")):
+        plan(space, near, far, PlannerConfig(name=name, restarts=1), seed=1)
 
 
 def test_a_planner_that_cannot_be_made_leaves_a_log_without_decisions(capsys, tmp_path, file):
@@ -204,27 +229,35 @@ def command(*arguments, cwd, **environment):
     )
 
 
-@pytest.mark.parametrize(
-    ("kind", "said"),
-    [
-        ("Killed", "the process was ended by SIGKILL after "),
-        ("Holds", "the process did not return, and could not be interrupted"),
-    ],
-)
-def test_a_process_that_can_finish_nothing_leaves_a_whole_log(tmp_path, file, kind, said):
-    name = f"{file}:{kind}"
-    bound = ["--set", "plugins.wall_s=3"]
-    done = command(*RUN, "--set", f"planner.name={name}", "--log", "a.mcap", *bound, cwd=tmp_path)
+def whole_log(folder, name, said, **environment):
+    """Run in a process of its own, which can finish nothing; its log."""
+    options = ["--set", f"planner.name={name}", "--set", "plugins.wall_s=3", "--log", "a.mcap"]
+    done = command(*RUN, *options, cwd=folder, **environment)
     assert done.returncode == 1
     assert said in done.stderr
     assert "log: " in done.stdout
-    log = open_log(tmp_path / "a.mcap", allow_plugins=True)
+    log = open_log(folder / "a.mcap", allow_plugins=True)
     assert log.result["outcome"] == "error"
     assert name in log.result["reason"]
     assert int(log.result["decisions"]) == sum(1 for _ in log.records()) > 0
-    assert not list(tmp_path.glob("*.partial*"))
-    if kind == "Holds":
-        assert "in fail" in log.traceback
+    assert not list(folder.glob("*.partial*"))
+    return log
+
+
+def test_a_process_that_holds_on_leaves_a_whole_log(tmp_path, file):
+    said = "the process did not return, and could not be interrupted"
+    log = whole_log(tmp_path, f"{file}:Holds", said)
+    assert "in fail" in log.traceback
+
+
+def test_a_process_that_is_killed_leaves_a_whole_log_beside_packages_of_our_names(tmp_path, file):
+    (tmp_path / "planners").mkdir()
+    (tmp_path / "planners" / "__init__.py").write_text("1 / 0\n")
+    (tmp_path / "models.py").write_text("1 / 0\n")
+    (tmp_path / "maps.py").write_text("1 / 0\n")
+    shutil.copy(file, tmp_path / "mine.py")
+    said = "the process was ended by SIGKILL after "
+    whole_log(tmp_path, "mine.py:Killed", said, PYTHONPATH=f".:{ROOT}")
 
 
 @pytest.mark.parametrize(
@@ -263,18 +296,6 @@ def test_a_file_that_changed_is_told_by_a_replay(capsys, tmp_path):
     mine.unlink()
     assert main(["replay", str(path), "--allow-plugins"]) == 2
     assert f"no file '{mine}'" in capsys.readouterr().err
-
-
-def test_folders_with_our_names_are_in_nobodys_way(tmp_path, file):
-    (tmp_path / "planners").mkdir()
-    (tmp_path / "planners" / "__init__.py").write_text("1 / 0\n")
-    (tmp_path / "models.py").write_text("1 / 0\n")
-    (tmp_path / "maps.py").write_text("1 / 0\n")
-    shutil.copy(file, tmp_path / "mine.py")
-    options = ["--set", "planner.name=mine.py:Good", "--set", "episode.time_limit=0.3"]
-    done = command(*RUN, *options, "--log", "a.mcap", cwd=tmp_path, PYTHONPATH=f".:{ROOT}")
-    assert done.returncode == 1, done.stderr
-    assert "\ntimeout: " in done.stdout
 
 
 def test_a_fault_of_ours_is_a_traceback_and_the_log_is_whole(tmp_path, monkeypatch):
@@ -356,9 +377,30 @@ def test_a_study_keeps_what_an_episode_in_error_had_logged(recorded, tmp_path):
         assert int(log.result["decisions"]) == sum(1 for _ in log.records()) > 0
         assert not list((tmp_path / "logs").iterdir())
         assert store.is_done("a")
+        shutil.copy(tmp_path / "errors" / "a.mcap", tmp_path / "logs" / "b.mcap")
+        (tmp_path / "logs" / "c.mcap").write_bytes(whole)
         store.forget_errors()
-        assert not store.is_done("a")
+        assert [store.is_done(key) for key in "abc"] == [False, False, True]
         assert not list((tmp_path / "errors").iterdir())
+
+
+def test_a_planner_s_changed_file_makes_other_episodes_of_a_study(tmp_path):
+    from harness.study.file import StudyFile, plan_episodes
+    from harness.study.job import Job, run_job
+
+    def planned(path, text):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        study = StudyFile("s", ["empty"], ["drone"], 1, {"planner.name": f"{path}:Good"})
+        return plan_episodes(study)[0]
+
+    first = planned(tmp_path / "mine.py", PLANNERS)
+    assert planned(tmp_path / "elsewhere" / "other.py", PLANNERS).key == first.key
+    changed = planned(tmp_path / "mine.py", f"{PLANNERS}\n# other words\n")
+    assert changed.key != first.key
+    done = run_job(Job(first.key, to_json(first.config), tmp_path / "a.mcap"))
+    assert done.error == "a file of its world, robot or planner was changed since the plan"
+    assert not (tmp_path / "a.mcap").exists()
 
 
 def test_the_formulas_of_a_score_are_printed_where_asked_for(recorded, capsys):
