@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.cli import main
 from harness.config import to_json
 from harness.errors import InputError
 from harness.logs.container import walk
@@ -325,3 +326,19 @@ def test_a_folder_remembers_what_its_files_held(tmp_path: Path) -> None:
     store.keep_study(study, contents_of(files_of(study)))
     path.unlink()
     assert [one.key for one in plan_episodes(store.read_study(), store.read_contents())] == keys
+
+
+def test_ctrl_c_says_what_a_study_has_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    file = written(tmp_path, SHORT)
+    store = Store(tmp_path / "kept")
+    store.logs.mkdir(parents=True)
+    store.log(plan_episodes(read_study(file))[0].key).touch()
+    monkeypatch.setattr("harness.study.study.run_study", interrupted)
+    assert main(["study", file, "--out", str(store.folder)]) == 130
+    told = "interrupted; 1 of 4 episodes are kept, and the same command goes on with the others"
+    assert told in capsys.readouterr().err
