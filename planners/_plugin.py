@@ -105,7 +105,7 @@ def source_file(name: str) -> Path | None:
             spec = importlib.util.find_spec(place)
         except (ImportError, ValueError):  # no such package, or a module of no file
             return None
-        file = Path((spec and spec.origin) or "")
+        file = Path((None if spec is None else spec.origin) or "")
     return file if file.is_file() else None
 
 

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
+
 from harness.config import Config, from_json, to_json
 from harness.errors import InputError
 from harness.logs.machine import installed_version
@@ -51,18 +53,24 @@ def episode_key(config: Config, contents: Mapping[str, str]) -> str:
         contents: Of the files that it names, see `contents_of`; a path is no part of the key.
     """
     world, robot, planner = (contents.get(name, name) for name in named_by(config))
-    named = replace(config, world=world, robot=robot, planner=replace(config.planner, name=planner))
-    return key_of(named, installed_version("wayproof"))
+    named = replace(config, world=world, robot=robot)
+    return key_of(named, planner, installed_version("wayproof"))
 
 
-def key_of(config: Config, version: str) -> str:
+def key_of(config: Config, planner: str, version: str) -> str:
     """Content address of an episode.
 
     Args:
-        config: Resolved, with name and hash of its world, robot and planner where these are files.
+        config: Resolved, with name and hash of its world and robot where these are files.
+        planner: Its name, or name and hash where it is a class in a file.
         version: Of Wayproof.
     """
-    return hashlib.sha256(version.encode() + b"\n" + to_json(config)).hexdigest()[:24]
+    text = to_json(config)
+    if planner != config.planner.name:  # which no config takes
+        document = msgspec.to_builtins(config)
+        document["planner"]["name"] = planner
+        text = msgspec.json.encode(document)
+    return hashlib.sha256(version.encode() + b"\n" + text).hexdigest()[:24]
 
 
 def run_job(job: Job) -> Done:

@@ -68,7 +68,7 @@ def mismatch(log: Log, planned: Planned) -> str:
     open_again = replace(
         log.config, start=asked.start, goal=asked.goal, sensors=asked.sensors, robot_file=""
     )
-    if key_of(_by_content(open_again, log), log.run.get("wayproof", "")) != planned.key:
+    if _key_of(open_again, log) != planned.key:
         return _difference(log, open_again, asked)
     if log.config.sensors not in (asked.sensors, _sensors(log, asked)):
         return "sensors: others than the robot's with the settings planned"
@@ -79,17 +79,15 @@ def mismatch(log: Log, planned: Planned) -> str:
     return ""
 
 
-def _by_content(config: Config, log: Log) -> Config:
-    """With the hashes that a log has of its classes' files in place of their names."""
-    if config.planner.name in log.plugins:
-        name = class_identity(config.planner.name, log.plugins[config.planner.name])
-        config = replace(config, planner=replace(config.planner, name=name))
+def _key_of(config: Config, log: Log) -> str:
+    """The key by what the log has of its files: hashes of classes are not in its config."""
+    name, robot = config.planner.name, config.robot
+    planner = class_identity(name, log.plugins[name]) if name in log.plugins else name
     if log.config.robot_file:
         controller = parse_spec(log.config.robot_file).controller
         if controller in log.plugins:
-            own = class_identity(controller, log.plugins[controller])
-            config = replace(config, robot=f"{config.robot} {own}")
-    return config
+            robot = f"{robot} {class_identity(controller, log.plugins[controller])}"
+    return key_of(replace(config, robot=robot), planner, log.run.get("wayproof", ""))
 
 
 def _sensors(log: Log, asked: Config) -> object:

@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from harness.errors import InputError
+from harness.logs.reader import open_log
 from harness.logs.recover import finish_partial
 from harness.outputs import ENDING, remove_abandoned
 from harness.study.contents import Contents

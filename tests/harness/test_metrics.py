@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import io
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from harness.cli import main
+from harness.logs.small_log import COMMITTED, committed_name
 from harness.metrics import METRICS, Trace, read_trace, score
+from harness.perturbations import perturbation_from
+from harness.search.episodes import Found
+from harness.search.hunt import Tried
+from harness.verbs.search import print_found
 
 
 def trace(**changes: object) -> Trace:
@@ -117,3 +126,25 @@ def test_a_real_log_scores_as_its_result_says(recorded) -> None:
     assert read.path_length == pytest.approx(float(log.result["path_length_m"]), abs=1e-9)
     assert len(read.actions) == len(read.times) == int(log.result["decisions"])
     assert score(read)["least_clearance"] == pytest.approx(float(log.result["min_clearance_m"]))
+
+
+@pytest.mark.parametrize(("least", "said"), [(1.999, "1.999"), (2.0, ">= 2.000")])
+def test_a_least_clearance_that_is_a_bound_says_so(
+    least: float, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing is measured beyond 2 m."""
+    log, far = str(COMMITTED / committed_name()), trace(clearances=np.full(4, least))
+    monkeypatch.setattr("harness.metrics.read_trace", lambda _: far)
+    assert main(["score", log]) == 0
+    assert f"│ least_clearance │ {said} │" in " ".join(capsys.readouterr().out.split())
+    assert main(["score", log, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["least_clearance_is_bound"] == (least == 2.0)
+
+
+def test_a_search_that_finds_nothing_says_where_its_clearance_is_a_bound() -> None:
+    for least, said in ((1.5, "clearance 1.50 m with"), (2.0, "clearance >= 2.00 m with")):
+        console = Console(file=io.StringIO(), width=200)
+        print_found(
+            console, Found("", 3, None, Tried(perturbation_from("pose_jump:1"), False, least))
+        )
+        assert said in console.file.getvalue()  # type: ignore[attr-defined]

@@ -6,15 +6,19 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness.cli import main
-from harness.config import to_json
+from harness.config import Config, override, to_json
 from harness.errors import InputError
 from harness.logs.reader import open_log
+from harness.study.contents import contents_of, named_by
+from harness.study.file import CLEAN, Arm, planned_for
+from harness.study.matching import mismatch
 from harness.user_code import LONGEST_TRACEBACK, NeverReturned, bounded, failure_of
 from planners import FreeSpace, PlannerConfig, plan
 from planners._plugin import UserCodeError, load_class
@@ -161,6 +165,13 @@ def test_a_planner_that_raises_ends_the_episode_with_its_evidence(capsys, tmp_pa
     shown = capsys.readouterr().out
     assert shown.startswith(f"error: planner '{name}'")
     assert log.traceback.splitlines()[-1] in shown
+    settings = [*RUN[7::2], f"planner.name={name}"]
+    config = override(Config("corridor", "drone", 1), settings)
+    arm = Arm("corridor", "drone", "", CLEAN, 0.0)
+    planned = planned_for(arm, config, contents_of(named_by(config)))
+    assert mismatch(log, planned) == ""
+    other = replace(log, plugins={name: "0" * 64})
+    assert "or with another file of" in mismatch(other, planned)
     load_class(name).calls = 0
     assert main(["replay", str(path), "--allow-plugins"]) == 0
     count = log.result["decisions"]
@@ -299,7 +310,6 @@ def test_a_file_that_changed_is_told_by_a_replay(capsys, tmp_path):
 
 
 def test_a_fault_of_ours_is_a_traceback_and_the_log_is_whole(tmp_path, monkeypatch):
-    from harness.config import Config, override
     from harness.episode import run_episode
     from harness.scenario import build
     from harness.stack.navigator import Navigator
