@@ -24,6 +24,7 @@ class Reckless(Navigator):
             start = path, view.effect_ns, 0.0, 0.0, 0.0, view.heading
             self._straight = follow_path(*start, view.limits, view.limits.speed)
         straight = self._straight
-        reason = Reason("path_to_goal", path_m=length(straight.path))  # which is what it believes
+        # It claims that all of it is admitted, which an audit finds false wherever it is not.
+        reason = Reason("path_to_goal", path_m=length(straight.path))
         choice = Choice("follow", reason, "none", straight, straight.path)
         return choice, replace(memory, trajectory=straight, guide=straight.path), view
