@@ -25,7 +25,7 @@ from planners.path import (
 from planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
 from planners.seeds import plan_seed
 from planners.space import CLEARANCE_WEIGHT, FreeSpace
-from planners.state_spaces import STATE_SPACES
+from planners.state_spaces import STATE_SPACES, state_space_for
 from planners.trajectory import (
     MotionLimits,
     Setpoints,
@@ -66,6 +66,7 @@ __all__ = [
     "project",
     "remaining",
     "speed_limits",
+    "state_space_for",
     "stop_along",
     "stopping_distance",
     "tangent_at",

@@ -9,9 +9,8 @@ from planners import _lattice_kernels, kernels, lattice
 from planners._lattice_kernels import Lattice
 from planners.field import EXPANSIONS, searched, with_headings
 from planners.kernels import Floats
-from planners.problem import Plan, PlannerConfig, finish_path, plan
+from planners.problem import Plan, PlannerConfig, finish_path, plan, state_space_of
 from planners.space import FreeSpace
-from planners.state_spaces import state_space_for
 
 Cells = NDArray[np.int64]
 
@@ -63,7 +62,7 @@ class GoalField:
             The path with its cost, or a label that says why there is none.
         """
         space.bring_up_to_date()  # what is kept does not note where it looked
-        kind = state_space_for(self.config.state_space, space)
+        kind = state_space_of(self.config, space)
         costs, weight = searched(space, kind, float(self.config.clearance_weight))
         grid = self._follow(costs, weight, changed)
         entered = lattice.entry(grid, space, start) if self._goal_cell >= 0 else -1

@@ -97,6 +97,17 @@ class PlannerConfig:
         return new_cost < self.keep_ratio * old_cost
 
 
+def state_space_of(config: PlannerConfig, space: FreeSpace) -> StateSpace:
+    """What is planned in a free space.
+
+    Raises:
+        ValueError: If the state space does not suit the body, the grid or the planner.
+    """
+    return state_space_for(
+        config.state_space, config.name, flat=space.flat, discs=bool(space.discs)
+    )
+
+
 @dataclass(frozen=True)
 class Plan:
     """A path, or why there is none.
@@ -148,7 +159,7 @@ def plan(
         The path with its cost, or a label that says why there is none.
 
     Raises:
-        ValueError: If the state space does not suit the body or the grid.
+        ValueError: If the state space does not suit the body, the grid or the planner.
     """
     space.note_missed()
     if config.name != "field":
@@ -168,7 +179,7 @@ def _cheapest(
     seed: int,
 ) -> Plan:
     """The cheapest path of all restarts, on the distances as they are."""
-    kind = state_space_for(config.state_space, space)
+    kind = state_space_of(config, space)
     if not _fits(space, kind, begin):
         return _without_path("start_blocked", 0)
     ends = _goal_poses(space, kind, begin, goal, goal_heading)
@@ -214,7 +225,7 @@ def finish_path(
         poses: From start to goal, shape (n, 4), free edge by edge.
         used: Turns of a planner's loop that it took.
     """
-    kind = state_space_for(config.state_space, space)
+    kind = state_space_of(config, space)
     begin = _pose(start, heading)
     end = _pose(goal, poses[-1][3])
     if kind.curved or not _fits(space, kind, end):

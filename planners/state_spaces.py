@@ -119,19 +119,36 @@ curves of minimal length with a constraint on average curvature", 1957.
 """
 
 
-def state_space_for(name: str, space: FreeSpace) -> StateSpace:
+NOT_ABOVE_GROUND = ("informed_rrtstar", "bitstar", "aorrtc", "kpiece1")
+"""Planners that OMPL has no means for in R3 x SO(2): informed samples, or a projection."""
+
+
+def state_space_for(name: str, planner: str, *, flat: bool, discs: bool) -> StateSpace:
     """The state space of a name; ``auto`` has a heading where the body is more than one disc.
 
+    Args:
+        name: ``auto`` or a key of ``STATE_SPACES``.
+        planner: What searches it, a key of ``PLANNERS`` or a user's own.
+        flat: Whether the body moves in the plane.
+        discs: Whether it is checked at its heading.
+
     Raises:
-        ValueError: If the body needs a heading and this has none, or it is for the plane only.
+        ValueError: If the body needs a heading and this has none, it is for the plane only, or the
+            planner cannot search it.
     """
     if name == "auto":
-        name = "pose" if space.discs else "position"
-    found = STATE_SPACES[name][0 if space.flat else 1]
+        name = "pose" if discs else "position"
+    found = STATE_SPACES[name][0 if flat else 1]
     if found is None:
         raise ValueError(f"planner.state_space: got {name} in space, expected position or pose")
-    if space.discs and not found.oriented:
+    if discs and not found.oriented:
         raise ValueError(f"planner.state_space: got {name} for a body of discs, expected pose")
+    if found is POSE_ABOVE_GROUND and planner in NOT_ABOVE_GROUND:
+        without = "" if discs else "position, or "
+        raise ValueError(
+            f"planner.state_space: got {name} in space for the planner {planner}, expected "
+            f"{without}a planner other than {', '.join(NOT_ABOVE_GROUND)}"
+        )
     return found
 
 

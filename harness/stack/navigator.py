@@ -27,7 +27,7 @@ from harness.stack.reasons import Reason, reason_message, sentence
 from harness.stack.view import Choice, Memory, View
 from harness.stack.width import decide_by_width
 from maps import MAPS, Costmap, Distances, VoxelMap
-from planners import Disc, FreeSpace, MotionLimits, Trajectory, hold
+from planners import Disc, FreeSpace, MotionLimits, Trajectory, hold, state_space_for
 from planners.body import blocked_at_or_below
 
 Array = NDArray[np.float64]
@@ -40,8 +40,14 @@ def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]
     """Start a navigator.
 
     Raises:
-        InputError: The map or the costmap cannot be made for this mission with these settings.
+        InputError: The map or the costmap cannot be made for this mission with these settings, or
+            its body cannot be planned for in the state space.
     """
+    planner, flat = config.planner, mission.motion == "ground"
+    try:
+        state_space_for(planner.state_space, planner.name, flat=flat, discs=bool(mission.discs))
+    except ValueError as error:
+        raise InputError(f"robot '{config.robot}': {error}") from None
     try:
         return Navigator(config, mission, beams)
     except ValueError as error:

@@ -2,6 +2,8 @@ import pytest
 
 from harness.config import Config, from_json, override, setting_names, to_json
 from harness.errors import InputError
+from harness.scenario import build
+from harness.stack.navigator import build_navigator
 
 BASE = Config("warehouse", "drone", 3)
 
@@ -71,3 +73,23 @@ def test_no_code_is_loaded_because_a_log_names_it():
     with pytest.raises(InputError, match="expected --allow-plugins"):
         from_json(to_json(config))
     assert from_json(to_json(config), allow_plugins=True) == config
+
+
+@pytest.mark.parametrize(
+    ("robot", "planner", "space", "expected"),
+    [
+        (
+            "drone",
+            "bitstar",
+            "pose",
+            "pose in space for the planner bitstar, expected position",
+        ),
+        ("drone", "rrtconnect", "dubins", "got dubins in space, expected position or pose"),
+        ("quadruped", "field", "position", "got position for a body of discs, expected pose"),
+    ],
+)
+def test_a_state_space_that_does_not_suit_the_robot(robot, planner, space, expected):
+    settings = [f"planner.name={planner}", f"planner.state_space={space}"]
+    scenario = build(override(Config("empty", robot, 1), settings))
+    with pytest.raises(InputError, match=f"^robot '{robot}': planner.state_space: .*{expected}"):
+        build_navigator(scenario.config, scenario.mission, {})

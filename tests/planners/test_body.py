@@ -197,6 +197,13 @@ def test_what_does_not_suit_a_body_is_refused(gap):
     curved = PlannerConfig("rrtconnect", state_space="dubins")
     with pytest.raises(ValueError, match=r"state_space: got dubins in space"):
         plan(solid, start, goal, curved, seed=1)
+    for name in ("informed_rrtstar", "bitstar", "aorrtc", "kpiece1"):
+        headed = PlannerConfig(name, state_space="pose", iterations=100)
+        with pytest.raises(ValueError, match=f"pose in space for the planner {name}, expected pos"):
+            plan(solid, start, goal, headed, seed=1)
+    for name in ("field", "rrtconnect", "rrtstar", "fmt"):
+        headed = PlannerConfig(name, state_space="pose", iterations=100)
+        assert plan(solid, start, goal, headed, seed=1).label in ("none", "no_path")
     assert set(STATE_SPACES) == {"position", "pose", "reeds_shepp", "dubins"}
 
 
