@@ -5,7 +5,6 @@ The simulation asks it as it goes, and a check of a log asks it again; neither n
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import get_args
@@ -74,9 +73,14 @@ class Limits:
 def goal_distance(mission: Mission, position: Array) -> float:
     """Distance of a true position (3,) from the goal, m; in the plane for a ground robot."""
     axes = 2 if mission.motion == "ground" else 3
-    return math.dist(position[:axes].tolist(), mission.goal[:axes])
+    return _distance(position[:axes], np.array(mission.goal[:axes]))
 
 
 def _spread(positions: Sequence[Array]) -> float:
     points = np.array(positions)
-    return math.dist(points.max(axis=0).tolist(), points.min(axis=0).tolist())
+    return _distance(points.max(axis=0), points.min(axis=0))
+
+
+def _distance(a: Array, b: Array) -> float:
+    """Without `math.dist`, whose last bit follows the version of Python."""
+    return float(np.sqrt(np.square(a - b).sum()))

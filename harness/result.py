@@ -93,6 +93,6 @@ def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> 
     steps = np.diff(np.array([truth.position for truth in truths]).reshape(-1, 3), axis=0)
     return {
         "min_clearance_m": min(truth.clearance_m for truth in truths),
-        "path_length_m": float(np.linalg.norm(steps, axis=1).sum()),
+        "path_length_m": float(np.sqrt(np.square(steps).sum(axis=1)).sum()),
         "deadline_misses": sum(decision.deadline_missed for decision in decisions),
     }

@@ -41,6 +41,7 @@ SORTS = {"argsort", "argpartition", "partition", "sort_complex"}
 FOREIGN = {"scipy", "cmath", "statistics", "torch", "jax"}
 
 SUMS_OF_WHOLE_NUMBERS = (
+    *("harness.evidence.consistency", "harness.result"),
     *("maps._field_kernels", "maps._update_kernels", "maps.block_map", "maps.blocks"),
     *("maps.field", "maps.marks", "maps.motion", "maps.queries", "maps.semantic", "maps.voxel"),
     "planners.lattice",
