@@ -46,6 +46,12 @@ def main() -> int:
     parser.add_argument(
         "--log", action="append", type=Path, default=[], help="of processors: one to replay as well"
     )
+    parser.add_argument(
+        "--compiled",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="of processors: compile for one without extensions as well, which takes minutes",
+    )
     options = parser.parse_args()
 
     def progress(text: str) -> None:
@@ -56,7 +62,7 @@ def main() -> int:
     if chosen in (soak_episodes, soak_processors):
         more["jobs"] = options.jobs
     if chosen is soak_processors:
-        more |= {"pythons": options.python, "given": options.log}
+        more |= {"pythons": options.python, "given": options.log, "compiled": options.compiled}
     findings = chosen(options.count, options.seed, progress, options.first, **more)
     print(msgspec.json.encode(asdict(findings)).decode())
     return 1 if findings.failures else 0

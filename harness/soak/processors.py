@@ -14,8 +14,9 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from itertools import chain
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -136,8 +137,8 @@ def emulations(caches: Path, pythons: Sequence[str] = (), compiled: bool = True)
     if compiled:
         generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
         generic["NUMBA_CACHE_DIR"] = str(caches / "generic")
-        made.append(
-            Emulation("numba generic", generic, lambda child, own: child.compiler == "generic")
+        made.insert(
+            0, Emulation("numba generic", generic, lambda child, own: child.compiler == "generic")
         )
     return made
 
@@ -186,6 +187,7 @@ def soak_processors(
     jobs: int = 2,
     pythons: Sequence[str] = (),
     given: Sequence[Path] = (),
+    compiled: bool = True,
 ) -> Processors:
     """Record short episodes of every kind and replay each on every emulated processor.
 
@@ -194,9 +196,10 @@ def soak_processors(
         seed: Of all of them.
         progress: Told of each emulation.
         first: Number of the first episode.
-        jobs: Processes that record.
+        jobs: Processes that record or replay at once.
         pythons: Other interpreters to replay with.
         given: Logs that are replayed besides.
+        compiled: Whether kernels are compiled for a processor without extensions as well.
     """
     found = Processors(count, first)
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
@@ -206,11 +209,16 @@ def soak_processors(
         logs = [*(path for _, path in recorded), *given]
         progress(f"recorded {count} logs of {len(found.kinds)} kinds")
         own = arithmetic()
-        for emulation in emulations(folder, pythons):
+
+        def replayed(emulation: Emulation) -> list[str]:
             result = found.emulations[emulation.name] = Emulated(skipped=emulation.refused)
-            if not emulation.refused:
-                found.failures += replay_all(emulation, logs, own, result)
+            failures = [] if emulation.refused else replay_all(emulation, logs, own, result)
             progress(f"{emulation.name}: {result.identical} of {result.replays} {result.skipped}")
+            return failures
+
+        wanted = emulations(folder, pythons, compiled)
+        with ThreadPoolExecutor(jobs) as pool:
+            found.failures = [*chain.from_iterable(pool.map(replayed, wanted))]
     return found
 
 

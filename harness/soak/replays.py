@@ -20,11 +20,12 @@ import numba
 import numpy as np
 
 from harness.errors import InputError
-from harness.evidence.replay import replay
+from harness.evidence.replay import Replay, replay
 
 MAPPED = Path("/proc/self/maps")
 CORE_NAMES = ("scipy_openblas_get_corename64_", "openblas_get_corename64_", "openblas_get_corename")
 SAMPLES = 20_000
+MOST_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -111,11 +112,19 @@ def judge(log: Path) -> Verdict:
         found = replay(log, threads=1)
     except InputError as error:
         return Verdict(str(log), 0, str(error), "")
-    differs = ""
-    if not found.identical:
-        values = [f"{one.field}: {one.recorded} -> {one.recomputed}" for one in found.differences]
-        differs = f"decision {found.first_difference}: {'; '.join(values[:3])}" or "chain"
-    return Verdict(str(log), found.decisions, differs, found.chain)
+    return Verdict(str(log), found.decisions, differing(found), found.chain)
+
+
+def differing(found: Replay) -> str:
+    """The first values that differ in a replay; empty if it is identical."""
+    if found.identical:
+        return ""
+    if found.first_difference is not None:
+        place, values = f"decision {found.first_difference}", found.differences
+    else:
+        place, values = "result", found.contradictions
+    named = [f"{one.field}: {one.recorded} -> {one.recomputed}" for one in values]
+    return f"{place}: {'; '.join(named[:MOST_NAMED]) or 'chain'}"
 
 
 def main() -> int:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from harness.config import from_json, to_json
+from harness.evidence.replay import Replay
+from harness.evidence.scope import Scope
 from harness.logs.reader import open_log
 from harness.soak.kinds import KINDS, draw
 from harness.soak.processors import (
@@ -19,7 +22,8 @@ from harness.soak.processors import (
     replay_all,
     replay_under,
 )
-from harness.soak.replays import arithmetic
+from harness.soak.replays import arithmetic, differing
+from harness.stack.decision import Difference
 from maps import MAPS
 from models.devices import DEVICES, Rangefinder
 from models.robots import ROBOTS
@@ -109,6 +113,16 @@ def test_what_does_not_take_effect_or_differs_is_a_failure(tmp_path):
     assert effect.startswith("nothing: not in effect: Arithmetic(")
     assert str(broken) in differs
     assert (result.replays, result.identical) == (1, 0)
+
+
+def test_what_does_not_follow_from_a_log_is_named():
+    scope, wrong = Scope((), (), ()), (Difference("result.cause", "planner", "none"),)
+    found = Replay("log", False, 3, 0, None, (), wrong, "", "timeout", scope, (), 0.0)
+    assert differing(found) == "result: result.cause: planner -> none"
+    assert differing(replace(found, contradictions=())) == "result: chain"
+    one = replace(found, first_difference=2, differences=(Difference("action", "go", "stop"),))
+    assert differing(one) == "decision 2: action: go -> stop"
+    assert differing(replace(found, identical=True)) == ""
 
 
 def test_a_child_that_ends_early_is_told_of():
