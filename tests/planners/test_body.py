@@ -197,6 +197,7 @@ def test_what_does_not_suit_a_body_is_refused(gap):
     curved = PlannerConfig("rrtconnect", state_space="dubins")
     with pytest.raises(ValueError, match=r"state_space: got dubins in space"):
         plan(solid, start, goal, curved, seed=1)
+    start, goal = point(solid, 4.5, 10.5, 10.5), point(solid, 15.5, 10.5, 10.5)
     for name in ("informed_rrtstar", "bitstar", "aorrtc", "kpiece1"):
         headed = PlannerConfig(name, state_space="pose", iterations=100)
         with pytest.raises(ValueError, match=f"pose in space for the planner {name}, expected pos"):
