@@ -16,18 +16,24 @@ import msgspec
 
 from harness.soak.episodes import Tally, soak_episodes
 from harness.soak.fuzz import Fuzzed, soak_fuzz
+from harness.soak.hostile import Refused, soak_hostile
 from harness.soak.kill import Killed, soak_kill
 from harness.soak.processors import Processors, soak_processors
+from harness.soak.race import Raced, soak_race
 from harness.soak.studies import Disturbed, soak_studies
 from harness.soak.worlds import Drawn, soak_worlds
 
-SOAKS: dict[str, Callable[..., Killed | Fuzzed | Tally | Drawn | Disturbed | Processors]] = {
+SOAKS: dict[
+    str, Callable[..., Killed | Fuzzed | Tally | Drawn | Disturbed | Processors | Raced | Refused]
+] = {
     "kill": soak_kill,
     "fuzz": soak_fuzz,
     "episodes": soak_episodes,
     "worlds": soak_worlds,
     "studies": soak_studies,
     "processors": soak_processors,
+    "race": soak_race,
+    "hostile": soak_hostile,
 }
 """Name on the command line -> what it runs: count, seed, progress, number of the first."""
 

@@ -47,12 +47,14 @@ class Ended:
         lines: What it told, line by line; the last one may be cut short by a kill.
         overdue: Whether it was ended because it told nothing for too long.
         peak_mib: Greatest resident memory.
+        cpu_s: Processor time.
     """
 
     code: int
     lines: tuple[str, ...]
     overdue: bool
     peak_mib: float
+    cpu_s: float
 
 
 def in_child(
@@ -67,16 +69,27 @@ def in_child(
         silence_s: The child is ended when it has told nothing for so long.
         kill: When it gets SIGKILL, if at all.
     """
+    return listen(*start_child(work), silence_s, kill)
+
+
+def start_child(work: Callable[[Callable[[str], None]], None]) -> tuple[int, int]:
+    """Fork a child that does something; its process number, and where to read what it tells."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
         _work(work, reading, writing)
     os.close(writing)
+    return child, reading
+
+
+def listen(child: int, reading: int, silence_s: float, kill: Kill | None = None) -> Ended:
+    """What a child tells until it ends, and how it ended; arguments as for `in_child`."""
     text, overdue = _listen(reading, child, silence_s, kill)
     os.close(reading)
     _, status, usage = os.wait4(child, 0)
     lines = tuple(text.decode(errors="replace").splitlines())
-    return Ended(os.waitstatus_to_exitcode(status), lines, overdue, usage.ru_maxrss / 1024)
+    peak_mib, cpu_s = usage.ru_maxrss / 1024, usage.ru_utime + usage.ru_stime
+    return Ended(os.waitstatus_to_exitcode(status), lines, overdue, peak_mib, cpu_s)
 
 
 def _work(work: Callable[[Callable[[str], None]], None], reading: int, writing: int) -> None:

@@ -14,6 +14,7 @@ from harness.soak.child import Kill, in_child
 from harness.soak.episodes import soak_episodes
 from harness.soak.fuzz import KINDS, MOST_MEMORY_MIB, run_case
 from harness.soak.kill import soak_kill
+from harness.soak.race import soak_race
 from harness.soak.worlds import draw_batch, soak_worlds
 from models.worlds import WORLDS
 
@@ -100,3 +101,9 @@ def test_a_child_that_hangs_or_breaks_is_told_of():
         killed = in_child(hang, 20.0, kill)
         assert (killed.code, killed.overdue) == (-9, False)
     assert killed.lines == ("begun",)
+
+
+def test_two_runs_for_one_log_are_one_log_and_one_refusal():
+    found = soak_race(2, 0, print)
+    assert found.failures == ()
+    assert (found.refused, found.first_won + found.second_won) == (2, 2)

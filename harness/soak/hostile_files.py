@@ -1,0 +1,282 @@
+"""Small files that ask for much, or reach where they should not: for imports and studies.
+
+Each maker writes its file into a folder and gives the arguments of the command that reads it.
+"""
+
+from __future__ import annotations
+
+import pickle
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+from models.robots import brought
+
+Maker = Callable[[Path], list[str]]
+
+FILES: dict[str, Maker] = {}
+"""What is hostile -> how it is made."""
+
+BOX = "<geom type='box' size='1 1 1' pos='3 3 1'/>"
+SOLID = "solid a\n" + "facet normal 0 0 1\n"
+BODY = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+ENTITIES = "".join(f"<!ENTITY e{k} '{(f'&e{k - 1};' if k else 'ha') * 10}'>" for k in range(10))
+MAP = "image: {image}\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n" \
+      "occupied_thresh: 0.65\nfree_thresh: 0.2\n"  # fmt: skip
+STUDY = 'name = "hostile"\nworlds = ["empty"]\nrobots = ["drone"]\n'
+AXES = ("map.inflation_margin", "map.cost_range", "behaviour.least_advance", "motion.altitude_low")
+SDF = "<sdf version='1.6'><world name='w'>{}</world></sdf>"
+MODEL = "<sdf version='1.6'><model name='m'><static>1</static>{}</model></sdf>"
+LINK = "<link name='l'><collision name='c'><geometry>{}</geometry></collision></link>"
+DOUBLINGS = 20
+
+
+def mjcf(content: str, head: str = "") -> str:
+    """A scene with a floor and a box beside what is given."""
+    floor = "<geom name='floor' type='plane' size='9 9 1'/>"
+    return f"<mujoco>{head}<worldbody>{floor}{BOX}{content}</worldbody></mujoco>"
+
+
+def png(path: Path, side: int) -> None:
+    """A white image of one bit a pixel."""
+    line = b"\0" + b"\xff" * (side // 8)
+    chunks = [
+        (b"IHDR", struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)),
+        (b"IDAT", zlib.compress(line * side, 1)),
+        (b"IEND", b""),
+    ]
+    data = b"".join(
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        for kind, body in chunks
+    )
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + data)
+
+
+def _text(name: str, ending: str, text: str | bytes, *more: str) -> None:
+    def make(folder: Path) -> list[str]:
+        path = folder / f"hostile{ending}"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        verb = "study" if ending == ".toml" else "import"
+        return [verb, str(path), "--out", str(folder / "out.xml"), *more]
+
+    FILES[name] = make
+
+
+def _maker(name: str) -> Callable[[Maker], Maker]:
+    def add(maker: Maker) -> Maker:
+        FILES[name] = maker
+        return maker
+
+    return add
+
+
+def _scene(name: str, content: str, head: str = "") -> None:
+    _text(name, ".xml", mjcf(content, head))
+
+
+for size in ("nuser_body", "nuser_geom", "nuser_site"):
+    _scene(f"scene: {size} 4e8", "", f"<size {size}='400000000'/>")
+_scene("scene: nuserdata 2e9", "", "<size nuserdata='2000000000'/>")
+_scene("scene: memory 900G", "", "<size memory='900G'/>")
+_scene(
+    "scene: numeric of 4e8", "", "<custom><numeric name='a' size='400000000' data='1'/></custom>"
+)
+_scene("scene: ccd_iterations 2e9", "", "<option ccd_iterations='2000000000'/>")
+_scene("scene: 20,000 bodies in one another", "<body>" * 20_000 + "</body>" * 20_000)
+_scene("scene: 30,000 bodies side by side", "<body><geom size='.1'/></body>" * 30_000)
+_scene(
+    "scene: height field 40000 x 40000",
+    "<geom type='hfield' hfield='h'/>",
+    "<asset><hfield name='h' nrow='40000' ncol='40000' size='1 1 1 1'/></asset>",
+)
+_scene(
+    "scene: texture 40000 x 40000",
+    "",
+    "<asset><texture name='t' type='2d' builtin='flat' width='40000' height='40000'/></asset>",
+)
+_scene(
+    "scene: replicate 2000 x 2000 x 100",
+    "<replicate count='2000' offset='1 0 0'><replicate count='2000' offset='0 1 0'>"
+    "<replicate count='100' offset='0 0 1'><geom size='.1'/></replicate></replicate></replicate>",
+)
+_scene(
+    "scene: replicate 1e6 bodies",
+    "<replicate count='1000000' offset='1 0 0'><body><geom size='.1'/></body></replicate>",
+)
+_scene(
+    "scene: flexcomp 400 x 400 x 400",
+    "<flexcomp name='f' type='grid' count='400 400 400' spacing='1 1 1' radius='.1' mass='1'/>",
+)
+_scene("scene: a plugin", "", "<extension><plugin plugin='mujoco.elasticity.cable'/></extension>")
+_text(
+    "scene: billion laughs",
+    ".xml",
+    f"<!DOCTYPE a [{ENTITIES}]><mujoco model='&e9;'><worldbody>{BOX}</worldbody></mujoco>",
+)
+_text(
+    "scene: billion laughs in UTF-16",
+    ".xml",
+    f"<?xml version='1.0' encoding='utf-16'?><!DOCTYPE a [{ENTITIES}]>"
+    "<mujoco model='&e9;'/>".encode("utf-16"),
+)
+_text("SDF: billion laughs", ".sdf", f"<!DOCTYPE a [{ENTITIES}]>{SDF.format('&e9;')}")
+_text("SDF: an external entity", ".world",
+      f"<!DOCTYPE a [<!ENTITY x SYSTEM 'file:///etc/passwd'>]>{SDF.format('&x;')}")  # fmt: skip
+_text(
+    "SDF: a mesh outside",
+    ".world",
+    SDF.format(
+        "<model name='m'>" + LINK.format("<mesh><uri>file:///etc/passwd</uri></mesh>") + "</model>"
+    ),
+)
+_text("voxels: 100000 x 100000 x 100000", ".3dmap", "voxel 100000 100000 100000\n0 0 0\n")
+_text(
+    "heights: an array of 100000 x 1000000",
+    ".npy",
+    b"\x93NUMPY\x01\x00\x76\x00"
+    + b"{'descr': '<f8', 'fortran_order': False, 'shape': (100000, 1000000), }".ljust(117)
+    + b"\n",
+    "--resolution",
+    "0.1",
+)
+_text("mesh: STL of 4e9 triangles", ".stl", bytes(80) + b"\xff" * 4 + bytes(50))
+_text("mesh: OBJ of a vertex that is not there", ".obj", BODY + "f 1 2 4000000000\n")
+_text(
+    "OctoMap: 4e18 nodes",
+    ".bt",
+    b"# Octomap OcTree binary file\nid OcTree\nsize 4000000000000000000\nres 0.1\ndata\n\xaa\xaa",
+)
+_text(
+    "OctoMap: a cell of 32768 x 32768 x 32768",
+    ".bt",
+    b"# Octomap OcTree binary file\nid OcTree\nsize 2\nres 0.1\ndata\n\x02\x00",
+)
+_text("map: an alias of an alias", ".yaml", "image: &a [*a, *a]\n" + MAP.format(image="a.png"))
+_text("study: 1e11 seeds", ".toml", STUDY + "seeds = 100000000000\n")
+_text(
+    "study: 4 axes of 200",
+    ".toml",
+    STUDY
+    + "seeds = 1\n[axes]\n"
+    + "".join(f'"{axis}" = {[round(0.1 + 0.001 * k, 3) for k in range(200)]}\n' for axis in AXES),
+)
+_text("study: lists in one another", ".toml", STUDY + f"seeds = {'[' * 50_000}{']' * 50_000}\n")
+_text("study: code", ".toml", STUDY + 'seeds = 1\n[set]\n"planner.name" = "hostile:Planner"\n')
+
+
+@_maker("heights: a pickle")
+def _pickle(folder: Path) -> list[str]:
+    path = folder / "hostile.npy"
+    header = b"{'descr': '|O', 'fortran_order': False, 'shape': (1,), }".ljust(117) + b"\n"
+    path.write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + header + pickle.dumps([Path]))
+    return ["import", str(path), "--resolution", "0.1", "--out", str(folder / "out.xml")]
+
+
+def _image(side: int) -> None:
+    @_maker(f"map: PNG of {side} x {side}")
+    def _map(folder: Path) -> list[str]:
+        png(folder / "map.png", side)
+        (folder / "hostile.yaml").write_text(MAP.format(image="map.png"))
+        return ["import", str(folder / "hostile.yaml"), "--out", str(folder / "out.xml")]
+
+    @_maker(f"scene: texture of a PNG of {side} x {side}")
+    def _texture(folder: Path) -> list[str]:
+        png(folder / "wide.png", side)
+        head = "<asset><texture name='t' type='2d' file='wide.png'/></asset>"
+        (folder / "hostile.xml").write_text(mjcf("", head))
+        return ["import", str(folder / "hostile.xml"), "--out", str(folder / "out.xml")]
+
+    @_maker(f"scene: height field of a PNG of {side} x {side}")
+    def _field(folder: Path) -> list[str]:
+        png(folder / "high.png", side)
+        head = "<asset><hfield name='h' file='high.png' size='1 1 1 1'/></asset>"
+        (folder / "hostile.xml").write_text(mjcf("<geom type='hfield' hfield='h'/>", head))
+        return ["import", str(folder / "hostile.xml"), "--out", str(folder / "out.xml")]
+
+
+_image(13_000)
+_image(16_384)
+
+
+@_maker("map: PGM of 16000 x 16000")
+def _pgm(folder: Path) -> list[str]:
+    (folder / "map.pgm").write_bytes(b"P5 16000 16000 255\n" + bytes(100))
+    (folder / "hostile.yaml").write_text(MAP.format(image="map.pgm"))
+    return ["import", str(folder / "hostile.yaml"), "--out", str(folder / "out.xml")]
+
+
+def attached(folder: Path, sub: str, name: str = "sub.xml") -> Path:
+    """A scene in a folder of its own that attaches another one; beside the folder lie secrets."""
+    inner = folder / "scene"
+    inner.mkdir(exist_ok=True)
+    (folder / "secret.obj").write_text(BODY)
+    (folder / "secret.xml").write_text("<mujoco><worldbody><body name='b'/></worldbody></mujoco>")
+    (inner / "inside.obj").write_text(BODY)
+    (inner / "sub.xml").write_text(sub)
+    head = f"<asset><model name='sub' file='{name}'/></asset>"
+    path = inner / "hostile.xml"
+    path.write_text(mjcf("<frame><attach model='sub' body='b' prefix='s_'/></frame>", head))
+    return path
+
+
+def with_mesh(file: str) -> str:
+    """A model of one body, whose mesh is a file."""
+    return (
+        f"<mujoco model='sub'><asset><mesh name='m' file='{file}'/></asset><worldbody>"
+        "<body name='b'><geom type='mesh' mesh='m'/></body></worldbody></mujoco>"
+    )
+
+
+@_maker("scene: attached model with a mesh outside")
+def _attached_mesh(folder: Path) -> list[str]:
+    path = attached(folder, with_mesh(str(folder / "secret.obj")))
+    return ["import", str(path), "--out", str(folder / "out.xml")]
+
+
+@_maker("scene: attached model that includes a file outside")
+def _attached_include(folder: Path) -> list[str]:
+    path = attached(folder, "<mujoco><include file='../secret.xml'/></mujoco>")
+    return ["import", str(path), "--out", str(folder / "out.xml")]
+
+
+@_maker("scene: attached model outside")
+def _attached_outside(folder: Path) -> list[str]:
+    path = attached(folder, with_mesh("inside.obj"), "../secret.xml")
+    return ["import", str(path), "--out", str(folder / "out.xml")]
+
+
+@_maker(f"scene: {DOUBLINGS} files that include the next one twice")
+def _doubled_scene(folder: Path) -> list[str]:
+    for k in range(DOUBLINGS):
+        text = f"<include file='{k + 1}.xml'/>" * 2 if k + 1 < DOUBLINGS else BOX
+        (folder / f"{k}.xml").write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
+    return ["import", str(folder / "0.xml"), "--out", str(folder / "out.xml")]
+
+
+@_maker(f"SDF: {DOUBLINGS - 2} models that include the next one twice")
+def _doubled_models(folder: Path) -> list[str]:
+    for k in range(DOUBLINGS - 2):
+        twice = f"<include><uri>model://{k + 1}.sdf</uri></include>" * 2
+        (folder / f"{k}.sdf").write_text(MODEL.format(twice if k + 3 < DOUBLINGS else ""))
+    return ["import", str(folder / "0.sdf"), "--out", str(folder / "out.xml")]
+
+
+@_maker("robot: a model with nuser_geom 4e8")
+def _robot(folder: Path) -> list[str]:
+    spec = Path(brought.__file__).parent / "examples" / "spot.toml"
+    lines = [
+        'mjcf = "hostile.xml"' if line.startswith("mjcf") else line
+        for line in spec.read_text().splitlines()
+    ]
+    (folder / "robot.toml").write_text("\n".join(lines))
+    (folder / "hostile.xml").write_text(mjcf("", "<size nuser_geom='400000000'/>"))
+    robot = str(folder / "robot.toml")
+    return ["run", "empty", "--robot", robot, "--seed", "1", "--log", str(folder / "out.mcap")]
+
+
+@_maker("world: an operating area of 1e6 m")
+def _area(folder: Path) -> list[str]:
+    (folder / "sound.xml").write_text(mjcf(""))
+    (folder / "hostile.xml").write_text(mjcf("<geom size='1' pos='1000000 1000000 1'/>"))
+    return ["import", str(folder / "hostile.xml"), "--out", str(folder / "out.xml")]
