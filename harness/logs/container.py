@@ -33,6 +33,20 @@ MOST_DECISIONS = 200_000
 MOST_MESSAGES = 1_000_000
 """Of one file, whatever they are."""
 
+LEAST_MESSAGES = 20_000
+"""That a file of any size may hold; beyond these one for every `LEAST_BYTES` of it."""
+
+LEAST_BYTES = 16
+"""Of the file for each message; those of an episode take 800 and more."""
+
+LEAST_DATA = 2**20
+GREATEST_DATA_RATIO = 32
+"""Of what messages other than sweeps hold, beyond `LEAST_DATA` bytes, and the file's size; an
+episode's reach 1.3. A message takes many times its bytes in memory: two make a point of a path."""
+
+MOST_DECLARED = 10_000
+"""Records in chunks that are no messages: schemas, channels, and what nobody knows."""
+
 ONCE = frozenset(f"wayproof.{name}" for name in ("Pose", "Latency", "State", "Truth", "Streams"))
 """Schemas of which a decision has one message."""
 
@@ -136,13 +150,22 @@ def walk(path: Path, head_only: bool = False) -> Iterator[Item]:
 class _Census:
     """Counts messages, so that a small file cannot hold more than an episode makes."""
 
-    def __init__(self) -> None:
-        self._all = self._decisions = self._tables = 0
+    def __init__(self, file_size: int) -> None:
+        self._most = min(MOST_MESSAGES, LEAST_MESSAGES + file_size // LEAST_BYTES)
+        self._most_data = LEAST_DATA + GREATEST_DATA_RATIO * file_size
+        self._all = self._decisions = self._tables = self._data = self._declared = 0
         self._since: dict[str, int] = {}  # schema -> messages since the last decision
 
-    def count(self, schema: str, topic: str) -> None:
+    def count_declared(self) -> None:
+        self._declared += 1
+        self._hold(self._declared, MOST_DECLARED, "records in chunks that are no messages")
+
+    def count(self, schema: str, topic: str, size: int) -> None:
         self._all += 1
-        self._hold(self._all, MOST_MESSAGES, "messages")
+        self._hold(self._all, self._most, "messages")
+        if schema not in (SWEEP, TABLE):
+            self._data += size
+            self._hold(self._data, self._most_data, "bytes of messages other than sweeps")
         if schema == DECISION:
             self._decisions += 1
             self._hold(self._decisions, MOST_DECISIONS, "decisions")
@@ -170,7 +193,7 @@ class _Walk:
         self._head_only = head_only
         self._chunks = 0
         self._unpacked = 0
-        self._census = _Census()
+        self._census = _Census(self._size)
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str]] = {}  # topic, schema's name
 
@@ -235,7 +258,7 @@ class _Walk:
             if number not in self._channels:
                 raise _Broken(f"a message on channel {number}, which was never declared")
             topic, schema_name = self._channels[number]
-            self._census.count(schema_name, topic)
+            self._census.count(schema_name, topic, cursor.left)
             yield Packet(schema_name, topic, time_ns, cursor.take(cursor.left))
 
     def _unpack(self, cursor: _Cursor) -> Iterator[Packet]:
@@ -253,6 +276,8 @@ class _Walk:
         inner = _Cursor(data)
         while inner.left:
             opcode, length = HEAD.unpack(inner.take(HEAD.size))
+            if opcode != Opcode.MESSAGE:
+                self._census.count_declared()
             yield from self._parse_in_chunk(opcode, inner.take(length))
 
     def _check_data(self, body: bytes, checksum: int) -> None:

@@ -24,6 +24,9 @@ ALWAYS_KNOWN = ("ground_plane", "sun")
 MOST_NESTED = 20
 """Includes within includes: more are a circle."""
 
+MOST_INCLUDED = 2000
+"""Files included, each as often as it is: two includes of one in each of 20 are a million."""
+
 FLAT = 1e-9
 
 
@@ -51,7 +54,7 @@ class _Reading:
     def __init__(self, options: ImportOptions) -> None:
         self.found = Found()
         self._options = options
-        self._depth = 0
+        self._depth = self._included = 0
         self._moving = 0
 
     def take_world(self, path: Path, world: Element) -> None:
@@ -151,6 +154,9 @@ class _Reading:
             what = f"<include>: with a placement frame, or more than {MOST_NESTED} deep"
             raise Unreadable(path, what, include.line)
         self._depth += 1
+        self._included += 1
+        if self._included > MOST_INCLUDED:
+            raise Unreadable(path, f"<include>: more than {MOST_INCLUDED}", include.line)
         model = read_xml(file).first("model")
         if model is None:
             raise Unreadable(file, "expected <sdf> with one <model>", 1)

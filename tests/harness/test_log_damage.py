@@ -20,6 +20,7 @@ from harness.cli import main
 from harness.errors import InputError
 from harness.evidence.audit import audit
 from harness.evidence.replay import replay
+from harness.logs import container
 from harness.logs.container import GREATEST_RECORD, HEAD, MAGIC, Attachment, Metadata, Packet, walk
 from harness.logs.log import FLUSH_PERIOD_NS, LogWriter, digest_name
 from harness.logs.messages import decode, read_messages
@@ -28,6 +29,7 @@ from harness.logs.recover import recover
 from harness.logs.small_log import COMMITTED, committed_name
 from harness.schema import wayproof_pb2 as pb
 from harness.soak.child import in_child
+from harness.soak.hostile_logs import NUMBER, chunk, declared, message, record, with_chunks
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +167,7 @@ def test_a_full_disk_ends_in_a_line_and_a_readable_log(recorded, tmp_path):
     assert replay(Path(recovery.written)).identical
 
 
-def chunk(data, size, compression="zstd"):
+def bare_chunk(data, size, compression="zstd"):
     """A file of one chunk that says to unpack to `size` bytes."""
     packed = zstandard.compress(data) if compression == "zstd" else data
     name = compression.encode()
@@ -179,10 +181,10 @@ def chunk(data, size, compression="zstd"):
     [
         (MAGIC + HEAD.pack(1, 2**62), "a record of 4611686018427387904 bytes at byte 8"),
         (MAGIC + HEAD.pack(1, 1000) + bytes(10), "10 of 1000 bytes of the record at byte 8"),
-        (chunk(bytes(100), 2**40), "unpacks to 1099511627776 bytes"),
-        (chunk(bytes(2**20), 1000), "unpacks to 1048576 bytes, expected 1000"),
-        (chunk(bytes(2**22), 2**22), "over 4096 times the file's size"),
-        (chunk(b"", 0, "lz4"), "compression 'lz4', expected 'zstd' or none"),
+        (bare_chunk(bytes(100), 2**40), "unpacks to 1099511627776 bytes"),
+        (bare_chunk(bytes(2**20), 1000), "unpacks to 1048576 bytes, expected 1000"),
+        (bare_chunk(bytes(2**22), 2**22), "over 4096 times the file's size"),
+        (bare_chunk(b"", 0, "lz4"), "compression 'lz4', expected 'zstd' or none"),
         (MAGIC + HEAD.pack(12, 4) + b"\xff\xff\xff\xff", "4294967295 bytes in a record with 0"),
         (MAGIC + HEAD.pack(5, 22) + bytes(22), "channel 0, which was never declared"),
     ],
@@ -257,8 +259,8 @@ def test_a_time_that_is_none_is_refused_before_it_is_reckoned_with():
     pose, decision = pb.Pose(), pb.Decision()
     pose.timestamp.nanos = -1
     decision.trajectory.start.seconds = 1 << 60
-    for message in (pose, decision):
-        schema, data = message.DESCRIPTOR.full_name, message.SerializeToString()
+    for one in (pose, decision):
+        schema, data = one.DESCRIPTOR.full_name, one.SerializeToString()
         with pytest.raises(InputError, match="cannot be decoded"):
             decode(Packet(schema, "/forged", 0, data), Path("forged.mcap"))
 
@@ -300,36 +302,54 @@ def test_a_text_that_looks_like_markup_is_printed_as_it_stands(source, tmp_path,
     assert "[/x] :warning: $\\frac{$" in capsys.readouterr().out
 
 
+FLOODS = {
+    "/truth": (pb.Truth, "2 messages of '/truth' for decision "),
+    "/pose": (pb.Pose, "2 messages of '/pose' for decision "),
+    "/sensor/lidar": (pb.Sweep, "257 messages of '/sensor/lidar' for decision "),
+    "/sensor/lidar/info": (pb.SensorInfo, "1001 sensors' tables, expected at most 1000"),
+    "/perturbation": (pb.Perturbation, "messages, expected at most 2"),
+}
+
+
+@pytest.mark.parametrize("topic", FLOODS)
+def test_messages_are_counted_before_they_are_made(tmp_path, topic):
+    """Chunks of empty messages compress by thousands: a small file could fill the memory."""
+    kind, said = FLOODS[topic]
+    path = with_chunks([flood(kind, topic, 30_000)], tmp_path / "flood.mcap")
+    with pytest.raises(InputError, match=re.escape(said)):
+        list(walk(path))
+
+
+def flood(kind, topic, count):
+    return chunk(declared(NUMBER, kind.DESCRIPTOR.full_name, topic) + message(NUMBER, b"") * count)
+
+
 @pytest.mark.parametrize(
-    ("kind", "topic", "said"),
+    ("data", "said"),
     [
-        (pb.Truth, "/truth", "2 messages of '/truth' for decision 0, expected at most 1"),
-        (pb.Pose, "/pose", "2 messages of '/pose' for decision 0, expected at most 1"),
-        (pb.Sweep, "/sensor/lidar", "257 messages of '/sensor/lidar' for decision 0"),
-        (pb.SensorInfo, "/sensor/lidar/info", "1001 sensors' tables, expected at most 1000"),
-        (pb.Decision, "/decision", "200001 decisions, expected at most 200000"),
-        (pb.Perturbation, "/perturbation", "1000001 messages, expected at most 1000000"),
+        (record(0x7F, b"") * 10_001, "10001 records in chunks that are no messages"),
+        (declared(1, "a", "b") * 5001, "10001 records in chunks that are no messages"),
+        (
+            declared(1, "wayproof.Decision", "/decision") + message(1, bytes(5 * 2**20)),
+            "bytes of messages other than sweeps, expected at most",
+        ),
     ],
 )
-def test_messages_are_counted_before_they_are_made(tmp_path, kind, topic, said):
-    """Chunks of empty messages compress by thousands: a small file could fill the memory."""
-    flood(tmp_path / "flood.mcap", kind.DESCRIPTOR.full_name, topic)
+def test_other_records_and_their_bytes_are_counted_too(tmp_path, data, said):
+    path = with_chunks([chunk(data)], tmp_path / "flood.mcap")
     with pytest.raises(InputError, match=re.escape(said)):
-        list(walk(tmp_path / "flood.mcap"))
+        list(walk(path))
 
 
-def flood(path, schema, topic):
-    """Two chunks of 600,000 empty messages each."""
-    with path.open("wb") as file:
-        writer = Writer(file, use_chunking=False)
-        writer.start()
-        number = writer.register_schema(schema, "protobuf", b"")
-        writer.register_channel(topic, "protobuf", number)
-        noise = np.random.default_rng(0).bytes(20_000)  # else the file is too small for its chunks
-        writer.add_attachment(0, 0, "noise", "text/plain", noise)
-        writer.finish()
-    head = path.read_bytes()
-    end = head.index(bytes([15]) + (4).to_bytes(8, "little"))
-    message = HEAD.pack(5, 22) + bytes([1]) + bytes(21)
-    two = chunk(message * 600_000, 600_000 * len(message))[len(MAGIC) :] * 2
-    path.write_bytes(head[:end] + two + head[end:])
+def test_a_large_file_may_hold_so_many_and_no_more(monkeypatch):
+    monkeypatch.setattr(container, "MOST_MESSAGES", 30)
+    monkeypatch.setattr(container, "MOST_DECISIONS", 10)
+    census = container._Census(2**40)
+    for _ in range(10):
+        census.count("wayproof.Decision", "/decision", 100)
+    with pytest.raises(container._Broken, match="11 decisions, expected at most 10"):
+        census.count("wayproof.Decision", "/decision", 100)
+    for _ in range(19):
+        census.count("wayproof.Perturbation", "/perturbation", 100)
+    with pytest.raises(container._Broken, match="31 messages, expected at most 30"):
+        census.count("wayproof.Perturbation", "/perturbation", 100)
