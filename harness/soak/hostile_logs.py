@@ -84,7 +84,6 @@ SCENES = {
 VERBS = {
     "explain": ["explain"],
     "replay --closed-loop": ["replay", "--closed-loop"],
-    "verify": ["verify"],
 }
 
 
@@ -99,8 +98,7 @@ def _scene(name: str, verb: str) -> None:
 
 for scene in SCENES:
     for verb in VERBS:
-        if verb != "verify" or scene == "nuser_body 3e8":
-            _scene(scene, verb)
+        _scene(scene, verb)
 
 
 def study_with_log(folder: Path, log: Path) -> Path:
