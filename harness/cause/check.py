@@ -34,6 +34,10 @@ be put right."""
 ONLY_AFTER = {"more_time": ("timeout",)}
 """Remedies that make no difference after other outcomes."""
 
+ONLY_SHOWN = ("more_time",)
+"""Remedies that bear out a cause only where its own test holds: with time enough, even a poor
+planner arrives."""
+
 
 @dataclass(frozen=True)
 class Check:
@@ -126,7 +130,7 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
     tried = [one for one in checks if one.remedy != CONTROL]
     if not tried:
         return finding, "inconclusive"
-    saving = [one.remedy for one in tried if one.saves]
+    saving = [one.remedy for one in tried if one.saves and _bears_out(one.remedy, finding.cause)]
     borne_out = [cause for name in saving for cause in REMEDIES[name][1]]
     if finding.cause in borne_out:
         return finding, "confirmed"
@@ -143,9 +147,15 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
 
 
 def _in_order(outcome: str, cause: str) -> list[str]:
-    """Remedies that can make a difference, those of a cause first."""
+    """Remedies that can bear something out, those of a cause first."""
     names = [name for name in REMEDIES if outcome in ONLY_AFTER.get(name, (outcome,))]
+    names = [name for name in names if _bears_out(name, cause)]
     return sorted(names, key=lambda name: cause not in REMEDIES[name][1])
+
+
+def _bears_out(remedy: str, cause: str) -> bool:
+    """Whether a remedy that saves the robot says anything where the facts gave this cause."""
+    return remedy not in ONLY_SHOWN or cause in REMEDIES[remedy][1]
 
 
 def _begins(case: Case, finding: Finding) -> Iterator[int]:

@@ -177,6 +177,7 @@ USUAL_DOUBT = 0.05
 def rest_to_rest(length: float, mission: Mission) -> float:
     """Least time for a way from rest to rest at a mission's speed and acceleration, s.
 
+    Nothing is added for jerk, turns or bends, so no robot of that speed takes less.
     L / v + v / a where the speed is reached, and 2 sqrt(L / a) where it is not.
     """
     v, a = mission.max_speed, mission.max_acceleration
