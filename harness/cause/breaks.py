@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from harness.cause.reckless import Reckless
+from harness.cause.ways import rest_to_rest
 from harness.config import override
 from harness.perturbations import perturbation_from
 from harness.result import Result
@@ -176,8 +177,10 @@ def _detour(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _hurry(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Less time than the robot takes."""
-    limit = rng.uniform(0.4, 0.9) * result.sim_time_s
+    """Less time than the shortest way takes from rest to rest."""
+    mission = sound.mission
+    straight = float(np.linalg.norm(np.subtract(mission.goal, mission.start)[:2]))
+    limit = rng.uniform(0.4, 0.8) * rest_to_rest(sound.route_length() or straight, mission)
     return Broken(settings=(f"episode.time_limit={limit:.1f}",))
 
 
@@ -200,9 +203,9 @@ def _closed(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _slim(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The stack is told a body that is smaller than the one that moves."""
+    """The stack is told a body that is smaller than the one that moves, and passes close by."""
     told: dict[str, Any] = {"radius": 0.01, "discs": ()}
-    return Broken(told=told)
+    return Broken(told=told, settings=("map.inflation_margin=0.02", "planner.clearance_weight=0"))
 
 
 def _bold(sound: Scenario, result: Result, rng: Rng) -> Broken:
@@ -210,9 +213,25 @@ def _bold(sound: Scenario, result: Result, rng: Rng) -> Broken:
     return Broken(settings=("map.unknown_policy=allow",))
 
 
+def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Unknown space is entered like free space, and what is near stays unknown."""
+    return Broken(settings=("map.unknown_policy=allow", "map.minimum_range=5"))
+
+
 def _retentive(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The map hardly unlearns what has gone."""
-    return Broken(settings=(f"map.miss={rng.uniform(0.02, 0.05):.3f}",))
+    """A wall before the start vanishes, and the map hardly unlearns it."""
+    world, (x0, y0, _), (x1, y1, _) = sound.world, sound.mission.start, sound.mission.goal
+    axis = 0 if abs(x1 - x0) > abs(y1 - y0) else 1
+    ahead = 1.0 if (x1, y1)[axis] > (x0, y0)[axis] else -1.0
+    at = (x0, y0)[axis] + ahead * (CLEAR_OF_ENDS + rng.uniform(0.2, 0.6))
+    low, high = list(world.low), list(world.high)
+    low[axis], high[axis], low[2], high[2] = at - 0.1, at + 0.1, 0.0, 3.0
+    (a, b, c), (d, e, f) = low, high
+    wall = Box.between((a, b, c), (d, e, f), "ghost")
+    still = ((0.0, 0.0, 0.0),)
+    gone = Mover("gone", (wall,), still, vanishes=round(float(rng.uniform(0.6, 1.2)), 1))
+    settings = ("map.miss=0.02", "map.half_life=0")
+    return Broken(world=replace(world, movers=(*world.movers, gone)), settings=settings)
 
 
 def _crowd(sound: Scenario, result: Result, rng: Rng) -> Broken:
@@ -233,8 +252,6 @@ def _truck(sound: Scenario, result: Result, rng: Rng) -> Broken:
 def _hasty_search(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """The search gives up at once."""
     few = ("planner.iterations=1", "planner.restarts=1", "planner.shortcuts=0")
-    if rng.uniform() < 0.5:
-        return Broken(settings=few)
     return Broken(settings=("planner.name=rrtconnect", *few))
 
 
@@ -301,6 +318,7 @@ KINDS: dict[str, tuple[str, Kind]] = {
     "reckless": ("disregarded_obstacle", _reckless),
     "glass": ("missed_obstacle", _glass),
     "bold": ("unseen_obstacle", _bold),
+    "groping": ("unseen_obstacle", _groping),
     "slim": ("margin_too_small", _slim),
     "crowd": ("moved_obstacle", _crowd),
     "truck": ("moved_obstacle", _truck),
@@ -320,3 +338,12 @@ KINDS: dict[str, tuple[str, Kind]] = {
     "closed": ("impossible", _closed),
 }
 """The cause that each kind builds in, and how."""
+
+WHERE: dict[str, tuple[tuple[str, str], ...]] = {
+    "groping": (("office", "drone"), ("maze", "drone")),
+    "slim": (("forest", "drone"), ("cylinders", "drone"), ("office", "drone")),
+    "truck": (("corridor", "drone"), ("empty", "drone"), ("office", "drone")),
+    "retentive": (("empty", "drone"), ("corridor", "drone"), ("cylinders", "drone")),
+    "hasty_search": (("maze", "drone"), ("office", "drone"), ("maze", "quadruped")),
+}
+"""Worlds and robots that a kind is tried in, for those that fail in few."""

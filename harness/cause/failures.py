@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from harness.cause.breaks import KINDS, Broken
+from harness.cause.breaks import KINDS, WHERE, Broken
 from harness.cause.case import read_case
 from harness.cause.check import check
 from harness.cause.confusion import Matrix, right, run_with, table
@@ -77,10 +77,11 @@ class Failure:
 
 def attempts(kind: str, most: int = ATTEMPTS) -> Iterator[tuple[str, str, int]]:
     """World, robot and seed of every attempt at a kind."""
-    first = 3 * sorted(KINDS).index(kind)
+    first = 0 if kind in WHERE else 3 * sorted(KINDS).index(kind)
+    where = WHERE.get(kind, COMBINATIONS)
     for number in range(most):
-        rounds = number // (2 * len(COMBINATIONS))
-        world, robot = COMBINATIONS[(number // 2 + first) % len(COMBINATIONS)]
+        rounds = number // (2 * len(where))
+        world, robot = where[(number // 2 + first) % len(where)]
         yield world, robot, FIRST_SEED + 2 * rounds + number % 2
 
 

@@ -1,6 +1,8 @@
 """Causes: each test on facts by hand, and planted failures through the whole procedure."""
 
+import shutil
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -48,7 +50,8 @@ MAP = MapWays(
 STILL = StandstillFacts(
     outcome="stuck", reason="", window=50, discarded=0.0, late=0.0, deadline=0.25, delay=0.05,
     off_path=0.0, worst_off_path=0.1, left_path=0.0, limit_s=60.0, claimed=False, doubt=0.02,
-    radius=0.3, iterations=1, pose=PoseFacts(), ranges=RangeFacts(), truth=TRUTH, map=MAP,
+    radius=0.3, iterations=1, without_path=0.0, pose=PoseFacts(), ranges=RangeFacts(), truth=TRUTH,
+    map=MAP,
 )  # fmt: skip
 LIED = PoseFacts(error=0.5, covered=0.1, beyond=0.4, first=12, at_end=0.5)
 BAD = RangeFacts(lost=0.3)
@@ -59,6 +62,19 @@ SCENE = """<mujoco><size nuser_geom="1"/><worldbody>
 <geom name="crate" type="box" pos="2 0 0.5" size="0.5 0.5 0.5" user="4"/>
 <body name="robot_base" pos="0 0 0.5"><freejoint/><geom size="0.25" group="3"/></body>
 </worldbody></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def planted(tmp_path_factory):
+    """Log and result of a planted failure, each run once."""
+    folder = tmp_path_factory.mktemp("planted")
+
+    @cache
+    def run(cause, seed):
+        path = folder / f"{cause}-{seed}.mcap"
+        return path, run_planted(cause, seed, path)
+
+    return run
 
 
 def cause_of(tests, facts):
@@ -114,8 +130,12 @@ def test_a_contact_has_the_cause_that_its_facts_leave(change, cause):
         ({"truth.exists": False}, "impossible"),
         ({"truth.shortest_s": 61.0}, "impossible"),
         ({"truth.shortest_s": 61.0, "pose": LIED}, "impossible"),
-        ({"outcome": "timeout", "truth.gained_m": 2.0}, "impossible"),
-        ({"outcome": "timeout", "truth.gained_m": 2.0, "map.known": 1.0}, "impossible"),
+        ({"outcome": "timeout", "truth.shortest_s": 61.0, "truth.gained_m": 2.0}, "impossible"),
+        ({"outcome": "timeout", "truth.shortest_s": 59.0, "truth.gained_m": 2.0}, "planner"),
+        ({"outcome": "timeout", "truth.gained_m": 2.0, "without_path": 0.6}, "planner"),
+        ({"outcome": "timeout", "truth.gained_m": 2.0, "map.passable": 0.2}, "unexplained"),
+        ({"outcome": "timeout", "truth.gained_m": 2.0, "off_path": 0.7}, "tracking"),
+        ({"outcome": "timeout", "truth.gained_m": 0.1}, "unexplained"),
         ({"outcome": "timeout", "truth.gained_m": 0.1, "map.known": 1.0}, "planner"),
         ({"truth.open_at_end": False}, "moved_obstacle"),
         (CLOSED, "ghost_obstacle"),
@@ -163,6 +183,10 @@ def saved_by(*remedies):
         ("ghost_obstacle", ("no_delay",), "latency", "changed"),
         ("ghost_obstacle", (), "unexplained", "changed"),
         ("planner", (), "planner", "confirmed"),
+        ("planner", ("more_time",), "planner", "confirmed"),
+        ("unexplained", ("more_time",), "unexplained", "confirmed"),
+        ("localization", ("more_time",), "unexplained", "changed"),
+        ("impossible", ("more_time",), "impossible", "confirmed"),
         ("impossible", (), "impossible", "confirmed"),
         ("unexplained", (), "unexplained", "confirmed"),
         ("unexplained", ("more_search",), "planner", "changed"),
@@ -213,15 +237,21 @@ def test_a_contact_reads_what_it_wrote():
     assert Contact.from_text("") is None
 
 
-def test_planted_causes_are_found():
-    counts = confusion(list(PLANTS), range(1))
-    assert right(counts) == 1.0, counts
-    assert table(counts).row_count == len(PLANTS)
+@pytest.mark.parametrize("cause", PLANTS)
+def test_planted_causes_are_found(planted, cause):
+    _, result = planted(cause, 0)
+    assert result.cause == cause, result.cause_evidence
 
 
-def test_a_log_tells_the_cause_that_its_run_found(tmp_path):
-    path = tmp_path / "glass.mcap"
-    result = run_planted("missed_obstacle", 1, path)
+def test_what_is_found_is_counted():
+    counts = confusion(["tracking"], range(1))
+    assert (counts, right(counts)) == ({("tracking", "tracking"): 1}, 1.0)
+    assert table(counts).row_count == 1
+
+
+def test_a_log_tells_the_cause_that_its_run_found(planted, tmp_path):
+    source, result = planted("missed_obstacle", 0)
+    path = Path(shutil.copyfile(source, tmp_path / "glass.mcap"))
     log = open_log(path)
     finding = find_cause(read_case(log))
     assert log.result["cause"] == result.cause == finding.cause == "missed_obstacle"
@@ -239,33 +269,29 @@ def test_a_log_tells_the_cause_that_its_run_found(tmp_path):
     assert find_cause(read_case(checked)) == finding
 
 
-def test_a_study_checks_its_failures_within_a_bound(tmp_path):
+def test_a_study_checks_its_failures_within_a_bound(planted, tmp_path):
+    source, _ = planted("missed_obstacle", 0)
     for name in ("one", "two"):
-        run_planted("missed_obstacle", 1, tmp_path / f"{name}.mcap")
-    planned = [SimpleNamespace(key=name) for name in ("one", "one", "two", "none")]
+        shutil.copyfile(source, tmp_path / f"{name}.mcap")
+    studied = [SimpleNamespace(key=name) for name in ("one", "one", "two", "none")]
     store = SimpleNamespace(log=lambda key: tmp_path / f"{key}.mcap")
-    tally = check_failures(planned, store, most_s=1.0)
+    tally = check_failures(studied, store, most_s=0.1)
     assert (dict(tally.answers), tally.left) == ({"inconclusive": 1}, 1)
     assert "1 left unchecked by the bound" in str(tally)
-    tally = check_failures(planned, store, most_s=600.0)
-    assert dict(tally.answers) == {"confirmed": 1}  # a log is checked once
-    assert tally.left == 0
+    again = check_failures(studied, store, most_s=0.0)
+    assert (dict(again.answers), again.left) == ({}, 1)  # a log is checked once
 
 
-def test_a_walking_robot_is_saved_by_the_true_map_alone(tmp_path):
+def test_a_walking_robot_is_saved_by_the_true_map(planted, tmp_path):
     """It walks into a wall too near for its map; also where the log is a fork's."""
-    result = run_planted("unseen_obstacle", 3, tmp_path / "wall.mcap")
-    assert (open_log(tmp_path / "wall.mcap").config.robot, result.outcome) == (
-        "quadruped",
-        "collision",
-    )
-    forked = fork(tmp_path / "wall.mcap", 5, (), tmp_path / "fork.mcap")
+    source, result = planted("unseen_obstacle", 3)
+    assert (open_log(source).config.robot, result.outcome) == ("quadruped", "collision")
+    forked = fork(source, 5, (), tmp_path / "fork.mcap")
     log = open_log(Path(forked.log))
     finding = find_cause(read_case(log))
     assert finding.cause == "unseen_obstacle"
-    checks = check(log, finding, ("true_map", "true_pose")).checks
-    saved = {one.remedy: one.saves for one in checks}
-    assert saved == {"control": False, "true_map": True, "true_pose": False}
+    checks = check(log, finding, ("true_map",)).checks
+    assert {one.remedy: one.saves for one in checks} == {"control": False, "true_map": True}
 
 
 def test_a_success_has_no_cause(recorded):
@@ -298,6 +324,10 @@ def test_attempts_take_both_halves_in_turn():
         assert len(set(tried)) == len(tried)
 
 
+TOGETHER = {"slim": ["settings", "told"], "retentive": ["settings", "world"]}
+"""Fields of kinds whose one broken assumption takes two."""
+
+
 def test_every_kind_breaks_one_thing():
     sound = build(Config("corridor", "drone", 3))
     rng = np.random.default_rng(0)
@@ -310,6 +340,6 @@ def test_every_kind_breaks_one_thing():
             for one in fields(Broken)
             if getattr(broken, one.name) != getattr(whole, one.name)
         ]
-        assert len(differing) == 1, kind
+        assert len(differing) == 1 or differing == TOGETHER[kind]
     closed = KINDS["closed"][1](sound, None, rng).scenario(sound)
     assert len(closed.world.solids) == len(sound.world.solids) + 1
