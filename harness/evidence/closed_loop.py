@@ -17,6 +17,7 @@ from harness.errors import InputError
 from harness.evidence.fork import fork_with
 from harness.evidence.rebuild import is_made_from_seed, made_otherwise, rebuild
 from harness.evidence.relay import stretches
+from harness.logs.digest import CONTENT
 from harness.logs.log import is_regenerated
 from harness.logs.log_copy import topic_of
 from harness.logs.machine import other_than_here
@@ -296,7 +297,8 @@ def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
     """Fields of the recorded result that the new one has otherwise; an older log has fewer."""
     for name, now in again.result.items():
         then = log.result.get(name)
-        if name == "record" or name in log.not_compared:
+        # The digest covers measured times, which no simulation gives again.
+        if name in ("record", CONTENT) or name in log.not_compared:
             continue
         if then is not None and not _same(then, now):
             yield Difference(f"result.{name}", then, now)

@@ -19,6 +19,8 @@ from harness.ending import BETWEEN_DECISIONS, Limits, goal_distance
 from harness.errors import InputError
 from harness.evidence.content import Content, read_content
 from harness.evidence.relay import Stretch, stretches
+from harness.logs.digest import CONTENT
+from harness.logs.log import FORMAT_VERSION
 from harness.logs.reader import Log
 from harness.perturbations import UNPERTURBED
 from harness.result import ends_in_error, figures_of
@@ -70,15 +72,16 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
         InputError: The file breaks off or is damaged, or holds no decision.
     """
     content = content or read_content(log)
+    altered = list(_digest(log, content))
     if not content.decisions:
         if ends_in_error(log.result):
-            return []  # a stack can fail before its first decision
+            return altered  # a stack can fail before its first decision
         raise InputError(f"log '{log.path}': no decisions in it")
     subject = Subject(log, content, tuple(stretches(log)))
     found = list(_numbering(subject))
-    if found:
-        return found  # what follows takes the messages by number
-    return [one for check in CHECKS for one in check(subject)]
+    if not found:  # the checks take the messages by number
+        found = [one for check in CHECKS for one in check(subject)]
+    return found + altered  # the digest tells no place, so whatever else was found comes first
 
 
 def refuse_contradictions(log: Log, content: Content | None = None, hint: str = "") -> None:
@@ -90,6 +93,15 @@ def refuse_contradictions(log: Log, content: Content | None = None, hint: str = 
             f"log '{log.path}': {one.field} is {one.recorded}, but {one.recomputed} follows from "
             f"the rest of the log{more}{hint}"
         )
+
+
+def _digest(log: Log, content: Content) -> Iterator[Difference]:
+    """The digest of all in the file is the result's; logs of formats before 5 may have none."""
+    recorded = log.result.get(CONTENT)
+    if not content.digest or (recorded is None and log.run["format_version"] != FORMAT_VERSION):
+        return
+    if recorded != content.digest:
+        yield Difference("content digest", recorded or "none", content.digest)
 
 
 def _numbering(subject: Subject) -> Iterator[Difference]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from google.protobuf.message import Message
 
 from harness.errors import InputError
 from harness.inputs import inputs_digest, serialized
+from harness.logs.container import Packet, walk
+from harness.logs.digest import ContentDigest
 from harness.logs.log_copy import topic_of
-from harness.logs.messages import read_messages
+from harness.logs.messages import decode, is_ours
 from harness.logs.reader import Log
 from harness.logs.streams import StreamHashes
 from harness.schema import wayproof_pb2 as pb
@@ -43,6 +45,7 @@ class Content:
         poses: As believed.
         latencies: Delays.
         inputs: Of each decision; empty where the sweeps were not read.
+        digest: Of all in the file; empty if it was not made.
     """
 
     decisions: list[pb.Decision] = field(default_factory=list)
@@ -52,6 +55,7 @@ class Content:
     poses: list[pb.Pose] = field(default_factory=list)
     latencies: list[pb.Latency] = field(default_factory=list)
     inputs: list[InputRecord] = field(default_factory=list)
+    digest: str = ""
 
     def add(self, message: Message) -> None:
         """Append a message of a kind that is kept."""
@@ -75,16 +79,20 @@ def read_content(log: Log) -> Content:
     Raises:
         InputError: The file breaks off or is damaged.
     """
-    content = Content()
+    content, digest = Content(), ContentDigest()
     running = None if log.record == "decisions" else _Running(log)
-    for message in read_messages(log.path):
+    for item in walk(log.path):
+        digest.add(item)
+        if not (isinstance(item, Packet) and is_ours(item)):
+            continue
+        message = decode(item, log.path)
         content.add(message)
         if running is None:
             continue
         running.add(message)
         if isinstance(message, pb.Decision):
             content.inputs.append(running.close())
-    return content
+    return replace(content, digest=digest.text())
 
 
 class _Running:

@@ -167,7 +167,7 @@ class LogWriter:
     def finish(self, result: Mapping[str, str]) -> None:
         """Write the result, and give the log its name unless a draft's owner does that."""
         kept = "decisions" if self.record == "decisions" else "full"
-        self._writer.add_metadata("result", {**result, "record": kept})
+        self._writer.add_result({**result, "record": kept})
         self._writer.finish()
         self.finished = True
         if self._owned:

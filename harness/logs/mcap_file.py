@@ -8,6 +8,9 @@ from typing import IO
 
 from mcap.writer import CompressionType, Writer
 
+from harness.logs.container import Attachment, Metadata, Packet
+from harness.logs.digest import CONTENT, RESULT, ContentDigest
+
 Message = tuple[int, int, bytes, int]  # channel, time ns, data, sequence
 
 
@@ -39,15 +42,29 @@ class McapFile:
         self._messages: list[Message] = []
         self._size = 0
         self._schemas: dict[str, int] = {}
+        self._channels: dict[int, tuple[str, str]] = {}  # schema's name, topic
+        self._digest = ContentDigest()  # of what is in the file, in its order
 
     def add_metadata(self, name: str, fields: Mapping[str, str]) -> None:
         """Write named text fields, before the messages of the open chunk."""
         self.settle()
+        self._digest.add(Metadata(name, dict(fields)))
         self._writer.add_metadata(name, dict(fields))
+
+    def add_result(self, fields: Mapping[str, str]) -> None:
+        """Write the result after all messages so far, and in it the digest of the file's content.
+
+        What is added later makes the digest wrong.
+        """
+        self.hand_on()
+        self.settle()
+        self._digest.add(Metadata(RESULT, dict(fields)))
+        self._writer.add_metadata(RESULT, {**fields, CONTENT: self._digest.text()})
 
     def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
         """Write a named file, before the messages of the open chunk."""
         self.settle()
+        self._digest.add(Attachment(name, content))
         self._writer.add_attachment(0, 0, name, media_type, content)
 
     def add_channel(self, topic: str, schema_name: str, schema: bytes) -> int:
@@ -57,7 +74,9 @@ class McapFile:
         if known is None:
             known = self._writer.register_schema(schema_name, "protobuf", schema)
             self._schemas[schema_name] = known
-        return self._writer.register_channel(topic, "protobuf", known)
+        channel = self._writer.register_channel(topic, "protobuf", known)
+        self._channels[channel] = schema_name, topic
+        return channel
 
     def add_message(self, channel: int, time_ns: int, data: bytes, sequence: int) -> None:
         """Append a message to the open chunk."""
@@ -94,6 +113,7 @@ class McapFile:
     def _write(self, messages: list[Message]) -> None:
         """Write and flush; the thread's work."""
         for channel, time_ns, data, sequence in messages:
+            self._digest.add(Packet(*self._channels[channel], time_ns, data))
             self._writer.add_message(channel, time_ns, data, time_ns, sequence)
         self._writer.flush()
         self._file.flush()

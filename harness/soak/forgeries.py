@@ -1,5 +1,7 @@
 """Logs edited by somebody who knows the format: every checksum, digest and chain hash is made anew.
 
+Two edits leave the digest of the content as it was, made by somebody who does not know of it.
+
 What such a person cannot make without the program's own computations is what follows from the
 inputs; so each of these must be noticed by recomputing, but for the claims that nobody can check.
 """
@@ -9,7 +11,9 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import struct
 import tempfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,10 +22,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 from google.protobuf.message import Message
+from mcap.opcode import Opcode
 
 from harness.ending import goal_distance
 from harness.evidence.content import read_content
-from harness.logs.container import walk
+from harness.logs.container import MAGIC, walk
+from harness.logs.digest import CONTENT
 from harness.logs.log import digest_name
 from harness.logs.log_copy import write_copy
 from harness.logs.messages import read_messages
@@ -33,6 +39,12 @@ from harness.stack.decision import seal
 
 Kind = TypeVar("Kind", bound=Message)
 
+DATA_END = struct.Struct("<BQI")
+"""Opcode, length, checksum of all before it; the index follows."""
+
+FOOTER = struct.Struct("<QQI")
+"""Place of the index and of its groups, checksum; the magic follows."""
+
 KEPT_SHARE = 0.6
 """Of the decisions, where a tail is cut off."""
 
@@ -43,6 +55,8 @@ class Forgery:
     Attributes:
         result: Fields of the result.
         run: Fields of the run, digests apart.
+        sealed: Whether the chain is made anew.
+        digested: Whether the digest of the content is made anew.
         messages: In file order, sensors' tables apart.
         tables: Of the sensors.
     """
@@ -56,7 +70,7 @@ class Forgery:
         self.tables = [(topic, _copy(info)) for topic, info in self._head.tables]
         self.messages = [one for one in read_messages(source) if not isinstance(one, pb.SensorInfo)]
         self._attachments = dict(self._head.attachments)
-        self.sealed = True
+        self.sealed = self.digested = True
 
     def each(self, kind: type[Kind]) -> list[Kind]:
         """All messages of a kind, to be edited in place."""
@@ -99,7 +113,7 @@ class Forgery:
         self.result.update({name: str(value) for name, value in figures.items()})
 
     def write(self, target: Path) -> Path:
-        """Write the log with chain, digests and checksums made anew; returns its path."""
+        """Write the log, with what was made anew of its hashes and digests; returns its path."""
         if self.sealed:
             self.result["chain"] = self._seal()
         for name, data in self._attachments.items():
@@ -112,6 +126,8 @@ class Forgery:
             tables=tuple(self.tables),
         )
         write_copy(target, head, self.messages, self.result)
+        if not self.digested:
+            _put_back(target, self.result[CONTENT])
         return target
 
     def rehash(self) -> None:
@@ -132,6 +148,16 @@ class Forgery:
             seal(decision, chain)
             chain = decision.chain
         return chain
+
+
+def _put_back(path: Path, digest: str) -> None:
+    """Give a log another digest of its content; the checksum of the file's data is made anew."""
+    data = path.read_bytes().replace(open_log(path).result[CONTENT].encode(), digest.encode())
+    footer = len(data) - len(MAGIC) - FOOTER.size
+    index, _, _ = FOOTER.unpack_from(data, footer)
+    end = index - DATA_END.size
+    checksum = DATA_END.pack(Opcode.DATA_END, 4, zlib.crc32(data[:end]))
+    path.write_bytes(data[:end] + checksum + data[index:])
 
 
 def _copy(info: pb.SensorInfo) -> pb.SensorInfo:
@@ -214,6 +240,18 @@ def _recover(forgery: Forgery) -> None:
 @_edit("the latency of a stage")
 def _stages(forgery: Forgery) -> None:
     forgery.middle(pb.Decision).stages.plan_ms = 0.001
+
+
+@_edit("the latency of a stage, the digest of the content as it was")
+def _stages_alone(forgery: Forgery) -> None:
+    _stages(forgery)
+    forgery.digested = False
+
+
+@_edit("versions of packages, the digest of the content as it was")
+def _packages_alone(forgery: Forgery) -> None:
+    forgery.run["numpy"] = "99.0"
+    forgery.digested = False
 
 
 def _cut(forgery: Forgery) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from harness.logs.container import Attachment, Metadata, walk
+from harness.logs.digest import CONTENT, RESULT, ContentDigest
 from harness.logs.log import digest_name
 
 DIGITS = b"0123456789"
@@ -95,9 +96,11 @@ def forge(source: Path, target: Path, rng: np.random.Generator) -> None:
         writer = Writer(file, compression=CompressionType.ZSTD, enable_data_crcs=True)
         writer.start(profile="wayproof")
         channels: dict[str, int] = {}
+        digest = ContentDigest()
         for index, item in enumerate(items):
             if isinstance(item, Attachment):
                 writer.add_attachment(0, 0, item.name, "", attached[item.name])
+                digest.add(Attachment(item.name, attached[item.name]))
             elif isinstance(item, Metadata):
                 fields = {
                     name: str(mutate(value.encode(), rng), "latin-1") if index == chosen else value
@@ -106,6 +109,9 @@ def forge(source: Path, target: Path, rng: np.random.Generator) -> None:
                 if item.name == "run":
                     digests = {n: hashlib.sha256(d).hexdigest() for n, d in attached.items()}
                     fields.update({digest_name(n): d for n, d in digests.items()})
+                digest.add(Metadata(item.name, fields))
+                if item.name == RESULT:
+                    fields[CONTENT] = digest.text()
                 writer.add_metadata(item.name, fields)
             else:
                 if item.topic not in channels:
@@ -113,4 +119,5 @@ def forge(source: Path, target: Path, rng: np.random.Generator) -> None:
                     channels[item.topic] = writer.register_channel(item.topic, "protobuf", schema)
                 data = mutate(item.data, rng) if index == chosen else item.data
                 writer.add_message(channels[item.topic], item.time_ns, data, item.time_ns)
+                digest.add(item._replace(data=data))
         writer.finish()

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-from google.protobuf.message import Message
 
 from harness.evidence.consistency import refuse_contradictions
 from harness.evidence.content import Content
 from harness.logs.container import Packet, walk
+from harness.logs.digest import ContentDigest
 from harness.logs.messages import decode
 from harness.logs.streams import Pairing, compare_hashes
 from harness.metrics import METRICS, score, trace_of
@@ -93,9 +93,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     if not path.is_file():
         return None
     log = open_planned(path, planned, allow_plugins)
-    content = Content()
-    for message in _read(path):
-        content.add(message)
+    content = _read(path)
     refuse_contradictions(log, content)
     decisions, streams = content.decisions, content.streams
     done = content.perturbations[0] if content.perturbations else pb.Perturbation()
@@ -118,10 +116,13 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     )
 
 
-def _read(path: Path) -> Iterator[Message]:
+def _read(path: Path) -> Content:
+    content, digest = Content(), ContentDigest()
     for item in walk(path):
+        digest.add(item)
         if isinstance(item, Packet) and item.schema in READ:
-            yield decode(item, path)
+            content.add(decode(item, path))
+    return replace(content, digest=digest.text())
 
 
 def _act(decision: pb.Decision) -> bytes:
