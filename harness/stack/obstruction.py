@@ -30,7 +30,7 @@ SAME_EDGE = 1e-3
 """So far before an arc length lies the edge that leads to it, m."""
 
 REACH = 0.3
-"""So far beyond that, m: the free length of a long body ends with a whole edge of its path."""
+"""A path of a long body is looked at in pieces of this length, m."""
 
 TURN_STEP = 0.02
 """Headings are looked at so far apart, rad."""
@@ -67,9 +67,18 @@ def on_path(view: View, path: Array, free_m: float, unknown_blocks: bool) -> Obs
         unknown_blocks: Whether unknown space ends it, too.
     """
     size = view.admitted.resolution
-    beyond = np.arange(0.0, REACH if view.admitted.discs else size, STEP * size)
-    arcs = np.minimum(free_m + JUST_BEYOND * size + beyond, length(path))
-    return _first(view, _headed(view, path, arcs), np.full(len(arcs), free_m), unknown_blocks)
+    reach, end = size, free_m
+    if view.admitted.discs:  # anything on the next edge, or in the turn at its end, may end it
+        arcs = arc_lengths(path)
+        reach, end = REACH, float(np.append(arcs[arcs > free_m + SAME_EDGE], free_m)[0])
+    for begin in np.arange(free_m, end + reach, reach).tolist():
+        beyond = begin + JUST_BEYOND * size + np.arange(0.0, reach, STEP * size)
+        arcs = np.minimum(beyond, length(path))
+        poses = _headed(view, path, arcs)  # more than arcs where a long body turns
+        found = _first(view, poses, np.full(len(poses), free_m), unknown_blocks)
+        if found.cell is not None:
+            break
+    return found
 
 
 def on_poses(view: View, poses: Array, unknown_blocks: bool) -> Obstruction:

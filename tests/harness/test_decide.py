@@ -6,6 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from harness.stack import obstruction
 from harness.stack.behaviour import decide
 from harness.stack.decision import Action, Label
 from harness.stack.reasons import MEANINGS
@@ -230,3 +231,14 @@ def test_every_action_and_every_label_has_its_situation():
     actions, labels, _ = map(set, zip(*CASES.values(), strict=True))
     assert actions == set(get_args(Action))
     assert labels == set(get_args(Label)) - NAVIGATORS_OWN
+
+
+@pytest.mark.parametrize("face", [2.0, 3.0, 5.0])
+def test_what_ends_the_free_length_of_a_long_body_may_stand_far_along_an_edge(face):
+    view = make_view(make_states(occupied=[(face, 6.0, 0.0, 4.0)]), LONG)
+    path = np.array([place(*START), place(*GOAL)])
+    free = view.admitted.free_length(path)
+    assert free == 0.0
+    found = obstruction.on_path(view, path, free, unknown_blocks=True)
+    assert found.cell_state == "occupied"
+    assert found.cell[0] == pytest.approx(face + 0.05)
