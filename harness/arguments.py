@@ -30,7 +30,8 @@ def check_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> 
             near = near_name(name, known)
             hint = f"; did you mean '{near}'?" if near else ""
             raise InputError(f"unknown option '{name}'{hint} (see '{parser.prog} --help')")
-        if value is not None and NEGATIVE.match(value) and "," in value and "=" not in value:
+        alone = value is not None and value in arguments  # a word of its own, behind a space
+        if alone and value and NEGATIVE.match(value) and "," in value and "=" not in value:
             raise InputError(f"{name} {value}: a value with a minus sign is written {name}={value}")
         for once in _given_once(name, value, action):
             if once in values:

@@ -235,16 +235,16 @@ class Typist:
             if verb == "study" and "--worlds" not in words:
                 words = [verb, smaller_study(words[1]), *words[2:], "--jobs", "1"]
             if "--worlds" in words:
-                words += ["--repeats", "1"]
+                words = with_options(words, ["--repeats", "1"])
             if "--check-determinism" in words:
-                words += ["--sample", "1"]
+                words = with_options(words, ["--sample", "1"])
             if verb == "bench":
-                words += STAGES_SMALLER.get(words[1], [])
+                words = with_options(words, STAGES_SMALLER.get(words[1], []))
             if "--movie" in words:
-                words += ["--period", "0.5"]
+                words = with_options(words, ["--period", "0.5"])
             if verb == "critical":
                 words = [verb, smaller_study(words[1]), *words[2:]]
-            words = [*smaller_world(words), *SMALLER.get(verb, [])]
+            words = with_options(smaller_world(words), SMALLER.get(verb, []))
             if verb == "view" and "--save" not in words:
                 words += ["--save", "view.rrd"]  # opens no window
         if verb == "run":
@@ -259,7 +259,8 @@ class Typist:
         if not self._whole:
             asked = rf"(?:explain|picture) {re.escape(str(log))} (\d+)"
             last = max(map(int, re.findall(asked, self._page)), default=0)
-            words = [*words, "--set", f"episode.time_limit={max(SHORT, 0.1 * last + 0.2):g}"]
+            limit = f"episode.time_limit={max(SHORT, 0.1 * last + 0.2):g}"
+            words = with_options(words, ["--set", limit])
         if "--log" in words:
             at = words.index("--log")
             words = words[:at] + words[at + 2 :]
@@ -350,6 +351,18 @@ def log_of(words):
     if options.perturb:
         config = replace(config, perturbation=perturbation_from(options.perturb))
     return options.logs / f"{episode_name(config)}.mcap"
+
+
+def with_options(words, options):
+    """Words with these options, each with its value, in place of any of the same name."""
+    words = list(words)
+    for name, value in zip(options[::2], options[1::2], strict=True):
+        key = f"{value.partition('=')[0]}=" if name == "--set" else ""
+        for at in reversed(range(1, len(words) - 1)):
+            if words[at] == name and words[at + 1].startswith(key):
+                del words[at : at + 2]
+        words += [name, value]
+    return words
 
 
 def smaller_world(words):
