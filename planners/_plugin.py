@@ -114,7 +114,7 @@ def _classes(module: ModuleType) -> list[type[Any]]:
 
 
 def _by_name(name: str) -> ModuleType:
-    if importlib.util.find_spec(name) is None:
+    if name not in sys.modules and importlib.util.find_spec(name) is None:
         raise ValueError(f"no module '{name}' on Python's path, expected one, or a file's path")
     return importlib.import_module(name)
 

@@ -180,7 +180,10 @@ def test_one_part_alone(capsys):
     assert main(["bench", "map", "--only", "hover"]) == 2
     assert "unknown part of bench map 'hover' (available: accuracy, " in capsys.readouterr().err
     assert main(["bench", "rays", "--only", "hover"]) == 2
-    assert "--only: got bench rays, expected one of: loop, map, robots" in capsys.readouterr().err
+    assert (
+        "--only: got bench rays, expected one of: coverage, loop, map, robots"
+        in capsys.readouterr().err
+    )
 
 
 def test_whole_episodes_under_one_load(capsys):

@@ -123,7 +123,7 @@ def test_a_controller_of_ones_own(capsys, tmp_path, monkeypatch):
 
 BAD = [
     ('"trot"', '"no_such_module:Walker"\nmotion = "ground"\nstance = 0.3', "cannot be loaded"),
-    ('"trot"', '"json:JSONDecoder"\nmotion = "ground"\nstance = 0.3', "cannot be loaded"),
+    ('"trot"', '"json:JSONDecoder"\nmotion = "ground"\nstance = 0.3', "raised TypeError"),
     ('"trot"', '"json:loads"', "motion: got none"),
     ("radius = 0.4", "radius = 0.2", "but the body reaches"),
     ('"hound.xml"', '"../../hound.xml"', "mjcf: no file"),

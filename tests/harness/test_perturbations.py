@@ -67,9 +67,9 @@ def test_two_at_once_cannot_be_written():
         ("pose_drift", "expected pose_drift:SEVERITY"),
         ("pose_drift:3:ray", "expected pose_drift:SEVERITY"),
         ("depth_dropout:3:ray:ray", r"expected depth_dropout:SEVERITY:\[MODE\]"),
-        ("pose_drift:6", "severity: Expected `float` <= 5.0"),
-        ("pose_drift:0", "severity: Expected `float` > 0.0"),
-        ("pose_drift:much", "severity: Expected `float`"),
+        ("pose_drift:6", "severity: got 6, expected above 0, up to 5"),
+        ("pose_drift:0", "severity: got 0, expected above 0, up to 5"),
+        ("pose_drift:much", "severity: got much, expected above 0, up to 5"),
         ("depth_dropout:3:row", "mode: Invalid enum value 'row'"),
     ],
 )

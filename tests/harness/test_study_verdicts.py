@@ -151,7 +151,7 @@ def test_an_arm_without_its_partner_is_inconclusive() -> None:
 
 def written(folder: Path, text: str = STUDY) -> list[str]:
     (folder / "hard.toml").write_text(text)
-    return ["study", str(folder / "hard.toml"), "--out", str(folder / "out"), "--jobs", "1"]
+    return ["study", str(folder / "hard.toml"), "--out", str(folder / "out")]
 
 
 @pytest.mark.parametrize(

@@ -229,8 +229,9 @@ def test_hits_lie_on_what_is_there_and_are_thinned(log):
 
 
 def test_words_tell_action_reason_and_map(log):
-    decision = next(open_log(log).decisions())
-    text = describe(decision)
+    opened = open_log(log)
+    decision = next(opened.decisions())
+    text = describe(decision, opened.config.map.cost_range)
     assert decision.action in text
     assert decision.reason in text
     assert decision.map_version[:12] in text

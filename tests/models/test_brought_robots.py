@@ -220,7 +220,11 @@ BAD_SPECS = [
     ('"toe_vl", "toe_vr"', '"toe_vr", "toe_vl"', "feet: FL is at ("),
     ('"toe_vl"', '"nose"', "feet: 'nose' is neither a geom nor a site"),
     ('"toe_vl"', '"toe_hl"', "expected four different legs"),
-    ('"trot"', '"gallop"', "unknown 'gallop' (available: geometric, trot, module:Class)"),
+    (
+        '"trot"',
+        '"gallop"',
+        "unknown 'gallop' (available: geometric, trot, module:Class, FILE.py:Class)",
+    ),
     ('"hound.xml"', '"cat.xml"', "mjcf: no file"),
     ('"hound.xml"', '"no_such_package:a.xml"', "no package 'no_such_package' is installed"),
     ("step_height = 0.03", "", "limits.step_height: got 0, expected above 0 on the ground"),
