@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import zstandard
+from google.protobuf.message import Message
 
 from harness.config import Config
 from harness.logs.container import HEAD, MAGIC
@@ -172,7 +173,7 @@ def flood(one: bytes, count: int, chunks: int, head: bytes, target: Path) -> Pat
     return with_chunks([chunk(head + one * count)] * chunks, target)
 
 
-FLOODS: dict[str, tuple[str, type]] = {
+FLOODS: dict[str, tuple[str, type[Message]]] = {
     "/truth": ("score", pb.Truth),
     "/pose": ("replay", pb.Pose),
     "/perturbation": ("score", pb.Perturbation),
@@ -181,9 +182,9 @@ FLOODS: dict[str, tuple[str, type]] = {
 NUMBER = 999
 
 
-def _flood(topic: str, verb: str, kind: type) -> None:
+def _flood(topic: str, verb: str, kind: type[Message]) -> None:
     def make(folder: Path) -> list[str]:
-        one = message(NUMBER, kind(sequence=1).SerializeToString() if topic == "/truth" else b"")
+        one = message(NUMBER, pb.Truth(sequence=1).SerializeToString() if kind is pb.Truth else b"")
         head = declared(NUMBER, kind.DESCRIPTOR.full_name, topic)
         count = CHUNK_BYTES // len(one)
         return [verb, str(flood(one, count, CHUNKS, head, folder / "hostile.mcap"))]

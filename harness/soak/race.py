@@ -89,7 +89,14 @@ def soak_race(count: int, seed: int, progress: Callable[[str], None], first: int
         failures += [f"round {number}: {one}" for one in wrong]
         if (number + 1) % 20 == 0:
             progress(f"race: up to {number + 1}, {len(failures)} failures")
-    return Raced(count, refused, *won, decisions, tuple(failures))
+    return Raced(
+        count=count,
+        refused=refused,
+        first_won=won[0],
+        second_won=won[1],
+        decisions=decisions,
+        failures=tuple(failures),
+    )
 
 
 def _chains_of(seed: int) -> list[str]:
