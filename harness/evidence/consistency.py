@@ -78,7 +78,7 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
             return altered  # a stack can fail before its first decision
         raise InputError(f"log '{log.path}': no decisions in it")
     subject = Subject(log, content, tuple(stretches(log)))
-    found = list(_numbering(subject))
+    found = [*_format(subject), *_numbering(subject)]
     if not found:  # the checks take the messages by number
         found = [one for check in CHECKS for one in check(subject)]
     return found + altered  # the digest tells no place, so whatever else was found comes first
@@ -102,6 +102,15 @@ def _digest(log: Log, content: Content) -> Iterator[Difference]:
         return
     if recorded != content.digest:
         yield Difference("content digest", recorded or "none", content.digest)
+
+
+def _format(subject: Subject) -> Iterator[Difference]:
+    """Only this format has grounds: under an older number replay would leave reasons out."""
+    version = subject.log.run["format_version"]
+    if version != FORMAT_VERSION and any(
+        one.HasField("grounds") for one in subject.content.decisions
+    ):
+        yield Difference("run.format_version", version, FORMAT_VERSION)
 
 
 def _numbering(subject: Subject) -> Iterator[Difference]:

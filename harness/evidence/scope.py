@@ -62,6 +62,8 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
 
 def _claims(log: Log) -> tuple[str, ...]:
     claims = ["stage latencies", "versions", "machine"]
+    if log.not_compared:
+        claims.append(f"{', '.join(log.not_compared)} of decisions, as an older format gave them")
     runs = stretches(log)
     if any(run.config.latency.mode == "measured" for run in runs):
         claims.append("measured delays")

@@ -42,11 +42,6 @@ def print_verification(console: Console, one: Verification) -> None:
         if one.failed == "simulation" and one.elsewhere:
             print_elsewhere(console, one.elsewhere)
         return
-    if one.violations:
-        console.print(
-            f"  the log is true, the robot broke its rule: {one.violations} violations "
-            "by 'wayproof audit'"
-        )
     print_scope(console, one.scope)
 
 
@@ -65,7 +60,9 @@ def _verdict(one: Verification) -> tuple[tuple[str, str] | str, ...]:
         without += " as far as it goes (the log breaks off)"
     return (
         ("verified", "bold green"),
-        f"{without}: {one.outcome}, {one.decisions} decisions {steps}{tail}",
+        f"{without}: {one.outcome}, {one.decisions} decisions {steps}",
+        (f"; audit: {one.violations} violations", "bold red") if one.violations else "",
+        tail,
     )
 
 
