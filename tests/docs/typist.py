@@ -34,6 +34,7 @@ from harness.bench import worlds as bench_worlds
 from harness.bench.stages import STAGES
 from harness.cli import main, verb_parsers
 from harness.config import from_document, override
+from harness.evidence.signature import new_key
 from harness.perturbations import perturbation_from
 from harness.study.file import PACKAGED, plan_episodes, read_study
 from harness.verbs.run import episode_name
@@ -231,6 +232,10 @@ class Typist:
 
     def _type_ours(self, words):
         verb = words[0]
+        if verb == "sign" and "--key" in words:
+            key = Path(words[words.index("--key") + 1])
+            if not key.exists():
+                new_key(key)
         if not self._whole:
             if verb == "study" and "--worlds" not in words:
                 words = [verb, smaller_study(words[1]), *words[2:], "--jobs", "1"]
