@@ -31,7 +31,7 @@ def record_check(path: Path, verdict: Verdict) -> None:
         "decision": str(verdict.finding.decision),
         "place": f"{x!r},{y!r},{z!r}",
         "answer": verdict.answer,
-        "simulated_s": f"{verdict.simulated_s:.3f}",
+        "simulated_s": repr(verdict.simulated_s),
         "checks": msgspec.json.encode(verdict.checks).decode(),
     }
     head = replace(head, metadata={**head.metadata, CHECK: fields})

@@ -261,7 +261,10 @@ def test_a_process_that_holds_on_leaves_a_whole_log(tmp_path, file):
     assert "in fail" in log.traceback
 
 
-def test_a_process_that_is_killed_leaves_a_whole_log_beside_packages_of_our_names(tmp_path, file):
+def test_a_process_that_is_killed_leaves_a_whole_log_beside_packages_of_our_names(
+    tmp_path, file, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)  # a relative name is looked for in the current folder
     (tmp_path / "planners").mkdir()
     (tmp_path / "planners" / "__init__.py").write_text("1 / 0\n")
     (tmp_path / "models.py").write_text("1 / 0\n")
