@@ -57,7 +57,8 @@ class Reason:
 
     Attributes:
         kind: Key of `MEANINGS`.
-        free_m: Length of the way ahead before the body overlaps `cell`, m.
+        free_m: Length of the way ahead that the body may enter, m; a long body's ends with a piece
+            of its path, and it overlaps `cell` on the next piece.
         path_m: What is left of the path, to its end, m.
         short_m: Straight distance from the path's end to the goal, if it ends elsewhere, m.
         stop_m: What the robot needs to stop, m.
@@ -138,19 +139,20 @@ MEANINGS: dict[Kind, Meaning] = {
         "{free_m:.2f} m admitted to a corner to stop at, {path_m:.2f} m of path left", ("follow",)
     ),
     "unknown_ahead": Meaning(
-        "unknown from {free_m:.2f} m on, at {cell}; full speed needs {full_speed_stop_m:.2f} m "
-        "to stop",
+        "{free_m:.2f} m admitted, then unknown at {cell}; full speed needs "
+        "{full_speed_stop_m:.2f} m to stop",
         DRIVING,
         ("unknown_ahead",),
     ),
     "blocked_ahead": Meaning(
-        "blocked from {free_m:.2f} m on, {cell_state} at {cell}; full speed needs "
+        "{free_m:.2f} m passable, then {cell_state} at {cell}; full speed needs "
         "{full_speed_stop_m:.2f} m to stop",
         DRIVING,
         ("path_blocked",),
     ),
     "through_unknown": Meaning(
-        "unknown from {free_m:.2f} m on, at {cell}, entered at {speed_percent:.0f} % of full speed",
+        "{free_m:.2f} m known, then unknown at {cell}, entered at {speed_percent:.0f} % of full "
+        "speed",
         ("slow",),
         ("unknown_ahead",),
     ),
@@ -189,12 +191,12 @@ MEANINGS: dict[Kind, Meaning] = {
         ("start_blocked",),
     ),
     "braking_before_unknown": Meaning(
-        "unknown from {free_m:.2f} m on, at {cell}; {stop_m:.2f} m needed to stop",
+        "{free_m:.2f} m admitted, then unknown at {cell}; {stop_m:.2f} m needed to stop",
         ("stop_and_wait",),
         ("unknown_ahead",),
     ),
     "braking_before_blocked": Meaning(
-        "blocked from {free_m:.2f} m on, {cell_state} at {cell}; {stop_m:.2f} m needed to stop",
+        "{free_m:.2f} m passable, then {cell_state} at {cell}; {stop_m:.2f} m needed to stop",
         ("stop_and_wait",),
         ("path_blocked",),
     ),
@@ -220,12 +222,12 @@ MEANINGS: dict[Kind, Meaning] = {
         ),
     ),
     "waiting_before_unknown": Meaning(
-        "unknown from {free_m:.2f} m on, at {cell}; less than {limit_m:.2f} m",
+        "{free_m:.2f} m admitted, then unknown at {cell}; less than {limit_m:.2f} m",
         WAITING,
         ("unknown_ahead",),
     ),
     "waiting_before_blocked": Meaning(
-        "blocked from {free_m:.2f} m on, {cell_state} at {cell}; less than {limit_m:.2f} m",
+        "{free_m:.2f} m passable, then {cell_state} at {cell}; less than {limit_m:.2f} m",
         WAITING,
         ("path_blocked",),
     ),

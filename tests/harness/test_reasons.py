@@ -230,7 +230,7 @@ def test_a_sentence_is_made_of_its_figures():
         cell_state="occupied",
         place=(1.0, 1.5, 3.0),
     )
-    text = "blocked from 0.40 m on, occupied at (1.00, 2.00, 3.00); 0.81 m needed to stop"
+    text = "0.40 m passable, then occupied at (1.00, 2.00, 3.00); 0.81 m needed to stop"
     assert sentence(reason) == text
     assert logged_reason(reason_message(reason)) == reason
 

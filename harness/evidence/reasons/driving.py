@@ -52,12 +52,13 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
     if not reason.free_m < reason.path_m or not len(scene.guide):
         yield "the corner is not on the path"
         return
-    turn = max(
-        # Near its begin a thinned path has no corner, but the one before it has.
-        turn_at(way, scene.path, nearest(way, scene.path[-1], scene)[0])
-        for way in (scene.guide, past.way)
-        if len(way) > 1
-    )
+    # Near its begin a thinned path has no corner, but the one before it has.
+    ways = [way for way in (scene.guide, past.way) if len(way) > 1]
+    ends = [nearest(way, scene.path[-1], scene)[0] for way in ways]
+    if scene.mission.discs:  # which may fit along less than what leads to the corner
+        begins = [nearest(way, scene.path[0], scene)[0] for way in ways]
+        ends = [begin + reason.free_m for begin in begins]
+    turn = max(turn_at(way, scene.path, end) for way, end in zip(ways, ends, strict=True))
     if turn < scene.config.behaviour.stop_corner - TURNED:
         yield f"the path turns by {turn:.2f} rad at {reason.free_m:.2f} m, which is no corner"
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.evidence.reasons.along import ARC, ARC_SHARE, NEAR, nearest, point_of, same
+from harness.evidence.reasons.along import ARC, ARC_SHARE, NEAR, nearest, point_of
 from harness.evidence.reasons.scene import Array, Scene, arcs_of, densely
 from harness.schema import wayproof_pb2 as pb
 
@@ -31,8 +31,18 @@ def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool
     if beside > BENT + offset:
         yield f"the place is {beside:.2f} m beside the way"
     slack = ARC + ARC_SHARE * reason.free_m + offset
-    yield from same("free_m", reason.free_m, arc - begin, slack)
+    if not -slack <= arc - begin - reason.free_m <= slack + _piece(scene, way, begin, reason):
+        yield f"free_m is {reason.free_m:.3f}, found {arc - begin:.3f}"
     yield from free_before(scene, way, reason.free_m - ARC, begin, unknown_blocks)
+
+
+def _piece(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> float:
+    """Length of the piece that a long body may not enter, m; other bodies enter a part of it."""
+    if not scene.mission.discs:
+        return 0.0
+    ends = arcs_of(way) - begin
+    beyond = ends[ends > reason.free_m + ARC]
+    return float(beyond[0]) - reason.free_m if len(beyond) else 0.0
 
 
 def _named(scene: Scene, reason: pb.Reason, unknown_blocks: bool) -> Iterator[str]:
