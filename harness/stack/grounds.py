@@ -138,10 +138,10 @@ def why_without_path(view: View, before: Memory, now: TrajectorySample) -> tuple
     if before.on_errand and length(guide) < ARRIVED:
         return Reason("at_viewpoint", path_m=0.0), "none"
     stop = stopping_distance(now.speed, now.acceleration, view.limits)
-    free = view.passable.free_length(guide)
-    if free < length(guide) - 1e-6:
-        found = obstruction.on_path(view, guide, free, unknown_blocks=False)
-        return _of("braking_before_blocked", found, free_m=free, stop_m=stop), "path_blocked"
+    free = view.admitted.free_length(guide)
+    if free < min(stop, length(guide) - 1e-6):  # no stretch of it is left that could be bent
+        found = obstruction.on_path(view, guide, free, view.unknown_blocks)
+        return ahead(BRAKES, found, stop_m=stop)
     x, y, z = view.goal.tolist()
     moved = distance(guide[-1], view.goal)
     return Reason("goal_place_moved", distance_m=moved, stop_m=stop, target=(x, y, z)), "none"

@@ -32,6 +32,9 @@ SAME_EDGE = 1e-3
 REACH = 0.3
 """A path of a long body is looked at in pieces of this length, m."""
 
+FINENESS = (1.0, 0.01)
+"""Shares of the steps along a path and of a turn: what only grazes a cell is found by the finer."""
+
 TURN_STEP = 0.02
 """Headings are looked at so far apart, rad."""
 
@@ -71,10 +74,12 @@ def on_path(view: View, path: Array, free_m: float, unknown_blocks: bool) -> Obs
     if view.admitted.discs:  # anything on the next edge, or in the turn at its end, may end it
         arcs = arc_lengths(path)
         reach, end = REACH, float(np.append(arcs[arcs > free_m + SAME_EDGE], free_m)[0])
-    for begin in np.arange(free_m, end + reach, reach).tolist():
-        beyond = begin + JUST_BEYOND * size + np.arange(0.0, reach, STEP * size)
+    for fineness, begin in itertools.product(
+        FINENESS, np.arange(free_m, end + reach, reach).tolist()
+    ):
+        beyond = begin + JUST_BEYOND * size + np.arange(0.0, reach, fineness * STEP * size)
         arcs = np.minimum(beyond, length(path))
-        poses = _headed(view, path, arcs)  # more than arcs where a long body turns
+        poses = _headed(view, path, arcs, fineness * TURN_STEP)
         found = _first(view, poses, np.full(len(poses), free_m), unknown_blocks)
         if found.cell is not None:
             break
@@ -102,15 +107,18 @@ def _poses(position: Array, headings: Array) -> Array:
     return np.column_stack((np.tile(position, (len(headings), 1)), headings))
 
 
-def _headed(view: View, path: Array, arcs: Array) -> Array:
-    """Poses (m, 4) on a path; a long body heads along it, and turns at its points."""
+def _headed(view: View, path: Array, arcs: Array, turn_step: float) -> Array:
+    """Poses (m, 4) on a path; a long body heads along it, and turns at its points.
+
+    Where it turns there are more than arcs, so far apart [rad].
+    """
     poses = []
     before = heading_at(path, max(float(arcs[0]) - SAME_EDGE, 0.0))
     for arc in arcs.tolist():
         point, heading = point_at(path, arc), heading_at(path, arc)
         if view.admitted.discs:
             turn = wrapped(heading - before)
-            steps = np.linspace(0.0, turn, max(math.ceil(abs(turn) / TURN_STEP), 1) + 1)
+            steps = np.linspace(0.0, turn, max(math.ceil(abs(turn) / turn_step), 1) + 1)
             poses += [(*point, before + step) for step in steps.tolist()]
         else:
             poses.append((*point, heading))
@@ -131,7 +139,13 @@ def _first(view: View, poses: Array, along: Array, unknown_blocks: bool) -> Obst
     places = np.rint(places / GRAIN) * GRAIN
     cells = np.floor((places - origin) / size).astype(np.int64)
     found, states = _wrong_cells(view, cells.reshape(-1, 3), int(thresholds.max()), unknown_blocks)
-    for n, side, k in np.ndindex(*cells.shape[:3]) if len(found) else ():
+    seen: set[tuple[int, ...]] = set()
+    order = np.ndindex(*cells.shape[:3]) if len(found) else ()
+    for n, side, k in order:
+        key = (k, *cells[n, side, k].tolist())
+        if key in seen:
+            continue
+        seen.add(key)
         squared = np.square(found - cells[n, side, k]).sum(axis=1)
         nearest = int(squared.argmin())
         if squared[nearest] <= thresholds[k]:

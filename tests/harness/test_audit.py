@@ -11,10 +11,10 @@ from harness.cli import main
 from harness.config import Config
 from harness.evidence.audit import audit, densely
 from harness.evidence.audit.body import BESIDE, Body
-from harness.evidence.audit.cells import columns
 from harness.evidence.audit.moment import Moment
 from harness.evidence.audit.run import judge, moments
 from harness.evidence.audit.way import judge_way
+from harness.evidence.cells import columns
 from harness.inputs import Inputs, Pose
 from harness.logs.container import walk
 from harness.logs.log_copy import write_copy

@@ -8,8 +8,8 @@ and that ends at rest.
 """
 
 from harness.evidence.audit.moment import Moment, Violation
-from harness.evidence.audit.paths import densely
 from harness.evidence.audit.run import CHECKS, Audit, audit
 from harness.evidence.audit.volumes import Volumes, together
+from harness.evidence.paths import densely
 
 __all__ = ["CHECKS", "Audit", "Moment", "Violation", "Volumes", "audit", "densely", "together"]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.config import Config
-from harness.evidence.audit.cells import SPACING, Cells, cells_around
-from harness.evidence.audit.paths import SAME_PLACE, Array, arc_lengths, densely, length
+from harness.evidence.cells import SPACING, Cells, cells_around
+from harness.evidence.paths import SAME_PLACE, Array, arc_lengths, densely, length
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import path_of

@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.config import Config
 from harness.evidence.audit.body import Body
-from harness.evidence.audit.paths import Array
+from harness.evidence.paths import Array
 from harness.logs.reader import Record
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from harness.evidence.audit.moment import Moment, Violation, apart
-from harness.evidence.audit.paths import SAME_PLACE, length, place_at, speed_at
+from harness.evidence.paths import SAME_PLACE, length, place_at, speed_at
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import path_of
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from harness.evidence.audit.cells import cells_around
 from harness.evidence.audit.moment import Moment, Violation
-from harness.evidence.audit.paths import length
+from harness.evidence.cells import cells_around
+from harness.evidence.paths import length
 from harness.mission import Mission
 
 ROUNDING = 1e-9

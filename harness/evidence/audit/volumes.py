@@ -15,7 +15,7 @@ import numpy as np
 
 from harness.evidence.audit.body import BESIDE, Discs, track_of
 from harness.evidence.audit.moment import Moment
-from harness.evidence.audit.paths import Array
+from harness.evidence.paths import Array
 
 
 @dataclass(frozen=True)

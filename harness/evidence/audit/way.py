@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.evidence.audit.body import Discs, track_of
 from harness.evidence.audit.moment import Moment, Violation
-from harness.evidence.audit.paths import Array, length, rest_of, runs_along, speed_at
+from harness.evidence.paths import Array, length, rest_of, runs_along, speed_at
 from harness.stack.decision import path_of
 
 SLOWLY = 0.3

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.evidence.reasons.scene import Array, Scene, arcs_of, densely
+from harness.evidence.paths import Array, arc_lengths, densely, length
+from harness.evidence.reasons.scene import Scene
 from harness.inputs import heading_of
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
 
 NEAR = 1e-3
 """Figures that are worked out in two ways differ by less, m, s and rad."""
@@ -38,29 +38,24 @@ def point_of(point: pb.Point) -> Array:
     return np.array([point.x, point.y, point.z])
 
 
-def length_of(path: Array) -> float:
-    """Arc length of a path (n, 3), m."""
-    return float(arcs_of(path)[-1])
-
-
 def nearest(way: Array, place: Array, scene: Scene) -> tuple[float, float]:
     """Arc length of the point of a way nearest to a place, and how far that is, m."""
     points = densely(way, 0.01)
     gaps = np.linalg.norm((points - place)[:, : scene.axes], axis=1)
     nearest = int(gaps.argmin())
-    return float(arcs_of(points)[nearest]), float(gaps[nearest])
+    return float(arc_lengths(points)[nearest]), float(gaps[nearest])
 
 
 def left_of(way: Array, place: Array) -> float:
     """Arc length from the point of a way nearest to a place, in the plane, to its end, m."""
     points = densely(way, 0.01)
     nearest = int(np.linalg.norm((points - place)[:, :2], axis=1).argmin())
-    return length_of(points) - float(arcs_of(points)[nearest])
+    return length(points) - float(arc_lengths(points)[nearest])
 
 
 def direction(way: Array, begin: float, end: float) -> float:
     """Heading from one arc length of a way to another, rad."""
-    arcs = arcs_of(way)
+    arcs = arc_lengths(way)
     x, y = (np.interp(end, arcs, way[:, k]) - np.interp(begin, arcs, way[:, k]) for k in range(2))
     return heading_of(float(y), float(x))
 
@@ -70,7 +65,7 @@ def turn_at(way: Array, committed: Array, arc: float) -> float:
 
     Among them those that the committed part ends with, which is not thinned.
     """
-    steps = [_steps_near(way, arc), _steps_near(committed, length_of(committed))]
+    steps = [_steps_near(way, arc), _steps_near(committed, length(committed))]
     pieces = np.concatenate(steps)
     cosine = float((pieces @ pieces.T).min()) if len(pieces) else 1.0
     return math.acos(min(max(cosine, -1.0), 1.0))
@@ -79,7 +74,7 @@ def turn_at(way: Array, committed: Array, arc: float) -> float:
 def _steps_near(way: Array, arc: float) -> Array:
     """Directions (n, 3) of the pieces of a way within `CORNER` of an arc length."""
     points = densely(way, 0.02)
-    arcs = arcs_of(points)
+    arcs = arc_lengths(points)
     near = (arcs[1:] >= arc - CORNER) & (arcs[:-1] <= arc + CORNER)
     steps = np.diff(points, axis=0)[near]
     lengths = np.linalg.norm(steps, axis=1)
@@ -96,12 +91,3 @@ def heading_of_body(decision: pb.Decision) -> float:
     """Of a decision's pose, rad."""
     w, x, y, z = decision.quaternion
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def place_at(trajectory: pb.Trajectory, time_ns: int) -> Array:
-    """Where a trajectory is at a time, (3,) m."""
-    elapsed = (time_ns - trajectory.start.ToNanoseconds()) * 1e-9
-    samples = np.arange(len(trajectory.arc_length)) * trajectory.sample_period_s
-    along = float(np.interp(elapsed, samples, np.array(trajectory.arc_length)))
-    path = path_of(trajectory.path)
-    return np.array([np.interp(along, arcs_of(path), path[:, axis]) for axis in range(3)])

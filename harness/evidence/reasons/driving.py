@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from harness.evidence.paths import length
 from harness.evidence.reasons.along import (
     NEAR,
     direction,
     heading_of_body,
-    length_of,
     nearest,
     same,
     same_arc,
@@ -21,6 +21,12 @@ from harness.evidence.reasons.past import STILL, Past
 from harness.evidence.reasons.scene import Scene
 from harness.evidence.reasons.stopping import stop_from, stops
 from harness.schema import wayproof_pb2 as pb
+
+FIRST_PIECES = (0.1, 0.2, 0.3)
+"""A path may bend at once: where it leads is looked at over these lengths, m."""
+
+TURNED_INTO = 0.5
+"""So far is the direction in which a path begins from that of its thinned form, rad."""
 
 TURNED = 0.35
 """So far is the direction of a path from that of its thinned form, or a body off its heading, rad.
@@ -34,7 +40,7 @@ def path_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
         return
     yield from free_before(scene, scene.guide, math.inf)
     if not scene.mission.discs:
-        yield from same("path_m", reason.path_m, length_of(scene.path))
+        yield from same("path_m", reason.path_m, length(scene.path))
 
 
 def braking_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
@@ -81,18 +87,19 @@ def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
     if scene.config.map.unknown_policy != "penalize":
         yield f"unknown policy {scene.config.map.unknown_policy}"
     yield from same("speed_share", reason.speed_share, scene.config.behaviour.penalized_speed)
-    if reason.free_m > length_of(scene.path) + NEAR:
+    if reason.free_m > length(scene.path) + NEAR:
         yield "what is unknown lies beyond the committed part"
 
 
 def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The body stays in its place and turns to where the path leads."""
-    if length_of(scene.path) >= STILL:
+    if length(scene.path) >= STILL:
         yield "the trajectory leaves its place"
     towards = heading_of_body(scene.decision) + reason.turn_rad
-    first = direction(scene.guide, 0.0, 0.3)
-    off = min(abs(wrapped(towards - first)), abs(wrapped(towards - first - math.pi)))
-    if off > TURNED:
+    firsts = [direction(scene.guide, 0.0, reach) for reach in FIRST_PIECES]
+    turns = [towards - first - tail for first in firsts for tail in (0.0, math.pi)]
+    off = min(abs(wrapped(turn)) for turn in turns)
+    if off > TURNED_INTO:
         yield f"the path leads {off:.2f} rad off where it turns to"
 
 
@@ -109,16 +116,16 @@ def _path_ends(scene: Scene, reason: pb.Reason) -> Iterator[str]:
         yield "it names no path"
         return
     yield from same("path_m", reason.path_m, scene.decision.path_length_m)
-    yield from same_arc("path_m", reason.path_m, length_of(scene.guide))
+    yield from same_arc("path_m", reason.path_m, length(scene.guide))
     beside = scene.apart(scene.guide[-1], scene.goal)
     yield from same("short_m", reason.short_m, beside, 0.011)
 
 
-def _committed(scene: Scene, length: float) -> Iterator[str]:
+def _committed(scene: Scene, free: float) -> Iterator[str]:
     """The committed part is that long; a long body may fit along less of it."""
-    committed = length_of(scene.path)
+    committed = length(scene.path)
     if scene.mission.discs:
-        if committed > length + NEAR:
-            yield f"{length:.3f} m are free, {committed:.3f} m committed"
+        if committed > free + NEAR:
+            yield f"{free:.3f} m are free, {committed:.3f} m committed"
         return
-    yield from same("free_m", length, committed)
+    yield from same("free_m", free, committed)

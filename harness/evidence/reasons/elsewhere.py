@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.evidence.reasons.along import NEAR, length_of, place_at, point_of, same
+from harness.evidence.paths import Array, length, place_at
+from harness.evidence.reasons.along import NEAR, point_of, same
 from harness.evidence.reasons.overlap import overlapped_here
 from harness.evidence.reasons.past import Past
-from harness.evidence.reasons.scene import Array, Scene
+from harness.evidence.reasons.scene import Scene
 from harness.schema import wayproof_pb2 as pb
 
 
@@ -34,7 +35,7 @@ def backing_up(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 def at_viewpoint(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """It comes to rest where its way elsewhere led to."""
-    yield from same("path_m", reason.path_m, length_of(scene.path))
+    yield from same("path_m", reason.path_m, length(scene.path))
     if not len(past.way) or scene.apart(scene.path[-1], past.way[-1]) > 0.2:
         yield "its way did not lead there"
 
@@ -55,7 +56,7 @@ def off_trajectory(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 def escaping_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The body overlaps a cell where it stands, and steps out."""
     yield from overlapped_here(scene, reason)
-    yield from same("distance_m", reason.distance_m, length_of(scene.path))
+    yield from same("distance_m", reason.distance_m, length(scene.path))
 
 
 def turning_out_of_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:

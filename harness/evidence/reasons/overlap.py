@@ -7,12 +7,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from harness.evidence.paths import Array, arc_lengths, densely
 from harness.evidence.reasons.along import ARC, ARC_SHARE, NEAR, nearest, point_of
-from harness.evidence.reasons.scene import Array, Scene, arcs_of, densely
+from harness.evidence.reasons.scene import Scene
 from harness.schema import wayproof_pb2 as pb
 
 BENT = 0.1
 """So far is a path from its thinned form, m."""
+
+FACE = 1e-4
+"""So near to the face of a cell a place lies on it, cells."""
 
 PIECE = 20
 """So many places of a way, half a cell apart, are looked at together."""
@@ -40,7 +44,7 @@ def _piece(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> float:
     """Length of the piece that a long body may not enter, m; other bodies enter a part of it."""
     if not scene.mission.discs:
         return 0.0
-    ends = arcs_of(way) - begin
+    ends = arc_lengths(way) - begin
     beyond = ends[ends > reason.free_m + ARC]
     return float(beyond[0]) - reason.free_m if len(beyond) else 0.0
 
@@ -56,8 +60,11 @@ def _named(scene: Scene, reason: pb.Reason, unknown_blocks: bool) -> Iterator[st
         yield f"the cell is {state}, not {reason.cell_state or 'named'}"
     if state == "free" or (state == "unknown" and not unknown_blocks):
         yield f"the body may overlap what is {state}"
-    centres = np.floor(np.stack([cell, place])[:, : scene.axes] / scene.size + _shift(scene))
-    away = float(np.linalg.norm(centres[0] - centres[1]))
+    here, there = np.stack([cell, place])[:, : scene.axes] / scene.size + _shift(scene)
+    # A place on a face, rounded as it is logged, may lie in the cell on either side of it.
+    sides = [np.floor(there - FACE), np.floor(there + FACE)]
+    centres = np.stack(np.meshgrid(*np.transpose(sides)), axis=-1).reshape(-1, scene.axes)
+    away = float(np.linalg.norm(np.floor(here) - centres, axis=1).min())
     if away > scene.reach(max(scene.radii)) + NEAR:
         yield f"the cell is {away * scene.size:.2f} m from the place, out of reach of the body"
 
@@ -78,7 +85,7 @@ def free_before(
     if not scene.comparable:
         return
     points = densely(way, 0.5 * scene.size)
-    arcs = arcs_of(points) - begin
+    arcs = arc_lengths(points) - begin
     points = points[(arcs >= 0.0) & (arcs <= length)]
     reach = scene.reach(min(scene.radii))
     blocks = scene.unknown_blocks if unknown_blocks is None else unknown_blocks

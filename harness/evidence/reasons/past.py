@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.evidence.reasons.scene import Array, arcs_of
+from harness.evidence.paths import Array, length
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import path_of
 
@@ -60,7 +60,7 @@ class Past:
             label=decision.label,
             action=decision.action,
             grounds=decision.grounds,
-            moves=bool(arcs_of(path)[-1] >= STILL),
+            moves=length(path) >= STILL,
             position=np.array(decision.position),
         )
         self.trajectories = [*self.trajectories[-9:], decision.trajectory]

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.evidence.reasons.along import NEAR, left_of, length_of, point_of, same, same_arc
+from harness.evidence.paths import length
+from harness.evidence.reasons.along import NEAR, left_of, point_of, same, same_arc
 from harness.evidence.reasons.overlap import obstructed
 from harness.evidence.reasons.past import Past
 from harness.evidence.reasons.scene import Scene
@@ -20,7 +21,7 @@ def braking_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     blocked = reason.kind == "braking_before_blocked"
     yield from obstructed(scene, reason, past.way, scene.unknown_blocks and not blocked)
     yield from stops(scene, reason)
-    if not reason.free_m < reason.stop_m:
+    if reason.free_m > reason.stop_m:
         yield f"{reason.free_m:.2f} m are free, and {reason.stop_m:.2f} m enough to stop"
 
 
@@ -45,7 +46,7 @@ def goal_place_moved(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[st
 
 def coming_to_rest(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """It stops, and no decision since that one has had a path."""
-    yield from same("path_m", reason.path_m, length_of(scene.path))
+    yield from same("path_m", reason.path_m, length(scene.path))
     steps = past.since(reason.since, scene.decision.sequence)
     if not steps:
         yield f"there is no earlier decision {reason.since}"
@@ -91,12 +92,16 @@ def deadline_missed(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
 
 def stops(scene: Scene, reason: pb.Reason) -> Iterator[str]:
     """What it takes to stop is what the trajectory takes."""
-    yield from same("stop_m", reason.stop_m, length_of(scene.path), 0.012)
+    yield from same("stop_m", reason.stop_m, length(scene.path), 0.012)
     arcs = np.array(scene.decision.trajectory.arc_length)
     period, limits = scene.decision.trajectory.sample_period_s, scene.mission
-    speed = float((arcs[1] - arcs[0]) / period) if len(arcs) > 1 else 0.0
-    faster = speed + 2.0 * period * limits.max_acceleration
-    if reason.stop_m > stop_from(faster, limits) + NEAR:
+    speeds = np.diff(np.append(arcs, np.repeat(arcs[-1], 2))) / period
+    speed = float(speeds[0])
+    # What still accelerates gains speed until its jerk has taken the acceleration back.
+    rise = float(speeds[1] - speeds[0]) / period + limits.max_jerk * period
+    rise = min(max(rise, 0.0), limits.max_acceleration)
+    faster = speed + 2.0 * period * limits.max_acceleration + rise**2 / (2.0 * limits.max_jerk)
+    if reason.stop_m > stop_from(faster, limits) + faster * rise / limits.max_jerk + NEAR:
         yield f"from {speed:.2f} m/s it could stop in less than {reason.stop_m:.2f} m"
 
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.evidence.reasons.along import NEAR, length_of, same
+from harness.evidence.paths import length
+from harness.evidence.reasons.along import NEAR, same
 from harness.evidence.reasons.overlap import has_room, obstructed, overlapped, overlapped_here
 from harness.evidence.reasons.past import STILL, Past
 from harness.evidence.reasons.scene import Scene
@@ -109,7 +110,7 @@ def _waited(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
         yield f"no decision was made {reason.waited_s:.2f} s ago"
     elif numbers and any(one.moves for one in past.since(numbers[0], scene.decision.sequence)):
         yield f"it has moved within {reason.waited_s:.2f} s"
-    if length_of(scene.path) >= STILL:
+    if length(scene.path) >= STILL:
         yield "it moves"
     behaviour = scene.config.behaviour
     if (reason.frontier or reason.HasField("places")) and reason.waited_s < behaviour.patience:

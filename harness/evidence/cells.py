@@ -1,4 +1,8 @@
-"""States of the single cells around a path, and distances between them, by slow code."""
+"""States of the single cells around a path, and distances between them, by slow code.
+
+It shares nothing with the costmap that decisions were made on, so that the audit and the check of
+reasons hold these against something else.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.config import Config
-from harness.evidence.audit.paths import Array, densely
+from harness.evidence.paths import Array, densely
 from harness.mission import Mission
 from maps import FREE, OCCUPIED, UNKNOWN, Representation, states_in
 
@@ -25,6 +29,12 @@ SLIVER = 1e-7
 
 SHELL = 512
 """Cells that are looked at together, from each cell of a path."""
+
+OUTSIDE = 3
+"""State of a cell that lies outside of the operating area: as good as occupied."""
+
+NAMES = {FREE: "free", UNKNOWN: "unknown", OCCUPIED: "occupied", OUTSIDE: "outside"}
+"""Of the states, as reasons name them."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +59,27 @@ class Cells:
     @property
     def occupied(self) -> Mask:
         """Which are occupied, or as good as that."""
-        occupied: Mask = self.states == OCCUPIED
+        occupied: Mask = (self.states == OCCUPIED) | (self.states == OUTSIDE)
         return occupied
 
     @property
     def not_free(self) -> Mask:
-        """Which are occupied or unknown."""
+        """Which are occupied, as good as that, or unknown."""
         not_free: Mask = self.states != FREE
         return not_free
+
+    def wrong(self, unknown_blocks: bool) -> Mask:
+        """Which the body may not overlap."""
+        return self.not_free if unknown_blocks else self.occupied
+
+    def clearances(self, unknown_blocks: bool) -> Array:
+        """Distance of each centre to the nearest one that the body may not overlap, cells."""
+        from scipy import ndimage
+
+        wrong = np.pad(self.wrong(unknown_blocks), 1, constant_values=True)
+        inner = (slice(1, -1),) * self.axes
+        distances: Array = ndimage.distance_transform_edt(~wrong)[inner]
+        return distances
 
     def of(self, points: Array) -> Integers:
         """The cells (n, 2 or 3) that points (n, 3), m, lie in."""
@@ -136,24 +159,28 @@ def cells_around(
     states = states_in(
         voxel_map, corner + 0.25 * size, (end - (0.0, 0.0, 0.75)) * size - 0.25 * size
     )
-    fence(states, corner, size, config, mission)
-    if not flat:
-        return Cells(states, corner, size)
-    return Cells(columns(states, float(corner[2]), size, mission), corner[:2], size)
+    if flat:
+        states, corner = columns(states, float(corner[2]), size, mission), corner[:2]
+    return Cells(fenced(states, corner, size, config, mission), corner, size)
 
 
-def fence(
+def fenced(
     states: NDArray[np.uint8], corner: Array, size: float, config: Config, mission: Mission
-) -> None:
-    """What does not lie wholly or partly inside the operating area is as good as occupied."""
-    low, high = np.array(mission.low), np.array(mission.high)
-    for axis in range(2 if mission.motion == "ground" else 3):
+) -> NDArray[np.uint8]:
+    """The states with `OUTSIDE` where a cell does not lie partly inside the operating area.
+
+    In height it must lie wholly between the altitudes of the configuration.
+    """
+    states = states.copy()
+    for axis in range(states.ndim):
+        low, high = mission.low[axis], mission.high[axis]
         edges = corner[axis] + np.arange(states.shape[axis]) * size
-        outside = (edges + size <= low[axis] + SLIVER) | (edges >= high[axis] - SLIVER)
+        outside = (edges + size <= low + SLIVER) | (edges >= high - SLIVER)
         if axis == 2:
             bottom, top = config.motion.altitude_low, config.motion.altitude_high
             outside |= (edges < bottom - SLIVER) | (edges + size > top + SLIVER)
-        states[(slice(None),) * axis + (outside,)] = OCCUPIED
+        states[(slice(None),) * axis + (outside,)] = OUTSIDE
+    return states
 
 
 def columns(
