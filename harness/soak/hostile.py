@@ -150,11 +150,16 @@ def _run(arguments: list[str], folder: Path, tell: Callable[[str], None]) -> Non
     mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (mapped + ADDRESS_SPACE, mapped + ADDRESS_SPACE))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
-    with (
-        contextlib.redirect_stdout(io.StringIO()),
-        contextlib.redirect_stderr(io.StringIO()) as said,
-    ):
-        code = main(arguments)
-    for line in said.getvalue().splitlines():
-        tell(line)
+    with tempfile.TemporaryFile("w+") as said:
+        os.dup2(said.fileno(), 2)  # a library writes to the descriptor itself
+        with (
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(
+                io.TextIOWrapper(os.fdopen(2, "wb", 0, closefd=False), write_through=True)
+            ),
+        ):
+            code = main(arguments)
+        said.seek(0)
+        for line in said.read().splitlines():
+            tell(line)
     os._exit(code)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +38,9 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     except ImportError:
         raise Unreadable(path, "OctoMaps need pyoctomap: pip install pyoctomap") from None
     tree = pyoctomap.OcTree(0.1)
-    if not tree.readBinary(str(path)):
+    with _silent_library():
+        read = tree.readBinary(str(path))
+    if not read:
         raise Unreadable(path, "no binary OctoMap")
     cell = float(tree.getResolution())
     leaves = []
@@ -51,8 +56,23 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     sides = np.rint(table[:, 3] / cell).astype(np.int64)
     low, high = first.min(axis=0), (first + sides[:, None]).max(axis=0)
     if np.prod((high - low).astype(np.float64)) > MOST_CELLS:
-        raise Unreadable(path, f"{tuple(high - low)} cells, expected at most {MOST_CELLS}")
+        shape = " x ".join(map(str, (high - low).tolist()))
+        raise Unreadable(path, f"{shape} cells, expected at most {MOST_CELLS}")
     occupied = np.zeros(tuple(high - low), np.bool_)
     for (i, j, k), side in zip((first - low).tolist(), sides.tolist(), strict=True):
         occupied[i : i + side, j : j + side, k : k + side] = True
     return Found(parts=cell_boxes(path, occupied, cell, vector(low * cell)))
+
+
+@contextmanager
+def _silent_library() -> Iterator[None]:
+    """Discard what the C++ library prints about a broken file: one line of ours says it."""
+    stderr = os.dup(2)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 2)
+    try:
+        yield
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(nothing)
