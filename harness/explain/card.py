@@ -237,7 +237,7 @@ def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[Bl
     states = costmap.state
     wrong = states != FREE if costmap.config.unknown_policy == "forbid" else states == OCCUPIED
     found = np.argwhere(wrong)
-    centres = costmap.origin + (found + 0.5) * size
+    centres = np.round(costmap.origin + (found + 0.5) * size, 9)  # as a reason prints them
     gaps = np.linalg.norm(centres - place, axis=1)
     nearest = np.argsort(gaps, kind="stable")[:SHOWN_CELLS]
     nearest = nearest[gaps[nearest] <= radius + size]
