@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -15,8 +16,8 @@ from harness.schema import wayproof_pb2 as pb
 from harness.worlds import find_world, perturbed, told_world
 from models.checks import check
 from models.devices import DepthCamera, Device, Rangefinder
-from models.robots import Robot, RobotSpec
-from models.scene import PREFIX, Scene, compose, device_name, resolve
+from models.robots import ROBOTS, Robot, RobotSpec
+from models.scene import PREFIX, Scene, bind, compose, device_name, resolve
 from models.sensors import Caster
 from models.worlds import World, shortest_path_length
 from models.worlds.solvability import AIR_BANDS
@@ -97,6 +98,30 @@ def build(config: Config, world: World | None = None) -> Scenario:
         spec=spec,
         warnings=_inspect(scene, world, config),
     )
+
+
+def edit_scene(scenario: Scenario, edit: Callable[[mujoco.MjSpec], None]) -> Scenario:
+    """The scenario of a registered robot with its scene changed and compiled anew.
+
+    The world keeps what it was generated from, so only the scene knows of the change.
+    """
+    spec = mujoco.MjSpec.from_string(scenario.scene.mjcf)
+    edit(spec)
+    spec.compile()
+    config = scenario.config
+    scene = bind(spec.to_xml(), ROBOTS[config.robot], config.sensors, config.threads)
+    return replace(scenario, scene=scene)
+
+
+def make_transparent(scenario: Scenario, is_glass: Callable[[str], bool]) -> Scenario:
+    """The scenario with the geoms of some names invisible to every beam, as glass is to a lidar."""
+
+    def clear(spec: mujoco.MjSpec) -> None:
+        for geom in spec.geoms:
+            if is_glass(geom.name):
+                geom.rgba = [0.8, 0.9, 1.0, 0.0]
+
+    return edit_scene(scenario, clear)
 
 
 def _compose(world: World, robot: Robot, config: Config) -> Scene:

@@ -11,16 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
-import mujoco
 import numpy as np
 
 from harness.cause.reckless import Reckless
 from harness.config import Config, override
 from harness.errors import unknown_name
-from harness.scenario import Scenario, build
+from harness.scenario import Scenario, build, make_transparent
 from harness.stack.navigator import Navigator
-from models.robots import ROBOTS
-from models.scene import bind
 from models.worlds import Box, Mover, World
 from models.worlds.layout import room_walls
 from models.worlds.solids import Solid
@@ -116,14 +113,7 @@ def _glazed(scenario: Scenario) -> Scenario:
     """The scenario with its glass made invisible to every beam, as it is to a lidar."""
     if GLASS not in scenario.scene.mjcf:
         return scenario
-    spec = mujoco.MjSpec.from_string(scenario.scene.mjcf)
-    for geom in spec.geoms:
-        if geom.name.startswith(GLASS):
-            geom.rgba = [0.8, 0.9, 1.0, 0.0]
-    spec.compile()
-    config = scenario.config
-    scene = bind(spec.to_xml(), ROBOTS[config.robot], config.sensors, config.threads)
-    return replace(scenario, scene=scene)
+    return make_transparent(scenario, lambda name: name.startswith(GLASS))
 
 
 def _missed_obstacle(rng: np.random.Generator) -> Plant:

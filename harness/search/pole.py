@@ -11,16 +11,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
-
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.perturbations import AnyPerturbation
-from harness.scenario import Scenario, build
+from harness.scenario import Scenario, build, make_transparent
 from harness.search.hunt import Tried
 from harness.search.space import Space
-from models.robots import ROBOTS
-from models.scene import bind
 from models.worlds import Cylinder, World
 from models.worlds.layout import room_walls
 
@@ -48,13 +44,7 @@ def pole_room(perturbation: AnyPerturbation | None) -> Scenario:
     )
     config = override(Config(world.name, "drone", 0), SETTINGS)
     scenario = build(replace(config, perturbation=perturbation), world)
-    spec = mujoco.MjSpec.from_string(scenario.scene.mjcf)
-    for geom in spec.geoms:
-        if geom.name.startswith(GLASS):
-            geom.rgba = [0.8, 0.9, 1.0, 0.0]  # beams go through what cannot be seen
-    spec.compile()
-    scene = bind(spec.to_xml(), ROBOTS["drone"], scenario.config.sensors)
-    return replace(scenario, scene=scene)
+    return make_transparent(scenario, lambda name: name.startswith(GLASS))
 
 
 def cross_pole_room(perturbations: Sequence[AnyPerturbation]) -> Iterator[Tried]:
