@@ -15,11 +15,12 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 from rich.console import Console
 
-from harness.cause.breaks import KINDS, WHERE, Broken
+from harness.cause.breaks import KINDS, Broken
 from harness.cause.case import read_case
 from harness.cause.check import check
 from harness.cause.confusion import Matrix, right, run_with, table
@@ -77,8 +78,8 @@ class Failure:
 
 def attempts(kind: str, most: int = ATTEMPTS) -> Iterator[tuple[str, str, int]]:
     """World, robot and seed of every attempt at a kind."""
-    first = 0 if kind in WHERE else 3 * sorted(KINDS).index(kind)
-    where = WHERE.get(kind, COMBINATIONS)
+    where = KINDS[kind].where or COMBINATIONS
+    first = 0 if KINDS[kind].where else crc32(kind.encode())
     for number in range(most):
         rounds = number // (2 * len(where))
         world, robot = where[(number // 2 + first) % len(where)]
@@ -91,7 +92,7 @@ class Maker:
     def __init__(self, folder: Path, console: Console) -> None:
         """Go on with what the folder holds."""
         self._folder, self._console = folder, console
-        self._sound: dict[tuple[str, str, int], tuple[Scenario, Result | None]] = {}
+        self._sound: dict[tuple[str, ...], tuple[Scenario, Result | None]] = {}
 
     def make(self, kind: str, count: int) -> list[Failure]:
         """So many failures of a kind in each half, or as many as the attempts give."""
@@ -105,14 +106,13 @@ class Maker:
         return failures
 
     def _attempt(self, kind: str, world: str, robot: str, seed: int) -> Failure | None:
-        sound, result = self._run_sound(world, robot, seed)
-        if result is None:
-            return None
-        cause, breaks = KINDS[kind]
-        rng = np.random.default_rng([seed, *kind.encode(), *world.encode(), *robot.encode()])
         name = f"{kind}-{world}-{robot}-{seed}.mcap"
+        rng = np.random.default_rng([seed, *kind.encode(), *world.encode(), *robot.encode()])
         try:
-            broken = breaks(sound, result, rng)
+            sound, result = self._run_sound(world, robot, seed, KINDS[kind].base)
+            if result is None:
+                return None
+            broken = KINDS[kind].breaks(sound, result, rng)
             made = run_broken(broken, sound, self._folder / name)
         except (InputError, ValueError) as error:
             self._console.print(f"{name}: {error}", soft_wrap=True)
@@ -123,14 +123,16 @@ class Maker:
         if not failed:
             (self._folder / name).unlink()
             return None
-        return Failure(kind, cause, world, robot, seed, made.outcome, name)
+        return Failure(kind, KINDS[kind].cause, world, robot, seed, made.outcome, name)
 
-    def _run_sound(self, world: str, robot: str, seed: int) -> tuple[Scenario, Result | None]:
+    def _run_sound(
+        self, world: str, robot: str, seed: int, base: tuple[str, ...]
+    ) -> tuple[Scenario, Result | None]:
         """The unbroken episode; no result unless it reaches its goal."""
-        key = world, robot, seed
+        key = world, robot, str(seed), *base
         if key not in self._sound:
             document = {"world": world, "robot": robot, "seed": seed}
-            scenario = build(override(from_document(document), SETTINGS))
+            scenario = build(override(from_document(document), (*SETTINGS, *base)))
             path = self._folder / "sound.mcap"
             result = run_episode(scenario, path, record="decisions")
             path.unlink()

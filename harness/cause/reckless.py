@@ -1,4 +1,4 @@
-"""A stack that disregards its map: what a failure of the stack itself looks like."""
+"""Stacks that disregard their maps: what a failure of the stack itself looks like."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from harness.stack.navigator import Navigator
 from harness.stack.reasons import Reason
 from harness.stack.view import Choice, Memory, View, length
-from planners import follow_path
+from planners import Disc, follow_path
 
 
 class Reckless(Navigator):
@@ -28,3 +28,13 @@ class Reckless(Navigator):
         reason = Reason("path_to_goal", path_m=length(straight.path))
         choice = Choice("follow", reason, "none", straight, straight.path)
         return choice, replace(memory, trajectory=straight, guide=straight.path), view
+
+
+class Uninflated(Navigator):
+    """A stack that takes its body for a point, though it knows its radius."""
+
+    def _threshold(self, wide: bool) -> int:
+        return 1
+
+    def _discs(self) -> tuple[Disc, ...]:
+        return ()

@@ -325,22 +325,22 @@ def test_attempts_take_both_halves_in_turn():
         assert len(set(tried)) == len(tried)
 
 
-TOGETHER = {"slim": ["settings", "told"], "retentive": ["settings", "world"]}
+TOGETHER = {"retentive": ["settings", "world"]}
 """Fields of kinds whose one broken assumption takes two."""
 
 
 def test_every_kind_breaks_one_thing():
     sound = build(Config("corridor", "drone", 3))
     rng = np.random.default_rng(0)
-    for kind, (cause, breaks) in KINDS.items():
-        assert cause in CAUSES
-        broken = breaks(sound, SimpleNamespace(sim_time_s=10.0), rng)
+    for name, kind in KINDS.items():
+        assert kind.cause in CAUSES
+        broken = kind.breaks(sound, SimpleNamespace(sim_time_s=10.0), rng)
         whole = Broken()
         differing = [
             one.name
             for one in fields(Broken)
             if getattr(broken, one.name) != getattr(whole, one.name)
         ]
-        assert len(differing) == 1 or differing == TOGETHER[kind]
-    closed = KINDS["closed"][1](sound, None, rng).scenario(sound)
+        assert len(differing) == 1 or differing == TOGETHER[name]
+    closed = KINDS["closed"].breaks(sound, None, rng).scenario(sound)
     assert len(closed.world.solids) == len(sound.world.solids) + 1

@@ -1,0 +1,90 @@
+"""Something stands in the way that the map does not hold: beams miss it, or nobody looked there."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from harness.cause.breaks.broken import (
+    Broken,
+    Kind,
+    Rng,
+    crossing_axis,
+    place_between,
+    with_solids,
+)
+from harness.result import Result
+from harness.scenario import Scenario
+from models.scene import PREFIX
+from models.worlds import Capsule
+
+CLEAR = [0.8, 0.9, 1.0, 0.0]
+"""Colour of glass, which no beam meets."""
+
+WIRE = 0.004
+"""Half the thickness of a wire, m."""
+
+SPACING = 0.25
+"""Between wires of a fence, m."""
+
+
+def _glass(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """What stands about is transparent to every beam."""
+
+    def vanish(spec: mujoco.MjSpec) -> None:
+        for geom in spec.geoms:
+            of_robot = geom.name.startswith(PREFIX) or geom.group == 3
+            floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE or geom.name.startswith("floor")
+            if not of_robot and not floor and not geom.name.startswith("wall"):
+                geom.rgba = CLEAR
+
+    return Broken(edit=vanish)
+
+
+def _pane(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """One pane of glass is right across the way."""
+    axis, at = crossing_axis(sound), place_between(sound, rng)
+    middle = [0.5 * (a + b) for a, b in zip(sound.world.low, sound.world.high, strict=True)]
+    half = [0.5 * (b - a) for a, b in zip(sound.world.low, sound.world.high, strict=True)]
+    middle[axis], half[axis], middle[2], half[2] = at, 0.02, 1.5, 1.5
+
+    def glaze(spec: mujoco.MjSpec) -> None:
+        spec.worldbody.add_geom(
+            name="pane", type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=half, rgba=CLEAR
+        )
+
+    return Broken(edit=glaze)
+
+
+def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """A fence of wires, thinner than the gaps between beams, is right across the way."""
+    axis, at = crossing_axis(sound), place_between(sound, rng)
+    low, high = list(sound.world.low), list(sound.world.high)
+    low[axis] = high[axis] = at
+    wires = []
+    for z in np.arange(SPACING, 3.0, SPACING).round(3).tolist():
+        low[2] = high[2] = z
+        (a, b, c), (d, e, f) = low, high
+        wires.append(Capsule((a, b, c), (d, e, f), WIRE, "wire"))
+    return Broken(world=with_solids(sound.world, *wires))
+
+
+def _bold(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Unknown space is entered like free space."""
+    return Broken(settings=("map.unknown_policy=allow",))
+
+
+def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Unknown space is entered like free space, and what is near stays unknown."""
+    return Broken(settings=("map.unknown_policy=allow", "map.minimum_range=5"))
+
+
+NARROW = ("sensors.lidar=velodyne-vlp16",)
+
+KINDS = {
+    "glass": Kind("missed_obstacle", _glass),
+    "pane": Kind("missed_obstacle", _pane),
+    "wires": Kind("missed_obstacle", _wires),
+    "bold": Kind("unseen_obstacle", _bold, base=NARROW),
+    "groping": Kind("unseen_obstacle", _groping),
+}

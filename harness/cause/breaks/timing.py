@@ -1,0 +1,35 @@
+"""Decisions come too late, or sweeps do not come."""
+
+from __future__ import annotations
+
+from harness.cause.breaks.broken import Broken, Kind, Rng
+from harness.result import Result
+from harness.scenario import Scenario
+
+
+def _late(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Decisions take longer than their deadline allows."""
+    return Broken(perturbation="latency:5")
+
+
+def _slow(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Decisions take effect later than the stack reckons with, all within the deadline."""
+    return Broken(delay=round(float(rng.uniform(0.2, 0.25)), 3))
+
+
+def _planning(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Planning alone takes longer than the deadline."""
+    return Broken(settings=(f"latency.plan={rng.uniform(0.25, 0.6):.3f}",))
+
+
+def _rate(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Most sweeps never arrive."""
+    return Broken(perturbation=f"rate:{rng.uniform(4.0, 5.0):.2f}")
+
+
+KINDS = {
+    "late": Kind("latency", _late),
+    "slow": Kind("latency", _slow),
+    "planning": Kind("latency", _planning),
+    "rate": Kind("latency", _rate),
+}
