@@ -29,7 +29,7 @@ demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay 
 	$(BIN)/python -m harness demo
 
 test: $(TOOLS)  ## Run every test, on two cores.
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
 check: $(TOOLS)  ## Lint, format, types.
 	$(BIN)/ruff check .

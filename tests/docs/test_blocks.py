@@ -23,23 +23,17 @@ INDEX = ROOT / "docs/README.md"
 INLINE = re.compile(r"`((?:\.venv/bin/)?wayproof|python|pytest|make)\s([^`]+)`")
 
 
-@pytest.fixture(scope="session")
-def episodes(tmp_path_factory):
-    """Where the log of an episode is kept for all pages that ask for it."""
-    return tmp_path_factory.mktemp("episodes")
-
-
 def name_of(page):
     return str(page.relative_to(ROOT))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_every_block_runs(tmp_path, monkeypatch, episodes, page):
+def test_every_block_runs(tmp_path, monkeypatch, common, page):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setenv("COLUMNS", "80")
     text = page.read_text()
-    typist = Typist(text, episodes)
+    typist = Typist(text, common)
     for block in blocks(text):
         typist.type(block)
     pictured = re.search(r"!\[[^\]]*\]\([^)]+\.(?:png|svg|gif)\)", text)

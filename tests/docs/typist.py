@@ -40,6 +40,7 @@ from harness.study.file import PACKAGED, plan_episodes, read_study
 from harness.verbs.run import episode_name
 from models.robots.brought import parse_spec
 from models.worlds import WORLDS
+from tests.sharing import alone
 
 ROOT = Path(__file__).parents[2]
 FOUND = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80"}
@@ -255,7 +256,7 @@ class Typist:
         if verb == "run":
             return self._run(words)
         if verb == "picture":  # needs a driver chosen before the simulator is loaded
-            return in_a_process(["-m", "harness", *words])
+            return as_a_command(words)
         return in_here(words)
 
     def _run(self, words):
@@ -272,15 +273,17 @@ class Typist:
         files = [Path(word).read_bytes() for word in words if Path(word).is_file()]
         key = hashlib.sha256(repr((words, files)).encode()).hexdigest()[:16]
         kept = self._episodes / f"{key}.mcap"
-        if not kept.exists():
-            words = [*words, "--log", str(kept)]
-            ran = in_a_process(["-m", "harness", *words]) if "--render" in words else in_here(words)
-            if ran[0] not in (0, 1):
-                return ran
-            kept.with_suffix(".json").write_text(json.dumps(ran))
+        told = kept.with_suffix(".json")
+        with alone(kept.with_suffix(".lock")):
+            if not told.exists():
+                words = [*words, "--log", str(kept)]
+                ran = as_a_command(words) if "--render" in words else in_here(words)
+                if ran[0] not in (0, 1):
+                    return ran
+                told.write_text(json.dumps(ran))
         log.parent.mkdir(exist_ok=True)
         shutil.copy(kept, log)
-        return json.loads(kept.with_suffix(".json").read_text())
+        return json.loads(told.read_text())
 
     def _give(self, word):
         """Make what a page takes for given: a log of its own name, a study before and after."""
@@ -406,6 +409,11 @@ def in_here(words):
     with contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
         code = main(words)
     return code, told.getvalue()
+
+
+def as_a_command(words):
+    """Run our command in a process of its own."""
+    return in_a_process(["-m", "harness", *words])
 
 
 def in_a_process(words):

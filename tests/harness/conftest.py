@@ -1,26 +1,36 @@
-"""Real episodes, recorded once for all tests that read logs."""
+"""Real episodes, recorded once for all tests that read logs, whichever worker they run in."""
 
-from pathlib import Path
+import hashlib
+import pickle
 
 import pytest
 
 from harness.config import Config, override
 from harness.episode import run_episode
 from harness.scenario import build
+from tests.sharing import alone
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory):
+def once(common):
+    """Have a log made for a key by the first that asks for it; what the making told, for all."""
+
+    def made(key, make):
+        path = common / hashlib.sha256(repr(key).encode()).hexdigest()[:16]
+        with alone(path.with_suffix(".lock")):
+            if not path.exists():
+                path.write_bytes(pickle.dumps(make(path.with_suffix(".mcap"))))
+        return pickle.loads(path.read_bytes())
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def recorded(once):
     """Record an episode of given world, robot, seed and settings; each combination once."""
-    folder = tmp_path_factory.mktemp("logs")
-    results = {}
 
     def record(world, robot, seed, *settings):
-        key = (world, robot, seed, settings)
-        if key not in results:
-            config = override(Config(world, robot, seed), settings)
-            path = Path(folder) / f"{len(results)}.mcap"
-            results[key] = run_episode(build(config), path)
-        return results[key]
+        config = override(Config(world, robot, seed), settings)
+        return once((world, robot, seed, settings), lambda log: run_episode(build(config), log))
 
     return record
