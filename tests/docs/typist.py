@@ -53,7 +53,12 @@ UNTYPED = {
 """Commands that are held against their parser alone, and why."""
 
 SHORT = 1.0
-"""How long an episode lasts on a small scale, s; up to the last decision that its page asks for."""
+"""How long an episode lasts on a small scale, s; up to the last decision that a whole block asks
+for.
+"""
+
+EARLY = 5
+"""The decision that is asked for on a small scale in place of a later one."""
 
 NOISE = re.compile(
     r"(?<=simulated in )\d+\.\d(?= s)|(?<=; )\d+\.\d(?= s;)|(?<=log )\d+\.\d(?= MB/min)"
@@ -156,7 +161,7 @@ class Typist:
         """Sit down in this folder; `episodes` holds the logs that any page has asked for."""
         self.ran = 0
         self.undrawn = []
-        self._page = page
+        self._whole_blocks = "".join(one.text for one in blocks(page) if one.kind == "sh")
         self._episodes = episodes
         self._names = {"__name__": "page"}
         self.told, self._whole = "", True
@@ -250,6 +255,8 @@ class Typist:
                 words = with_options(words, ["--period", "0.5"])
             if verb == "critical":
                 words = [verb, smaller_study(words[1]), *words[2:]]
+            if verb in ("explain", "picture") and words[2:3] and words[2].isdecimal():
+                words = [*words[:2], str(min(int(words[2]), EARLY)), *words[3:]]
             words = with_options(smaller_world(words), SMALLER.get(verb, []))
             if verb == "view" and "--save" not in words:
                 words += ["--save", "view.rrd"]  # opens no window
@@ -264,9 +271,11 @@ class Typist:
         log = log_of(words)
         if not self._whole:
             asked = rf"(?:explain|picture) {re.escape(str(log))} (\d+)"
-            last = max(map(int, re.findall(asked, self._page)), default=0)
+            last = max(map(int, re.findall(asked, self._whole_blocks)), default=0)
             limit = f"episode.time_limit={max(SHORT, 0.1 * last + 0.2):g}"
             words = with_options(words, ["--set", limit])
+            if any(word.startswith("map.resolution=") for word in words):
+                words = with_options(words, ["--set", "map.resolution=0.2"])
         if "--log" in words:
             at = words.index("--log")
             words = words[:at] + words[at + 2 :]
@@ -296,7 +305,7 @@ class Typist:
             self._run(["run", world, "--robot", robot, "--seed", seed, "--log", str(log)])
             self._whole = whole
             if partial:
-                Path(word).write_bytes(log.read_bytes()[: log.stat().st_size * 2 // 3])
+                Path(word).write_bytes(log.read_bytes()[:-100])
         elif word in ("logs/before", "logs/after"):
             shutil.copytree("logs/smoke", word)
         elif word.startswith("docs/") and (ROOT / word).is_file():
