@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from harness.cause.case import Case, Contact, Moment, off_path
 from harness.cause.finding import Finding
-from harness.cause.pose import PoseFacts, error_of, pose_facts
+from harness.cause.pose import PoseFacts, error_of, pose_facts, usual_margin
 from harness.cause.ranges import RangeFacts, range_facts
 from harness.evidence.audit import densely
 from harness.stack.decision import path_of
@@ -64,6 +64,7 @@ class ContactFacts:
         planned_clearance: True clearance of a body on that path, m.
         pose_error: Believed less true position when it was touched, m.
         margin: Localization margin, m.
+        usual: What a usual one would be, m, see `usual_margin`.
         pose: Its error from a second before the last chance on.
         ranges: What the sensors reported against the truth.
         disregarded: By how much the trajectory that was chosen at the last chance, or after it,
@@ -87,6 +88,7 @@ class ContactFacts:
     planned_clearance: float
     pose_error: float
     margin: float
+    usual: float
     pose: PoseFacts
     ranges: RangeFacts
     disregarded: float
@@ -133,11 +135,11 @@ def moved_obstacle(facts: ContactFacts) -> str | None:
 
 def tracking(facts: ContactFacts) -> str | None:
     """The body had left a path on which it would have kept clear."""
-    if facts.off_path <= facts.margin or facts.planned_clearance < max(0.5 * facts.margin, 0.02):
+    if facts.off_path <= facts.usual or facts.planned_clearance < max(0.5 * facts.usual, 0.02):
         return None
     return (
-        f"the body was {facts.off_path:.2f} m off its path (margin {facts.margin:.2f} m), on which "
-        f"it would have kept {facts.planned_clearance:.2f} m from {facts.name}"
+        f"the body was {facts.off_path:.2f} m off its path (usual margin {facts.usual:.2f} m), "
+        f"on which it would have kept {facts.planned_clearance:.2f} m from {facts.name}"
     )
 
 
@@ -235,6 +237,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         ranges=range_facts(case, _before(case, time_s)),
         disregarded=_disregarded(case, navigator, moment),
         margin=last.decision.localization_margin_m,
+        usual=usual_margin(case, last),
         late=_late(case, contact, number),
     )
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from harness.cause.case import Case, Moment
 from harness.stack.navigator import MARGIN_SIGMAS
+from maps import MapConfig
 
 REACH = 1.0
 """Where no place is in question, an error of the heading counts at this distance, m."""
@@ -21,7 +22,7 @@ class PoseFacts:
     Attributes:
         error: Believed less true position where it exceeded what it was covered for the most, m.
         turn: Of the heading there, rad.
-        covered: What the margin covers there, m: the localization margin, and two of the stated
+        covered: What a usual margin covers there, m, see `usual_margin`, and two of the stated
             standard deviations of the heading at the distance in question.
         first: Number of the first decision of the whole episode with an error that is not covered;
             -1 if it always was.
@@ -41,7 +42,7 @@ class PoseFacts:
         """In words."""
         turned = f" and {abs(self.turn):.2f} rad" if abs(self.turn) > 0.02 else ""
         return (
-            f"the pose was {self.error:.2f} m{turned} off, and the margin covers "
+            f"the pose was {self.error:.2f} m{turned} off, and a usual margin covers "
             f"{self.covered:.2f} m"
         )
 
@@ -54,12 +55,21 @@ def pose_facts(case: Case, numbers: Sequence[int], place: np.ndarray | None = No
     return PoseFacts(
         error=error_of(case, worst),
         turn=worst.turn,
-        covered=worst.decision.localization_margin_m
+        covered=usual_margin(case, worst)
         + MARGIN_SIGMAS * worst.pose.heading_sigma * _reach(case, worst, place),
         first=first,
         beyond=max(beyond),
         at_end=error_of(case, case.moments[-1]),
     )
+
+
+def usual_margin(case: Case, moment: Moment) -> float:
+    """A decision's localization margin, with the default in place of a smaller setting, m.
+
+    An error that a usual margin covers is no fault of the pose or the body where less was set.
+    """
+    short = MapConfig().inflation_margin - case.config.map.inflation_margin
+    return moment.decision.localization_margin_m + max(short, 0.0)
 
 
 def error_of(case: Case, moment: Moment) -> float:
@@ -70,7 +80,7 @@ def error_of(case: Case, moment: Moment) -> float:
 def _beyond(case: Case, moment: Moment, place: np.ndarray | None) -> float:
     reach = _reach(case, moment, place)
     doubt = max(abs(moment.turn) - MARGIN_SIGMAS * moment.pose.heading_sigma, 0.0)
-    return error_of(case, moment) + doubt * reach - moment.decision.localization_margin_m
+    return error_of(case, moment) + doubt * reach - usual_margin(case, moment)
 
 
 def _reach(case: Case, moment: Moment, place: np.ndarray | None) -> float:
