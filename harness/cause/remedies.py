@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.cause.case import Case
+from harness.cause.recorded_movers import with_recorded_movers
 from harness.cause.true_cells import TrueCells, mark_truth, true_cells
 from harness.config import Config, LatencyConfig, to_json
 from harness.episode import Episode
@@ -210,7 +211,7 @@ def go_on(log: Log, case: Case, change: Change, at: int, limit_s: float) -> Resu
     if config.episode.time_limit == log.config.episode.time_limit:
         config = replace(config, episode=replace(config.episode, time_limit=limit_s))
     scenario = replace(rebuild(log, config), mission=case.mission)
-    scenario = change.scenario(scenario)
+    scenario = change.scenario(with_recorded_movers(scenario, case))
     past = live_through(log, at, scenario)
     change.stack(past.navigator)
     with tempfile.TemporaryDirectory() as folder:
