@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from harness.cause.case import Case, read_case
 from harness.cause.finding import CAUSES, Finding
 from harness.cause.remedies import REMEDIES, go_on, nothing
+from harness.cause.standstill import lacks_time
 from harness.errors import InputError
 from harness.logs.reader import Log
 
@@ -37,6 +38,9 @@ ONLY_AFTER = {"more_time": ("timeout",)}
 ONLY_SHOWN = ("more_time",)
 """Remedies that bear out a cause only where its own test holds: with time enough, even a poor
 planner arrives."""
+
+LACKING = {True: "no_margin", False: "more_time"}
+"""Of what is impossible for want of time, or else of space: the remedy that says nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +101,8 @@ def check(
     """
     case = read_case(log)
     names = list(remedies) or _in_order(case.outcome, finding.cause)
+    beside = LACKING[lacks_time(case)] if finding.cause == "impossible" else ""
+    names = [name for name in names if name != beside]
     checks: list[Check] = []
     simulated = 0.0
     for begin in _begins(case, finding):

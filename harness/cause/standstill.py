@@ -309,6 +309,12 @@ def standstill_facts(case: Case) -> StandstillFacts:
     )
 
 
+def lacks_time(case: Case) -> bool:
+    """Whether a way exists that is wide enough, so that only the time for it may be lacking."""
+    last = len(case.moments) - 1
+    return true_ways(case, case.navigator_at(last), last).exists
+
+
 def _window(case: Case) -> int:
     """Decisions at the end that fit into `episode.stuck_after`, at least one."""
     period = max(1e-9, case.moments[-1].time_ns * 1e-9 / max(len(case.moments) - 1, 1))

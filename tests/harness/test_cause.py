@@ -1,5 +1,6 @@
 """Causes: each test on facts by hand, and planted failures through the whole procedure."""
 
+import math
 import shutil
 from dataclasses import fields, replace
 from functools import cache
@@ -23,13 +24,15 @@ from harness.cause.planted import PLANTS
 from harness.cause.pose import PoseFacts
 from harness.cause.ranges import RangeFacts
 from harness.cause.record import read_check, record_check
+from harness.cause.recorded_movers import with_recorded_movers
 from harness.cause.remedies import REMEDIES
-from harness.cause.standstill import StandstillFacts
+from harness.cause.standstill import StandstillFacts, lacks_time
 from harness.cause.true_space import TrueSpace
 from harness.cause.ways import MapWays, TrueWays
 from harness.config import Config
 from harness.errors import InputError
 from harness.evidence.fork import fork
+from harness.evidence.rebuild import rebuild
 from harness.logs.reader import open_log
 from harness.scenario import build
 from harness.study.checks import check_failures
@@ -37,7 +40,7 @@ from harness.study.checks import check_failures
 TOUCH = ContactFacts(
     name="crate_0", time_s=5.0, decision=38, decision_s=3.8, there_when_decided=True,
     there_when_observed=True, observed_s=3.8, free=3, unknown=0, own=4, nearest_own=0.1,
-    off_path=0.02, planned_clearance=0.0, pose_error=0.02, margin=0.1, pose=PoseFacts(),
+    off_path=0.02, planned_clearance=0.0, pose_error=0.02, margin=0.1, usual=0.1, pose=PoseFacts(),
     ranges=RangeFacts(), disregarded=0.0, late=None,
 )  # fmt: skip
 TRUTH = TrueWays(
@@ -98,6 +101,7 @@ def changed(facts, changes):
         ({"own": 0, "free": 1, "unknown": 2}, "unseen_obstacle"),
         ({"off_path": 0.3, "planned_clearance": 0.2}, "tracking"),
         ({"off_path": 0.3, "planned_clearance": 0.04}, "margin_too_small"),
+        ({"off_path": 0.08, "planned_clearance": 0.2, "margin": 0.04}, "margin_too_small"),
         ({"there_when_decided": False}, "moved_obstacle"),
         ({"there_when_observed": False}, "moved_obstacle"),
         ({"there_when_observed": False, "observed_s": -1e-9, "own": 0}, "missed_obstacle"),
@@ -293,6 +297,30 @@ def test_a_walking_robot_is_saved_by_the_true_map(planted, tmp_path):
     assert finding.cause == "unseen_obstacle"
     checks = check(log, finding, ("true_map",)).checks
     assert {one.remedy: one.saves for one in checks} == {"control": False, "true_map": True}
+
+
+def test_a_way_that_is_shut_lacks_space_and_not_time(planted):
+    path, _ = planted("impossible", 0)
+    assert not lacks_time(read_case(open_log(path)))
+
+
+def test_movers_of_a_world_without_a_name_go_as_recorded(planted):
+    """A wall that vanished; and a truck, which went on until it struck."""
+    worlds = {}
+    for cause in ("ghost_obstacle", "moved_obstacle"):
+        log = open_log(planted(cause, 0)[0])
+        case = read_case(log)
+        (mover,) = with_recorded_movers(rebuild(log), case).world.movers
+        worlds[mover.name] = mover, case
+    gone, case = worlds["gone"]
+    assert (gone.appears, gone.speed) == (0.0, 0.0)
+    assert 0.6 <= gone.vanishes <= 1.3
+    assert gone.place(0).position == pytest.approx(case.moments[0].truth.movers[0].position)
+    truck, case = worlds["truck"]
+    assert (truck.appears, truck.vanishes) == (0.0, math.inf)
+    for moment in case.moments:
+        was = moment.truth.movers[0].position
+        assert truck.place(moment.time_ns).position == pytest.approx(was, abs=0.01)
 
 
 def test_a_success_has_no_cause(recorded):
