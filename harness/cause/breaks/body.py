@@ -29,11 +29,6 @@ def _bulky(sound: Scenario, result: Result, rng: Rng) -> Broken:
     )
 
 
-def _bare(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """No margin is left for the errors of pose and motion."""
-    return Broken(settings=("map.inflation_margin=0",))
-
-
 def _strict(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """The body should keep to its path more closely than any does."""
     return Broken(settings=(f"behaviour.tracking_tolerance={rng.uniform(0.01, 0.04):.3f}",))
@@ -96,7 +91,6 @@ SHORT = ("planner.clearance_weight=0",)
 KINDS = {
     "slim": Kind("margin_too_small", _slim, NARROW, (*SHORT, "map.inflation_margin=0.05")),
     "bulky": Kind("margin_too_small", _bulky, NARROW, SHORT),
-    "bare": Kind("margin_too_small", _bare, NARROW, (*SHORT, "odometry.sigma=0.03")),
     "strict": Kind("tracking", _strict),
     "overrated": Kind("tracking", _overrated),
     "laden": Kind("tracking", _laden),

@@ -24,6 +24,9 @@ CLEAR = [0.8, 0.9, 1.0, 0.0]
 WIRE = 0.004
 """Half the thickness of a wire, m."""
 
+FENCE = 1.5
+"""Half the length of a fence of them, m."""
+
 SPACING = 0.25
 """Between wires of a fence, m."""
 
@@ -57,21 +60,19 @@ def _pane(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A fence of wires, thinner than the gaps between beams, is right across the way."""
+    """A fence of wires, thinner than the gaps between beams, stands in the straight way."""
     axis, at = crossing_axis(sound), place_between(sound, rng)
-    low, high = list(sound.world.low), list(sound.world.high)
-    low[axis] = high[axis] = at
+    start, goal = sound.mission.start, sound.mission.goal
+    share = (at - start[axis]) / (goal[axis] - start[axis])
+    middle = start[1 - axis] + share * (goal[1 - axis] - start[1 - axis])
     wires = []
     for z in np.arange(SPACING, 3.0, SPACING).round(3).tolist():
-        low[2] = high[2] = z
+        low, high = [z, z, z], [z, z, z]
+        low[axis] = high[axis] = at
+        low[1 - axis], high[1 - axis] = middle - FENCE, middle + FENCE
         (a, b, c), (d, e, f) = low, high
         wires.append(Capsule((a, b, c), (d, e, f), WIRE, "wire"))
     return Broken(world=with_solids(sound.world, *wires))
-
-
-def _bold(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Unknown space is entered like free space."""
-    return Broken(settings=("map.unknown_policy=allow",))
 
 
 def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
@@ -79,12 +80,9 @@ def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
     return Broken(settings=("map.unknown_policy=allow", "map.minimum_range=5"))
 
 
-NARROW = ("sensors.lidar=velodyne-vlp16",)
-
 KINDS = {
     "glass": Kind("missed_obstacle", _glass),
     "pane": Kind("missed_obstacle", _pane),
     "wires": Kind("missed_obstacle", _wires),
-    "bold": Kind("unseen_obstacle", _bold, base=NARROW),
     "groping": Kind("unseen_obstacle", _groping),
 }

@@ -13,11 +13,6 @@ def _dropout(sound: Scenario, result: Result, rng: Rng) -> Broken:
     return Broken(perturbation=f"depth_dropout:{rng.uniform(2.0, 5.0):.2f}:{mode}")
 
 
-def _scale(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Ranges are too long by a factor."""
-    return Broken(perturbation=f"depth_scale:{rng.uniform(4.0, 5.0):.2f}")
-
-
 def _noise(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Ranges are noisier than the device states."""
     return Broken(perturbation=f"depth_noise:{rng.uniform(2.5, 5.0):.2f}")
@@ -40,7 +35,6 @@ def _blind(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 KINDS = {
     "dropout": Kind("perception", _dropout),
-    "scale": Kind("perception", _scale),
     "noise": Kind("perception", _noise),
     "occlusion": Kind("perception", _occlusion),
     "calibration": Kind("perception", _calibration),
