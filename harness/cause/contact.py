@@ -40,6 +40,9 @@ UNDER_WAY = ("follow", "slow", "explore")
 SET_OUT = 0.3
 """Within this of its begin a trajectory may lead out of the inflation, m."""
 
+BLIND = 1.0
+"""A robot that takes in nothing within this distance beyond its body cannot see its way, m."""
+
 LATE = 0.01
 """A delay beyond the expected one that counts, s."""
 
@@ -56,6 +59,7 @@ class ContactFacts:
         there_when_decided: Whether what was touched stood there at that decision.
         there_when_observed: Whether it stood there when the map last looked.
         observed_s: When the map last looked at the place; negative if never.
+        away: Distance of the place of contact from the body then, m.
         free: Cells about the contact, outside of what was touched, that were mapped free.
         unknown: Likewise unknown.
         own: Occupied cells that stand for what was touched.
@@ -80,6 +84,7 @@ class ContactFacts:
     there_when_decided: bool
     there_when_observed: bool
     observed_s: float
+    away: float
     free: int
     unknown: int
     own: int
@@ -101,8 +106,16 @@ def localization(facts: ContactFacts) -> str | None:
 
 
 def perception(facts: ContactFacts) -> str | None:
-    """Echoes were lost or wrong."""
-    return str(facts.ranges) if facts.ranges.lied else None
+    """Echoes were lost or wrong, or dropped, so that space stayed free in which something came."""
+    if facts.ranges.lied:
+        return str(facts.ranges)
+    blind = facts.ranges.blind
+    if not facts.own and facts.free >= facts.unknown and blind > max(facts.away, BLIND):
+        return (
+            f"returns nearer than {blind:.1f} m are dropped, and {facts.name} was "
+            f"{facts.away:.1f} m away at decision {facts.decision}, where the map said free"
+        )
+    return None
 
 
 def latency(facts: ContactFacts) -> str | None:
@@ -134,8 +147,10 @@ def moved_obstacle(facts: ContactFacts) -> str | None:
 
 
 def tracking(facts: ContactFacts) -> str | None:
-    """The body had left a path on which it would have kept clear."""
-    if facts.off_path <= facts.usual or facts.planned_clearance < max(0.5 * facts.usual, 0.02):
+    """The body had left a path on which it would have kept clear, by more than that was short."""
+    beyond, short = facts.off_path - facts.usual, facts.usual - facts.planned_clearance
+    least = max(0.5 * facts.usual, 0.02)
+    if beyond <= max(short, 0.0) or facts.planned_clearance < least:
         return None
     return (
         f"the body was {facts.off_path:.2f} m off its path (usual margin {facts.usual:.2f} m), "
@@ -226,6 +241,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         there_when_decided=_stood(case, contact, moment, 1.5 * size),
         there_when_observed=_stood(case, contact, _nearest(case, observed_s), 1.5 * size),
         observed_s=observed_s,
+        away=_room(case, moment, place),
         free=free,
         unknown=unknown,
         own=len(own),

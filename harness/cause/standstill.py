@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.cause.case import Case, Moment, off_path
-from harness.cause.contact import LATE
+from harness.cause.contact import BLIND, LATE
 from harness.cause.finding import Finding
 from harness.cause.pose import PoseFacts, pose_facts
 from harness.cause.ranges import RangeFacts, range_facts
@@ -33,9 +33,6 @@ STAYED = 0.3
 
 PROGRESS = 0.5
 """More of the way than this covered over the last decisions is progress, m."""
-
-BLIND = 1.0
-"""A robot that sees nothing within this distance beyond its body cannot see its way, m."""
 
 DOUBT = 0.1
 """By so much at least a margin has to grow with the pose's doubt to be what closes a way, m."""
@@ -316,9 +313,15 @@ def lacks_time(case: Case) -> bool:
 
 
 def _window(case: Case) -> int:
-    """Decisions at the end that fit into `episode.stuck_after`, at least one."""
+    """Decisions at the end that fit into `episode.stuck_after`, at least one.
+
+    A robot that gave up did so where it stood, so no more than since it came there, or of a second.
+    """
     period = max(1e-9, case.moments[-1].time_ns * 1e-9 / max(len(case.moments) - 1, 1))
-    return min(len(case.moments), max(1, round(case.config.episode.stuck_after / period)))
+    window = round(case.config.episode.stuck_after / period)
+    if case.outcome == "aborted":
+        window = min(window, max(len(case.moments) - _since(case), round(1.0 / period)))
+    return min(len(case.moments), max(1, window))
 
 
 def _since(case: Case) -> int:
