@@ -75,14 +75,31 @@ def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
     return Broken(world=with_solids(sound.world, *wires))
 
 
+def _bold(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Unknown space is entered like free space, by a robot that does not see its feet."""
+    return Broken(settings=("map.unknown_policy=allow",))
+
+
 def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Unknown space is entered like free space, and what is near stays unknown."""
     return Broken(settings=("map.unknown_policy=allow", "map.minimum_range=5"))
 
 
+STILL = (
+    ("office", "drone"), ("maze", "drone"), ("office", "quadruped"), ("maze", "quadruped"),
+    ("cylinders", "drone"), ("corridor", "drone"), ("forest", "drone"), ("warehouse", "drone"),
+)  # fmt: skip
+"""Where nothing moves: what does would be missed in space that was seen free before."""
+
+LOW_THINGS = (
+    ("office", "quadruped"), ("corridor", "quadruped"), ("warehouse", "quadruped"),
+    ("construction", "quadruped"), ("office", "drone"), ("forest", "drone"),
+)  # fmt: skip
+
 KINDS = {
     "glass": Kind("missed_obstacle", _glass),
     "pane": Kind("missed_obstacle", _pane),
     "wires": Kind("missed_obstacle", _wires),
-    "groping": Kind("unseen_obstacle", _groping),
+    "groping": Kind("unseen_obstacle", _groping, STILL),
+    "bold": Kind("unseen_obstacle", _bold, LOW_THINGS, ("sensors.lidar=livox-mid360",)),
 }
