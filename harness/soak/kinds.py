@@ -65,7 +65,8 @@ def _curve(turn: int, rng: np.random.Generator) -> Config:
 def _map(turn: int, rng: np.random.Generator) -> Config:
     kind = _in_turn(MAPS, turn)
     lasting = ["map.half_life=0"] if kind == "octomap" else []  # it does not fade
-    return _plain(turn, rng, f"map.kind={kind}", *lasting)
+    robot = int(rng.integers(len(ROBOTS)))  # by chance: not every map is one for bodies that fly
+    return _plain(robot, rng, f"map.kind={kind}", *lasting)
 
 
 def _device(turn: int, rng: np.random.Generator) -> Config:
