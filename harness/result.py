@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.schema import wayproof_pb2 as pb
 
@@ -88,11 +90,54 @@ def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> 
 
     Args:
         decisions: All of them.
-        truths: One for each, at least one.
+        truths: One for each.
     """
-    steps = np.diff(np.array([truth.position for truth in truths]).reshape(-1, 3), axis=0)
+    return figures(
+        [np.array(truth.position) for truth in truths],
+        [truth.clearance_m for truth in truths],
+        sum(decision.deadline_missed for decision in decisions),
+    )
+
+
+def figures(
+    positions: Sequence[NDArray[np.float64]], clearances: Sequence[float], misses: int
+) -> dict[str, float]:
+    """The result's figures by name; without a decision the least clearance is NaN.
+
+    Args:
+        positions: True ones of the base at each decision, (3,) m.
+        clearances: True ones there, m.
+        misses: Decisions past their deadline.
+    """
+    steps = np.diff(np.array(positions).reshape(-1, 3), axis=0)
     return {
-        "min_clearance_m": min(truth.clearance_m for truth in truths),
+        "min_clearance_m": min(clearances, default=math.nan),
         "path_length_m": float(np.sqrt(np.square(steps).sum(axis=1)).sum()),
-        "deadline_misses": sum(decision.deadline_missed for decision in decisions),
+        "deadline_misses": misses,
     }
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Where the robot touched what it should not.
+
+    Attributes:
+        name: Of the mover or geom.
+        position: (3,) m, world.
+    """
+
+    name: str
+    position: tuple[float, float, float]
+
+    @classmethod
+    def from_text(cls, text: str) -> Contact | None:
+        """Read what `str` wrote, or nothing."""
+        name, _, place = text.rpartition(" at ")
+        if not name:
+            return None
+        x, y, z = (float(value) for value in place.split(","))
+        return cls(name, (x, y, z))
+
+    def __str__(self) -> str:
+        """As a log's result holds it."""
+        return f"{self.name} at " + ",".join(f"{value:.4f}" for value in self.position)

@@ -1,10 +1,10 @@
-"""What a simulated robot touches now."""
+"""The simulated robot's first contact with an obstacle."""
 
 from __future__ import annotations
 
 import mujoco
 
-from harness.cause.case import Contact
+from harness.result import Contact
 from models.scene import Scene
 from models.sensors import ROBOT_GROUP
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.config import from_document, override
-from harness.episode import run_episode
 from harness.logs.reader import Log, open_log
 from harness.result import Result
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.navigator import build_navigator

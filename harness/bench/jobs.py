@@ -14,9 +14,9 @@ from typing import Any, Generic, Protocol, TypeVar
 import msgspec
 
 from harness.config import Config
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.result import Result
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.warm_up import warm_up
 from models.worlds import World

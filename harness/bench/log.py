@@ -15,7 +15,6 @@ import numpy as np
 from google.protobuf.message import Message
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.evidence.replay import replay
 from harness.inputs import decode_ranges
 from harness.logs.container import walk
@@ -23,6 +22,7 @@ from harness.logs.log import FLUSH_PERIOD_NS, LogWriter
 from harness.logs.log_copy import time_of, topic_of
 from harness.logs.messages import read_messages
 from harness.logs.reader import Head, read_head
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from harness.warm_up import warm_up

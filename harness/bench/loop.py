@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from harness.config import from_document, override
-from harness.episode import run_episode
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from harness.warm_up import warm_up

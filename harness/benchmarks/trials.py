@@ -10,10 +10,10 @@ from pathlib import Path
 
 from harness.benchmarks.files import Progress
 from harness.config import Config
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.logs.log import check_folder
 from harness.result import Result
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from harness.warm_up import warm_up

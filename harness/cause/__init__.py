@@ -1,13 +1,12 @@
 """Why an episode failed: one cause, worked out from its log and the simulator's truth."""
 
-from harness.cause.case import Case, Contact, Moment, read_case
+from harness.cause.case import Case, Moment, read_case
 from harness.cause.finding import CAUSES, Finding
 from harness.cause.procedure import NearMiss, find_cause, near_misses
 
 __all__ = [
     "CAUSES",
     "Case",
-    "Contact",
     "Finding",
     "Moment",
     "NearMiss",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from harness.cause.true_space import TrueSpace
@@ -18,6 +19,7 @@ from harness.inputs import Beams, Inputs, inputs_from_messages
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log
 from harness.mission import Mission
+from harness.result import Contact
 from harness.scene_text import safe_scene
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import path_of
@@ -68,32 +70,6 @@ class Moment:
         """When the robot began to follow its trajectory, unless it was discarded."""
         start = self.decision.trajectory.start.ToNanoseconds()
         return max(start, self.time_ns + round(self.latency.delay_s * 1e9))
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Where the robot touched what it should not.
-
-    Attributes:
-        name: Of the mover or geom.
-        position: (3,) m, world.
-    """
-
-    name: str
-    position: tuple[float, float, float]
-
-    @classmethod
-    def from_text(cls, text: str) -> Contact | None:
-        """Read what `str` wrote, or nothing."""
-        name, _, place = text.rpartition(" at ")
-        if not name:
-            return None
-        x, y, z = (float(value) for value in place.split(","))
-        return cls(name, (x, y, z))
-
-    def __str__(self) -> str:
-        """As a log's result holds it."""
-        return f"{self.name} at " + ",".join(f"{value:.4f}" for value in self.position)
 
 
 @dataclass(frozen=True)
@@ -161,7 +137,8 @@ def read_case(log: Log) -> Case:
     Raises:
         InputError: It holds no sweeps or no truth, or its scene cannot be compiled.
     """
-    moments = tuple(_moments(log))
+    log.check_sweeps()
+    moments = tuple(moments_of(read_messages(log.path)))
     if not moments:
         raise InputError(f"log '{log.path}': no decisions in it")
     try:
@@ -182,11 +159,11 @@ def read_case(log: Log) -> Case:
     )
 
 
-def _moments(log: Log) -> Iterator[Moment]:
+def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
+    """Group a log's messages by decision."""
     sweeps: list[pb.Sweep] = []
     pose, latency, decision = pb.Pose(), pb.Latency(), pb.Decision()
-    log.check_sweeps()
-    for message in read_messages(log.path):
+    for message in messages:
         if isinstance(message, pb.Sweep):
             sweeps.append(message)
         elif isinstance(message, pb.Pose):

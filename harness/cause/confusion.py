@@ -13,13 +13,8 @@ from rich.table import Table
 
 from harness.cause.finding import CAUSES
 from harness.cause.planted import PLANTS, plant
-from harness.config import to_json
-from harness.episode import Episode
-from harness.inputs import beams_from_info
-from harness.logs.log import LogWriter
 from harness.result import Result
-from harness.scenario import Scenario, sensor_info
-from harness.stack.navigator import Navigator
+from harness.runner import run_episode
 
 Matrix = Counter[tuple[str, str]]
 """How often each planted cause (first) was found as which (second)."""
@@ -46,23 +41,8 @@ def confusion(causes: list[str], seeds: range, console: Console | None = None) -
 def run_planted(cause: str, seed: int, path: Path) -> Result:
     """Run one scenario."""
     planted = plant(cause, seed)
-    return run_with(planted.stack, planted.scenario, planted.delays, path)
-
-
-def run_with(
-    stack: type[Navigator], scenario: Scenario, delays: dict[int, float], path: Path
-) -> Result:
-    """Run one episode with a stack of a given class and log it in full."""
-    infos = [sensor_info(caster) for caster in scenario.scene.casters]
-    beams = {info.name: beams_from_info(info) for info in infos}
-    navigator = stack(scenario.config, scenario.mission, beams)
-    head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
-    with LogWriter(path, *head) as log:
-        for info in infos:
-            log.write(f"/sensor/{info.name}/info", info, 0)
-        episode = Episode(scenario, navigator, log)
-        episode.delays.update(delays)
-        return episode.run()
+    scenario, delays = planted.scenario, planted.delays
+    return run_episode(scenario, path, delays=delays, record="full", stack=planted.stack)
 
 
 def table(counts: Matrix) -> Table:

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.cause.case import Case, Contact, Moment, off_path
+from harness.cause.case import Case, Moment, off_path
 from harness.cause.finding import Finding
 from harness.cause.pose import PoseFacts, error_of, pose_facts, usual_margin
 from harness.cause.ranges import RangeFacts, range_facts
 from harness.evidence.audit import densely
+from harness.result import Contact
 from harness.stack.decision import path_of
 from harness.stack.navigator import Navigator
 from maps.states import FREE, OCCUPIED, UNKNOWN

@@ -23,14 +23,14 @@ from rich.console import Console
 from harness.cause.breaks import KINDS, Broken
 from harness.cause.case import read_case
 from harness.cause.check import check
-from harness.cause.confusion import Matrix, right, run_with, table
+from harness.cause.confusion import Matrix, right, table
 from harness.cause.finding import Finding
 from harness.cause.procedure import find_cause
 from harness.config import from_document, override
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.logs.reader import open_log
 from harness.result import Result
+from harness.runner import run_episode
 from harness.scenario import Scenario, build
 
 COMBINATIONS = tuple(
@@ -142,7 +142,8 @@ class Maker:
 
 def run_broken(broken: Broken, sound: Scenario, path: Path) -> Result:
     """Run one broken episode and keep its log in full."""
-    return run_with(broken.stack, broken.scenario(sound), broken.delays, path)
+    scenario = broken.scenario(sound)
+    return run_episode(scenario, path, delays=broken.delays, record="full", stack=broken.stack)
 
 
 def read_failures(folder: Path) -> list[Failure]:

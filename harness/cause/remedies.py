@@ -217,7 +217,7 @@ def go_on(log: Log, case: Case, change: Change, at: int, limit_s: float) -> Resu
     with tempfile.TemporaryDirectory() as folder:
         head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
         with LogWriter(Path(folder) / "check.mcap", *head) as writer:
-            writer.record = "decisions"
+            writer.record = "decisions"  # nobody reads it
             episode = Episode(scenario, past.navigator, writer)
             for part in change.forget:
                 del episode.parts[part]

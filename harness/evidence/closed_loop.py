@@ -12,7 +12,6 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.evidence.fork import fork_with
 from harness.evidence.rebuild import is_made_from_seed, made_otherwise, rebuild
@@ -24,6 +23,7 @@ from harness.logs.machine import other_than_here
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log, open_log
 from harness.result import ends_in_error
+from harness.runner import run_episode
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import Difference, differences, message_differences
 

@@ -7,16 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.config import Config, override, to_json
-from harness.episode import (
-    Episode,
-    Observer,
-    arrival_ns,
-    publishing_failures,
-    settle_log,
-    stretch_of,
-)
+from harness.episode import Episode, Observer, arrival_ns
 from harness.errors import InputError
-from harness.evidence.rebuild import rebuild
+from harness.evidence.rebuild import rebuild, stretch_of
 from harness.evidence.relay import Relay, stretches
 from harness.evidence.what_if import refuse_sensed
 from harness.logs.container import walk
@@ -25,6 +18,7 @@ from harness.logs.log_copy import time_of, topic_of
 from harness.logs.messages import read_messages
 from harness.logs.reader import Log, before, fork_note, open_log, read_head
 from harness.result import Result
+from harness.runner import finish, publishing_failures, settle_log
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.navigator import Navigator
@@ -128,7 +122,7 @@ def fork_with(
             episode.delays.update(delays or {})
             episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
             with publishing_failures(draft, writer):
-                result = episode.run()
+                result = finish(episode, writer, episode.run())
         return settle_log(draft, result, record or config.record)
 
 

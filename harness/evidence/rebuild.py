@@ -7,11 +7,13 @@ from dataclasses import asdict, replace
 
 from harness.config import Config
 from harness.errors import InputError
+from harness.evidence.relay import Stretch
 from harness.evidence.twin import changed_mission
+from harness.inputs import beams_from_info
 from harness.logs.reader import Log
 from harness.mujoco_warnings import tell_warnings
 from harness.robots import find_logged_robot
-from harness.scenario import Scenario
+from harness.scenario import Scenario, sensor_info
 from harness.scene_text import safe_scene
 from harness.stack.decision import Difference
 from harness.worlds import perturbed
@@ -106,3 +108,10 @@ def _world(log: Log) -> World:
         start_heading=mission.start_heading,
         goal=mission.goal,
     )
+
+
+def stretch_of(scenario: Scenario, begin: int = 0) -> Stretch:
+    """What a scenario's stack decides, from a decision on."""
+    infos = [sensor_info(caster) for caster in scenario.scene.casters]
+    beams = {info.name: beams_from_info(info) for info in infos}
+    return Stretch(begin, scenario.config, scenario.mission, beams)

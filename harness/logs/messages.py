@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +25,15 @@ def read_messages(path: Path) -> Iterator[Message]:
     for item in walk(path):
         if isinstance(item, Packet) and is_ours(item):
             yield decode(item, path)
+
+
+def read_unfinished(path: Path) -> Iterator[Message]:
+    """Every message of a log that is still being written, up to what was flushed last.
+
+    Whoever reads it knows how much there must be: where the file breaks off is no error here.
+    """
+    with contextlib.suppress(InputError):
+        yield from read_messages(path)
 
 
 _MESSAGES: dict[str, type[Message]] = {

@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.logs.log import FORMAT_VERSION
 from harness.logs.log_copy import thin
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.warm_up import warm_up
 

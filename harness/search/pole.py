@@ -12,8 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.perturbations import AnyPerturbation
+from harness.runner import run_episode
 from harness.scenario import Scenario, build, make_transparent
 from harness.search.hunt import Tried
 from harness.search.space import Space

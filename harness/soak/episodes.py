@@ -16,12 +16,12 @@ import msgspec
 import numpy as np
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.evidence.closed_loop import simulate_again
 from harness.evidence.fork import fork
 from harness.perturbations import PERTURBATIONS, perturbation_from
 from harness.result import Result
+from harness.runner import run_episode
 from harness.scenario import Scenario, build
 from harness.soak.child import scratch
 from harness.soak.fresh import FreshReplays, replay_by_command

@@ -10,8 +10,8 @@ import tempfile
 from pathlib import Path
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.evidence.verify import Step, verify
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.soak.forgeries import CLAIMS, EDITS, forge
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.evidence.audit import audit
 from harness.evidence.replay import replay
 from harness.logs.log import FLUSH_PERIOD_NS
 from harness.logs.reader import open_log
 from harness.logs.recover import recover
+from harness.runner import run_episode
 from harness.scenario import Scenario, build
 from harness.schema import wayproof_pb2 as pb
 from harness.soak.child import Kill, in_child, scratch

@@ -23,7 +23,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from harness.episode import run_episode
+from harness.runner import run_episode
 from harness.soak.child import scratch
 from harness.soak.kinds import draw
 from harness.soak.replays import Arithmetic, Verdict, arithmetic

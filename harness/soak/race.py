@@ -14,11 +14,11 @@ from typing import Any
 
 from harness.cli import main
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.logs.messages import read_messages
 from harness.logs.reader import open_log
 from harness.outputs import ENDING
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from harness.soak.child import Ended, listen, scratch, start_child

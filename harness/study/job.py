@@ -75,7 +75,7 @@ def key_of(config: Config, planner: str, version: str) -> str:
 
 def run_job(job: Job) -> Done:
     """Run one episode; whatever it raises becomes its error text."""
-    from harness.episode import run_episode
+    from harness.runner import run_episode
     from harness.scenario import build
 
     try:

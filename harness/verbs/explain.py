@@ -118,7 +118,8 @@ def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
 
 def _told_cause(log: Log) -> Finding | None:
     """The cause that the run found, where what was touched is, or where the robot ended."""
-    from harness.cause import Contact, Finding
+    from harness.cause import Finding
+    from harness.result import Contact
 
     if not log.result.get("cause"):
         return None

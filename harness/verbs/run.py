@@ -105,9 +105,9 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
     Raises:
         InputError: The config cannot be run, or its log cannot be written.
     """
-    from harness.episode import run_episode
     from harness.live import LiveLine
     from harness.logs.log import hold_log
+    from harness.runner import run_episode
     from harness.scenario import build
     from harness.supervision import bound_memory
     from harness.warm_up import warm_up

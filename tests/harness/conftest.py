@@ -6,7 +6,7 @@ import pickle
 import pytest
 
 from harness.config import Config, override
-from harness.episode import run_episode
+from harness.runner import run_episode
 from harness.scenario import build
 from tests.sharing import alone
 

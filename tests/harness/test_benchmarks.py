@@ -15,7 +15,6 @@ from harness.benchmarks.trials import Finished, Trial, run_trial
 from harness.benchmarks.voxel_search import SQRT2, SQRT3, VoxelSearch, _length, _search
 from harness.cli import main
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.evidence.audit import audit
 from harness.evidence.rebuild import rebuild
@@ -23,6 +22,7 @@ from harness.evidence.replay import replay
 from harness.logs.messages import read_messages
 from harness.logs.reader import open_log
 from harness.result import Result
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from models.imports import ImportOptions

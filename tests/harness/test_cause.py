@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from harness.cause import CAUSES, Contact, find_cause, near_misses, read_case
+from harness.cause import CAUSES, find_cause, near_misses, read_case
 from harness.cause import contact as contacts
 from harness.cause import standstill as standstills
 from harness.cause.breaks import KINDS, Broken
@@ -34,6 +34,7 @@ from harness.errors import InputError
 from harness.evidence.fork import fork
 from harness.evidence.rebuild import rebuild
 from harness.logs.reader import open_log
+from harness.result import Contact
 from harness.scenario import build
 from harness.study.checks import check_failures
 

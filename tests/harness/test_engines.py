@@ -1,7 +1,7 @@
 """Both ray engines lead to the same decisions."""
 
 from harness.config import Config, override
-from harness.episode import run_episode
+from harness.runner import run_episode
 from harness.scenario import build
 
 

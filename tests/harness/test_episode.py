@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.evidence.replay import replay
 from harness.logs.reader import open_log
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.stack.navigator import Navigator
 from maps import FREE, Distances

@@ -5,10 +5,10 @@ import dataclasses
 import pytest
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.evidence.replay import replay
 from harness.logs.reader import open_log
+from harness.runner import run_episode
 from harness.scenario import build
 from models.worlds import WORLDS, Box, World
 from models.worlds.layout import room_walls

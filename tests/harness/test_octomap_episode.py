@@ -3,10 +3,10 @@ from pathlib import Path
 import pytest
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.evidence.replay import replay
 from harness.logs.reader import open_log
+from harness.runner import run_episode
 from harness.scenario import build
 
 OCTOMAP = ("map.kind=octomap", "map.half_life=0", "map.resolution=0.2", "goal=[6.0, 4.0]")

@@ -11,11 +11,11 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from harness.config import Config, override
-from harness.episode import run_episode
 from harness.evidence.replay import replay
 from harness.logs.messages import read_messages
 from harness.logs.reader import open_log
 from harness.odometry import Estimate
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.footprint import HEADING_TOLERANCE

@@ -7,7 +7,6 @@ import pytest
 from msgspec.structs import replace as replace_struct
 
 from harness.config import Config, from_document, from_json, override, to_json
-from harness.episode import run_episode
 from harness.errors import InputError
 from harness.evidence.replay import replay
 from harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
@@ -15,6 +14,7 @@ from harness.logs.messages import read_messages
 from harness.logs.streams import compare
 from harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
 from harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
 from models.beams import DROPPED, NO_RETURN

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness.cli import main
-from harness.episode import run_episode
+from harness.runner import run_episode
 from harness.scenario import build
 from harness.study.determinism import ARRANGEMENTS, certify, draw
 from harness.study.file import StudyFile, plan_episodes, read_study
