@@ -68,13 +68,16 @@ NOISE = re.compile(
 """Wall times, sizes that hold them, and hashes, which are one machine's."""
 
 SMALLER = {
-    "critical": "--episodes 2 --jobs 1".split(),
-    "calibrate": "--seeds 2 --margins 0.02,0.1 --set episode.time_limit=0.5 --jobs 1".split(),
+    "critical": "--episodes 2".split(),
+    "calibrate": "--seeds 2 --margins 0.02,0.1 --set episode.time_limit=0.5".split(),
     "demo": "--set episode.time_limit=0.5".split(),
-    "search": "--budget 3 --window 1 --jobs 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
+    "search": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
     " --set map.resolution=0.2".split(),
 }
 """What else is typed for a verb on a small scale."""
+
+MANY = ("study", "critical", "calibrate", "search")
+"""Verbs that start processes: each loads everything, which takes longer than a short episode."""
 
 STAGES_SMALLER = {
     "coverage": "--repeats 2".split(),
@@ -244,7 +247,7 @@ class Typist:
                 new_key(key)
         if not self._whole:
             if verb == "study" and "--worlds" not in words:
-                words = [verb, smaller_study(words[1]), *words[2:], "--jobs", "1"]
+                words = [verb, smaller_study(words[1]), *words[2:]]
             if "--worlds" in words:
                 words = with_options(words, ["--repeats", "1"])
             if "--check-determinism" in words:
@@ -260,6 +263,8 @@ class Typist:
             words = with_options(smaller_world(words), SMALLER.get(verb, []))
             if verb == "view" and "--save" not in words:
                 words += ["--save", "view.rrd"]  # opens no window
+        if verb in MANY:
+            words = with_options(words, ["--jobs", "1"])
         if verb == "run":
             return self._run(words)
         if verb == "picture":  # needs a driver chosen before the simulator is loaded
@@ -275,7 +280,7 @@ class Typist:
             limit = f"episode.time_limit={max(SHORT, 0.1 * last + 0.2):g}"
             words = with_options(words, ["--set", limit])
             if any(word.startswith("map.resolution=") for word in words):
-                words = with_options(words, ["--set", "map.resolution=0.2"])
+                words = with_options(words, ["--set", "map.resolution=0.1"])
         if "--log" in words:
             at = words.index("--log")
             words = words[:at] + words[at + 2 :]
@@ -341,10 +346,11 @@ def keep_rows(path, rows):
 
 
 def smaller_study(name):
-    """A study of the first of each, one seed and half a second; as a file, whose name is told."""
+    """A study of one of each, one seed and half a second; as a file, whose name is told."""
     path = Path(name) if Path(name).is_file() else PACKAGED / f"{name}.toml"
     study = tomllib.loads(path.read_text())
-    study |= {"worlds": study["worlds"][:1], "robots": study["robots"][-1:], "seeds": 1}
+    worlds = ["empty" if world in WORLDS else world for world in study["worlds"][:1]]
+    study |= {"worlds": worlds, "robots": study["robots"][-1:], "seeds": 1}
     settings = {**study.pop("set", {}), "episode.time_limit": 0.5}
     tables = {"set": settings}
     for table in ("axes", "perturbations"):
@@ -383,7 +389,9 @@ def with_options(words, options):
 
 
 def smaller_world(words):
-    """A search begins with an episode that reaches the goal: soonest in the empty world."""
+    """The empty world; a search begins with an episode that reaches the goal: soonest there."""
+    if words[0] == "calibrate":
+        return [*words[:2], "empty", *words[3:]]
     if words[0] != "search":
         return words
     at = words.index("--seed") + 1
