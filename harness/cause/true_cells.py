@@ -12,6 +12,7 @@ from harness.cause.grids import true_occupancy
 from harness.inputs import Inputs
 from harness.stack.navigator import Navigator
 from maps import Representation
+from maps.states import FREE, OCCUPIED
 from models.beams import NO_RETURN
 
 Array = NDArray[np.float64]
@@ -61,8 +62,9 @@ def mark_truth(navigator: Navigator, truth: TrueCells, inputs: Inputs) -> None:
     longer than the cell; in one sweep occupied wins, so no beam harms another's cell.
     """
     voxel_map, size = navigator.map, navigator.map.resolution
-    free = truth.centres[~truth.occupied]
-    solid = truth.centres[truth.occupied]
+    states = voxel_map.state_at(truth.centres)  # what is right already needs no beam
+    free = truth.centres[~truth.occupied & (states != FREE)]
+    solid = truth.centres[truth.occupied & (states != OCCUPIED)]
     back = max(BACK, 1.1 * voxel_map.config.minimum_range)
     _cast(voxel_map, free, 0.2 * size, int(NO_RETURN), 0.4 * size, inputs.time_ns)
     _cast(voxel_map, solid, back, round(back * 1e3), 2.0 * back, inputs.time_ns)
