@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+from tests.sharing import checked_kernels
+
 EPISODE = """
 import numpy as np
 from maps import Costmap, Grid2D, MapConfig, TsdfMap
@@ -56,11 +58,12 @@ def run(script, **environment):
     return result.stdout
 
 
-def test_compiled_interpreted_and_bounds_checked_runs_agree(tmp_path):
+def test_compiled_interpreted_and_bounds_checked_runs_agree(common):
     compiled = run(EPISODE)
     assert compiled.count("occupied") == 2
     assert run(EPISODE, NUMBA_DISABLE_JIT="1") == compiled
-    assert run(EPISODE, NUMBA_BOUNDSCHECK="1", NUMBA_CACHE_DIR=str(tmp_path)) == compiled
+    with checked_kernels(common) as environment:
+        assert run(EPISODE, **environment) == compiled
 
 
 def test_nothing_is_compiled_after_the_warm_up():

@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+from tests.sharing import checked_kernels
+
 EPISODE = """
 import numpy as np
 from maps import Costmap, MapConfig, VoxelMap, inflate
@@ -40,12 +42,12 @@ def run_episode(script=EPISODE + QUERIES, **environment):
     return result.stdout
 
 
-def test_compiled_interpreted_and_bounds_checked_runs_agree(tmp_path):
+def test_compiled_interpreted_and_bounds_checked_runs_agree(common):
     compiled = run_episode()
     assert "occupied" in compiled
     assert run_episode(NUMBA_DISABLE_JIT="1") == compiled
-    checked = run_episode(NUMBA_BOUNDSCHECK="1", NUMBA_CACHE_DIR=str(tmp_path))
-    assert checked == compiled
+    with checked_kernels(common) as environment:
+        assert run_episode(**environment) == compiled
 
 
 WARM = """
