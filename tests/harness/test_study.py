@@ -37,12 +37,16 @@ robots = ["drone"]
 seeds = 2
 gates = ["success.drop <= 0"]
 [set]
-"episode.time_limit" = 3
+"episode.time_limit" = 1
+"map.resolution" = 0.2
 [axes]
 "map.unknown_policy" = ["forbid", "allow"]
 """
 
 Engine = functools.partial(run_in_processes, workers=2, bounds=Bounds())
+
+Single = functools.partial(run_in_processes, workers=1, bounds=Bounds())
+"""Where it is not the workers that matter: each loads everything first."""
 
 
 def written(folder: Path, text: str = SHORT) -> str:
@@ -70,7 +74,7 @@ def test_a_plan_crosses_everything_and_keys_tell_episodes_apart(tmp_path: Path) 
     assert len({one.key for one in planned}) == len(planned)
     assert [one.seed for one in planned] == sorted(one.seed for one in planned)
     assert {one.config.map.unknown_policy for one in planned} == {"forbid", "allow"}
-    assert all(one.config.episode.time_limit == 3.0 for one in planned)
+    assert all(one.config.episode.time_limit == 1.0 for one in planned)
 
 
 def test_shards_are_a_partition_that_keeps_twins_together(tmp_path: Path) -> None:
@@ -94,7 +98,7 @@ def test_shards_are_a_partition_that_keeps_twins_together(tmp_path: Path) -> Non
         (SHORT.replace("success.drop <= 0", "sucess.drop <= 0"), "did you mean 'success'"),
         (SHORT.replace("success.drop <= 0", "success.fall <= 0"), "STATISTIC one of drop, rise"),
         (SHORT.replace('name = "short"', 'name = "../up"'), "expected letters"),
-        (SHORT.replace("= 3\n", "= three\n"), "Invalid value"),
+        (SHORT.replace("= 1\n", "= three\n"), "Invalid value"),
         (SHORT + "[bounds]\nwall_s = 0", "bounds of 0 s"),
         (SHORT + "[colour]\nred = 1", "unknown field `colour`"),
     ],
@@ -142,7 +146,7 @@ def test_what_is_missing_is_run_and_comes_out_the_same(undisturbed: Path, tmp_pa
 
     def engine(jobs: list[Job], stacks: list[bytes], finished: object) -> None:
         ran.extend(job.key for job in jobs)
-        Engine(jobs, stacks, finished)  # type: ignore[arg-type]
+        Single(jobs, stacks, finished)  # type: ignore[arg-type]
 
     run(undisturbed, engine=engine)
     assert ran == [lost]
@@ -193,7 +197,7 @@ def test_a_broken_episode_is_a_row_and_not_the_end(tmp_path: Path) -> None:
     """The goal lies outside the geofence for one variant alone."""
     axis = '"map.unknown_policy" = ["forbid", "allow"]'
     text = SHORT.replace(axis, "goal = [[6, 6, 1.2], [500, 0, 1.2]]")
-    result = run(tmp_path, text.replace("seeds = 2", "seeds = 1"))
+    result = run(tmp_path, text.replace("seeds = 2", "seeds = 1"), engine=Single)
     assert (result.missing, result.errors) == (0, 1)
     broken = result.arms[1]
     assert broken.outcomes == {"error": 1}
@@ -212,7 +216,8 @@ def test_time_and_memory_are_bounded(tmp_path: Path) -> None:
     bounded = functools.partial(
         run_in_processes, workers=1, bounds=Bounds(wall_s=0.3, memory_mib=4096)
     )
-    result = run(tmp_path, SHORT.replace("seeds = 2", "seeds = 1"), engine=bounded)
+    text = SHORT.replace("seeds = 2", "seeds = 1").replace('"episode.time_limit" = 1\n', "")
+    result = run(tmp_path, text, engine=bounded)
     assert result.errors == 2
     assert all(arm.outcomes == {"error": 1} for arm in result.arms)
 
@@ -271,7 +276,7 @@ def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None
     time.sleep(0.5)
     assert sorted(path.name for path in logs.glob("*.mcap")) == left  # nobody writes any more
     assert 1 <= len(left)
-    assert run(tmp_path).missing == 0
+    assert run(tmp_path, engine=Single).missing == 0
 
 
 def test_a_strangers_folder_loads_no_code(tmp_path: Path) -> None:
