@@ -57,7 +57,8 @@ class ContactFacts:
         time_s: When.
         decision: The last decision after which the robot could still have come to rest before.
         decision_s: When that was.
-        there_when_decided: Whether what was touched stood there at that decision.
+        there_when_decided: Whether what was touched stood there at that decision, and before the
+            sweep that it was made on.
         there_when_observed: Whether it stood there when the map last looked.
         observed_s: When the map last looked at the place; negative if never.
         away: Distance of the place of contact from the body then, m.
@@ -232,6 +233,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
     size = navigator.map.resolution
     believed = place + moment.error
     observed_s = float(navigator.map.observed_ns_at(believed[None])[0]) * 1e-9
+    since = case.moments[max(number - 1, 0) : number + 1]  # a sweep takes as long as that
     free, unknown, own = _mapped(case, navigator, contact, moment)
     off, planned = _planned(case, contact, last, time_s)
     return ContactFacts(
@@ -239,7 +241,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         time_s=time_s,
         decision=number,
         decision_s=moment.time_ns * 1e-9,
-        there_when_decided=_stood(case, contact, moment, 1.5 * size),
+        there_when_decided=all(_stood(case, contact, one, 1.5 * size) for one in since),
         there_when_observed=_stood(case, contact, _nearest(case, observed_s), 1.5 * size),
         observed_s=observed_s,
         away=_room(case, moment, place),

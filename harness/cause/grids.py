@@ -90,16 +90,23 @@ def _graph(free: Cells, nodes: NDArray[np.int64], size: float) -> sparse.csr_mat
     return sparse.csr_matrix(edges, shape=(int(free.sum()),) * 2)
 
 
-def true_occupancy(case: Case, navigator: Navigator) -> Cells:
-    """What truly stands in each cell of a costmap, with the movers where they were placed."""
+def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Cells:
+    """What truly stands in each cell of a costmap, with the movers where they were placed.
+
+    With `moving` only these movers count, and neither what stays nor the floor.
+    """
     costmap, mission, size = navigator.costmap, case.mission, navigator.map.resolution
     if mission.motion == "air":
-        occupied = case.space.occupied(costmap.origin, costmap.shape, size)
+        occupied = case.space.occupied(costmap.origin, costmap.shape, size, moving)
+        if moving:
+            return occupied
         return occupied | _outside_altitudes(case, costmap.origin, costmap.shape, size)
     nx, ny, _ = costmap.shape
     layers = max(1, int(np.ceil((mission.height - mission.step_height) / size - 1e-6)))
     corner = np.array([*costmap.origin[:2], mission.step_height])
-    standing = case.space.occupied(corner, (nx, ny, layers), size).any(axis=2)
+    standing = case.space.occupied(corner, (nx, ny, layers), size, moving).any(axis=2)
+    if moving:
+        return standing[:, :, None]
     x, y = np.meshgrid(*(np.arange(n) + 0.5 for n in (nx, ny)), indexing="ij")
     spots = np.stack([corner[0] + x * size, corner[1] + y * size, np.zeros_like(x)], axis=-1)
     holes = ~case.space.borne(spots.reshape(-1, 3)).reshape(nx, ny)

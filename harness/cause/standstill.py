@@ -57,6 +57,7 @@ class StandstillFacts:
         claimed: Whether the robot claimed the goal where it was not.
         doubt: By how much the stated doubt of the pose widens the margin, m.
         radius: Of the body, m.
+        cell: Edge of the map's cells, m.
         iterations: Spent by the last search.
         without_path: Share of all searches that found no path.
         pose: Its error over the window.
@@ -79,6 +80,7 @@ class StandstillFacts:
     claimed: bool
     doubt: float
     radius: float
+    cell: float
     iterations: int
     without_path: float
     pose: PoseFacts
@@ -177,6 +179,13 @@ def moved_obstacle(facts: StandstillFacts) -> str | None:
     return "a way exists, but something that moves truly closed it at the end"
 
 
+def just_left(facts: StandstillFacts) -> str | None:
+    """What moves closes the map's only way, or stood there a moment ago."""
+    if facts.map.passable >= HALF or not facts.map.without_movers:
+        return None
+    return "the map has a way without what moves there, or stood there a moment before the end"
+
+
 def ghost_obstacle(facts: StandstillFacts) -> str | None:
     """The way is closed in the map alone, by cells that are truly free."""
     ways = facts.map
@@ -224,6 +233,17 @@ def planner(facts: StandstillFacts) -> str | None:
     return None
 
 
+def too_narrow(facts: StandstillFacts) -> str | None:
+    """A way exists by less than a map of cells can hold open, or there is no room at the start."""
+    truth = facts.truth
+    if facts.fell or min(truth.widest - 0.5 * facts.cell, truth.at_start) > truth.radius:
+        return None
+    return (
+        f"body and margin take {truth.radius:.2f} m, the widest way lets {truth.widest:.2f} m pass "
+        f"in cells of {facts.cell:.2f} m, and the start has {truth.at_start:.2f} m about it"
+    )
+
+
 def _too_slow(facts: StandstillFacts) -> str:
     """The limit left time for the shortest way, and the map had one; it was not taken in time."""
     truth = facts.truth
@@ -253,7 +273,9 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("tracking", left_its_path),
     ("moved_obstacle", moved_obstacle),
     ("ghost_obstacle", ghost_obstacle),
+    ("moved_obstacle", just_left),
     ("tracking", tracking),
+    ("impossible", too_narrow),
     ("planner", planner),
     ("unexplained", unexplained),
 )
@@ -297,6 +319,7 @@ def standstill_facts(case: Case) -> StandstillFacts:
         claimed=last.decision.action == "goal",
         doubt=MARGIN_SIGMAS * last.decision.position_sigma,
         radius=case.mission.radius,
+        cell=navigator.costmap.resolution,
         iterations=searches[-1].planner_iterations if searches else 0,
         without_path=float(np.mean([one.label == NO_PATH for one in searches] or [False])),
         pose=pose_facts(case, numbers),
@@ -307,9 +330,10 @@ def standstill_facts(case: Case) -> StandstillFacts:
 
 
 def lacks_time(case: Case) -> bool:
-    """Whether a way exists that is wide enough, so that only the time for it may be lacking."""
+    """Whether the shortest way that is wide enough takes longer than the time limit."""
     last = len(case.moments) - 1
-    return true_ways(case, case.navigator_at(last), last).exists
+    truth = true_ways(case, case.navigator_at(last), last)
+    return truth.exists and truth.shortest_s > case.config.episode.time_limit
 
 
 def _window(case: Case) -> int:

@@ -113,11 +113,20 @@ class TrueSpace:
         return distances
 
     def occupied(
-        self, origin: Array, shape: tuple[int, int, int], size: float
+        self, origin: Array, shape: tuple[int, int, int], size: float, moving: bool = False
     ) -> NDArray[np.bool_]:
-        """Which cells of a grid overlap an obstacle: (nx, ny, nz); corner (3,) and edge, m."""
+        """Which cells of a grid overlap an obstacle, or one that moves by itself.
+
+        Args:
+            origin: Corner of the grid, (3,) m.
+            shape: (nx, ny, nz).
+            size: Edge of a cell, m.
+            moving: What stays is left out.
+        """
         grid = np.zeros(shape, np.bool_)
         for geom in self._obstacles:
+            if moving and not self._moves[geom]:
+                continue
             window, centres = self._window(int(geom), origin, shape, size)
             if len(centres):
                 inside = self._distances(int(geom), centres) < 0.49 * size

@@ -30,6 +30,9 @@ from maps.states import OCCUPIED, UNKNOWN
 GHOST_CELLS = 1.5
 """An occupied cell farther than this from anything true, pose error apart, is a ghost."""
 
+JUST_NOW = 1.5
+"""What left so long ago may still be in a map that unlearns as fast as it should, s."""
+
 NO_PATH = "no_path"
 """Label of a decision whose search found no path."""
 
@@ -46,6 +49,7 @@ class TrueWays:
         widest: Of the ways without what moves, m; 0 if there is none.
         exists: Whether there is one for this body and margin.
         open_at_end: Whether there is with the movers as they are at the end.
+        at_start: Distance from the start to what stands about it, m.
         shortest_s: Least time for the shortest of them from rest to rest; 0 unless time ran out.
         left_m: Way left when time ran out; infinite if none leads on.
         gained_m: Way that was covered over the last decisions.
@@ -55,6 +59,7 @@ class TrueWays:
     widest: float
     exists: bool
     open_at_end: bool
+    at_start: float
     shortest_s: float
     left_m: float
     gained_m: float
@@ -70,11 +75,12 @@ class MapWays:
         in_vain: Share for which a search found no path.
         not_found: Of these, the share that had a way through what was not occupied.
         certain: Share with a way through what was not occupied if the pose had been certain.
-        ghosts: Cells mapped occupied at the end that are truly free.
+        ghosts: Cells mapped occupied at the end that are truly free, and not only just left.
         holes: Of these, columns of a walking robot that are forbidden because the map holds what
             lies under their floor for free.
         ghost: Centre of the one nearest to the robot, m.
         without_ghosts: Whether there is a way at the end without them.
+        without_movers: Whether there is one without what moves, and what it left just now.
         unknown: Share of the map's cells in the plane or space of motion that are unknown.
     """
 
@@ -87,6 +93,7 @@ class MapWays:
     holes: int
     ghost: tuple[float, float, float]
     without_ghosts: bool
+    without_movers: bool
     unknown: float
 
 
@@ -112,6 +119,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
         widest=widest(still, start, goal, reach),
         exists=exists,
         open_at_end=joined(gaps > radius, here, goal, reach),
+        at_start=float(still[start]),
         shortest_s=rest_to_rest(_nearby(lengths, start, reach), case.mission) if exists else 0.0,
         left_m=left,
         gained_m=before - left if math.isfinite(before) and math.isfinite(left) else 0.0,
@@ -221,19 +229,35 @@ def _ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
     costmap, last = navigator.costmap, case.moments[-1]
     size, radius = costmap.resolution, costmap.inflation_radius
     goal, reach = _goal(case, navigator)
-    case.space.place_movers(last.truth)
-    truth = true_occupancy(case, navigator)
     occupied = costmap.state == OCCUPIED
-    ghosts = occupied & (_to_nearest(truth, size) > GHOST_CELLS * size + np.linalg.norm(last.error))
+    near = GHOST_CELLS * size + np.linalg.norm(last.error)
     believed = cell_of(navigator, last.true_position + last.error)
+    moving = occupied & (_to_nearest(_swept(case, navigator), size) <= near)
+    case.space.place_movers(last.truth)
+    ghosts = occupied & ~moving & (_to_nearest(true_occupancy(case, navigator), size) > near)
     without = clearances(occupied & ~ghosts, size)
+    case.space.place_movers(last.truth, present=False)
+    moving &= _to_nearest(true_occupancy(case, navigator), size) > size
+    gone = clearances(occupied & ~moving, size)
     return {
         "ghosts": int(ghosts.sum()),
         "holes": int((ghosts & holes_in_floor(case, navigator)).sum()),
         "ghost": _nearest_cell(navigator, ghosts, believed),
         "without_ghosts": joined(without > radius, believed, goal, reach),
+        "without_movers": joined(gone > radius, believed, goal, reach),
         "unknown": float((costmap.state == UNKNOWN).mean()),
     }
+
+
+def _swept(case: Case, navigator: Navigator) -> Cells:
+    """Where anything that moves is at the end, or was just before it; cells of the costmap."""
+    end_ns = case.moments[-1].time_ns - round(JUST_NOW * 1e9)
+    swept = np.zeros(navigator.costmap.shape, np.bool_)
+    for moment in case.moments:
+        if moment.time_ns >= end_ns and moment.truth.movers:
+            case.space.place_movers(moment.truth)
+            swept |= true_occupancy(case, navigator, moving=True)
+    return swept
 
 
 def _to_nearest(occupied: Cells, size: float) -> Array:

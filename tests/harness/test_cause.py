@@ -45,17 +45,25 @@ TOUCH = ContactFacts(
     ranges=RangeFacts(), disregarded=0.0, late=None,
 )  # fmt: skip
 TRUTH = TrueWays(
-    radius=0.5, widest=0.8, exists=True, open_at_end=True, shortest_s=5.0, left_m=3.0, gained_m=0.0
+    radius=0.5,
+    widest=0.8,
+    exists=True,
+    open_at_end=True,
+    at_start=0.7,
+    shortest_s=5.0,
+    left_m=3.0,
+    gained_m=0.0,
 )
 MAP = MapWays(
     known=0.0, passable=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0, holes=0,
-    ghost=(0.0, 0.0, 0.0), without_ghosts=True, unknown=0.2,
+    ghost=(0.0, 0.0, 0.0), without_ghosts=True, without_movers=False,
+    unknown=0.2,
 )  # fmt: skip
 STILL = StandstillFacts(
     outcome="stuck", reason="", window=50, discarded=0.0, late=0.0, deadline=0.25, delay=0.05,
     off_path=0.0, worst_off_path=0.1, left_path=0.0, limit_s=60.0, claimed=False, doubt=0.02,
-    radius=0.3, iterations=1, without_path=0.0, pose=PoseFacts(), ranges=RangeFacts(), truth=TRUTH,
-    map=MAP,
+    radius=0.3, cell=0.1, iterations=1, without_path=0.0, pose=PoseFacts(), ranges=RangeFacts(),
+    truth=TRUTH, map=MAP,
 )  # fmt: skip
 LIED = PoseFacts(error=0.5, covered=0.1, beyond=0.4, first=12, at_end=0.5)
 BAD = RangeFacts(lost=0.3)
@@ -147,6 +155,10 @@ def test_a_contact_has_the_cause_that_its_facts_leave(change, cause):
         ({"outcome": "timeout", "truth.gained_m": 0.1, "map.known": 1.0}, "planner"),
         ({"truth.open_at_end": False}, "moved_obstacle"),
         (CLOSED, "ghost_obstacle"),
+        ({**CLOSED, "map.ghosts": 0, "map.without_movers": True}, "moved_obstacle"),
+        ({"map.known": 0.8, "truth.widest": 0.52}, "impossible"),
+        ({"map.known": 0.8, "truth.at_start": 0.4}, "impossible"),
+        ({"outcome": "fall", "truth.at_start": 0.4}, "tracking"),
         ({**CLOSED, "map.without_ghosts": False}, "unexplained"),
         ({**CLOSED, "pose": LIED}, "localization"),
         ({**CLOSED, "ranges": BAD}, "perception"),
