@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.stack.navigator import Navigator
 from harness.stack.reasons import Reason
-from harness.stack.view import Choice, Memory, View, length
+from harness.stack.view import Array, Choice, Memory, View, length
 from planners import Disc, follow_path
 
 
@@ -35,6 +35,10 @@ class Uninflated(Navigator):
 
     def _threshold(self, wide: bool) -> int:
         return 1
+
+    def _costs(self) -> Array:
+        costs = super()._costs()
+        return np.where(np.isfinite(costs), costs, costs[np.isfinite(costs)].max())
 
     def _discs(self) -> tuple[Disc, ...]:
         return ()

@@ -45,15 +45,6 @@ def _overrated(sound: Scenario, result: Result, rng: Rng) -> Broken:
     return Broken(mission=mission)
 
 
-def _laden(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The body carries more than its controller knows."""
-    flies = sound.mission.motion == "air"
-    side, mass = (0.12, 1.3) if flies else (0.25, 15.0)
-    kilograms = float(rng.uniform(0.6, 1.2)) * mass
-    sphere, place = mujoco.mjtGeom.mjGEOM_SPHERE, [side, 0.3 * side, 0.0]
-    return Broken(edit=_loaded(sphere, [0.02, 0, 0], place, kilograms, False))
-
-
 def _loaded(
     shape: mujoco.mjtGeom, size: list[float], place: list[float], kilograms: float, touches: bool
 ) -> Edit:
@@ -66,17 +57,6 @@ def _loaded(
         )  # fmt: skip
 
     return load
-
-
-def _icy(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The floor is slippery."""
-    grip = rng.uniform(0.05, 0.15)
-
-    def ice(spec: mujoco.MjSpec) -> None:
-        for geom in spec.geoms:
-            geom.friction = [grip, 0.005, 0.0001]
-
-    return Broken(edit=ice)
 
 
 NARROW = (
@@ -93,6 +73,4 @@ KINDS = {
     "bulky": Kind("margin_too_small", _bulky, NARROW, SHORT),
     "strict": Kind("tracking", _strict),
     "overrated": Kind("tracking", _overrated),
-    "laden": Kind("tracking", _laden),
-    "icy": Kind("tracking", _icy),
 }

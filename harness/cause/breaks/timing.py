@@ -12,11 +12,6 @@ def _late(sound: Scenario, result: Result, rng: Rng) -> Broken:
     return Broken(perturbation="latency:5")
 
 
-def _slow(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Decisions take effect later than the stack reckons with, all within the deadline."""
-    return Broken(delay=round(float(rng.uniform(0.2, 0.25)), 3))
-
-
 def _planning(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Planning alone takes longer than the deadline."""
     return Broken(settings=(f"latency.plan={rng.uniform(0.25, 0.6):.3f}",))
@@ -29,7 +24,6 @@ def _rate(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 KINDS = {
     "late": Kind("latency", _late),
-    "slow": Kind("latency", _slow),
     "planning": Kind("latency", _planning),
     "rate": Kind("latency", _rate),
 }
