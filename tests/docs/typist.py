@@ -57,6 +57,9 @@ SHORT = 1.0
 for.
 """
 
+COARSE = 0.2
+"""Cells on a small scale, m; of a drone, as a step of the other robot is too small for them."""
+
 EARLY = 5
 """The decision that is asked for on a small scale in place of a later one."""
 
@@ -69,7 +72,8 @@ NOISE = re.compile(
 
 SMALLER = {
     "critical": "--episodes 2".split(),
-    "calibrate": "--seeds 2 --margins 0.02,0.1 --set episode.time_limit=0.5".split(),
+    "calibrate": "--seeds 2 --margins 0.02,0.1 --set episode.time_limit=0.5"
+    " --set map.resolution=0.2".split(),
     "demo": "--set episode.time_limit=0.5".split(),
     "search": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
     " --set map.resolution=0.2".split(),
@@ -279,8 +283,8 @@ class Typist:
             last = max(map(int, re.findall(asked, self._whole_blocks)), default=0)
             limit = f"episode.time_limit={max(SHORT, 0.1 * last + 0.2):g}"
             words = with_options(words, ["--set", limit])
-            if any(word.startswith("map.resolution=") for word in words):
-                words = with_options(words, ["--set", "map.resolution=0.1"])
+            flies = verb_parsers()["run"].parse_args(words[1:]).robot == "drone"
+            words = with_options(words, ["--set", f"map.resolution={COARSE if flies else 0.1}"])
         if "--log" in words:
             at = words.index("--log")
             words = words[:at] + words[at + 2 :]
@@ -350,8 +354,11 @@ def smaller_study(name):
     path = Path(name) if Path(name).is_file() else PACKAGED / f"{name}.toml"
     study = tomllib.loads(path.read_text())
     worlds = ["empty" if world in WORLDS else world for world in study["worlds"][:1]]
-    study |= {"worlds": worlds, "robots": study["robots"][-1:], "seeds": 1}
+    robots = ["drone"] if "drone" in study["robots"] else study["robots"][:1]
+    study |= {"worlds": worlds, "robots": robots, "seeds": 1}
     settings = {**study.pop("set", {}), "episode.time_limit": 0.5}
+    if robots == ["drone"]:
+        settings["map.resolution"] = COARSE
     tables = {"set": settings}
     for table in ("axes", "perturbations"):
         tables[table] = {key: values[:2] for key, values in [*study.pop(table, {}).items()][:1]}
