@@ -122,6 +122,10 @@ curves of minimal length with a constraint on average curvature", 1957.
 NOT_ABOVE_GROUND = ("informed_rrtstar", "bitstar", "aorrtc", "kpiece1")
 """Planners that OMPL has no means for in R3 x SO(2): informed samples, or a projection."""
 
+NOT_ONE_WAY = ("aorrtc",)
+"""Planners that end the process in OMPL 2.0.1 where the way back is another length, as on Dubins
+curves: 3 of 4 episodes."""
+
 
 def state_space_for(name: str, planner: str, *, flat: bool, discs: bool) -> StateSpace:
     """The state space of a name; ``auto`` has a heading where the body is more than one disc.
@@ -148,6 +152,11 @@ def state_space_for(name: str, planner: str, *, flat: bool, discs: bool) -> Stat
         raise ValueError(
             f"planner.state_space: got {name} in space for the planner {planner}, expected "
             f"{without}a planner other than {', '.join(NOT_ABOVE_GROUND)}"
+        )
+    if name == "dubins" and planner in NOT_ONE_WAY:
+        raise ValueError(
+            f"planner.state_space: got {name} for the planner {planner}, expected reeds_shepp, or "
+            f"a planner other than {', '.join(NOT_ONE_WAY)}"
         )
     return found
 
