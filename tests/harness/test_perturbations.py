@@ -272,6 +272,9 @@ TEXTS = {
 }
 
 
+SHORT = ["episode.time_limit=2.5", "map.resolution=0.2"]
+
+
 def test_every_perturbation_is_paired_below():
     assert {text.split(":")[0] for text in TEXTS} == PERTURBATIONS.keys()
 
@@ -289,7 +292,7 @@ def pair(tmp_path_factory):
         world = "empty" if (text or like).startswith("motion") else "corridor"
         key = (text, world)
         if key not in logs:
-            config = override(Config(world, "drone", JUMPS_AT_2_S), ["episode.time_limit=2.5"])
+            config = override(Config(world, "drone", JUMPS_AT_2_S), SHORT)
             if text is not None:
                 config = replace(config, perturbation=perturbation_from(text))
             logs[key] = folder / f"{len(logs)}.mcap"
@@ -318,7 +321,7 @@ def test_a_perturbed_episode_replays_from_its_log(pair, text):
 
 
 def test_the_same_run_twice_has_the_same_streams(pair, tmp_path):
-    config = override(Config("corridor", "drone", JUMPS_AT_2_S), ["episode.time_limit=2.5"])
+    config = override(Config("corridor", "drone", JUMPS_AT_2_S), SHORT)
     again = tmp_path / "again.mcap"
     run_episode(build(config), again)
     found = compare(pair(), again)

@@ -22,6 +22,7 @@ robots = ["drone"]
 seeds = 1
 [set]
 "episode.time_limit" = 1
+"map.resolution" = 0.2
 """
 
 

@@ -16,7 +16,9 @@ from models.robots import brought
 
 HEAD = 'name = "outside"\nworlds = ["empty"]\nrobots = ["drone"]\n'
 
-TWO = HEAD + 'seeds = [1, 2]\n[set]\n"episode.time_limit" = 1\n'
+TWO = HEAD + 'seeds = [1, 2]\n[set]\n"episode.time_limit" = 1\n"map.resolution" = 0.2\n'
+
+SHORT = "episode.time_limit=1", "map.resolution=0.2"
 
 
 def values(count):
@@ -103,7 +105,7 @@ def finished(tmp_path, recorded):
     planned = plan_episodes(study)
     with store.open():
         for one in planned:
-            result = recorded("empty", "drone", one.seed, "episode.time_limit=1")
+            result = recorded("empty", "drone", one.seed, *SHORT)
             shutil.copyfile(result.log, store.log(one.key))
         store.keep_study(study, {})
     return store, planned
@@ -122,8 +124,10 @@ def test_a_log_is_of_the_episode_that_its_config_says(finished, recorded, capsys
     assert "seed: got 1, expected 2" in line
     with pytest.raises(InputError, match="seed: got 1, expected 2"):
         read_rows(planned, store)
-    shutil.copyfile(recorded("empty", "drone", 1, "episode.time_limit=0.5").log, first)
-    shutil.copyfile(recorded("empty", "drone", 2, "episode.time_limit=1").log, second)
+    shutil.copyfile(
+        recorded("empty", "drone", 1, "episode.time_limit=0.5", "map.resolution=0.2").log, first
+    )
+    shutil.copyfile(recorded("empty", "drone", 2, *SHORT).log, second)
     assert main(["report", str(store.folder)]) == 0
     out = capsys.readouterr().out
     assert "episode.time_limit: got 0.5, expected 1" in out
@@ -141,7 +145,7 @@ def test_another_goal_or_lidar_is_another_episode(finished, recorded):
         (("goal=[6.0,6.0]",), r"goal: got \(6, 6, 1\), expected \(10.*\)"),
         (("sensors.lidar=velodyne-vlp16",), "sensors: others"),
     ):
-        log = recorded("empty", "drone", 1, "episode.time_limit=1", *settings).log
+        log = recorded("empty", "drone", 1, *SHORT, *settings).log
         shutil.copyfile(log, store.log(planned[0].key))
         _, [line] = read_own_rows(planned, store)
         assert re.search(said, line)
@@ -166,7 +170,7 @@ def test_merging_takes_no_log_under_a_wrong_name(finished, tmp_path):
 def test_a_forked_log_is_no_episode_of_a_study(finished, tmp_path, recorded):
     """Its last config may be the one planned; its first decisions followed another one."""
     store, planned = finished
-    log = recorded("empty", "drone", 1, "episode.time_limit=1", "threads=2").log
+    log = recorded("empty", "drone", 1, *SHORT, "threads=2").log
     fork = tmp_path / "fork.mcap"
     main(["replay", log, "--from", "3", "--set", "threads=1", "--log", str(fork)])
     shutil.copyfile(fork, store.log(planned[0].key))

@@ -54,7 +54,8 @@ TOGETHER = (
 @pytest.fixture(scope="module")
 def source(recorded):
     """A short episode that failed and was perturbed."""
-    result = recorded("empty", "drone", 1, "episode.time_limit=1.2", PERTURBED)
+    short = "episode.time_limit=1.2", "map.resolution=0.2"
+    result = recorded("empty", "drone", 1, *short, PERTURBED)
     assert (result.outcome, bool(result.cause)) == ("timeout", True)
     return Path(result.log)
 
@@ -189,7 +190,7 @@ def test_a_log_of_decisions_is_verified_by_a_simulation_alone(source, tmp_path):
 
 
 def test_a_forked_log_is_simulated_fork_by_fork(source, tmp_path):
-    forked = fork(source, 6, ["map.resolution=0.2"], tmp_path / "fork.mcap")
+    forked = fork(source, 6, ["map.resolution=0.15"], tmp_path / "fork.mcap")
     found = verify(Path(forked.log))
     assert found.verified, found.findings
     assert "simulation" in found.steps
