@@ -43,7 +43,7 @@ def test_same_seed_gives_the_same_chain(recorded, episode, tmp_path):
 @pytest.mark.parametrize("robot", sorted(ROBOTS))
 def test_unknown_space_is_never_entered_under_forbid(recorded, robot):
     """Each driven path against the very map it was decided on, cell by cell, by slow code."""
-    result = recorded("warehouse", robot, 1, "episode.time_limit=12")
+    result = recorded("warehouse", robot, 1, "episode.time_limit=8")
     log = open_log(Path(result.log))
     assert log.config.map.unknown_policy == "forbid"
     navigator = Navigator(log.config, log.mission, log.beams)
@@ -85,7 +85,7 @@ def densely(path):
 
 
 def test_every_trajectory_ends_at_rest_and_starts_where_the_last_one_is(recorded):
-    result = recorded("warehouse", "drone", 1, "episode.time_limit=12")
+    result = recorded("warehouse", "drone", 1, "episode.time_limit=8")
     before = None
     for record in open_log(Path(result.log)).records():
         trajectory = record.decision.trajectory
