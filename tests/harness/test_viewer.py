@@ -267,6 +267,10 @@ def test_no_display_is_told_in_a_line(capsys, monkeypatch, log):
     assert "--save FILE.rrd" in capsys.readouterr().err
 
 
+LONGEST_START_S = 60.0
+"""After which a server that listens nowhere hangs."""
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="sockets are looked up in /proc")
 def test_the_viewer_listens_on_this_machine_alone(tmp_path):
     """Rerun's own server, started by the command that starts its window."""
@@ -277,8 +281,8 @@ def test_the_viewer_listens_on_this_machine_alone(tmp_path):
     command = [str(loopback_viewer(tmp_path)), "--serve-grpc", "--port", str(port)]
     server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        found = []
-        while not found and server.poll() is None:
+        found, until = [], time.monotonic() + LONGEST_START_S
+        while not found and server.poll() is None and time.monotonic() < until:
             time.sleep(0.05)
             found = listening(port)
         assert found == ["0100007F"]  # 127.0.0.1

@@ -198,7 +198,9 @@ def test_what_does_not_suit_a_body_is_refused(gap):
     curved = PlannerConfig("rrtconnect", state_space="dubins")
     with pytest.raises(ValueError, match=r"state_space: got dubins in space"):
         plan(solid, start, goal, curved, seed=1)
-    with pytest.raises(ValueError, match=r"got dubins for the planner aorrtc, expected reeds_shepp"):
+    with pytest.raises(
+        ValueError, match=r"got dubins for the planner aorrtc, expected reeds_shepp"
+    ):
         state_space_for("dubins", "aorrtc", flat=True, discs=False)
     start, goal = point(solid, 4.5, 10.5, 10.5), point(solid, 15.5, 10.5, 10.5)
     for name in ("informed_rrtstar", "bitstar", "aorrtc", "kpiece1"):
