@@ -13,13 +13,19 @@ from harness.scenario import Scenario
 from models.worlds import Mover, Sphere
 from models.worlds.movers import Place
 
+NEVER = 1e9
+"""When a mover appears that did not before the log ended, s."""
+
+ONWARD = 10.0
+"""What was going when the log ended goes on for so long as it went last, s."""
+
 POINT = Sphere((0.0, 0.0, 0.0), 1e-3, "recorded")
 """In place of a body: the scene has it, and what was recorded stops for nobody."""
 
 
 @dataclass(frozen=True)
 class RecordedMover(Mover):
-    """A mover that goes where it was seen, and stays where it was seen last.
+    """A mover that goes where it was seen, and a while beyond.
 
     Attributes:
         clock: (n,) how long it had been going at each sighting, ns.
@@ -55,8 +61,11 @@ def _recorded(moments: Sequence[Moment], number: int) -> RecordedMover:
     rows[:, 3] = np.unwrap(rows[:, 3])
     going = (np.diff(rows, axis=0) != 0.0).any(axis=1)
     clock = np.concatenate([[0], np.cumsum(np.where(going, np.diff(times), 0))])
+    if len(going) and going[-1]:
+        onward = round(ONWARD * 1e9)
+        step = (rows[-1] - rows[-2]) * (onward / (times[-1] - times[-2]))
+        clock, rows = np.append(clock, clock[-1] + onward), np.vstack([rows, rows[-1] + step])
     here = [k for k, one in enumerate(seen) if one.present]
-    first, last = (here[0], here[-1]) if here else (len(seen), len(seen))
     x, y, z = rows[0, :3].tolist()
     return RecordedMover(
         name=seen[0].name,
@@ -64,8 +73,8 @@ def _recorded(moments: Sequence[Moment], number: int) -> RecordedMover:
         route=((x, y, z),),
         speed=1.0 if going.any() else 0.0,
         stands_off=0.0,
-        appears=_seconds(times, first) if first else 0.0,
-        vanishes=_seconds(times, last + 1),
+        appears=_seconds(times, here[0]) if here else NEVER,
+        vanishes=_seconds(times, here[-1] + 1) if here else inf,
         clock=tuple(clock.tolist()),
         poses=tuple((x, y, z, yaw) for x, y, z, yaw in rows.tolist()),
     )

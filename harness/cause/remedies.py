@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -24,12 +24,14 @@ from harness.logs.log import LogWriter
 from harness.logs.reader import Log
 from harness.result import Result
 from harness.scenario import Scenario
+from harness.schema import wayproof_pb2 as pb
 from harness.stack.navigator import Navigator
 from models.devices import Mount, RangeNoise
 from models.odometry import OdometryConfig
 from models.robots import Controller, Setpoint
 from models.scene import PREFIX
 from models.sensors import make_caster
+from models.worlds.traffic import MoverState, Traffic
 from planners import PlannerConfig
 
 Array = NDArray[np.float64]
@@ -58,6 +60,10 @@ ERRORS = {one.name for one in fields(OdometryConfig)} - {"rate", "correlation_ti
 EXACT = OdometryConfig(**dict.fromkeys(ERRORS, 0.0))
 
 
+Movers = Callable[[], Sequence[MoverState]]
+"""Where all that moves is at the time of asking."""
+
+
 @dataclass(frozen=True)
 class Change:
     """What a remedy puts right.
@@ -65,14 +71,14 @@ class Change:
     Attributes:
         config: The settings with it.
         scenario: Changes the simulation; nothing by default.
-        stack: Changes the stack; nothing by default.
+        stack: Changes the stack, which may ask where all that moves is; nothing by default.
         forget: Parts of the simulator's state that begin anew.
         at_once: Decisions take effect at once, whatever they took in the log.
     """
 
     config: Config
     scenario: Callable[[Scenario], Scenario] = field(default=lambda scenario: scenario)
-    stack: Callable[[Navigator], None] = field(default=lambda navigator: None)
+    stack: Callable[[Navigator, Movers], None] = field(default=lambda navigator, movers: None)
     forget: tuple[str, ...] = ()
     at_once: bool = False
 
@@ -107,11 +113,13 @@ def true_map(log: Log, case: Case) -> Change:
     """Every cell is marked as it truly is, at each decision."""
     marks: list[TrueCells] = []
 
-    def inform(navigator: Navigator) -> None:
+    def inform(navigator: Navigator, movers: Movers) -> None:
         def mark(inputs: Inputs) -> None:
-            then = case.moments[min(inputs.sequence, len(case.moments) - 1)]
-            case.space.place_movers(then.truth)
-            if not marks or then.truth.movers:
+            now = pb.Truth()
+            for mover in movers():
+                now.movers.add(**mover._asdict())
+            case.space.place_movers(now)
+            if not marks or now.movers:
                 marks[:] = [true_cells(case, navigator)]
             mark_truth(navigator, marks[0], inputs)
 
@@ -213,12 +221,13 @@ def go_on(log: Log, case: Case, change: Change, at: int, limit_s: float) -> Resu
     scenario = replace(rebuild(log, config), mission=case.mission)
     scenario = change.scenario(with_recorded_movers(scenario, case))
     past = live_through(log, at, scenario)
-    change.stack(past.navigator)
     with tempfile.TemporaryDirectory() as folder:
         head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
         with LogWriter(Path(folder) / "check.mcap", *head) as writer:
             writer.record = "decisions"  # nobody reads it
             episode = Episode(scenario, past.navigator, writer)
+            traffic = episode.parts.get("traffic")
+            change.stack(past.navigator, traffic.states if isinstance(traffic, Traffic) else list)
             for part in change.forget:
                 del episode.parts[part]
             if not change.at_once:
