@@ -32,6 +32,9 @@ SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking")
 """Causes that facts show and that no remedy has to take away: what is missing may not be there to
 be put right."""
 
+HELPS_ALWAYS = "true_map"
+"""Who knows all that stands about, as no sensor tells it, may do without much else."""
+
 ONLY_AFTER = {"more_time": ("timeout",)}
 """Remedies that make no difference after other outcomes."""
 
@@ -100,7 +103,7 @@ def check(
         InputError: The log keeps no state there, or does not replay.
     """
     case = read_case(log)
-    names = list(remedies) or _in_order(case.outcome, finding.cause)
+    names = list(remedies) or _in_order(case, finding.cause)
     beside = LACKING[lacks_time(case)] if finding.cause == "impossible" else ""
     names = [name for name in names if name != beside]
     checks: list[Check] = []
@@ -128,8 +131,8 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
     """The cause that the answers of a check leave, and what they did to the one that was found.
 
     If a remedy of the cause saves the robot, it is confirmed. If only others do, the first of
-    their causes in the order of `CAUSES` takes its place. If nothing saves it, only a cause that
-    its own test shows stands; any other is unexplained.
+    their causes in the order of `CAUSES` takes its place, a true map's if nothing else saves it.
+    If nothing saves it, only a cause that its own test shows stands; any other is unexplained.
     """
     if any(one.remedy == CONTROL and one.saves for one in checks):
         return finding, "inconclusive"
@@ -141,8 +144,10 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
     if finding.cause in borne_out:
         return finding, "confirmed"
     if saving:
-        cause = min((REMEDIES[name][1][0] for name in saving), key=CAUSES.index)
-        by = next(name for name in saving if REMEDIES[name][1][0] == cause)
+        saving = [name for name in saving if name != HELPS_ALWAYS] or saving
+        cause, by = min(
+            ((_led_to(name, checks), name) for name in saving), key=lambda one: CAUSES.index(one[0])
+        )
         evidence = f"{by.replace('_', ' ')} alone saves the robot"
     elif finding.cause in (*SHOWN_BY_THEIR_OWN_TEST, "unexplained"):
         return finding, "confirmed"
@@ -152,11 +157,26 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
     return Finding(cause, before, finding.decision, finding.place), "changed"
 
 
-def _in_order(outcome: str, cause: str) -> list[str]:
-    """Remedies that can bear something out, those of a cause first."""
-    names = [name for name in REMEDIES if outcome in ONLY_AFTER.get(name, (outcome,))]
-    names = [name for name in names if _bears_out(name, cause)]
-    return sorted(names, key=lambda name: cause not in REMEDIES[name][1])
+def _in_order(case: Case, cause: str) -> list[str]:
+    """Remedies that can bear something out, those of a cause first and a true map last."""
+    names = [name for name in REMEDIES if case.outcome in ONLY_AFTER.get(name, (case.outcome,))]
+    names = [name for name in names if _bears_out(name, cause) and _differs(name, case)]
+    return sorted(names, key=lambda name: (cause not in REMEDIES[name][1], name == HELPS_ALWAYS))
+
+
+def _differs(remedy: str, case: Case) -> bool:
+    """Whether there is anything for a remedy to put right."""
+    if remedy == "no_movers":
+        return any(moment.truth.movers for moment in case.moments[:1])
+    return remedy != "forbidden_unknown" or case.config.map.unknown_policy != "forbid"
+
+
+def _led_to(remedy: str, checks: Sequence[Check]) -> str:
+    """The cause that a remedy points to where the facts gave another one."""
+    if remedy != HELPS_ALWAYS:
+        return REMEDIES[remedy][1][0]
+    touched = any(one.remedy == CONTROL and one.outcome == "collision" for one in checks)
+    return "missed_obstacle" if touched else "ghost_obstacle"
 
 
 def _bears_out(remedy: str, cause: str) -> bool:
