@@ -180,7 +180,12 @@ def moved_obstacle(facts: StandstillFacts) -> str | None:
 
 
 def just_left(facts: StandstillFacts) -> str | None:
-    """What moves closes the map's only way, or stood there a moment ago."""
+    """What moves closes the map's only way, or stood there a moment ago; at the end, or often."""
+    if facts.on_its_way and facts.without_path >= FEW and facts.map.held_up >= HALF:
+        return (
+            f"{facts.without_path:.0%} of all searches found no path, and {facts.map.held_up:.0%} "
+            "of their maps had one without what moved there"
+        )
     if facts.map.passable >= HALF or not facts.map.without_movers:
         return None
     return "the map has a way without what moves there, or stood there a moment before the end"

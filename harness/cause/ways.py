@@ -81,6 +81,8 @@ class MapWays:
         ghost: Centre of the one nearest to the robot, m.
         without_ghosts: Whether there is a way at the end without them.
         without_movers: Whether there is one without what moves, and what it left just now.
+        held_up: Of all searches that found no path, the share whose map had a way without what
+            moved there; 0 unless time ran out.
         unknown: Share of the map's cells in the plane or space of motion that are unknown.
     """
 
@@ -94,6 +96,7 @@ class MapWays:
     ghost: tuple[float, float, float]
     without_ghosts: bool
     without_movers: bool
+    held_up: float
     unknown: float
 
 
@@ -138,12 +141,18 @@ class _Look:
 def map_ways(case: Case, since: int) -> tuple[MapWays, Navigator]:
     """Search the maps of some decisions from one on, and return the last one's stack."""
     numbers = range(since, len(case.moments))
-    in_vain = [k for k in numbers if case.moments[k].decision.label == NO_PATH]
+    ever = [k for k, one in enumerate(case.moments) if one.decision.label == NO_PATH]
+    in_vain = [k for k in ever if k >= since]
     some, some_in_vain = _evenly(numbers), _evenly(in_vain)
+    crossed = case.outcome == "timeout" and bool(case.moments[-1].truth.movers)
+    some_ever = _evenly(ever) if crossed else []
     looks: dict[int, _Look] = {}
+    held_up: list[bool] = []
     navigator = None
-    for number, navigator in _maps(case, {*some, *some_in_vain, numbers[-1]}):
+    for number, navigator in _maps(case, {*some, *some_in_vain, *some_ever, numbers[-1]}):
         looks[number] = _look(case, navigator, case.moments[number])
+        if number in some_ever:
+            held_up.append(not looks[number].passable and _without_movers(case, navigator, number))
     assert navigator is not None
     return MapWays(
         known=float(np.mean([looks[k].known for k in some])),
@@ -151,6 +160,7 @@ def map_ways(case: Case, since: int) -> tuple[MapWays, Navigator]:
         certain=float(np.mean([looks[k].certain for k in some])),
         in_vain=len(in_vain) / len(numbers),
         not_found=float(np.mean([looks[k].passable for k in some_in_vain] or [False])),
+        held_up=float(np.mean(held_up or [False])),
         **_ghosts(case, navigator),
     ), navigator
 
@@ -226,35 +236,54 @@ def _maps(case: Case, wanted: set[int]) -> Iterator[tuple[int, Navigator]]:
 
 
 def _ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
-    costmap, last = navigator.costmap, case.moments[-1]
-    size, radius = costmap.resolution, costmap.inflation_radius
-    goal, reach = _goal(case, navigator)
-    occupied = costmap.state == OCCUPIED
-    near = GHOST_CELLS * size + np.linalg.norm(last.error)
-    believed = cell_of(navigator, last.true_position + last.error)
-    moving = occupied & (_to_nearest(_swept(case, navigator), size) <= near)
+    costmap, number = navigator.costmap, len(case.moments) - 1
+    last, occupied = case.moments[-1], costmap.state == OCCUPIED
     case.space.place_movers(last.truth)
-    ghosts = occupied & ~moving & (_to_nearest(true_occupancy(case, navigator), size) > near)
-    without = clearances(occupied & ~ghosts, size)
-    case.space.place_movers(last.truth, present=False)
-    moving &= _to_nearest(true_occupancy(case, navigator), size) > size
-    gone = clearances(occupied & ~moving, size)
+    truly = _near(case, navigator, true_occupancy(case, navigator), last)
+    ghosts = occupied & ~truly & ~_near(case, navigator, _swept(case, navigator, number), last)
+    believed = cell_of(navigator, last.true_position + last.error)
     return {
         "ghosts": int(ghosts.sum()),
         "holes": int((ghosts & holes_in_floor(case, navigator)).sum()),
         "ghost": _nearest_cell(navigator, ghosts, believed),
-        "without_ghosts": joined(without > radius, believed, goal, reach),
-        "without_movers": joined(gone > radius, believed, goal, reach),
+        "without_ghosts": _opens(case, navigator, occupied & ~ghosts, last),
+        "without_movers": _without_movers(case, navigator, number),
         "unknown": float((costmap.state == UNKNOWN).mean()),
     }
 
 
-def _swept(case: Case, navigator: Navigator) -> Cells:
-    """Where anything that moves is at the end, or was just before it; cells of the costmap."""
-    end_ns = case.moments[-1].time_ns - round(JUST_NOW * 1e9)
+def _without_movers(case: Case, navigator: Navigator, number: int) -> bool:
+    """Whether a decision's map has a way without what moves there, or stood there just before."""
+    size, moment = navigator.costmap.resolution, case.moments[number]
+    if not moment.truth.movers:
+        return False
+    moving = _near(case, navigator, _swept(case, navigator, number), moment)
+    case.space.place_movers(moment.truth, present=False)
+    moving &= _to_nearest(true_occupancy(case, navigator), size) > size
+    return _opens(case, navigator, (navigator.costmap.state == OCCUPIED) & ~moving, moment)
+
+
+def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cells:
+    """Cells that may stand for some true ones, as far off as cells and the pose's error make."""
+    size = navigator.costmap.resolution
+    near: Cells = _to_nearest(cells, size) <= GHOST_CELLS * size + np.linalg.norm(moment.error)
+    return near
+
+
+def _opens(case: Case, navigator: Navigator, occupied: Cells, moment: Moment) -> bool:
+    """Whether some occupied cells leave a way from where a decision believed the robot to be."""
+    costmap, (goal, reach) = navigator.costmap, _goal(case, navigator)
+    believed = cell_of(navigator, moment.true_position + moment.error)
+    gaps = clearances(occupied, costmap.resolution)
+    return joined(gaps > costmap.inflation_radius, believed, goal, reach)
+
+
+def _swept(case: Case, navigator: Navigator, number: int) -> Cells:
+    """Where anything that moves is at a decision, or was just before it; cells of the costmap."""
+    since_ns = case.moments[number].time_ns - round(JUST_NOW * 1e9)
     swept = np.zeros(navigator.costmap.shape, np.bool_)
-    for moment in case.moments:
-        if moment.time_ns >= end_ns and moment.truth.movers:
+    for moment in case.moments[: number + 1]:
+        if moment.time_ns >= since_ns and moment.truth.movers:
             case.space.place_movers(moment.truth)
             swept |= true_occupancy(case, navigator, moving=True)
     return swept

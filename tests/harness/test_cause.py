@@ -56,7 +56,7 @@ TRUTH = TrueWays(
 )
 MAP = MapWays(
     known=0.0, passable=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0, holes=0,
-    ghost=(0.0, 0.0, 0.0), without_ghosts=True, without_movers=False,
+    ghost=(0.0, 0.0, 0.0), without_ghosts=True, without_movers=False, held_up=0.0,
     unknown=0.2,
 )  # fmt: skip
 STILL = StandstillFacts(
@@ -156,6 +156,10 @@ def test_a_contact_has_the_cause_that_its_facts_leave(change, cause):
         ({"truth.open_at_end": False}, "moved_obstacle"),
         (CLOSED, "ghost_obstacle"),
         ({**CLOSED, "map.ghosts": 0, "map.without_movers": True}, "moved_obstacle"),
+        (
+            {"outcome": "timeout", "truth.gained_m": 2.0, "without_path": 0.4, "map.held_up": 0.8},
+            "moved_obstacle",
+        ),
         ({"map.known": 0.8, "truth.widest": 0.52}, "impossible"),
         ({"map.known": 0.8, "truth.at_start": 0.4}, "impossible"),
         ({"outcome": "fall", "truth.at_start": 0.4}, "tracking"),
@@ -210,6 +214,8 @@ def saved_by(*remedies):
         ("impossible", (), "impossible", "confirmed"),
         ("unexplained", (), "unexplained", "confirmed"),
         ("unexplained", ("more_search",), "planner", "changed"),
+        ("unexplained", ("true_map",), "ghost_obstacle", "changed"),
+        ("unexplained", ("true_map", "no_movers"), "moved_obstacle", "changed"),
         ("localization", ("control", "true_pose"), "localization", "inconclusive"),
     ],
 )
@@ -337,6 +343,11 @@ def test_movers_of_a_world_without_a_name_go_as_recorded(planted):
     for moment in case.moments:
         was = moment.truth.movers[0].position
         assert truck.place(moment.time_ns).position == pytest.approx(was, abs=0.01)
+    for moment in case.moments:
+        moment.truth.movers[0].present = False
+    (truck,) = with_recorded_movers(rebuild(log), case).world.movers
+    assert truck.appears > 1e6  # it did not come before the log ended
+    assert truck.place(case.moments[-1].time_ns + 10**9).position[0] < was[0] - 1.4
 
 
 def test_a_success_has_no_cause(recorded):
