@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from harness.cause.case import Case, Moment
+from harness.cause.ghosts import ghosts, goal_of, without_movers
 from harness.cause.grids import (
     DETOUR,
     Array,
-    Cells,
     cell_of,
     clearances,
     distances_from,
-    holes_in_floor,
     joined,
     true_occupancy,
     widest,
@@ -26,12 +24,6 @@ from harness.evidence.relay import Relay
 from harness.mission import Mission
 from harness.stack.navigator import MARGIN_SIGMAS, Navigator
 from maps.states import OCCUPIED, UNKNOWN
-
-GHOST_CELLS = 1.5
-"""An occupied cell farther than this from anything true, pose error apart, is a ghost."""
-
-JUST_NOW = 1.5
-"""What left so long ago may still be in a map that unlearns as fast as it should, s."""
 
 NO_PATH = "no_path"
 """Label of a decision whose search found no path."""
@@ -104,7 +96,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     """Search the true scene in cells of the map; progress counts from a decision on."""
     costmap, last = navigator.costmap, case.moments[-1]
     size, radius = costmap.resolution, certain_radius(case, navigator)
-    goal, reach = _goal(case, navigator)
+    goal, reach = goal_of(case, navigator)
     start = cell_of(navigator, np.array(case.mission.start))
     case.space.place_movers(last.truth, present=False)
     still = clearances(true_occupancy(case, navigator), size)
@@ -152,7 +144,7 @@ def map_ways(case: Case, since: int) -> tuple[MapWays, Navigator]:
     for number, navigator in _maps(case, {*some, *some_in_vain, *some_ever, numbers[-1]}):
         looks[number] = _look(case, navigator, case.moments[number])
         if number in some_ever:
-            held_up.append(not looks[number].passable and _without_movers(case, navigator, number))
+            held_up.append(not looks[number].passable and without_movers(case, navigator, number))
     assert navigator is not None
     return MapWays(
         known=float(np.mean([looks[k].known for k in some])),
@@ -161,14 +153,15 @@ def map_ways(case: Case, since: int) -> tuple[MapWays, Navigator]:
         in_vain=len(in_vain) / len(numbers),
         not_found=float(np.mean([looks[k].passable for k in some_in_vain] or [False])),
         held_up=float(np.mean(held_up or [False])),
-        **_ghosts(case, navigator),
+        unknown=float((navigator.costmap.state == UNKNOWN).mean()),
+        **ghosts(case, navigator),
     ), navigator
 
 
 def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:
     costmap = navigator.costmap
     size, radius = costmap.resolution, costmap.inflation_radius
-    goal, reach = _goal(case, navigator)
+    goal, reach = goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
     occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
     gaps = clearances(occupied, size)
@@ -206,12 +199,6 @@ def rest_to_rest(length: float, mission: Mission) -> float:
     return 2.0 * math.sqrt(length / a)
 
 
-def _goal(case: Case, navigator: Navigator) -> tuple[tuple[int, ...], int]:
-    """The goal's cell, and the cells about it that count as it."""
-    reach = max(1, round(case.config.episode.goal_tolerance / navigator.costmap.resolution))
-    return cell_of(navigator, np.array(case.mission.goal)), reach
-
-
 def _nearby(lengths: Array, cell: tuple[int, ...], reach: int) -> float:
     """The least of a cell's surroundings."""
     about = tuple(slice(max(c - reach, 0), c + reach + 1) for c in cell)
@@ -233,78 +220,3 @@ def _maps(case: Case, wanted: set[int]) -> Iterator[tuple[int, Navigator]]:
         if number in wanted:
             relay.navigator.costmap.update(moment.decision.localization_margin_m)
             yield number, relay.navigator
-
-
-def _ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
-    costmap, number = navigator.costmap, len(case.moments) - 1
-    last, occupied = case.moments[-1], costmap.state == OCCUPIED
-    case.space.place_movers(last.truth)
-    truly = _near(case, navigator, true_occupancy(case, navigator), last)
-    ghosts = occupied & ~truly & ~_near(case, navigator, _swept(case, navigator, number), last)
-    believed = cell_of(navigator, last.true_position + last.error)
-    return {
-        "ghosts": int(ghosts.sum()),
-        "holes": int((ghosts & holes_in_floor(case, navigator)).sum()),
-        "ghost": _nearest_cell(navigator, ghosts, believed),
-        "without_ghosts": _opens(case, navigator, occupied & ~ghosts, last),
-        "without_movers": _without_movers(case, navigator, number),
-        "unknown": float((costmap.state == UNKNOWN).mean()),
-    }
-
-
-def _without_movers(case: Case, navigator: Navigator, number: int) -> bool:
-    """Whether a decision's map has a way without what moves there, or stood there just before."""
-    size, moment = navigator.costmap.resolution, case.moments[number]
-    if not moment.truth.movers:
-        return False
-    moving = _near(case, navigator, _swept(case, navigator, number), moment)
-    case.space.place_movers(moment.truth, present=False)
-    moving &= _to_nearest(true_occupancy(case, navigator), size) > size
-    return _opens(case, navigator, (navigator.costmap.state == OCCUPIED) & ~moving, moment)
-
-
-def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cells:
-    """Cells that may stand for some true ones, as far off as cells and the pose's error make."""
-    size = navigator.costmap.resolution
-    near: Cells = _to_nearest(cells, size) <= GHOST_CELLS * size + np.linalg.norm(moment.error)
-    return near
-
-
-def _opens(case: Case, navigator: Navigator, occupied: Cells, moment: Moment) -> bool:
-    """Whether some occupied cells leave a way from where a decision believed the robot to be."""
-    costmap, (goal, reach) = navigator.costmap, _goal(case, navigator)
-    believed = cell_of(navigator, moment.true_position + moment.error)
-    gaps = clearances(occupied, costmap.resolution)
-    return joined(gaps > costmap.inflation_radius, believed, goal, reach)
-
-
-def _swept(case: Case, navigator: Navigator, number: int) -> Cells:
-    """Where anything that moves is at a decision, or was just before it; cells of the costmap."""
-    since_ns = case.moments[number].time_ns - round(JUST_NOW * 1e9)
-    swept = np.zeros(navigator.costmap.shape, np.bool_)
-    for moment in case.moments[: number + 1]:
-        if moment.time_ns >= since_ns and moment.truth.movers:
-            case.space.place_movers(moment.truth)
-            swept |= true_occupancy(case, navigator, moving=True)
-    return swept
-
-
-def _to_nearest(occupied: Cells, size: float) -> Array:
-    """Distance to the nearest cell that is occupied, the grid's edge apart, m."""
-    from scipy import ndimage
-
-    if not occupied.any():
-        return np.full(occupied.shape, np.inf)
-    return np.asarray(ndimage.distance_transform_edt(~occupied) * size)
-
-
-def _nearest_cell(
-    navigator: Navigator, cells: Cells, about: tuple[int, ...]
-) -> tuple[float, float, float]:
-    places = np.argwhere(cells)
-    if not len(places):
-        return 0.0, 0.0, 0.0
-    nearest = places[((places - about) ** 2).sum(axis=1).argmin()]
-    costmap = navigator.costmap
-    x, y, z = (costmap.origin + (nearest + 0.5) * costmap.resolution).tolist()
-    return x, y, z
