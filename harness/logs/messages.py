@@ -11,6 +11,7 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import DecodeError, Message
 
 from harness.errors import InputError
+from harness.inputs import FARTHEST
 from harness.logs.container import Packet, walk
 from harness.logs.packed import unpack
 from harness.schema import wayproof_pb2 as pb
@@ -68,6 +69,7 @@ def decode(packet: Packet, path: Path) -> Message:
         message = _MESSAGES[packet.schema].FromString(packet.data)
         unpack(message)
         _check_times(message)
+        _check_place(message)
         _check_texts(message)
         return message
     except (DecodeError, ValueError):
@@ -83,6 +85,12 @@ def _check_times(message: Message) -> None:
         message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
     if isinstance(message, pb.Decision):
         message.trajectory.start.ToNanoseconds()
+
+
+def _check_place(message: Message) -> None:
+    """Raise a ValueError for a true place where no robot is: its square may be no number."""
+    if isinstance(message, pb.Truth) and not all(abs(x) <= FARTHEST for x in message.position):
+        raise ValueError("position")
 
 
 def _check_texts(message: Message) -> None:

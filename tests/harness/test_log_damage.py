@@ -265,6 +265,13 @@ def test_a_time_that_is_none_is_refused_before_it_is_reckoned_with():
             decode(Packet(schema, "/forged", 0, data), Path("forged.mcap"))
 
 
+@pytest.mark.parametrize("x", [1e214, float("inf"), float("nan")])
+def test_a_true_place_where_no_robot_is_is_refused(x):
+    schema, data = "wayproof.Truth", pb.Truth(position=[x, 0.0, 1.0]).SerializeToString()
+    with pytest.raises(InputError, match="cannot be decoded"):
+        decode(Packet(schema, "/truth", 0, data), Path("forged.mcap"))
+
+
 @pytest.mark.parametrize(
     "message",
     [
