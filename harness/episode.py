@@ -21,7 +21,7 @@ from harness.result import Outcome, Result
 from harness.scenario import Scenario
 from harness.schema import wayproof_pb2 as pb
 from harness.sensing import Sensors
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from harness.state import Stateful, restore_parts
 from harness.supervision import bound_memory
 from harness.touch import touched

@@ -17,7 +17,7 @@ from harness.mujoco_warnings import tell_warnings
 from harness.outputs import Draft
 from harness.result import Result
 from harness.scenario import Scenario, sensor_info
-from harness.stack.navigator import Navigator, build_navigator
+from harness.stack.pipeline import Navigator, build_navigator
 from harness.supervision import announce
 from harness.user_code import plugin_digests
 

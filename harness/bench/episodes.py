@@ -22,7 +22,7 @@ from harness.result import Result
 from harness.runner import run_episode
 from harness.scenario import build
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.navigator import build_navigator
+from harness.stack.pipeline import build_navigator
 from harness.warm_up import warm_up
 from maps import UNKNOWN, states_in
 

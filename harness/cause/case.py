@@ -23,7 +23,7 @@ from harness.result import Contact
 from harness.scene_text import safe_scene
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import path_of
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from models.imports.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from harness.cause.ranges import RangeFacts, range_facts
 from harness.evidence.audit import densely
 from harness.result import Contact
 from harness.stack.decision import path_of
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from maps.states import FREE, OCCUPIED, UNKNOWN
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from harness.cause.grids import (
     joined,
     true_occupancy,
 )
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from maps.states import OCCUPIED
 
 GHOST_CELLS = 1.5

@@ -10,7 +10,7 @@ from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
 from harness.cause.case import Case
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from maps import FREE, states_in
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from harness.cause.reckless import Reckless
 from harness.config import Config, override
 from harness.errors import unknown_name
 from harness.scenario import Scenario, build, make_transparent
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from models.worlds import Box, Mover, World
 from models.worlds.layout import room_walls
 from models.worlds.solids import Solid

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.cause.case import Case, Moment
-from harness.stack.navigator import MARGIN_SIGMAS
+from harness.stack.mapping import MARGIN_SIGMAS
 from maps import MapConfig
 
 REACH = 1.0

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from harness.stack.reasons import Reason
+from harness.stack.spaces import FreeSpaces
 from harness.stack.view import Array, Choice, Memory, View, length
 from planners import Disc, follow_path
 
@@ -30,8 +31,8 @@ class Reckless(Navigator):
         return choice, replace(memory, trajectory=straight, guide=straight.path), view
 
 
-class Uninflated(Navigator):
-    """A stack that takes its body for a point, though it knows its radius."""
+class PointSpaces(FreeSpaces):
+    """Free space for a body without extent."""
 
     def _threshold(self, wide: bool) -> int:
         return 1
@@ -42,3 +43,9 @@ class Uninflated(Navigator):
 
     def _discs(self) -> tuple[Disc, ...]:
         return ()
+
+
+class Uninflated(Navigator):
+    """A stack that takes its body for a point, though it knows its radius."""
+
+    SPACES = PointSpaces

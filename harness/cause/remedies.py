@@ -25,7 +25,7 @@ from harness.logs.reader import Log
 from harness.result import Result
 from harness.scenario import Scenario
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from models.devices import Mount, RangeNoise
 from models.odometry import OdometryConfig
 from models.robots import Controller, Setpoint
@@ -123,7 +123,7 @@ def true_map(log: Log, case: Case) -> Change:
                 marks[:] = [true_cells(case, navigator)]
             mark_truth(navigator, marks[0], inputs)
 
-        navigator.informant = mark
+        navigator.mapper.informant = mark
 
     config = replace(log.config, map=replace(log.config.map, hit=STEP, miss=STEP))
     return Change(config, stack=inform)

@@ -20,7 +20,7 @@ from harness.cause.finding import Finding
 from harness.cause.pose import PoseFacts, pose_facts
 from harness.cause.ranges import RangeFacts, range_facts
 from harness.cause.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
-from harness.stack.navigator import MARGIN_SIGMAS
+from harness.stack.mapping import MARGIN_SIGMAS
 
 HALF = 0.5
 """A share of the last decisions that decides."""

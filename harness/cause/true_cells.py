@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from harness.cause.case import Case
 from harness.cause.grids import true_occupancy
 from harness.inputs import Inputs
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from maps import Representation
 from maps.states import FREE, OCCUPIED
 from models.beams import NO_RETURN

@@ -22,7 +22,8 @@ from harness.cause.grids import (
 )
 from harness.evidence.relay import Relay
 from harness.mission import Mission
-from harness.stack.navigator import MARGIN_SIGMAS, Navigator
+from harness.stack.mapping import MARGIN_SIGMAS
+from harness.stack.pipeline import Navigator
 from maps.states import OCCUPIED, UNKNOWN
 
 NO_PATH = "no_path"

@@ -21,7 +21,7 @@ from harness.result import Result
 from harness.runner import finish, publishing_failures, settle_log
 from harness.scenario import Scenario, sensor_info
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from harness.user_code import plugin_digests
 from planners import Trajectory
 

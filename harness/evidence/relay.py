@@ -16,7 +16,7 @@ from harness.inputs import Beams, Inputs
 from harness.logs.reader import Log, Record
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.navigator import Navigator, build_navigator
+from harness.stack.pipeline import Navigator, build_navigator
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Relay:
         self.go_to(record.decision.sequence)
         decision = recompute(self.navigator, record)
         for stack in self._waiting:
-            guarded(f"decision {decision.sequence}", partial(stack.perceive, record.inputs))
+            guarded(f"decision {decision.sequence}", partial(stack.mapper.update, record.inputs))
         return decision
 
     def watch(self, inputs: Inputs) -> Navigator:
@@ -88,7 +88,7 @@ class Relay:
         """
         self.go_to(inputs.sequence)
         for stack in (self.navigator, *self._waiting):
-            guarded(f"decision {inputs.sequence}", partial(stack.integrate, inputs))
+            guarded(f"decision {inputs.sequence}", partial(stack.mapper.integrate, inputs))
         return self.navigator
 
     def go_to(self, sequence: int) -> Navigator:
@@ -100,9 +100,9 @@ class Relay:
             higher = 0.0
             if self.stretch.mission.motion == "ground":
                 higher = layer_of(self.navigator) - layer_of(before)
-            self.navigator.adopt(lifted(before.memory, higher), before.chain)
+            self.navigator.resume(lifted(before.memory, higher), before.chain)
             for stack in (self.navigator, *self._waiting):
-                stack.carry(self.stretch.beams)
+                stack.mapper.set_sensors(self.stretch.beams)
         return self.navigator
 
 

@@ -20,7 +20,7 @@ from harness.inputs import Beams
 from harness.logs.reader import Log, Record
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.navigator import Navigator, build_navigator
+from harness.stack.pipeline import Navigator, build_navigator
 from harness.stack.view import Memory
 from harness.user_code import USER_CODE_ERRORS
 from planners import Trajectory
@@ -75,7 +75,7 @@ class Twin:
         """What each decides on one record: recorded, changed."""
         memory, chain = self.recorded.memory, self.recorded.chain
         recorded = recompute(self.recorded, record)
-        self.changed.adopt(lifted(memory, self._layer), chain)
+        self.changed.resume(lifted(memory, self._layer), chain)
         if self._delay is not None:
             latency = pb.Latency(sequence=record.latency.sequence, delay_s=self._delay)
             record = replace(record, latency=latency)
@@ -83,8 +83,8 @@ class Twin:
 
     def part(self, beams: Mapping[str, Beams]) -> Navigator:
         """The changed stack, with the recorded one's past and these sensors, to go on by itself."""
-        self.changed.adopt(lifted(self.recorded.memory, self._layer), self.recorded.chain)
-        self.changed.carry(beams)
+        self.changed.resume(lifted(self.recorded.memory, self._layer), self.recorded.chain)
+        self.changed.mapper.set_sensors(beams)
         return self.changed
 
 

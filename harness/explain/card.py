@@ -18,7 +18,7 @@ from harness.evidence.audit import densely
 from harness.labels import bound_version
 from harness.schema import wayproof_pb2 as pb
 from harness.stack.decision import path_of
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from maps.states import FREE, OCCUPIED
 
 Array = NDArray[np.float64]

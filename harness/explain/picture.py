@@ -19,7 +19,7 @@ from harness.cause import Case, Moment
 from harness.explain.card import Card, moment_of
 from harness.outputs import written_whole
 from harness.stack.decision import path_of
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from maps.states import FREE, OCCUPIED
 
 Array = NDArray[np.float64]

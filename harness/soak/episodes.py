@@ -25,7 +25,7 @@ from harness.runner import run_episode
 from harness.scenario import Scenario, build
 from harness.soak.child import scratch
 from harness.soak.fresh import FreshReplays, replay_by_command
-from harness.stack.navigator import build_navigator
+from harness.stack.pipeline import build_navigator
 from harness.warm_up import warm_up
 from maps import MAPS, MapConfig, UnknownPolicy
 from models.robots import ROBOTS

@@ -25,7 +25,7 @@ from harness.logs.recover import recover
 from harness.logs.small_log import COMMITTED, committed_name
 from harness.soak.child import in_child, scratch
 from harness.soak.mutate import forge, mutate, mutate_values
-from harness.stack.navigator import build_navigator
+from harness.stack.pipeline import build_navigator
 
 LONGEST_S = 5
 """Processor time of one case."""

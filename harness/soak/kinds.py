@@ -13,7 +13,7 @@ from harness.errors import InputError
 from harness.perturbations import PERTURBATIONS, perturbation_from
 from harness.scenario import Scenario, build
 from harness.soak.episodes import random_config
-from harness.stack.navigator import build_navigator
+from harness.stack.pipeline import build_navigator
 from maps import MAPS, UnknownPolicy
 from models.devices import DEVICES, Rangefinder
 from models.robots import ROBOTS

@@ -9,11 +9,9 @@ import numpy as np
 from harness.inputs import heading_of
 from harness.stack.view import Array, Memory, View, distance, length, standing
 from planners import (
-    FreeSpace,
     Plan,
     TrajectorySample,
     blend_corners,
-    plan,
     plan_seed,
     remaining,
     stopping_distance,
@@ -102,24 +100,15 @@ def _search(
     elif len(prefix) > 1:
         heading = heading_at(prefix, length(prefix))
     space = view.known
-    search = _plan(view, space, straight[-1], heading, seed)
+    search = view.plan(space, straight[-1], view.goal, view.planner, seed, heading)
     if search.waypoints is None and not only_known:
         space = replace(view.passable, sparing=not anew)
-        search = _plan(view, space, straight[-1], heading, seed)
+        search = view.plan(space, straight[-1], view.goal, view.planner, seed, heading)
     if search.waypoints is None:
         return search, None
     waypoints = apart(np.concatenate([straight[:-1], search.waypoints]))
     blended = blend_corners(space, waypoints, view.behaviour.blend_length)
     return search, np.concatenate([prefix[:-1], blended])
-
-
-def _plan(view: View, space: FreeSpace, start: Array, heading: float, seed: int) -> Plan:
-    """Plan to the goal, once for all rounds of a decision."""
-    kind = id(space.distances), space.blocked_at_or_below, space.discs, space.sparing
-    asked = *kind, start.tobytes(), view.goal.tobytes(), heading, seed
-    if asked not in view.plans:
-        view.plans[asked] = plan(space, start, view.goal, view.planner, seed, heading)
-    return view.plans[asked]
 
 
 def _straight_on(view: View, prefix: Array) -> Array:

@@ -19,12 +19,17 @@ from planners import (
     Trajectory,
     TrajectorySample,
     arc_lengths,
+    plan,
 )
 
 Array = NDArray[np.float64]
 
 States = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.uint8]]
 """States (nx, ny, nz) of the cells from one on up to another, both (3,) within the costmap."""
+
+
+PlanPath = Callable[[FreeSpace, Array, Array, PlannerConfig, int, float], Plan]
+"""Plans in a space from a start (3,) to a goal (3,), with settings, a seed and a heading, rad."""
 
 
 @dataclass(frozen=True)
@@ -102,8 +107,7 @@ class View:
         planner: Search settings.
         behaviour: Waiting and giving up.
         mission_goal: (3,) what `goal` stands for where the mission's own is blocked, m; else none.
-        plans: Those made for this decision, by what was asked for: they rest on distances that hold
-            until the next one, so they hold for a decision that begins anew.
+        plan: Plans a path: space, start, goal, settings, seed, heading.
     """
 
     time_ns: int
@@ -125,7 +129,7 @@ class View:
     planner: PlannerConfig
     behaviour: BehaviourConfig
     mission_goal: Array | None = None
-    plans: dict[tuple[object, ...], Plan] = field(default_factory=dict)
+    plan: PlanPath = plan
 
 
 @dataclass(frozen=True)

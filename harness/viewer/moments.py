@@ -18,7 +18,7 @@ from harness.inputs import Beams
 from harness.logs.reader import Log, Record
 from harness.mission import Mission
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from harness.viewer.ahead import Ahead
 from maps import Costmap, Representation
 
@@ -58,7 +58,7 @@ class Moment:
     def costmap(self) -> Costmap:
         """That the decision rests on; brought up to date when it is first asked for."""
         what = f"decision {self.decision.sequence}"
-        guarded(what, lambda: self.navigator.inflate(self.record.inputs))
+        guarded(what, lambda: self.navigator.mapper.inflate(self.record.inputs))
         return self.navigator.costmap
 
     @property

@@ -237,7 +237,7 @@ def test_an_output_that_takes_no_more_is_no_traceback(options):
 
 
 def test_ctrl_c_says_what_is_left(tmp_path, monkeypatch, capsys):
-    from harness.stack.navigator import Navigator
+    from harness.stack.pipeline import Navigator
 
     step = Navigator.step
 

@@ -3,7 +3,7 @@ import pytest
 from harness.config import Config, from_json, override, setting_names, to_json
 from harness.errors import InputError
 from harness.scenario import build
-from harness.stack.navigator import build_navigator
+from harness.stack.pipeline import build_navigator
 
 BASE = Config("warehouse", "drone", 3)
 

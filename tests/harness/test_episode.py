@@ -10,7 +10,7 @@ from harness.evidence.replay import replay
 from harness.logs.reader import open_log
 from harness.runner import run_episode
 from harness.scenario import build
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from maps import FREE, Distances
 from models.robots import ROBOTS
 

@@ -14,7 +14,7 @@ from harness.labels import decode_classes
 from harness.logs.messages import read_messages
 from harness.logs.reader import open_log
 from harness.schema import wayproof_pb2 as pb
-from harness.stack.navigator import build_navigator
+from harness.stack.pipeline import build_navigator
 from maps.grid import centres
 from models.classes import CLASSES, class_of_geoms
 from models.worlds import WORLDS, Box

@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from harness.stack import guide
+from harness.stack import planner_input
 from harness.stack.behaviour import decide
 from harness.stack.view import BehaviourConfig, Memory, View
 from planners import FreeSpace, MotionLimits, PlannerConfig, hold, plan
@@ -52,6 +52,7 @@ def make_view(known, passable, position, sequence):
         limits=LIMITS,
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(),
+        plan=planner_input.planned_once(),
     )
 
 
@@ -83,7 +84,7 @@ def count_plans(monkeypatch):
         counts[*kind, start.tobytes(), goal.tobytes(), seed, heading] += 1
         return plan(space, start, goal, config, seed, heading)
 
-    monkeypatch.setattr(guide, "plan", counted)
+    monkeypatch.setattr(planner_input, "plan", counted)
     return counts
 
 

@@ -235,7 +235,7 @@ def test_swapping_the_truth_changes_no_decision(recorded, tmp_path):
 
 
 def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():
-    code = "import sys, harness.stack.navigator; print(*sorted(sys.modules))"
+    code = "import sys, harness.stack.pipeline; print(*sorted(sys.modules))"
     loaded = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()

@@ -315,7 +315,7 @@ def test_a_file_that_changed_is_told_by_a_replay(capsys, tmp_path):
 def test_a_fault_of_ours_is_a_traceback_and_the_log_is_whole(tmp_path, monkeypatch):
     from harness.runner import run_episode
     from harness.scenario import build
-    from harness.stack.navigator import Navigator
+    from harness.stack.pipeline import Navigator
 
     step = Navigator.step
 

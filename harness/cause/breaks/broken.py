@@ -13,7 +13,7 @@ from harness.config import override
 from harness.perturbations import perturbation_from
 from harness.result import Result
 from harness.scenario import Scenario, build, edit_scene
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 from models.worlds import Box, Mover, World
 
 MOST = 4000

@@ -7,7 +7,7 @@ from harness.cause.breaks.broken import Break, Broken, Kind, Rng
 from harness.cause.reckless import Reckless, Uninflated
 from harness.result import Result
 from harness.scenario import Scenario
-from harness.stack.navigator import Navigator
+from harness.stack.pipeline import Navigator
 
 
 def _hasty_search(sound: Scenario, result: Result, rng: Rng) -> Broken:

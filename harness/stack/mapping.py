@@ -1,0 +1,136 @@
+"""The map of one mission and its costmap: what was sensed, and how near it the body may go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.config import Config
+from harness.inputs import Beams, Inputs
+from harness.labels import bound_version, make_layer, vote, widened
+from harness.mission import Mission
+from harness.stack.footprint import HEADING_TOLERANCE, body_of, lever
+from maps import MAPS, Costmap, VoxelMap
+
+Array = NDArray[np.float64]
+
+MARGIN_SIGMAS = 2.0
+"""Standard deviations of the believed position that the localization margin covers (95 %)."""
+
+
+class Mapper:
+    """Takes in sweeps and poses, and inflates what they show.
+
+    Attributes:
+        map: All that was sensed.
+        labels: Classes of its cells, if sweeps hold any.
+        costmap: Of the mission's body.
+        informant: Changes the map after each set of inputs; only a counterfactual has one.
+    """
+
+    def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
+        """Start with an unknown map, but for the start area that the operator declares free."""
+        self._config, self._mission = config, mission
+        self._beams = dict(beams)
+        self._body = body_of(mission)
+        self._slender = self._body.circumscribed_radius - min(self._body.radii)
+        self.map = MAPS[config.map.kind](config.map, config.threads, mission.low, mission.high)
+        self.labels = make_layer(config.map, config.sensors.semantics)
+        floor, ceiling = _altitude_window(config, mission)
+        self.costmap = Costmap(
+            replace(config.map, cost_range=config.map.cost_range + self._slender),
+            widened(self.map, self.labels, config.map.class_margins),
+            mission.low,
+            mission.high,
+            mission.motion,
+            min(self._body.radii),
+            mission.height,
+            mission.step_height,
+            floor,
+            ceiling,
+            threads=config.threads,
+        )
+        self.informant: Callable[[Inputs], None] | None = None
+        self._declare_start_free()
+
+    def set_sensors(self, beams: Mapping[str, Beams]) -> None:
+        """Take the sweeps of these sensors, by name, from now on."""
+        self._beams = dict(beams)
+
+    def version(self) -> str:
+        """Hash of the map's content and of its labels."""
+        return bound_version(self.map.version(), self.labels)
+
+    def integrate(self, inputs: Inputs) -> None:
+        """Take one set of inputs into the map and decide nothing."""
+        self.map.advance(inputs.time_ns)
+        for sweep in inputs.sweeps:
+            beams = self._beams[sweep.sensor]
+            placed = beams.place(sweep, inputs.pose, inputs.sequence)
+            if self._config.map.no_return == "ignored":
+                placed = placed.without_silent()
+            self.map.integrate(
+                placed.origins,
+                placed.directions,
+                placed.ranges_mm,
+                beams.range,
+                inputs.time_ns,
+                placed.moments,
+            )
+            if self.labels is not None and sweep.classes is not None:
+                limits = self._config.map.minimum_range, beams.range
+                vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
+        if (reach := self._config.map.hold_under_body) > 0.0 and isinstance(self.map, VoxelMap):
+            position = inputs.pose.position
+            self.map.hold(position - reach, position + reach, inputs.time_ns)
+        if self.informant is not None:
+            self.informant(inputs)
+
+    def inflate(self, inputs: Inputs) -> None:
+        """Bring the costmap up to date with the map, for inputs that it has taken in."""
+        # All distances of a plane are worked out sooner than some of them are looked for.
+        self.costmap.update(self._margin(inputs), whole=self._mission.motion == "ground")
+
+    def update(self, inputs: Inputs) -> None:
+        """Bring map and costmap to where a decision on these inputs would have them."""
+        self.integrate(inputs)
+        self.inflate(inputs)
+
+    def planning_point(self, position: Array) -> Array:
+        """The point (3,) in the costmap's frame: ground robots plan in the plane of its layer."""
+        if self._mission.motion == "air":
+            return position.copy()
+        layer = self.costmap.origin[2] + 0.5 * self.costmap.resolution
+        return np.array([position[0], position[1], layer])
+
+    def evidence_age(self, path: Array, time_ns: int) -> float:
+        """Age of the oldest evidence along the path, s; the declared start counts as time 0."""
+        observed = self.map.observed_ns_at(path)
+        return float(time_ns - max(int(observed.min()), 0)) * 1e-9
+
+    def _margin(self, inputs: Inputs) -> float:
+        margin = self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
+        return margin + lever(self._body) * HEADING_TOLERANCE
+
+    def _declare_start_free(self) -> None:
+        """No sensor sees what stands right beside the body: the operator vouches for that space."""
+        mission, config = self._mission, self._config
+        radius = self.costmap.inflation_radius + self._slender + config.episode.start_clear_radius
+        x, y, z = mission.start
+        if mission.motion == "air":
+            self.map.mark_free_sphere((x, y, z), radius, 0)
+            return
+        low, high = (x - radius, y - radius), (x + radius, y + radius)
+        self.map.mark_floor(low, high, 0)
+        top = mission.height + self.map.resolution
+        self.map.mark_free((*low, self.costmap.origin[2]), (*high, top), 0)
+
+
+def _altitude_window(config: Config, mission: Mission) -> tuple[float, float]:
+    if mission.motion == "ground":
+        return -math.inf, math.inf
+    return config.motion.altitude_low, config.motion.altitude_high
