@@ -104,7 +104,8 @@ def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Ce
     nx, ny, _ = costmap.shape
     layers = max(1, int(np.ceil((mission.height - mission.step_height) / size - 1e-6)))
     corner = np.array([*costmap.origin[:2], mission.step_height])
-    standing = case.space.occupied(corner, (nx, ny, layers), size, moving).any(axis=2)
+    layered = case.space.occupied(corner, (nx, ny, layers), size, moving)
+    standing: Cells = np.asarray(layered.any(axis=2))
     if moving:
         return standing[:, :, None]
     x, y = np.meshgrid(*(np.arange(n) + 0.5 for n in (nx, ny)), indexing="ij")

@@ -42,7 +42,7 @@ class PoseFacts:
         """In words."""
         turned = f" and {abs(self.turn):.2f} rad" if abs(self.turn) > 0.02 else ""
         return (
-            f"the pose was {self.error:.2f} m{turned} off, and a usual margin covers "
+            f"the pose was {self.error:.2f} m{turned} off, and the margin covers "
             f"{self.covered:.2f} m"
         )
 
