@@ -17,7 +17,7 @@ suppress_warnings = [
 ]
 
 CHAPTERS = {
-    "Begin": ["get-started", "concepts", "seeing", "comparison", "measured"],
+    "Begin": ["get-started", "concepts", "guarantees", "verbs", "seeing", "comparison", "measured"],
     "Tutorials": [
         f"tutorials/{name}"
         for name in (
