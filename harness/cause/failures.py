@@ -76,14 +76,14 @@ class Failure:
     log: str
 
 
-def attempts(kind: str, most: int = ATTEMPTS) -> Iterator[tuple[str, str, int]]:
+def attempts(kind: str, first_seed: int = FIRST_SEED) -> Iterator[tuple[str, str, int]]:
     """World, robot and seed of every attempt at a kind."""
     where = KINDS[kind].where or COMBINATIONS
     first = 0 if KINDS[kind].where else crc32(kind.encode())
-    for number in range(most):
+    for number in range(ATTEMPTS):
         rounds = number // (2 * len(where))
         world, robot = where[(number // 2 + first) % len(where)]
-        yield world, robot, FIRST_SEED + 2 * rounds + number % 2
+        yield world, robot, first_seed + 2 * rounds + number % 2
 
 
 class Maker:
@@ -94,10 +94,10 @@ class Maker:
         self._folder, self._console = folder, console
         self._sound: dict[tuple[str, ...], tuple[Scenario, Result | None]] = {}
 
-    def make(self, kind: str, count: int) -> list[Failure]:
+    def make(self, kind: str, count: int, first_seed: int = FIRST_SEED) -> list[Failure]:
         """So many failures of a kind in each half, or as many as the attempts give."""
         failures: list[Failure] = []
-        for world, robot, seed in attempts(kind):
+        for world, robot, seed in attempts(kind, first_seed):
             if sum(one.seed % 2 == seed % 2 for one in failures) >= count:
                 continue
             failure = self._attempt(kind, world, robot, seed)
@@ -235,6 +235,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--make", action="store_true", help="run episodes and keep the failures")
     parser.add_argument("--count", type=int, default=4, help="failures of each kind and half")
+    parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed, an even one")
     parser.add_argument("--kind", action="append", choices=list(KINDS), help="of this kind only")
     parser.add_argument("--half", choices=("tuned", "untuned"), help="this half only")
     parser.add_argument("--check", action="store_true", help="check each, and let that decide")
@@ -245,7 +246,7 @@ def main() -> None:
         options.folder.mkdir(parents=True, exist_ok=True)
         maker = Maker(options.folder, console)
         for kind in kinds:
-            made = maker.make(kind, options.count)
+            made = maker.make(kind, options.count, options.first)
             text = json.dumps([asdict(one) for one in made], indent=1)
             (options.folder / f"{kind}.json").write_text(text)
             console.print(f"{kind}: {len(made)}, {time.process_time() - began:.0f} s")
