@@ -1,4 +1,4 @@
-"""Decisions come too late, or sweeps do not come."""
+"""Decisions come too late."""
 
 from __future__ import annotations
 
@@ -17,13 +17,7 @@ def _planning(sound: Scenario, result: Result, rng: Rng) -> Broken:
     return Broken(settings=(f"latency.plan={rng.uniform(0.25, 0.6):.3f}",))
 
 
-def _rate(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Most sweeps never arrive."""
-    return Broken(perturbation=f"rate:{rng.uniform(4.0, 5.0):.2f}")
-
-
 KINDS = {
     "late": Kind("latency", _late),
     "planning": Kind("latency", _planning),
-    "rate": Kind("latency", _rate),
 }
