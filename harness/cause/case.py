@@ -183,12 +183,23 @@ def yaw_of(quaternion: Sequence[float]) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
+LAG = 0.5
+"""A trajectory begins where the body should be by now: so far behind it still is on its way, m."""
+
+
 def off_path(trajectory: pb.Trajectory, believed: Array, axes: int) -> tuple[float, Array]:
-    """How far a believed position (3,) is from a trajectory's path, m, and its nearest point."""
+    """How far a believed position (3,) is from a trajectory's path, m, and its nearest point.
+
+    What the body lags behind the path's begin, in its direction, does not count.
+    """
     path = path_of(trajectory.path)
     if axes == 2:
         path[:, 2] = believed[2]
     places = densely(path, 0.02)
+    ahead = places[min(5, len(places) - 1)] - places[0]
+    if (length := float(np.linalg.norm(ahead))) > 0.0:
+        behind = np.arange(LAG, 0.0, -0.02)[:, None] * (ahead / length)
+        places = np.vstack([places[0] - behind, places])
     gaps = np.linalg.norm((places - believed)[:, :axes], axis=1)
     nearest = int(gaps.argmin())
     return float(gaps[nearest]), places[nearest]
