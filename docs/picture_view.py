@@ -15,7 +15,7 @@ from pathlib import Path
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from harness.viewer.rerun_view import loopback_viewer
+from wayproof.harness.viewer.rerun_view import loopback_viewer
 
 SETTLE = 3.0  # s, for data and shaders to arrive
 

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from PIL import Image, ImageDraw
 
-from models.worlds import WORLDS
+from wayproof.models.worlds import WORLDS
 
 SEED = 4
 SIZE = (640, 440)

@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Iterator, Sequence
 
-from harness.errors import InputError, near_name
+from wayproof.harness.errors import InputError, near_name
 
 NEGATIVE = re.compile(r"-[.\d]")
 """A value that argparse takes for an option unless it is one plain number."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from harness.schema import wayproof_pb2 as pb
-from models.truth import CLEARANCE_REACH
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.truth import CLEARANCE_REACH
 
 
 def true_clearance_is_bound(clearance: float) -> bool:

@@ -14,11 +14,11 @@ from typing import NoReturn
 import msgspec
 from rich.console import Console
 
-from harness.arguments import check_options
-from harness.errors import InputError, Interrupted, unknown_name
-from harness.stdout import CheckedStdout, OutputError
-from harness.supervision import ended, names_user_code, supervised
-from harness.verbs import VERBS, Document
+from wayproof.harness.arguments import check_options
+from wayproof.harness.errors import InputError, Interrupted, unknown_name
+from wayproof.harness.stdout import CheckedStdout, OutputError
+from wayproof.harness.supervision import ended, names_user_code, supervised
+from wayproof.harness.verbs import VERBS, Document
 
 EXAMPLE = """\
   wayproof run warehouse --robot drone --seed 4 --perturb pose_jump:5 --log d.mcap

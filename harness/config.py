@@ -11,14 +11,14 @@ from typing import Any, Literal
 
 import msgspec
 
-from harness.errors import InputError, unknown_name
-from harness.labels import check_margins
-from harness.perturbations import AnyPerturbation
-from harness.stack.view import BehaviourConfig
-from maps import MAPS, MapConfig
-from models.devices import DEVICES, OWN, SensorConfig
-from models.odometry import OdometryConfig
-from planners import PLANNERS, PlannerConfig
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.labels import check_margins
+from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.stack.view import BehaviourConfig
+from wayproof.maps import MAPS, MapConfig
+from wayproof.models.devices import DEVICES, OWN, SensorConfig
+from wayproof.models.odometry import OdometryConfig
+from wayproof.planners import PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
 
@@ -280,7 +280,7 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
 def _check_controller(config: Config, allow_plugins: bool) -> None:
     if not config.robot_file:
         return
-    from models.robots.brought import Unusable, parse_spec  # it loads the simulator
+    from wayproof.models.robots.brought import Unusable, parse_spec  # it loads the simulator
 
     try:
         name = parse_spec(config.robot_file).controller

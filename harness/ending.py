@@ -12,10 +12,10 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import EpisodeConfig
-from harness.mission import Mission
-from harness.result import Outcome
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.config import EpisodeConfig
+from wayproof.harness.mission import Mission
+from wayproof.harness.result import Outcome
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 Array = NDArray[np.float64]
 

@@ -9,24 +9,24 @@ from dataclasses import replace
 
 from google.protobuf.message import Message
 
-from harness.config import LatencyConfig
-from harness.ending import Verdict
-from harness.inputs import inputs_from_messages, serialized
-from harness.interference import Interference
-from harness.judge import Judge
-from harness.logs.log import TRACEBACK, LogWriter
-from harness.plant import Plant
-from harness.recorder import Recorder
-from harness.result import Outcome, Result
-from harness.scenario import Scenario
-from harness.schema import wayproof_pb2 as pb
-from harness.sensing import Sensors
-from harness.stack.pipeline import Navigator
-from harness.state import Stateful, restore_parts
-from harness.supervision import bound_memory
-from harness.touch import touched
-from harness.user_code import PASSED_ON, NeverReturned, Watchdog, failure_of
-from planners import Trajectory
+from wayproof.harness.config import LatencyConfig
+from wayproof.harness.ending import Verdict
+from wayproof.harness.inputs import inputs_from_messages, serialized
+from wayproof.harness.interference import Interference
+from wayproof.harness.judge import Judge
+from wayproof.harness.logs.log import TRACEBACK, LogWriter
+from wayproof.harness.plant import Plant
+from wayproof.harness.recorder import Recorder
+from wayproof.harness.result import Outcome, Result
+from wayproof.harness.scenario import Scenario
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.sensing import Sensors
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.state import Stateful, restore_parts
+from wayproof.harness.supervision import bound_memory
+from wayproof.harness.touch import touched
+from wayproof.harness.user_code import PASSED_ON, NeverReturned, Watchdog, failure_of
+from wayproof.planners import Trajectory
 
 Observer = Callable[[pb.Decision, pb.Truth], None]
 

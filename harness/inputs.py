@@ -11,12 +11,12 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from harness.errors import InputError
-from harness.labels import decode_classes
-from harness.schema import wayproof_pb2 as pb
-from maps.elementary import arc_tangent
-from models import range_codec
-from models.beams import (
+from wayproof.harness.errors import InputError
+from wayproof.harness.labels import decode_classes
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps.elementary import arc_tangent
+from wayproof.models import range_codec
+from wayproof.models.beams import (
     DROPPED,
     LONGEST_RANGE,
     NO_RETURN,
@@ -27,7 +27,7 @@ from models.beams import (
     ray_ranges,
     rotate,
 )
-from models.poses import Trail, rotation_matrices
+from wayproof.models.poses import Trail, rotation_matrices
 
 CODEC = "u16-delta-planes"
 

@@ -8,15 +8,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import Config
-from harness.perturbations import UNPERTURBED, Report
-from harness.schema import wayproof_pb2 as pb
-from models.beams import DROPPED, NO_RETURN
-from models.classes import UNKNOWN_CLASS
-from models.odometry import PoseError
-from models.poses import Trail
-from models.scene import PREFIX, Scene
-from models.sensors import Caster
+from wayproof.harness.config import Config
+from wayproof.harness.perturbations import UNPERTURBED, Report
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.beams import DROPPED, NO_RETURN
+from wayproof.models.classes import UNKNOWN_CLASS
+from wayproof.models.odometry import PoseError
+from wayproof.models.poses import Trail
+from wayproof.models.scene import PREFIX, Scene
+from wayproof.models.sensors import Caster
 
 
 class Interference:

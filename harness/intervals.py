@@ -20,9 +20,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harness.bounds import Array, Ends, bounded, studentized
-from harness.statistics import CONFIDENCE, Interval, paired_rate_difference
-from harness.support import Support
+from wayproof.harness.bounds import Array, Ends, bounded, studentized
+from wayproof.harness.statistics import CONFIDENCE, Interval, paired_rate_difference
+from wayproof.harness.support import Support
 
 LEAST_CLUSTERS = 5
 """Fewer worlds, or fewer of them with distinct values, show no spread of a measure."""

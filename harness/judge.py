@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.ending import Limits, Verdict, goal_distance
-from harness.result import Outcome
-from harness.scenario import Scenario, decision_period
-from harness.schema import wayproof_pb2 as pb
-from models.truth import Truth
+from wayproof.harness.ending import Limits, Verdict, goal_distance
+from wayproof.harness.result import Outcome
+from wayproof.harness.scenario import Scenario, decision_period
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.truth import Truth
 
 LYING = 0.5
 """A walking robot whose base is below this share of its standing height has fallen."""

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import InputError
-from harness.schema import wayproof_pb2 as pb
-from maps import ClassMargins, MapConfig, Representation, SemanticLayer
-from maps.semantic import UNLABELLED
-from models.classes import CLASSES, UNKNOWN_CLASS
+from wayproof.harness.errors import InputError
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps import ClassMargins, MapConfig, Representation, SemanticLayer
+from wayproof.maps.semantic import UNLABELLED
+from wayproof.models.classes import CLASSES, UNKNOWN_CLASS
 
 if TYPE_CHECKING:  # which reads classes with what stands here
-    from harness.inputs import PlacedSweep
+    from wayproof.harness.inputs import PlacedSweep
 
 TURNS = 4
 """A sweep's beams vote in so many parts, one a sweep: what a thing is does not change."""

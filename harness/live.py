@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 ACTION_STYLES = {
     "follow": "green",

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.ending import goal_distance
-from harness.errors import InputError
-from harness.logs.messages import read_messages
-from harness.logs.reader import Log
-from harness.schema import wayproof_pb2 as pb
-from harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.ending import goal_distance
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 import msgspec
 
-from harness.errors import InputError
+from wayproof.harness.errors import InputError
 
 LEAST = 1e-6
 """Of a size or a limit: less is no robot's, and no trajectory can be worked out for it."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from harness.errors import InputError, unknown_name
-from models.imports import Unreadable
-from models.robots.brought import Unusable
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.models.imports import Unreadable
+from wayproof.models.robots.brought import Unusable
 
 HASHED = "@"
 """In a log's config, of what was read from a file: between its name and its hash."""

@@ -10,12 +10,12 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import Config
-from harness.inputs import heading_of
-from harness.perturbations import UNPERTURBED
-from harness.schema import wayproof_pb2 as pb
-from models.odometry import Odometry, PoseError, believed_trail
-from models.poses import Trail
+from wayproof.harness.config import Config
+from wayproof.harness.inputs import heading_of
+from wayproof.harness.perturbations import UNPERTURBED
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.odometry import Odometry, PoseError, believed_trail
+from wayproof.models.poses import Trail
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from harness.errors import InputError
+from wayproof.harness.errors import InputError
 
 ENDING = ".partial"
 """Of the name of a file that is still written."""

@@ -10,16 +10,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.judge import limits_of
-from harness.odometry import Estimate
-from harness.scenario import Scenario, decision_period
-from harness.setpoints import SetpointsAhead
-from harness.state import Simulation, StepPoses
-from models.between_steps import ask, look_and_ask
-from models.poses import Trail
-from models.truth import Truth
-from models.worlds import Traffic
-from planners import Trajectory
+from wayproof.harness.judge import limits_of
+from wayproof.harness.odometry import Estimate
+from wayproof.harness.scenario import Scenario, decision_period
+from wayproof.harness.setpoints import SetpointsAhead
+from wayproof.harness.state import Simulation, StepPoses
+from wayproof.models.between_steps import ask, look_and_ask
+from wayproof.models.poses import Trail
+from wayproof.models.truth import Truth
+from wayproof.models.worlds import Traffic
+from wayproof.planners import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -8,16 +8,16 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from harness.interference import Interference
-from harness.logs.log import LogWriter
-from harness.logs.log_copy import topic_of
-from harness.logs.streams import CONTROL, StreamHashes
-from harness.plant import Plant
-from harness.result import figures
-from harness.scenario import Scenario
-from harness.schema import wayproof_pb2 as pb
-from harness.state import Stateful, state_message
-from models.sensors import ROBOT_GROUP
+from wayproof.harness.interference import Interference
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.logs.log_copy import topic_of
+from wayproof.harness.logs.streams import CONTROL, StreamHashes
+from wayproof.harness.plant import Plant
+from wayproof.harness.result import figures
+from wayproof.harness.scenario import Scenario
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.state import Stateful, state_message
+from wayproof.models.sensors import ROBOT_GROUP
 
 
 class Recorder:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 Outcome = Literal[
     "success", "collision", "fall", "timeout", "stuck", "out_of_bounds", "aborted", "error"

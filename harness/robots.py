@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from harness.config import Config
-from harness.errors import InputError, unknown_name
-from harness.named import HASHED, find_named
-from models.imports.reading import read_text
-from models.robots import ROBOTS, Robot, brought
-from models.robots.brought import (
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.named import HASHED, find_named
+from wayproof.models.imports.reading import read_text
+from wayproof.models.robots import ROBOTS, Robot, brought
+from wayproof.models.robots.brought import (
     CONTROLLERS,
     BroughtRobot,
     Unusable,
@@ -19,7 +19,7 @@ from models.robots.brought import (
     parse_spec,
     read_robot,
 )
-from models.scene import PREFIX
+from wayproof.models.scene import PREFIX
 
 EXAMPLES = Path(brought.__file__).parent / "examples"
 """Spec files of robots whose models are packages of their own."""

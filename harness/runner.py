@@ -7,19 +7,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from harness.cause.attribution import with_cause
-from harness.config import to_json
-from harness.episode import Episode, Observer
-from harness.inputs import beams_from_info
-from harness.logs.log import PLUGINS, LogWriter, hold_log
-from harness.logs.log_copy import thin
-from harness.mujoco_warnings import tell_warnings
-from harness.outputs import Draft
-from harness.result import Result
-from harness.scenario import Scenario, sensor_info
-from harness.stack.pipeline import Navigator, build_navigator
-from harness.supervision import announce
-from harness.user_code import plugin_digests
+from wayproof.harness.cause.attribution import with_cause
+from wayproof.harness.config import to_json
+from wayproof.harness.episode import Episode, Observer
+from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.logs.log import PLUGINS, LogWriter, hold_log
+from wayproof.harness.logs.log_copy import thin
+from wayproof.harness.mujoco_warnings import tell_warnings
+from wayproof.harness.outputs import Draft
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario, sensor_info
+from wayproof.harness.stack.pipeline import Navigator, build_navigator
+from wayproof.harness.supervision import announce
+from wayproof.harness.user_code import plugin_digests
 
 
 def run_episode(

@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.mission import Mission
-from harness.robots import find_robot, told_robot
-from harness.schema import wayproof_pb2 as pb
-from harness.worlds import find_world, perturbed, told_world
-from models.checks import check
-from models.devices import DepthCamera, Device, Rangefinder
-from models.robots import ROBOTS, Robot, RobotSpec
-from models.scene import PREFIX, Scene, bind, compose, device_name, resolve
-from models.sensors import Caster
-from models.worlds import World, shortest_path_length
-from models.worlds.solvability import AIR_BANDS
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.mission import Mission
+from wayproof.harness.robots import find_robot, told_robot
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.worlds import find_world, perturbed, told_world
+from wayproof.models.checks import check
+from wayproof.models.devices import DepthCamera, Device, Rangefinder
+from wayproof.models.robots import ROBOTS, Robot, RobotSpec
+from wayproof.models.scene import PREFIX, Scene, bind, compose, device_name, resolve
+from wayproof.models.sensors import Caster
+from wayproof.models.worlds import World, shortest_path_length
+from wayproof.models.worlds.solvability import AIR_BANDS
 
 Point = tuple[float, float, float]
 

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-from harness.errors import InputError
-from models.imports.mjcf_bounds import Bounds
-from models.imports.reading import Unreadable
-from models.imports.xml_tree import Element
+from wayproof.harness.errors import InputError
+from wayproof.models.imports.mjcf_bounds import Bounds
+from wayproof.models.imports.reading import Unreadable
+from wayproof.models.imports.xml_tree import Element
 
 GREATEST_TEXT = 16 * 2**20
 

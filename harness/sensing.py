@@ -6,14 +6,14 @@ import time
 
 import mujoco
 
-from harness.inputs import CODEC
-from harness.interference import Interference
-from harness.plant import Plant
-from harness.schema import wayproof_pb2 as pb
-from models import range_codec
-from models.poses import Trail
-from models.scene import Scene
-from models.sensors import Caster
+from wayproof.harness.inputs import CODEC
+from wayproof.harness.interference import Interference
+from wayproof.harness.plant import Plant
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models import range_codec
+from wayproof.models.poses import Trail
+from wayproof.models.scene import Scene
+from wayproof.models.sensors import Caster
 
 
 class Sensors:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.robots import Setpoint
-from planners import Trajectory
+from wayproof.models.robots import Setpoint
+from wayproof.planners import Trajectory
 
 Array = NDArray[np.float64]
 

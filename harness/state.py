@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import InputError
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.errors import InputError
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 Arrays = dict[str, NDArray[Any]]
 

@@ -17,7 +17,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from harness.errors import InputError
+from wayproof.harness.errors import InputError
 
 ENDED = b"ended"
 """Last line that a child writes to its parent: it finished its work, well or not."""
@@ -108,7 +108,7 @@ def _wait(child: int) -> int:
 
 def _finish(log: Path, code: int, stacks: str) -> int:
     """Make a whole log of what the child left, and say so; exit code 1."""
-    from harness.logs.recover import finish_partial
+    from wayproof.harness.logs.recover import finish_partial
 
     how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
     if stacks:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import mujoco
 
-from harness.result import Contact
-from models.scene import Scene
-from models.sensors import ROBOT_GROUP
+from wayproof.harness.result import Contact
+from wayproof.models.scene import Scene
+from wayproof.models.sensors import ROBOT_GROUP
 
 
 def touched(scene: Scene, data: mujoco.MjData) -> Contact | None:

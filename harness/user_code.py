@@ -15,12 +15,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from types import FrameType
 
-from harness.config import PLUGIN, Config
-from harness.errors import InputError, printable
-from harness.supervision import stacks_file
-from models._plugin import UserCodeError as ControllerError
-from planners._plugin import UserCodeError as PlannerError
-from planners._plugin import source_digest
+from wayproof.harness.config import PLUGIN, Config
+from wayproof.harness.errors import InputError, printable
+from wayproof.harness.supervision import stacks_file
+from wayproof.models._plugin import UserCodeError as ControllerError
+from wayproof.planners._plugin import UserCodeError as PlannerError
+from wayproof.planners._plugin import source_digest
 
 USER_CODE_ERRORS = (PlannerError, ControllerError)
 
@@ -60,7 +60,7 @@ def plugins_of(config: Config) -> list[str]:
     """The user's classes that a config names, as `module:Class` or `path/to/file.py:Class`."""
     names = [config.planner.name]
     if config.robot_file:
-        from models.robots.brought import Unusable, parse_spec  # it loads the simulator
+        from wayproof.models.robots.brought import Unusable, parse_spec  # it loads the simulator
 
         with contextlib.suppress(Unusable):
             names.append(parse_spec(config.robot_file).controller)

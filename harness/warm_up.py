@@ -1,7 +1,7 @@
 """Compiling every kernel before anything is timed.
 
-`python -m harness.warm_up` compiles what the packaged robots run by default, in two processes: the
-compiler takes one core, and half a minute to a minute on two.
+`python -m wayproof.harness.warm_up` compiles what the packaged robots run by default, in two
+processes: the compiler takes one core, and half a minute to a minute on two.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
-import maps
-import planners
-from harness.config import Config
-from harness.robots import find_robot, warm_up_robot
-from models import between_steps, devices, range_codec, rays, truth
-from models.robots import ROBOTS
-from models.worlds import solvability
+from wayproof import maps, planners
+from wayproof.harness.config import Config
+from wayproof.harness.robots import find_robot, warm_up_robot
+from wayproof.models import between_steps, devices, range_codec, rays, truth
+from wayproof.models.robots import ROBOTS
+from wayproof.models.worlds import solvability
 
 
 def warm_up(config: Config) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.named import find_named
-from harness.perturbations import UNPERTURBED
-from models.imports import FileWorld, read_world_file
-from models.worlds import WORLDS, World
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.named import find_named
+from wayproof.harness.perturbations import UNPERTURBED
+from wayproof.models.imports import FileWorld, read_world_file
+from wayproof.models.worlds import WORLDS, World
 
 ENDING = ".xml"
 """Of a world file, given in place of a world's name."""

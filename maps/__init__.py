@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+if __name__ != "wayproof.maps":  # from the root of a clone, where it would be a second copy
+    raise ImportError("got 'import maps', expected 'import wayproof.maps'")
+
 import numpy as np
 
-from maps.class_margins import ClassMargins
-from maps.columns import states_in
-from maps.config import MapConfig, UnknownPolicy
-from maps.costmap import INSCRIBED_COST, Costmap
-from maps.distances import Distances
-from maps.dynamic import DynamicMap
-from maps.field import DistanceField
-from maps.grid2d import Grid2D
-from maps.inflation import inflate
-from maps.octomap import OctoMap
-from maps.representation import Maker, Representation
-from maps.semantic import UNLABELLED, SemanticLayer
-from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from maps.sweep import SweepStatistics
-from maps.tsdf import TsdfMap
-from maps.voxel import RayEnd, VoxelMap
+from wayproof.maps.class_margins import ClassMargins
+from wayproof.maps.columns import states_in
+from wayproof.maps.config import MapConfig, UnknownPolicy
+from wayproof.maps.costmap import INSCRIBED_COST, Costmap
+from wayproof.maps.distances import Distances
+from wayproof.maps.dynamic import DynamicMap
+from wayproof.maps.field import DistanceField
+from wayproof.maps.grid2d import Grid2D
+from wayproof.maps.inflation import inflate
+from wayproof.maps.octomap import OctoMap
+from wayproof.maps.representation import Maker, Representation
+from wayproof.maps.semantic import UNLABELLED, SemanticLayer
+from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
+from wayproof.maps.sweep import SweepStatistics
+from wayproof.maps.tsdf import TsdfMap
+from wayproof.maps.voxel import RayEnd, VoxelMap
 
 MAPS: dict[str, Maker] = {
     "dynamic": DynamicMap,

@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._jit import kernel
+from wayproof.maps._jit import kernel
 
 # What became of a beam.
 RETURNED = 0

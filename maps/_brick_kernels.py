@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._jit import kernel
-from maps.states import FREE, OCCUPIED, UNKNOWN
+from wayproof.maps._jit import kernel
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 EDGE_BITS = 4
 EDGE = 1 << EDGE_BITS  # columns along a brick's edge

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._beam_kernels import (
+from wayproof.maps._beam_kernels import (
     HALVES,
     HALVES_BITS,
     MAX_BEAM_CELLS,
@@ -18,8 +18,8 @@ from maps._beam_kernels import (
     SPARING,
     SUBCELLS,
 )
-from maps._jit import inlined, kernel
-from maps._processor import Queue, take
+from wayproof.maps._jit import inlined, kernel
+from wayproof.maps._processor import Queue, take
 
 WAY_BITS = 40  # a fraction of the way times a height of 2^21 stays below 2^63
 WHOLE_WAY = 1 << WAY_BITS

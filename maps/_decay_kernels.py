@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._jit import kernel
+from wayproof.maps._jit import kernel
 
 LOSS_BITS = 40
 FRACTION = np.uint64((1 << LOSS_BITS) - 1)

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._jit import inlined, kernel
-from maps._processor import Queue, prefetch, take
+from wayproof.maps._jit import inlined, kernel
+from wayproof.maps._processor import Queue, prefetch, take
 
 WORD_BITS = 64
 MAX_REACH = 181  # cells; twice its square still fits 16 bits

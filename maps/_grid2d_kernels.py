@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._jit import kernel
+from wayproof.maps._jit import kernel
 
 HALVES_BITS = 10
 HALVES = 1 << HALVES_BITS  # to a cell

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._jit import kernel
-from maps.states import FREE, OCCUPIED, UNKNOWN
+from wayproof.maps._jit import kernel
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 HALVES_BITS = 10
 HALVES = 1 << HALVES_BITS  # to a cell: the middles of cells and of sub-cells are whole

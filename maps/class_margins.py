@@ -8,12 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from maps import _label_kernels as kernels
-from maps.columns import WORD_BITS, ColumnMap
-from maps.grid import centres
-from maps.representation import Representation
-from maps.semantic import SemanticLayer
-from maps.states import OCCUPIED
+from wayproof.maps import _label_kernels as kernels
+from wayproof.maps.columns import WORD_BITS, ColumnMap
+from wayproof.maps.grid import centres
+from wayproof.maps.representation import Representation
+from wayproof.maps.semantic import SemanticLayer
+from wayproof.maps.states import OCCUPIED
 
 ROUNDING = 1e-6  # of a squared cell
 

@@ -8,9 +8,9 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps import _column_kernels as kernels
-from maps.grid import FLOOR_HEIGHT_IN_CELL, ROUNDING, cell_box, finite_vector
-from maps.states import FREE, OCCUPIED
+from wayproof.maps import _column_kernels as kernels
+from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, ROUNDING, cell_box, finite_vector
+from wayproof.maps.states import FREE, OCCUPIED
 
 WORD_BITS = 64  # cells in a word
 MAX_CELLS = 200_000_000

@@ -8,9 +8,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from maps._wanted_kernels import presume, widen
-from maps.field import ALL_ONES, BLOCK_ROWS, DistanceField, News, bring_up_to_date, take_over
-from maps.team import Team
+from wayproof.maps._wanted_kernels import presume, widen
+from wayproof.maps.field import (
+    ALL_ONES,
+    BLOCK_ROWS,
+    DistanceField,
+    News,
+    bring_up_to_date,
+    take_over,
+)
+from wayproof.maps.team import Team
 
 Cells = NDArray[np.uint16]
 Blocks = NDArray[np.bool_]

@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from maps import _beam_kernels as beams
-from maps.sweep import Sweep, SweepStatistics
+from wayproof.maps import _beam_kernels as beams
+from wayproof.maps.sweep import Sweep, SweepStatistics
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps._jit import kernel
-from maps.cell_sets import ball_cells, box_cells, floor_cells
-from maps.columns import WORD_BITS, ColumnMap
-from maps.config import MapConfig
-from maps.elementary import exponentials
-from maps.ends import Lengths
-from maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
-from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from maps.sweep import SweepStatistics, check_time, prepare_sweep
+from wayproof.maps._jit import kernel
+from wayproof.maps.cell_sets import ball_cells, box_cells, floor_cells
+from wayproof.maps.columns import WORD_BITS, ColumnMap
+from wayproof.maps.config import MapConfig
+from wayproof.maps.elementary import exponentials
+from wayproof.maps.ends import Lengths
+from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
+from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
+from wayproof.maps.sweep import SweepStatistics, check_time, prepare_sweep
 
 UNITS = 1000
 """Log-odds are told in thousandths; OctoMap holds them as single precision floats."""

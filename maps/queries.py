@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps import _beam_kernels as beams
-from maps import _brick_kernels as kernels
-from maps import _decay_kernels as decay
-from maps.bricks import Bricks
-from maps.config import MapConfig
-from maps.elementary import norm
-from maps.evidence import Evidence
-from maps.grid import cell_box, cells_at, centres, finite_vector
-from maps.marks import brick_cells, unpack_bits
-from maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from maps.team import Team
+from wayproof.maps import _beam_kernels as beams
+from wayproof.maps import _brick_kernels as kernels
+from wayproof.maps import _decay_kernels as decay
+from wayproof.maps.bricks import Bricks
+from wayproof.maps.config import MapConfig
+from wayproof.maps.elementary import norm
+from wayproof.maps.evidence import Evidence
+from wayproof.maps.grid import cell_box, cells_at, centres, finite_vector
+from wayproof.maps.marks import brick_cells, unpack_bits
+from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
+from wayproof.maps.team import Team
 
 BLOCK_US = 4.0  # about, to write the columns of a brick
 

@@ -7,9 +7,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps.columns import ColumnMap
-from maps.config import MapConfig
-from maps.sweep import SweepStatistics
+from wayproof.maps.columns import ColumnMap
+from wayproof.maps.config import MapConfig
+from wayproof.maps.sweep import SweepStatistics
 
 
 class Representation(ColumnMap, Protocol):

@@ -10,19 +10,19 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps import _decay_kernels as decay
-from maps import _update_kernels as updates
-from maps import storage
-from maps.bricks import Bricks
-from maps.columns import Window
-from maps.config import MapConfig
-from maps.evidence import Evidence, tick_losses
-from maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
-from maps.marks import Marks, SweepWindow, unpack_bits
-from maps.queries import RayEnd, VoxelQueries
-from maps.states import FREE, OCCUPIED
-from maps.sweep import SweepStatistics, prepare_sweep
-from maps.team import Team
+from wayproof.maps import _decay_kernels as decay
+from wayproof.maps import _update_kernels as updates
+from wayproof.maps import storage
+from wayproof.maps.bricks import Bricks
+from wayproof.maps.columns import Window
+from wayproof.maps.config import MapConfig
+from wayproof.maps.evidence import Evidence, tick_losses
+from wayproof.maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
+from wayproof.maps.marks import Marks, SweepWindow, unpack_bits
+from wayproof.maps.queries import RayEnd, VoxelQueries
+from wayproof.maps.states import FREE, OCCUPIED
+from wayproof.maps.sweep import SweepStatistics, prepare_sweep
+from wayproof.maps.team import Team
 
 __all__ = ["RayEnd", "VoxelMap"]
 

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.beams import directions
-from models.devices import Mount, Rangefinder
-from models.sensors import ROBOT_GROUP
-from models.solids import distance_to, holds
+from wayproof.models.beams import directions
+from wayproof.models.devices import Mount, Rangefinder
+from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.solids import distance_to, holds
 
 OLDEST_MUJOCO = (4, 0)
 """Before, rays missed bodies whose frame of inertia is turned."""

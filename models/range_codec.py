@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
+from wayproof.models._jit import kernel
 
 
 def encode(ranges_mm: NDArray[np.uint16], rows: int) -> bytes:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from models.classes import CLASSES
-from models.devices import DEVICES, OWN, Device, Mount, Rangefinder, SensorConfig
-from models.robots import Controller, Robot
-from models.sensors import Caster, make_caster
-from models.worlds import World
+from wayproof.models.classes import CLASSES
+from wayproof.models.devices import DEVICES, OWN, Device, Mount, Rangefinder, SensorConfig
+from wayproof.models.robots import Controller, Robot
+from wayproof.models.sensors import Caster, make_caster
+from wayproof.models.worlds import World
 
 FLOOR = CLASSES.index("floor")
 

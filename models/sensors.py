@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.beams import (
+from wayproof.models.beams import (
     DROPPED,
     NO_RETURN,
     BeamTable,
@@ -21,8 +21,8 @@ from models.beams import (
     moments,
     rotate,
 )
-from models.classes import UNKNOWN_CLASS, class_of_geoms
-from models.devices import (
+from wayproof.models.classes import UNKNOWN_CLASS, class_of_geoms
+from wayproof.models.devices import (
     Device,
     Mount,
     Rangefinder,
@@ -31,8 +31,8 @@ from models.devices import (
     measure,
     stream,
 )
-from models.poses import Trail
-from models.rays import Pattern, TileCaster, cut_grid, cut_scattered
+from wayproof.models.poses import Trail
+from wayproof.models.rays import Pattern, TileCaster, cut_grid, cut_scattered
 
 __all__ = ["ENGINES", "ROBOT_GROUP", "Caster", "RangefinderCaster", "SweepCaster"]
 

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.sensors import ROBOT_GROUP
+from wayproof.models._jit import kernel
+from wayproof.models.sensors import ROBOT_GROUP
 
 REST_SPEED = 0.05
 """Slower than this a robot is at rest, m/s."""

@@ -1,17 +1,20 @@
 """Paths over a costmap and the trajectories along them."""
 
+if __name__ != "wayproof.planners":  # from the root of a clone, where it would be a second copy
+    raise ImportError("got 'import planners', expected 'import wayproof.planners'")
+
 from dataclasses import replace
 
 import numpy as np
 
-from maps import DistanceField, Distances
-from planners.body import Body, Disc, blocked_at_or_below
-from planners.frontier import best_frontier
-from planners.goal_field import GoalField
-from planners.headings import turning_path
-from planners.kernels import Floats
-from planners.lattice import draw_by_columns, entry, make_lattice
-from planners.path import (
+from wayproof.maps import DistanceField, Distances
+from wayproof.planners.body import Body, Disc, blocked_at_or_below
+from wayproof.planners.frontier import best_frontier
+from wayproof.planners.goal_field import GoalField
+from wayproof.planners.headings import turning_path
+from wayproof.planners.kernels import Floats
+from wayproof.planners.lattice import draw_by_columns, entry, make_lattice
+from wayproof.planners.path import (
     arc_lengths,
     blend_corners,
     first_stop,
@@ -22,11 +25,11 @@ from planners.path import (
     tangent_at,
     truncate,
 )
-from planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
-from planners.seeds import plan_seed
-from planners.space import CLEARANCE_WEIGHT, FreeSpace
-from planners.state_spaces import STATE_SPACES, state_space_for
-from planners.trajectory import (
+from wayproof.planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
+from wayproof.planners.seeds import plan_seed
+from wayproof.planners.space import CLEARANCE_WEIGHT, FreeSpace
+from wayproof.planners.state_spaces import STATE_SPACES, state_space_for
+from wayproof.planners.trajectory import (
     MotionLimits,
     Setpoints,
     Trajectory,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planners._jit import kernel
+from wayproof.planners._jit import kernel
 
 WAYS = 16
 UNKNOWN_COST = 2**30

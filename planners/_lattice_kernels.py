@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planners._jit import kernel
+from wayproof.planners._jit import kernel
 
 UNSEEN = 0
 """Rate of a lattice cell whose grid cells have not been looked at; 0, so that memory is lazy."""

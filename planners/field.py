@@ -12,12 +12,12 @@ import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 
-from planners import _lattice_kernels, kernels, lattice
-from planners._lattice_kernels import Lattice
-from planners.headings import head_along, reversible, turning_path
-from planners.kernels import Floats, Pose
-from planners.space import FreeSpace
-from planners.state_spaces import StateSpace
+from wayproof.planners import _lattice_kernels, kernels, lattice
+from wayproof.planners._lattice_kernels import Lattice
+from wayproof.planners.headings import head_along, reversible, turning_path
+from wayproof.planners.kernels import Floats, Pose
+from wayproof.planners.space import FreeSpace
+from wayproof.planners.state_spaces import StateSpace
 
 NO_WAY, SPENT = -1, -2  # in place of a cell
 EXPANSIONS = 1000

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planners.space import FreeSpace
+from wayproof.planners.space import FreeSpace
 
 Array = NDArray[np.float64]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planners import _lattice_kernels, kernels, lattice
-from planners._lattice_kernels import Lattice
-from planners.field import EXPANSIONS, searched, with_headings
-from planners.kernels import Floats
-from planners.problem import Plan, PlannerConfig, finish_path, plan, state_space_of
-from planners.space import FreeSpace
+from wayproof.planners import _lattice_kernels, kernels, lattice
+from wayproof.planners._lattice_kernels import Lattice
+from wayproof.planners.field import EXPANSIONS, searched, with_headings
+from wayproof.planners.kernels import Floats
+from wayproof.planners.problem import Plan, PlannerConfig, finish_path, plan, state_space_of
+from wayproof.planners.space import FreeSpace
 
 Cells = NDArray[np.int64]
 

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planners import _heading_kernels as heading_kernels
-from planners import _lattice_kernels, kernels, lattice
-from planners._heading_kernels import WAYS, Plane, Swept, Ways
-from planners._lattice_kernels import FREE_RATE, Lattice
-from planners.kernels import Floats, Pose
-from planners.space import FreeSpace
+from wayproof.planners import _heading_kernels as heading_kernels
+from wayproof.planners import _lattice_kernels, kernels, lattice
+from wayproof.planners._heading_kernels import WAYS, Plane, Swept, Ways
+from wayproof.planners._lattice_kernels import FREE_RATE, Lattice
+from wayproof.planners.kernels import Floats, Pose
+from wayproof.planners.space import FreeSpace
 
 Longs = NDArray[np.int64]
 

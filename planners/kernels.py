@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planners._jit import kernel
+from wayproof.planners._jit import kernel
 
 SUBCELL_BITS = 16
 SUBCELLS = 1 << SUBCELL_BITS

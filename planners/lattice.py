@@ -8,10 +8,16 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from planners import _lattice_kernels as kernels
-from planners._lattice_kernels import FREE_RATE, LARGEST_FACTOR, LARGEST_RATE, STEPS, Lattice
-from planners.kernels import BLOCK_BITS, Floats
-from planners.space import FreeSpace
+from wayproof.planners import _lattice_kernels as kernels
+from wayproof.planners._lattice_kernels import (
+    FREE_RATE,
+    LARGEST_FACTOR,
+    LARGEST_RATE,
+    STEPS,
+    Lattice,
+)
+from wayproof.planners.kernels import BLOCK_BITS, Floats
+from wayproof.planners.space import FreeSpace
 
 Cell = tuple[int, int, int]
 

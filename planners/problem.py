@@ -6,12 +6,12 @@ from typing import Literal
 
 import numpy as np
 
-from planners import kernels
-from planners.kernels import Floats, Pose
-from planners.sampling import PLANNERS, UNSEEDED, Budget, Query, planner_builder, search
-from planners.seeds import plan_seed
-from planners.space import CLEARANCE_WEIGHT, FreeSpace
-from planners.state_spaces import STATE_SPACES, StateSpace, state_space_for
+from wayproof.planners import kernels
+from wayproof.planners.kernels import Floats, Pose
+from wayproof.planners.sampling import PLANNERS, UNSEEDED, Budget, Query, planner_builder, search
+from wayproof.planners.seeds import plan_seed
+from wayproof.planners.space import CLEARANCE_WEIGHT, FreeSpace
+from wayproof.planners.state_spaces import STATE_SPACES, StateSpace, state_space_for
 
 # How far a detour's apex is moved from the cut's middle at most, along each axis [m].
 DETOUR_REACH = 1.0

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import ruckig
 
-from planners._jit import kernel
-from planners.kernels import Floats
+from wayproof.planners._jit import kernel
+from wayproof.planners.kernels import Floats
 
 
 class State(NamedTuple):

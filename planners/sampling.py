@@ -16,13 +16,13 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from planners import kernels
-from planners._plugin import SEPARATOR, UserCodeError, load_class, user_code
-from planners.field import FieldPlanner
-from planners.kernels import Floats, Pose
-from planners.space import FreeSpace
-from planners.state_spaces import StateSpace, sample_curve
-from planners.validity import BodyValidity
+from wayproof.planners import kernels
+from wayproof.planners._plugin import SEPARATOR, UserCodeError, load_class, user_code
+from wayproof.planners.field import FieldPlanner
+from wayproof.planners.kernels import Floats, Pose
+from wayproof.planners.space import FreeSpace
+from wayproof.planners.state_spaces import StateSpace, sample_curve
+from wayproof.planners.validity import BodyValidity
 
 # Reseeding a generator that was used before makes OMPL print an error, although it reseeds.
 ou.setLogLevel(ou.LogLevel.LOG_NONE)

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from ompl import base as ob
 
-from planners import kernels
-from planners.kernels import Floats, Pose
-from planners.space import FreeSpace
+from wayproof.planners import kernels
+from wayproof.planners.kernels import Floats, Pose
+from wayproof.planners.space import FreeSpace
 
 
 class StateSpace(NamedTuple):

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planners import profile
-from planners._jit import kernel
-from planners.kernels import Floats, edge_headings, turn_after, wrap
-from planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
-from planners.profile import AxisLimits, Profile, State
-from planners.zones import LEAST_ZONE, Zone, travel
+from wayproof.planners import profile
+from wayproof.planners._jit import kernel
+from wayproof.planners.kernels import Floats, edge_headings, turn_after, wrap
+from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
+from wayproof.planners.profile import AxisLimits, Profile, State
+from wayproof.planners.zones import LEAST_ZONE, Zone, travel
 
 Integers = NDArray[np.int64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ompl import base as ob
 
-from planners import kernels
-from planners.space import FreeSpace
-from planners.state_spaces import StateSpace
+from wayproof.planners import kernels
+from wayproof.planners.space import FreeSpace
+from wayproof.planners.state_spaces import StateSpace
 
 
 class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]

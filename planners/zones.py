@@ -5,8 +5,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from planners._jit import kernel
-from planners.profile import (
+from wayproof.planners._jit import kernel
+from wayproof.planners.profile import (
     AxisLimits,
     Leg,
     Profile,

@@ -20,6 +20,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ENTRY = "harness.evidence.replay"
+PREFIX = "wayproof."
 OURS = ("harness", "maps", "models", "planners")
 
 ELEMENTARY = {
@@ -71,10 +72,11 @@ def source_of(module):
 def imported(nodes):
     for node in nodes:
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            yield from (alias.name.removeprefix(PREFIX) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            module = node.module.removeprefix(PREFIX)
+            yield module
+            yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
 def nodes_at_import(tree):
@@ -257,7 +259,7 @@ def test_each_kind_is_found(line, found):
         "name.partition(':')",
         "a.sum(axis=1)",
         "math.floor(x)",
-        "from maps.elementary import cosine; cosine(x)",
+        "from wayproof.maps.elementary import cosine; cosine(x)",
     ],
 )
 def test_what_is_rounded_alike_everywhere_is_not(line):

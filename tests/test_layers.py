@@ -5,10 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import harness
-import maps
-import models
-import planners
+from wayproof import harness, maps, models, planners
 
 ROOT = Path(__file__).resolve().parents[1]
 ALLOWED = {
@@ -23,11 +20,16 @@ def imported_packages(source: Path) -> set[str]:
     names = set()
     for node in ast.walk(ast.parse(source.read_text())):
         if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
+            names |= {package_of(alias.name) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{source}: relative import"
-            names.add((node.module or "").split(".")[0])
+            names |= {package_of(f"{node.module}.{alias.name}") for alias in node.names}
     return names
+
+
+def package_of(module):
+    """The folder of a module of ours, or the top-level package of another."""
+    return module.removeprefix("wayproof.").split(".")[0]
 
 
 @pytest.mark.parametrize("package", sorted(ALLOWED))
@@ -57,7 +59,7 @@ def test_replaying_a_log_loads_neither_the_simulator_nor_the_viewer():
     import sys
 
     code = (
-        "import sys, harness.evidence.replay\n"
+        "import sys, wayproof.harness.evidence.replay\n"
         "print([name for name in ('mujoco', 'rerun') if name in sys.modules])"
     )
     printed = subprocess.run(

@@ -14,10 +14,10 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from harness.bench.verdicts import bench_alarms, bench_power
-from harness.bounds import Array, Ends
-from harness.intervals import interval_ends, pair_ends
-from harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.bench.verdicts import bench_alarms, bench_power
+from wayproof.harness.bounds import Array, Ends
+from wayproof.harness.intervals import interval_ends, pair_ends
+from wayproof.harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 Row = dict[str, Any]
 Progress = Callable[[str], None]

@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
-from harness.config import Config, override
-from harness.worlds import find_world
+from wayproof.harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
+from wayproof.harness.config import Config, override
+from wayproof.harness.worlds import find_world
 
 ROBOTS = ("quadruped", "drone")
 

@@ -16,15 +16,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import from_document, override
-from harness.logs.reader import Log, open_log
-from harness.result import Result
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.pipeline import build_navigator
-from harness.warm_up import warm_up
-from maps import UNKNOWN, states_in
+from wayproof.harness.config import from_document, override
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.harness.warm_up import warm_up
+from wayproof.maps import UNKNOWN, states_in
 
 WORLD = "warehouse"
 

@@ -13,13 +13,13 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import msgspec
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.result import Result
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.warm_up import warm_up
-from models.worlds import World
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.warm_up import warm_up
+from wayproof.models.worlds import World
 
 PROCESSES = 2
 

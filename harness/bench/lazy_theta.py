@@ -8,8 +8,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from planners import FreeSpace, kernels
-from planners.problem import shortcut_draws
+from wayproof.planners import FreeSpace, kernels
+from wayproof.planners.problem import shortcut_draws
 
 Array = NDArray[np.float64]
 Scratch = tuple[Array, NDArray[np.int32], NDArray[np.uint8]]

@@ -1,6 +1,6 @@
 """How large logs are, what writing them costs, and how fast they replay.
 
-`python -m harness.bench.log` prints one JSON document.
+`python -m wayproof.harness.bench.log` prints one JSON document.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import msgspec
 import numpy as np
 from google.protobuf.message import Message
 
-from harness.config import Config, override
-from harness.evidence.replay import replay
-from harness.inputs import decode_ranges
-from harness.logs.container import walk
-from harness.logs.log import FLUSH_PERIOD_NS, LogWriter
-from harness.logs.log_copy import time_of, topic_of
-from harness.logs.messages import read_messages
-from harness.logs.reader import Head, read_head
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.schema import wayproof_pb2 as pb
-from harness.warm_up import warm_up
-from models import range_codec
-from models.beams import NO_RETURN
+from wayproof.harness.config import Config, override
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.inputs import decode_ranges
+from wayproof.harness.logs.container import walk
+from wayproof.harness.logs.log import FLUSH_PERIOD_NS, LogWriter
+from wayproof.harness.logs.log_copy import time_of, topic_of
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import Head, read_head
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.warm_up import warm_up
+from wayproof.models import range_codec
+from wayproof.models.beams import NO_RETURN
 
 ROBOTS = ("quadruped", "drone")
 LOADS = ("own", "ideal-lidar-dense")

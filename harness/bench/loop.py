@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from harness.config import from_document, override
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.schema import wayproof_pb2 as pb
-from harness.warm_up import warm_up
+from wayproof.harness.config import from_document, override
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.warm_up import warm_up
 
 WORLD = "warehouse"
 STAGES = ("sense", "map", "costmap", "plan")

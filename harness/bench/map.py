@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.bench.map_entrants import SETTLING, THINNING, OctoMap, Ours, integrate, packed
-from harness.bench.map_fields import FieldTime, field_times
-from harness.bench.map_trials import (
+from wayproof.harness.bench.map_entrants import SETTLING, THINNING, OctoMap, Ours, integrate, packed
+from wayproof.harness.bench.map_fields import FieldTime, field_times
+from wayproof.harness.bench.map_trials import (
     Accuracy,
     Agreement,
     Ghost,
@@ -19,7 +19,7 @@ from harness.bench.map_trials import (
     agreements_with_octomap,
     ghosts,
 )
-from harness.bench.map_workload import (
+from wayproof.harness.bench.map_workload import (
     HALL_SPACING,
     RANGE,
     RAYS,
@@ -29,8 +29,8 @@ from harness.bench.map_workload import (
     octomap_installed,
     room_sweeps,
 )
-from maps import MapConfig, VoxelMap, warm_up
-from models import rays
+from wayproof.maps import MapConfig, VoxelMap, warm_up
+from wayproof.models import rays
 
 RESOLUTIONS = (0.05, 0.1, 0.2)  # m
 FINE, FINE_RANGE = 0.01, 3.0

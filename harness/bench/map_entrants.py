@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.bench.map_workload import SWEEP_NS, Sweep
-from maps import MapConfig, VoxelMap
+from wayproof.harness.bench.map_workload import SWEEP_NS, Sweep
+from wayproof.maps import MapConfig, VoxelMap
 
 SETTLING = 1  # sweeps before the timed ones
 REQUESTS = 64  # of memory, until the allocator has sorted what OctoMap freed: 10,000 pieces at each

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.bench.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
-from maps import MapConfig, VoxelMap, inflate
-from maps.columns import Window, unpack
-from maps.field import ALL_ONES, DistanceField, News, update_together
-from maps.team import Team
+from wayproof.harness.bench.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
+from wayproof.maps import MapConfig, VoxelMap, inflate
+from wayproof.maps.columns import Window, unpack
+from wayproof.maps.field import ALL_ONES, DistanceField, News, update_together
+from wayproof.maps.team import Team
 
 REACH = 1.0  # m, of the distances
 BALL = 0.35  # m, radius of the inflation

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.bench.map_workload import (
+from wayproof.harness.bench.map_workload import (
     FLOOR,
     RANGE,
     ROOM,
@@ -18,9 +18,9 @@ from harness.bench.map_workload import (
     Sweep,
     octomap_installed,
 )
-from maps import FREE, MAPS, OCCUPIED, UNKNOWN, MapConfig
-from maps.config import SurfaceGuard
-from models.beams import DROPPED, NO_RETURN
+from wayproof.maps import FREE, MAPS, OCCUPIED, UNKNOWN, MapConfig
+from wayproof.maps.config import SurfaceGuard
+from wayproof.models.beams import DROPPED, NO_RETURN
 
 FLOOR_HEIGHT_IN_CELL = 0.75
 """Where maps hold the plane z = 0 in its layer of cells, from the layer's bottom, in cells."""

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from harness.bench.lazy_theta import reference_path, scratch_for
-from planners import (
+from wayproof.harness.bench.lazy_theta import reference_path, scratch_for
+from wayproof.planners import (
     PLANNERS,
     Body,
     FreeSpace,

@@ -16,16 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.bench.jobs import run_jobs
-from models.robots.estimate import EstimateNoise
-from models.robots.quadrotor import Quadrotor
-from models.robots.quadrotor import trials as flights
-from models.robots.quadrotor import warm_up as warm_up_quadrotor
-from models.robots.quadrotor.parameters import Parameters, Smoothing
-from models.robots.quadruped import Quadruped
-from models.robots.quadruped import trials as walks
-from models.robots.quadruped import warm_up as warm_up_quadruped
-from models.robots.quadruped.ride import TIMESTEP, Plant, Ride
+from wayproof.harness.bench.jobs import run_jobs
+from wayproof.models.robots.estimate import EstimateNoise
+from wayproof.models.robots.quadrotor import Quadrotor
+from wayproof.models.robots.quadrotor import trials as flights
+from wayproof.models.robots.quadrotor import warm_up as warm_up_quadrotor
+from wayproof.models.robots.quadrotor.parameters import Parameters, Smoothing
+from wayproof.models.robots.quadruped import Quadruped
+from wayproof.models.robots.quadruped import trials as walks
+from wayproof.models.robots.quadruped import warm_up as warm_up_quadruped
+from wayproof.models.robots.quadruped.ride import TIMESTEP, Plant, Ride
 
 NOISE = EstimateNoise()
 GUSTS = 6.0  # m/s, mean

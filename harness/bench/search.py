@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from harness.bench.jobs import Progress, run_jobs
-from harness.search.hunt import hunt
-from harness.search.pole import SPACE, cross_pole_room, pole_room
-from harness.warm_up import warm_up
+from wayproof.harness.bench.jobs import Progress, run_jobs
+from wayproof.harness.search.hunt import hunt
+from wayproof.harness.search.pole import SPACE, cross_pole_room, pole_room
+from wayproof.harness.warm_up import warm_up
 
 BUDGET = 100
 RANDOM_BUDGET = 3 * BUDGET

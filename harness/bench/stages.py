@@ -16,22 +16,22 @@ from rich import box
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
-from harness.bench.coverage import PARTS as COVERAGE_PARTS
-from harness.bench.coverage import bench_coverage
-from harness.bench.crossing import bench_crossing
-from harness.bench.episodes import bench_delays, bench_planners, bench_policies
-from harness.bench.loop import LOADS, bench_loop
-from harness.bench.map import PARTS as MAP_PARTS
-from harness.bench.map import bench_map
-from harness.bench.plan import bench_plan
-from harness.bench.rays import bench_rays
-from harness.bench.robots import PARTS as ROBOT_PARTS
-from harness.bench.robots import bench_robots
-from harness.bench.search import bench_search
-from harness.bench.study import bench_study, bench_study_size
-from harness.bench.worlds import bench_worlds
-from harness.benchmarks import BENCHMARKS, Files, find_benchmark
-from harness.errors import InputError, unknown_name
+from wayproof.harness.bench.coverage import PARTS as COVERAGE_PARTS
+from wayproof.harness.bench.coverage import bench_coverage
+from wayproof.harness.bench.crossing import bench_crossing
+from wayproof.harness.bench.episodes import bench_delays, bench_planners, bench_policies
+from wayproof.harness.bench.loop import LOADS, bench_loop
+from wayproof.harness.bench.map import PARTS as MAP_PARTS
+from wayproof.harness.bench.map import bench_map
+from wayproof.harness.bench.plan import bench_plan
+from wayproof.harness.bench.rays import bench_rays
+from wayproof.harness.bench.robots import PARTS as ROBOT_PARTS
+from wayproof.harness.bench.robots import bench_robots
+from wayproof.harness.bench.search import bench_search
+from wayproof.harness.bench.study import bench_study, bench_study_size
+from wayproof.harness.bench.worlds import bench_worlds
+from wayproof.harness.benchmarks import BENCHMARKS, Files, find_benchmark
+from wayproof.harness.errors import InputError, unknown_name
 
 Row = dict[str, Any]
 

@@ -18,12 +18,12 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from harness.errors import InputError
-from harness.study.file import Bounds, StudyFile, plan_episodes
-from harness.study.job import Done
-from harness.study.processes import run_in_processes
-from harness.study.store import Store
-from harness.study.study import Engine, read_rows, run_study
+from wayproof.harness.errors import InputError
+from wayproof.harness.study.file import Bounds, StudyFile, plan_episodes
+from wayproof.harness.study.job import Done
+from wayproof.harness.study.processes import run_in_processes
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import Engine, read_rows, run_study
 
 Progress = Callable[[str], None]
 
@@ -58,7 +58,7 @@ def bench_study(repeats: int, seed: int, progress: Progress) -> list[dict[str, A
     Raises:
         InputError: Too few episodes to time.
     """
-    from harness.study.cluster import run_on_ray
+    from wayproof.harness.study.cluster import run_on_ray
 
     if repeats < LEAST:
         raise InputError(f"--repeats {repeats}: expected at least {LEAST} episodes")

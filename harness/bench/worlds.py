@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
-from harness.config import Config
-from models.worlds import WORLDS
+from wayproof.harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
+from wayproof.harness.config import Config
+from wayproof.models.worlds import WORLDS
 
 ROBOTS = ("quadruped", "drone")
 

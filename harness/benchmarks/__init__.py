@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from harness.benchmarks.barn import bench_barn
-from harness.benchmarks.dodge import bench_dodge
-from harness.benchmarks.files import Files, Progress
-from harness.benchmarks.voxel_problems import bench_scenarios
-from harness.errors import unknown_name
+from wayproof.harness.benchmarks.barn import bench_barn
+from wayproof.harness.benchmarks.dodge import bench_dodge
+from wayproof.harness.benchmarks.files import Files, Progress
+from wayproof.harness.benchmarks.voxel_problems import bench_scenarios
+from wayproof.harness.errors import unknown_name
 
 Row = dict[str, Any]
 

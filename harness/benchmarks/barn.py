@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.benchmarks.files import Files, Progress, files_named
-from harness.benchmarks.trials import Finished, Trial, run_trials
-from harness.config import Config, override
-from harness.errors import InputError
-from models.imports import FileWorld, ImportOptions, Unreadable, world_of, world_text
-from models.imports.importer import complete
-from models.imports.sdf import read_sdf
-from models.robots import ROBOTS, RobotSpec
-from models.worlds import shortest_path_length
+from wayproof.harness.benchmarks.files import Files, Progress, files_named
+from wayproof.harness.benchmarks.trials import Finished, Trial, run_trials
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.models.imports import FileWorld, ImportOptions, Unreadable, world_of, world_text
+from wayproof.models.imports.importer import complete
+from wayproof.models.imports.sdf import read_sdf
+from wayproof.models.robots import ROBOTS, RobotSpec
+from wayproof.models.worlds import shortest_path_length
 
 ROBOT = "quadruped"
 START = (-2.25, 3.0, 0.0)

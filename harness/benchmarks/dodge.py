@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from harness.benchmarks.files import Files, Progress, files_named
-from harness.benchmarks.trials import Finished, Trial, run_trials
-from harness.config import Config, override
-from harness.errors import InputError
-from models.imports import FileWorld, ImportOptions, Unreadable, world_of, world_text
-from models.imports.importer import complete
-from models.imports.tables import read_table
-from models.robots import ROBOTS
+from wayproof.harness.benchmarks.files import Files, Progress, files_named
+from wayproof.harness.benchmarks.trials import Finished, Trial, run_trials
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.models.imports import FileWorld, ImportOptions, Unreadable, world_of, world_text
+from wayproof.models.imports.importer import complete
+from wayproof.models.imports.tables import read_table
+from wayproof.models.robots import ROBOTS
 
 ROBOT = "drone"
 LOW = (-5.0, -15.0, 0.0)

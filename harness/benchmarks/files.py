@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from harness.errors import InputError
+from wayproof.harness.errors import InputError
 
 
 class Files(NamedTuple):

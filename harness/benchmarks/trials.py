@@ -8,16 +8,16 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.benchmarks.files import Progress
-from harness.config import Config
-from harness.errors import InputError
-from harness.logs.log import check_folder
-from harness.result import Result
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.schema import wayproof_pb2 as pb
-from harness.warm_up import warm_up
-from models.imports import FileWorld
+from wayproof.harness.benchmarks.files import Progress
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.log import check_folder
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.warm_up import warm_up
+from wayproof.models.imports import FileWorld
 
 PROCESSES = 2
 

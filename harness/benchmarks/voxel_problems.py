@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.bench.plan import REACH, squared_distances
-from harness.benchmarks.files import Files, Progress
-from harness.benchmarks.voxel_search import Moves, VoxelSearch
-from harness.errors import InputError
-from models.imports.reading import Unreadable, beside, read_text
-from models.imports.voxel_maps import read_voxels
-from planners import FreeSpace, PlannerConfig, plan, plan_seed, warm_up
+from wayproof.harness.bench.plan import REACH, squared_distances
+from wayproof.harness.benchmarks.files import Files, Progress
+from wayproof.harness.benchmarks.voxel_search import Moves, VoxelSearch
+from wayproof.harness.errors import InputError
+from wayproof.models.imports.reading import Unreadable, beside, read_text
+from wayproof.models.imports.voxel_maps import read_voxels
+from wayproof.planners import FreeSpace, PlannerConfig, plan, plan_seed, warm_up
 
 Cell = tuple[int, int, int]
 

@@ -1,8 +1,8 @@
 """Why an episode failed: one cause, worked out from its log and the simulator's truth."""
 
-from harness.cause.case import Case, Moment, read_case
-from harness.cause.finding import CAUSES, Finding
-from harness.cause.procedure import NearMiss, find_cause, near_misses
+from wayproof.harness.cause.case import Case, Moment, read_case
+from wayproof.harness.cause.finding import CAUSES, Finding
+from wayproof.harness.cause.procedure import NearMiss, find_cause, near_misses
 
 __all__ = [
     "CAUSES",

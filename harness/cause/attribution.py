@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from harness.cause.case import Case, moments_of
-from harness.cause.procedure import find_cause
-from harness.cause.true_space import TrueSpace
-from harness.evidence.rebuild import stretch_of
-from harness.logs.log import LogWriter
-from harness.logs.messages import read_unfinished
-from harness.result import Contact, Result
-from harness.scenario import Scenario
+from wayproof.harness.cause.case import Case, moments_of
+from wayproof.harness.cause.procedure import find_cause
+from wayproof.harness.cause.true_space import TrueSpace
+from wayproof.harness.evidence.rebuild import stretch_of
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.logs.messages import read_unfinished
+from wayproof.harness.result import Contact, Result
+from wayproof.harness.scenario import Scenario
 
 
 def with_cause(result: Result, scenario: Scenario, log: LogWriter) -> Result:

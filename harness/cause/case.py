@@ -10,21 +10,21 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from harness.cause.true_space import TrueSpace
-from harness.config import Config
-from harness.errors import InputError
-from harness.evidence.audit import densely
-from harness.evidence.relay import Relay, Stretch, stretches
-from harness.inputs import Beams, Inputs, inputs_from_messages
-from harness.logs.messages import read_messages
-from harness.logs.reader import Log
-from harness.mission import Mission
-from harness.result import Contact
-from harness.scene_text import safe_scene
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
-from harness.stack.pipeline import Navigator
-from models.imports.mjcf_scenes import NOT_COMPILED
+from wayproof.harness.cause.true_space import TrueSpace
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit import densely
+from wayproof.harness.evidence.relay import Relay, Stretch, stretches
+from wayproof.harness.inputs import Beams, Inputs, inputs_from_messages
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.mission import Mission
+from wayproof.harness.result import Contact
+from wayproof.harness.scene_text import safe_scene
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from harness.cause.case import Case, read_case
-from harness.cause.finding import CAUSES, Finding
-from harness.cause.remedies import REMEDIES, go_on, nothing
-from harness.cause.standstill import lacks_time
-from harness.errors import InputError
-from harness.logs.reader import Log
+from wayproof.harness.cause.case import Case, read_case
+from wayproof.harness.cause.finding import CAUSES, Finding
+from wayproof.harness.cause.remedies import REMEDIES, go_on, nothing
+from wayproof.harness.cause.standstill import lacks_time
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import Log
 
 MORE_TIME = 5.0
 """How long an episode may go on after the contact that it ended with, s."""

@@ -1,4 +1,4 @@
-"""`python -m harness.cause.confusion`: planted causes against the ones that are found."""
+"""`python -m wayproof.harness.cause.confusion`: planted causes against the ones that are found."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from harness.cause.finding import CAUSES
-from harness.cause.planted import PLANTS, plant
-from harness.result import Result
-from harness.runner import run_episode
+from wayproof.harness.cause.finding import CAUSES
+from wayproof.harness.cause.planted import PLANTS, plant
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
 
 Matrix = Counter[tuple[str, str]]
 """How often each planted cause (first) was found as which (second)."""

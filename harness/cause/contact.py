@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.cause.case import Case, Moment, off_path
-from harness.cause.finding import Finding
-from harness.cause.pose import PoseFacts, error_of, pose_facts, usual_margin
-from harness.cause.ranges import RangeFacts, range_facts
-from harness.evidence.audit import densely
-from harness.result import Contact
-from harness.stack.decision import path_of
-from harness.stack.pipeline import Navigator
-from maps.states import FREE, OCCUPIED, UNKNOWN
+from wayproof.harness.cause.case import Case, Moment, off_path
+from wayproof.harness.cause.finding import Finding
+from wayproof.harness.cause.pose import PoseFacts, error_of, pose_facts, usual_margin
+from wayproof.harness.cause.ranges import RangeFacts, range_facts
+from wayproof.harness.evidence.audit import densely
+from wayproof.harness.result import Contact
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""`python -m harness.cause.failures`: failures of which one broken assumption is the cause.
+"""`python -m wayproof.harness.cause.failures`: failures caused by one broken assumption.
 
 `--make` runs episodes of the registered worlds, breaks one assumption of those that succeed, and
 keeps the logs of the ones that then fail. Without it, the causes of the kept logs are worked out
@@ -20,18 +20,18 @@ from zlib import crc32
 import numpy as np
 from rich.console import Console
 
-from harness.cause.breaks import KINDS, Broken
-from harness.cause.case import read_case
-from harness.cause.check import check
-from harness.cause.confusion import Matrix, right, table
-from harness.cause.finding import Finding
-from harness.cause.procedure import find_cause
-from harness.config import from_document, override
-from harness.errors import InputError
-from harness.logs.reader import open_log
-from harness.result import Result
-from harness.runner import run_episode
-from harness.scenario import Scenario, build
+from wayproof.harness.cause.breaks import KINDS, Broken
+from wayproof.harness.cause.case import read_case
+from wayproof.harness.cause.check import check
+from wayproof.harness.cause.confusion import Matrix, right, table
+from wayproof.harness.cause.finding import Finding
+from wayproof.harness.cause.procedure import find_cause
+from wayproof.harness.config import from_document, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import Scenario, build
 
 COMBINATIONS = tuple(
     (world, "drone")

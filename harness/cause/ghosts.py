@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.cause.case import Case, Moment
-from harness.cause.grids import (
+from wayproof.harness.cause.case import Case, Moment
+from wayproof.harness.cause.grids import (
     Array,
     Cells,
     cell_of,
@@ -16,8 +16,8 @@ from harness.cause.grids import (
     joined,
     true_occupancy,
 )
-from harness.stack.pipeline import Navigator
-from maps.states import OCCUPIED
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import OCCUPIED
 
 GHOST_CELLS = 1.5
 """An occupied cell farther than this from anything true, pose error apart, is a ghost."""

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
-from harness.cause.case import Case
-from harness.stack.pipeline import Navigator
-from maps import FREE, states_in
+from wayproof.harness.cause.case import Case
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps import FREE, states_in
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]

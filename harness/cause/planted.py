@@ -13,14 +13,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from harness.cause.reckless import Reckless
-from harness.config import Config, override
-from harness.errors import unknown_name
-from harness.scenario import Scenario, build, make_transparent
-from harness.stack.pipeline import Navigator
-from models.worlds import Box, Mover, World
-from models.worlds.layout import room_walls
-from models.worlds.solids import Solid
+from wayproof.harness.cause.reckless import Reckless
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import unknown_name
+from wayproof.harness.scenario import Scenario, build, make_transparent
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.models.worlds import Box, Mover, World
+from wayproof.models.worlds.layout import room_walls
+from wayproof.models.worlds.solids import Solid
 
 LENGTH, WIDTH, HEIGHT = 8.0, 3.6, 3.0
 ENDS = 1.3

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.cause.case import Case, Moment
-from harness.stack.mapping import MARGIN_SIGMAS
-from maps import MapConfig
+from wayproof.harness.cause.case import Case, Moment
+from wayproof.harness.stack.mapping import MARGIN_SIGMAS
+from wayproof.maps import MapConfig
 
 REACH = 1.0
 """Where no place is in question, an error of the heading counts at this distance, m."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.cause.case import Case, Moment
-from harness.cause.contact import cause_of_contact
-from harness.cause.finding import Finding
-from harness.cause.standstill import cause_of_standstill
-from harness.result import Contact
+from wayproof.harness.cause.case import Case, Moment
+from wayproof.harness.cause.contact import cause_of_contact
+from wayproof.harness.cause.finding import Finding
+from wayproof.harness.cause.standstill import cause_of_standstill
+from wayproof.harness.result import Contact
 
 
 @dataclass(frozen=True)

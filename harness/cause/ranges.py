@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.cause.case import Case, Moment
-from harness.inputs import Beams, Pose, SweepInput
-from models.beams import DROPPED, MILLIMETRES, NO_RETURN
-from models.devices import DEVICES, Device, RangeNoise
-from models.poses import Trail
-from models.robots import ROBOTS
+from wayproof.harness.cause.case import Case, Moment
+from wayproof.harness.inputs import Beams, Pose, SweepInput
+from wayproof.models.beams import DROPPED, MILLIMETRES, NO_RETURN
+from wayproof.models.devices import DEVICES, Device, RangeNoise
+from wayproof.models.poses import Trail
+from wayproof.models.robots import ROBOTS
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.stack.pipeline import Navigator
-from harness.stack.reasons import Reason
-from harness.stack.spaces import FreeSpaces
-from harness.stack.view import Array, Choice, Memory, View, length
-from planners import Disc, follow_path
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.spaces import FreeSpaces
+from wayproof.harness.stack.view import Array, Choice, Memory, View, length
+from wayproof.planners import Disc, follow_path
 
 
 class Reckless(Navigator):

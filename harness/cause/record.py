@@ -7,13 +7,13 @@ from pathlib import Path
 
 import msgspec
 
-from harness.cause.check import Check, Verdict
-from harness.cause.finding import Finding
-from harness.errors import InputError
-from harness.logs.container import walk
-from harness.logs.log_copy import write_copy
-from harness.logs.messages import read_messages
-from harness.logs.reader import CHECK, Log, open_log, read_head
+from wayproof.harness.cause.check import Check, Verdict
+from wayproof.harness.cause.finding import Finding
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.container import walk
+from wayproof.harness.logs.log_copy import write_copy
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import CHECK, Log, open_log, read_head
 
 
 def record_check(path: Path, verdict: Verdict) -> None:

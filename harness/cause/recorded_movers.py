@@ -8,10 +8,10 @@ from math import inf
 
 import numpy as np
 
-from harness.cause.case import Case, Moment, yaw_of
-from harness.scenario import Scenario
-from models.worlds import Mover, Sphere
-from models.worlds.movers import Place
+from wayproof.harness.cause.case import Case, Moment, yaw_of
+from wayproof.harness.scenario import Scenario
+from wayproof.models.worlds import Mover, Sphere
+from wayproof.models.worlds.movers import Place
 
 NEVER = 1e9
 """When a mover appears that did not before the log ended, s."""

@@ -12,27 +12,27 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.cause.case import Case
-from harness.cause.recorded_movers import with_recorded_movers
-from harness.cause.true_cells import TrueCells, mark_truth, true_cells
-from harness.config import Config, LatencyConfig, to_json
-from harness.episode import Episode
-from harness.evidence.fork import live_through
-from harness.evidence.rebuild import rebuild
-from harness.inputs import Inputs
-from harness.logs.log import LogWriter
-from harness.logs.reader import Log
-from harness.result import Result
-from harness.scenario import Scenario
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.pipeline import Navigator
-from models.devices import Mount, RangeNoise
-from models.odometry import OdometryConfig
-from models.robots import Controller, Setpoint
-from models.scene import PREFIX
-from models.sensors import make_caster
-from models.worlds.traffic import MoverState, Traffic
-from planners import PlannerConfig
+from wayproof.harness.cause.case import Case
+from wayproof.harness.cause.recorded_movers import with_recorded_movers
+from wayproof.harness.cause.true_cells import TrueCells, mark_truth, true_cells
+from wayproof.harness.config import Config, LatencyConfig, to_json
+from wayproof.harness.episode import Episode
+from wayproof.harness.evidence.fork import live_through
+from wayproof.harness.evidence.rebuild import rebuild
+from wayproof.harness.inputs import Inputs
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.models.devices import Mount, RangeNoise
+from wayproof.models.odometry import OdometryConfig
+from wayproof.models.robots import Controller, Setpoint
+from wayproof.models.scene import PREFIX
+from wayproof.models.sensors import make_caster
+from wayproof.models.worlds.traffic import MoverState, Traffic
+from wayproof.planners import PlannerConfig
 
 Array = NDArray[np.float64]
 

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.cause.case import Case, Moment, off_path
-from harness.cause.contact import BLIND, LATE
-from harness.cause.finding import Finding
-from harness.cause.pose import PoseFacts, pose_facts
-from harness.cause.ranges import RangeFacts, range_facts
-from harness.cause.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
-from harness.stack.mapping import MARGIN_SIGMAS
+from wayproof.harness.cause.case import Case, Moment, off_path
+from wayproof.harness.cause.contact import BLIND, LATE
+from wayproof.harness.cause.finding import Finding
+from wayproof.harness.cause.pose import PoseFacts, pose_facts
+from wayproof.harness.cause.ranges import RangeFacts, range_facts
+from wayproof.harness.cause.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
+from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 
 HALF = 0.5
 """A share of the last decisions that decides."""

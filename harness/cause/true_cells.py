@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.cause.case import Case
-from harness.cause.grids import true_occupancy
-from harness.inputs import Inputs
-from harness.stack.pipeline import Navigator
-from maps import Representation
-from maps.states import FREE, OCCUPIED
-from models.beams import NO_RETURN
+from wayproof.harness.cause.case import Case
+from wayproof.harness.cause.grids import true_occupancy
+from wayproof.harness.inputs import Inputs
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps import Representation
+from wayproof.maps.states import FREE, OCCUPIED
+from wayproof.models.beams import NO_RETURN
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.schema import wayproof_pb2 as pb
-from models.classes import CLASSES
-from models.scene import PREFIX
-from models.sensors import ROBOT_GROUP
-from models.worlds.traffic import AWAY
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.classes import CLASSES
+from wayproof.models.scene import PREFIX
+from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.worlds.traffic import AWAY
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.cause.case import Case, Moment
-from harness.cause.ghosts import ghosts, goal_of, without_movers
-from harness.cause.grids import (
+from wayproof.harness.cause.case import Case, Moment
+from wayproof.harness.cause.ghosts import ghosts, goal_of, without_movers
+from wayproof.harness.cause.grids import (
     DETOUR,
     Array,
     cell_of,
@@ -20,11 +20,11 @@ from harness.cause.grids import (
     true_occupancy,
     widest,
 )
-from harness.evidence.relay import Relay
-from harness.mission import Mission
-from harness.stack.mapping import MARGIN_SIGMAS
-from harness.stack.pipeline import Navigator
-from maps.states import OCCUPIED, UNKNOWN
+from wayproof.harness.evidence.relay import Relay
+from wayproof.harness.mission import Mission
+from wayproof.harness.stack.mapping import MARGIN_SIGMAS
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import OCCUPIED, UNKNOWN
 
 NO_PATH = "no_path"
 """Label of a decision whose search found no path."""

@@ -13,10 +13,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import Config
-from harness.evidence.paths import Array, densely
-from harness.mission import Mission
-from maps import FREE, OCCUPIED, UNKNOWN, Representation, states_in
+from wayproof.harness.config import Config
+from wayproof.harness.evidence.paths import Array, densely
+from wayproof.harness.mission import Mission
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Representation, states_in
 
 Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]

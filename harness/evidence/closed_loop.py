@@ -12,20 +12,20 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from harness.errors import InputError
-from harness.evidence.fork import fork_with
-from harness.evidence.rebuild import is_made_from_seed, made_otherwise, rebuild
-from harness.evidence.relay import stretches
-from harness.logs.digest import CONTENT
-from harness.logs.log import is_regenerated
-from harness.logs.log_copy import topic_of
-from harness.logs.machine import other_than_here
-from harness.logs.messages import read_messages
-from harness.logs.reader import Log, open_log
-from harness.result import ends_in_error
-from harness.runner import run_episode
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import Difference, differences, message_differences
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.fork import fork_with
+from wayproof.harness.evidence.rebuild import is_made_from_seed, made_otherwise, rebuild
+from wayproof.harness.evidence.relay import stretches
+from wayproof.harness.logs.digest import CONTENT
+from wayproof.harness.logs.log import is_regenerated
+from wayproof.harness.logs.log_copy import topic_of
+from wayproof.harness.logs.machine import other_than_here
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.result import ends_in_error
+from wayproof.harness.runner import run_episode
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import Difference, differences, message_differences
 
 SAME = 1e-9
 """Relative difference of a result's figures that are the same."""

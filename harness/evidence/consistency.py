@@ -15,17 +15,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.ending import BETWEEN_DECISIONS, Limits, goal_distance
-from harness.errors import InputError
-from harness.evidence.content import Content, read_content
-from harness.evidence.relay import Stretch, stretches
-from harness.logs.digest import CONTENT
-from harness.logs.log import FORMAT_VERSION
-from harness.logs.reader import Log
-from harness.perturbations import UNPERTURBED
-from harness.result import ends_in_error, figures_of
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import Difference, seal
+from wayproof.harness.ending import BETWEEN_DECISIONS, Limits, goal_distance
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.content import Content, read_content
+from wayproof.harness.evidence.relay import Stretch, stretches
+from wayproof.harness.logs.digest import CONTENT
+from wayproof.harness.logs.log import FORMAT_VERSION
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.perturbations import UNPERTURBED
+from wayproof.harness.result import ends_in_error, figures_of
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import Difference, seal
 
 SAME = 1e-9
 """Relative difference of figures that are the same, summed in another order."""

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field, replace
 
 from google.protobuf.message import Message
 
-from harness.errors import InputError
-from harness.inputs import inputs_digest, serialized
-from harness.logs.container import Packet, walk
-from harness.logs.digest import ContentDigest
-from harness.logs.log_copy import topic_of
-from harness.logs.messages import decode, is_ours
-from harness.logs.reader import Log
-from harness.logs.streams import StreamHashes
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import inputs_digest, serialized
+from wayproof.harness.logs.container import Packet, walk
+from wayproof.harness.logs.digest import ContentDigest
+from wayproof.harness.logs.log_copy import topic_of
+from wayproof.harness.logs.messages import decode, is_ours
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.logs.streams import StreamHashes
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 @dataclass(frozen=True)

@@ -6,24 +6,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.config import Config, override, to_json
-from harness.episode import Episode, Observer, arrival_ns
-from harness.errors import InputError
-from harness.evidence.rebuild import rebuild, stretch_of
-from harness.evidence.relay import Relay, stretches
-from harness.evidence.what_if import refuse_sensed
-from harness.logs.container import walk
-from harness.logs.log import FORMAT_VERSION, PLUGINS, LogWriter, hold_log
-from harness.logs.log_copy import time_of, topic_of
-from harness.logs.messages import read_messages
-from harness.logs.reader import Log, before, fork_note, open_log, read_head
-from harness.result import Result
-from harness.runner import finish, publishing_failures, settle_log
-from harness.scenario import Scenario, sensor_info
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.pipeline import Navigator
-from harness.user_code import plugin_digests
-from planners import Trajectory
+from wayproof.harness.config import Config, override, to_json
+from wayproof.harness.episode import Episode, Observer, arrival_ns
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.rebuild import rebuild, stretch_of
+from wayproof.harness.evidence.relay import Relay, stretches
+from wayproof.harness.evidence.what_if import refuse_sensed
+from wayproof.harness.logs.container import walk
+from wayproof.harness.logs.log import FORMAT_VERSION, PLUGINS, LogWriter, hold_log
+from wayproof.harness.logs.log_copy import time_of, topic_of
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import Log, before, fork_note, open_log, read_head
+from wayproof.harness.result import Result
+from wayproof.harness.runner import finish, publishing_failures, settle_log
+from wayproof.harness.scenario import Scenario, sensor_info
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.user_code import plugin_digests
+from wayproof.planners import Trajectory
 
 FIXED = ("world", "robot", "seed", "start")
 """Settings that the episode's beginning already followed from."""

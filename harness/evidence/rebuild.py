@@ -5,22 +5,22 @@ from __future__ import annotations
 import itertools
 from dataclasses import asdict, replace
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.evidence.relay import Stretch
-from harness.evidence.twin import changed_mission
-from harness.inputs import beams_from_info
-from harness.logs.reader import Log
-from harness.mujoco_warnings import tell_warnings
-from harness.robots import find_logged_robot
-from harness.scenario import Scenario, sensor_info
-from harness.scene_text import safe_scene
-from harness.stack.decision import Difference
-from harness.worlds import perturbed
-from models.imports.mjcf_scenes import NOT_COMPILED
-from models.robots import ROBOTS
-from models.scene import bind, resolve
-from models.worlds import WORLDS, World
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.relay import Stretch
+from wayproof.harness.evidence.twin import changed_mission
+from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.mujoco_warnings import tell_warnings
+from wayproof.harness.robots import find_logged_robot
+from wayproof.harness.scenario import Scenario, sensor_info
+from wayproof.harness.scene_text import safe_scene
+from wayproof.harness.stack.decision import Difference
+from wayproof.harness.worlds import perturbed
+from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
+from wayproof.models.robots import ROBOTS
+from wayproof.models.scene import bind, resolve
+from wayproof.models.worlds import WORLDS, World
 
 
 def rebuild(log: Log, config: Config | None = None) -> Scenario:
@@ -67,7 +67,7 @@ def made_otherwise(log: Log) -> list[Difference]:
 
     Nothing is compared where the world or the robot is a file, see `is_made_from_seed`.
     """
-    from harness.scenario import build
+    from wayproof.harness.scenario import build
 
     log = log.as_of(-1)
     if not is_made_from_seed(log):

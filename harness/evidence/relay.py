@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from harness.config import Config
-from harness.evidence.twin import guarded, layer_of, lifted, recompute
-from harness.inputs import Beams, Inputs
-from harness.logs.reader import Log, Record
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.pipeline import Navigator, build_navigator
+from wayproof.harness.config import Config
+from wayproof.harness.evidence.twin import guarded, layer_of, lifted, recompute
+from wayproof.harness.inputs import Beams, Inputs
+from wayproof.harness.logs.reader import Log, Record
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import Navigator, build_navigator
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.errors import InputError
-from harness.evidence.consistency import contradictions
-from harness.evidence.relay import Relay, stretches
-from harness.evidence.scope import Scope, scope_of
-from harness.logs.reader import Log, Record, open_log
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import Difference, differences
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.consistency import contradictions
+from wayproof.harness.evidence.relay import Relay, stretches
+from wayproof.harness.evidence.scope import Scope, scope_of
+from wayproof.harness.logs.reader import Log, Record, open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import Difference, differences
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def cause_differences(log: Log) -> list[Difference] | None:
     if not log.result.get("cause") or log.record == "decisions":
         return None
     try:
-        from harness.cause import find_cause, read_case
+        from wayproof.harness.cause import find_cause, read_case
     except ImportError:
         return None
     finding = find_cause(read_case(log))

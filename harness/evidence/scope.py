@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from harness.ending import BETWEEN_DECISIONS
-from harness.evidence.relay import stretches
-from harness.logs.reader import Log
-from harness.result import ends_in_error, is_recovered
+from wayproof.harness.ending import BETWEEN_DECISIONS
+from wayproof.harness.evidence.relay import stretches
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.result import ends_in_error, is_recovered
 
 OF_A_FILE = "@"
 """In the name of a world or a robot that is a file: before the hash of its text."""

@@ -22,7 +22,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import (
 )
 from cryptography.hazmat.primitives.hashes import SHA256, Hash
 
-from harness.errors import InputError
+from wayproof.harness.errors import InputError
 
 ENDING = ".sig"
 """Of the signature's name, after the log's."""

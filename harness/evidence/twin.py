@@ -14,16 +14,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.inputs import Beams
-from harness.logs.reader import Log, Record
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.pipeline import Navigator, build_navigator
-from harness.stack.view import Memory
-from harness.user_code import USER_CODE_ERRORS
-from planners import Trajectory
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import Beams
+from wayproof.harness.logs.reader import Log, Record
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import Navigator, build_navigator
+from wayproof.harness.stack.view import Memory
+from wayproof.harness.user_code import USER_CODE_ERRORS
+from wayproof.planners import Trajectory
 
 T = TypeVar("T")
 

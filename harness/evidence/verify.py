@@ -16,17 +16,17 @@ from typing import Literal
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
-from harness.errors import InputError
-from harness.evidence.audit import audit
-from harness.evidence.closed_loop import ClosedLoop, simulate_again
-from harness.evidence.consistency import contradictions
-from harness.evidence.replay import replay
-from harness.evidence.scope import Scope, scope_of
-from harness.evidence.signature import fault_of_signature, fingerprint, signature_path
-from harness.logs.machine import CODE, this_machine
-from harness.logs.reader import Log, open_log
-from harness.result import ends_in_error, is_recovered
-from harness.stack.decision import Difference
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit import audit
+from wayproof.harness.evidence.closed_loop import ClosedLoop, simulate_again
+from wayproof.harness.evidence.consistency import contradictions
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.evidence.scope import Scope, scope_of
+from wayproof.harness.evidence.signature import fault_of_signature, fingerprint, signature_path
+from wayproof.harness.logs.machine import CODE, this_machine
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.result import ends_in_error, is_recovered
+from wayproof.harness.stack.decision import Difference
 
 Step = Literal["signature", "content", "replay", "simulation"]
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.evidence.twin import Twin
-from harness.logs.reader import Log, open_log
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import differences, path_of
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.twin import Twin
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import differences, path_of
 
 Array = NDArray[np.float64]
 

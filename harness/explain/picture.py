@@ -15,12 +15,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
-from harness.cause import Case, Moment
-from harness.explain.card import Card, moment_of
-from harness.outputs import written_whole
-from harness.stack.decision import path_of
-from harness.stack.pipeline import Navigator
-from maps.states import FREE, OCCUPIED
+from wayproof.harness.cause import Case, Moment
+from wayproof.harness.explain.card import Card, moment_of
+from wayproof.harness.outputs import written_whole
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import FREE, OCCUPIED
 
 Array = NDArray[np.float64]
 

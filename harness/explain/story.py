@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.clearance import true_in_metres
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.clearance import true_in_metres
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 BRIEF = 3
 """A run of fewer decisions between two of one action is no phase of its own."""

@@ -17,7 +17,7 @@ from typing import IO, NamedTuple
 import zstandard
 from mcap.opcode import Opcode
 
-from harness.errors import InputError
+from wayproof.harness.errors import InputError
 
 MAGIC = b"\x89MCAP0\r\n"
 

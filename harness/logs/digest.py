@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import struct
 
-from harness.logs.container import Attachment, Item, Metadata
+from wayproof.harness.logs.container import Attachment, Item, Metadata
 
 CONTENT = "content"
 """Field of the result that holds the digest."""

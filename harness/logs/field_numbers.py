@@ -1,4 +1,6 @@
-"""The table of all field numbers a log ever had; `python -m harness.logs.field_numbers` adds to it.
+"""The table of all field numbers a log ever had.
+
+`python -m wayproof.harness.logs.field_numbers` adds to it.
 
 A number, once given, keeps its name and type for good: whoever reads logs relies on it. A field
 that is no longer written stays in the table, so that its number is not given again.
@@ -11,8 +13,8 @@ from pathlib import Path
 
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 
-from harness.errors import InputError
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.errors import InputError
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 TABLE = Path(__file__).parents[1] / "schema" / "field_numbers.json"
 

@@ -23,12 +23,12 @@ from google.protobuf.descriptor import Descriptor, FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
-from harness.errors import InputError
-from harness.logs.container import MAGIC
-from harness.logs.machine import installed_version, this_machine
-from harness.logs.mcap_file import McapFile
-from harness.logs.packed import pack
-from harness.outputs import Draft, check_target
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.container import MAGIC
+from wayproof.harness.logs.machine import installed_version, this_machine
+from wayproof.harness.logs.mcap_file import McapFile
+from wayproof.harness.logs.packed import pack
+from wayproof.harness.outputs import Draft, check_target
 
 FORMAT_VERSION = "5"
 """Raised when decisions are recorded otherwise: 5 has each reason as a predicate with figures."""

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
-from harness.logs.container import walk
-from harness.logs.log import TRACEBACK, LogWriter
-from harness.logs.messages import read_messages
-from harness.logs.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.logs.container import walk
+from wayproof.harness.logs.log import TRACEBACK, LogWriter
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 GUIDE_PERIOD_NS = 1_000_000_000
 """Simulated time for which a log of decisions leaves out guides that were kept."""

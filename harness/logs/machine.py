@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 
-from harness.stack.decision import Difference
+from wayproof.harness.stack.decision import Difference
 
 PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
 """Whose versions a log records."""

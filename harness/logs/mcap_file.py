@@ -8,8 +8,8 @@ from typing import IO
 
 from mcap.writer import CompressionType, Writer
 
-from harness.logs.container import Attachment, Metadata, Packet
-from harness.logs.digest import CONTENT, RESULT, ContentDigest
+from wayproof.harness.logs.container import Attachment, Metadata, Packet
+from wayproof.harness.logs.digest import CONTENT, RESULT, ContentDigest
 
 Message = tuple[int, int, bytes, int]  # channel, time ns, data, sequence
 

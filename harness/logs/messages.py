@@ -10,11 +10,11 @@ from pathlib import Path
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import DecodeError, Message
 
-from harness.errors import InputError
-from harness.inputs import FARTHEST
-from harness.logs.container import Packet, walk
-from harness.logs.packed import unpack
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import FARTHEST
+from wayproof.harness.logs.container import Packet, walk
+from wayproof.harness.logs.packed import unpack
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def read_messages(path: Path) -> Iterator[Message]:

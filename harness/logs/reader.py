@@ -10,11 +10,18 @@ from pathlib import Path
 import zstandard
 from google.protobuf.message import Message
 
-from harness.config import Config, from_json
-from harness.errors import InputError, printable
-from harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
-from harness.logs.container import GREATEST_RECORD, MAGIC, Attachment, Metadata, Packet, walk
-from harness.logs.log import (
+from wayproof.harness.config import Config, from_json
+from wayproof.harness.errors import InputError, printable
+from wayproof.harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
+from wayproof.harness.logs.container import (
+    GREATEST_RECORD,
+    MAGIC,
+    Attachment,
+    Metadata,
+    Packet,
+    walk,
+)
+from wayproof.harness.logs.log import (
     FORMAT_VERSION,
     PACKED_SCENE,
     PLUGINS,
@@ -22,9 +29,9 @@ from harness.logs.log import (
     TRACEBACK,
     digest_name,
 )
-from harness.logs.messages import decode, read_messages
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.logs.messages import decode, read_messages
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
 

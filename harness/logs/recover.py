@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 from google.protobuf.message import Message
 
-from harness.ending import goal_distance
-from harness.errors import InputError, printable
-from harness.logs.container import Attachment, Metadata, Packet, walk
-from harness.logs.log import TRACEBACK
-from harness.logs.log_copy import write_copy
-from harness.logs.messages import decode, is_ours
-from harness.logs.reader import read_head
-from harness.mission import Mission
-from harness.outputs import ENDING
-from harness.result import RECOVERED, figures_of
-from harness.schema import wayproof_pb2 as pb
-from harness.user_code import plugins_of
+from wayproof.harness.ending import goal_distance
+from wayproof.harness.errors import InputError, printable
+from wayproof.harness.logs.container import Attachment, Metadata, Packet, walk
+from wayproof.harness.logs.log import TRACEBACK
+from wayproof.harness.logs.log_copy import write_copy
+from wayproof.harness.logs.messages import decode, is_ours
+from wayproof.harness.logs.reader import read_head
+from wayproof.harness.mission import Mission
+from wayproof.harness.outputs import ENDING
+from wayproof.harness.result import RECOVERED, figures_of
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.user_code import plugins_of
 
 PARTIAL_NAME = re.compile(rf"{re.escape(ENDING)}(\.\d+)?$")
 """How the name ends of a log that was not finished."""

@@ -1,4 +1,4 @@
-"""A log as small as they come; `python -m harness.logs.small_log FILE` writes it.
+"""A log as small as they come; `python -m wayproof.harness.logs.small_log FILE` writes it.
 
 One of each format version is committed with the tests, which open it, and replay that of the
 current version. When a change decides otherwise, that one and its packed form are written anew.
@@ -9,14 +9,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from harness.config import Config, override
-from harness.logs.log import FORMAT_VERSION
-from harness.logs.log_copy import thin
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.warm_up import warm_up
+from wayproof.harness.config import Config, override
+from wayproof.harness.logs.log import FORMAT_VERSION
+from wayproof.harness.logs.log_copy import thin
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.warm_up import warm_up
 
-COMMITTED = Path(__file__).parents[2] / "tests" / "harness" / "logs"
+COMMITTED = Path(__file__).resolve().parents[2] / "tests" / "harness" / "logs"
 
 
 def small_log(path: Path) -> Path:

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.logs.messages import read_messages
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 CONTROL = "control"
 """The stream of what the body was asked for: no input, but what a pair's decisions amount to."""

@@ -9,19 +9,19 @@ from typing import TypeAlias, get_args
 
 import msgspec
 
-from harness.errors import InputError, unknown_name
-from harness.perturbations.calibration import Calibration
-from harness.perturbations.depth_dropout import DepthDropout
-from harness.perturbations.depth_noise import DepthNoise
-from harness.perturbations.depth_scale import DepthScale
-from harness.perturbations.displacement import Displacement
-from harness.perturbations.latency import Latency
-from harness.perturbations.motion import Motion
-from harness.perturbations.occlusion import Occlusion
-from harness.perturbations.perturbation import GREATEST, UNPERTURBED, Perturbation, Report
-from harness.perturbations.pose_drift import PoseDrift
-from harness.perturbations.pose_jump import PoseJump
-from harness.perturbations.rate import Rate
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.perturbations.calibration import Calibration
+from wayproof.harness.perturbations.depth_dropout import DepthDropout
+from wayproof.harness.perturbations.depth_noise import DepthNoise
+from wayproof.harness.perturbations.depth_scale import DepthScale
+from wayproof.harness.perturbations.displacement import Displacement
+from wayproof.harness.perturbations.latency import Latency
+from wayproof.harness.perturbations.motion import Motion
+from wayproof.harness.perturbations.occlusion import Occlusion
+from wayproof.harness.perturbations.perturbation import GREATEST, UNPERTURBED, Perturbation, Report
+from wayproof.harness.perturbations.pose_drift import PoseDrift
+from wayproof.harness.perturbations.pose_jump import PoseJump
+from wayproof.harness.perturbations.rate import Rate
 
 AnyPerturbation: TypeAlias = (
     PoseDrift

@@ -8,9 +8,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from harness.perturbations.displacement import Displacement
-from harness.perturbations.perturbation import Perturbation
-from models.devices import stream
+from wayproof.harness.perturbations.displacement import Displacement
+from wayproof.harness.perturbations.perturbation import Perturbation
+from wayproof.models.devices import stream
 
 
 class Calibration(Perturbation, frozen=True, tag="calibration"):

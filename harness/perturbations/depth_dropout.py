@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.perturbations.perturbation import Perturbation, Ranges, Report
+from wayproof.harness.perturbations.perturbation import Perturbation, Ranges, Report
 
 
 class DepthDropout(Perturbation, frozen=True, tag="depth_dropout"):

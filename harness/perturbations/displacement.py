@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.poses import Trail, rotation_matrices
+from wayproof.models.poses import Trail, rotation_matrices
 
 Array = NDArray[np.float64]
 

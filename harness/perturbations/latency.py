@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar, Literal
 
-from harness.perturbations.perturbation import Perturbation
+from wayproof.harness.perturbations.perturbation import Perturbation
 
 
 class Latency(Perturbation, frozen=True, tag="latency"):

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
-from harness.perturbations.perturbation import Perturbation
+from wayproof.harness.perturbations.perturbation import Perturbation
 
 if TYPE_CHECKING:
-    from models.worlds import World
+    from wayproof.models.worlds import World
 
 PEOPLE = 4
 """Who walk to and fro; chosen: in the warehouse one for each 5 m of the way."""
@@ -31,7 +31,7 @@ class Motion(Perturbation, frozen=True, tag="motion"):
 
     def change_world(self, world: World, seed: int) -> World:
         """The world with the people in it; which ways they walk does not depend on the severity."""
-        from models.worlds import with_traffic  # it loads the simulator
+        from wayproof.models.worlds import with_traffic  # it loads the simulator
 
         peopled = with_traffic(world, PEOPLE, self.amount, seed)
         if len(peopled.movers) == len(world.movers):

@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.perturbations.perturbation import Perturbation, Ranges, Report
-from models.beams import DROPPED, directions
-from models.devices import stream
+from wayproof.harness.perturbations.perturbation import Perturbation, Ranges, Report
+from wayproof.models.beams import DROPPED, directions
+from wayproof.models.devices import stream
 
 
 class Occlusion(Perturbation, frozen=True, tag="occlusion"):

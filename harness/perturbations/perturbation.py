@@ -17,13 +17,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.perturbations.displacement import Displacement
-from models.beams import DROPPED, NO_RETURN, BeamTable
-from models.devices import Device, stream
-from models.odometry import PoseError
+from wayproof.harness.perturbations.displacement import Displacement
+from wayproof.models.beams import DROPPED, NO_RETURN, BeamTable
+from wayproof.models.devices import Device, stream
+from wayproof.models.odometry import PoseError
 
 if TYPE_CHECKING:
-    from models.worlds import World  # it loads the simulator
+    from wayproof.models.worlds import World  # it loads the simulator
 
 Array = NDArray[np.float64]
 Ranges = NDArray[np.uint16]

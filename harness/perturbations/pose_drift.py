@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from harness.perturbations.perturbation import Perturbation
-from models.devices import stream
-from models.odometry import PoseError
+from wayproof.harness.perturbations.perturbation import Perturbation
+from wayproof.models.devices import stream
+from wayproof.models.odometry import PoseError
 
 
 class PoseDrift(Perturbation, frozen=True, tag="pose_drift"):

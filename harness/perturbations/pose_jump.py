@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from harness.perturbations.perturbation import UNCHANGED, Perturbation
-from harness.perturbations.pose_drift import along, direction
-from models.devices import stream
-from models.odometry import PoseError
+from wayproof.harness.perturbations.perturbation import UNCHANGED, Perturbation
+from wayproof.harness.perturbations.pose_drift import along, direction
+from wayproof.models.devices import stream
+from wayproof.models.odometry import PoseError
 
 EARLIEST, LATEST = 2.0, 10.0
 """Span of the seeded time, s: the robots are on their way, and in most worlds not yet there."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from harness.perturbations.perturbation import Perturbation
+from wayproof.harness.perturbations.perturbation import Perturbation
 
 
 class Rate(Perturbation, frozen=True, tag="rate"):

@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.logs.reader import open_log
-from harness.perturbations import AnyPerturbation
-from harness.perturbations.perturbation import GREATEST
-from harness.search.hunt import Hunt, Tried, hunt, shorten
-from harness.search.space import LEAST, Space
-from harness.study.contents import contents_of, named_by
-from harness.study.file import CLEAN, Arm, Planned, perturbation_at, planned_for
-from harness.study.matching import open_planned
-from harness.study.processes import Finished
-from harness.study.store import Store
-from harness.study.study import Engine, run_missing
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.perturbations.perturbation import GREATEST
+from wayproof.harness.search.hunt import Hunt, Tried, hunt, shorten
+from wayproof.harness.search.space import LEAST, Space
+from wayproof.harness.study.contents import contents_of, named_by
+from wayproof.harness.study.file import CLEAN, Arm, Planned, perturbation_at, planned_for
+from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import Engine, run_missing
 
 
 @dataclass(frozen=True)

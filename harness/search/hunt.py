@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats.qmc import LatinHypercube
 
-from harness.errors import InputError, unknown_name
-from harness.perturbations import AnyPerturbation
-from harness.search.space import Space, changed
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.search.space import Space, changed
 
 FIRST, OFFSPRING = 16, 6
 """Episodes spread over the whole space, and those about the best so far at a time."""

@@ -11,14 +11,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from harness.config import Config, override
-from harness.perturbations import AnyPerturbation
-from harness.runner import run_episode
-from harness.scenario import Scenario, build, make_transparent
-from harness.search.hunt import Tried
-from harness.search.space import Space
-from models.worlds import Cylinder, World
-from models.worlds.layout import room_walls
+from wayproof.harness.config import Config, override
+from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import Scenario, build, make_transparent
+from wayproof.harness.search.hunt import Tried
+from wayproof.harness.search.space import Space
+from wayproof.models.worlds import Cylinder, World
+from wayproof.models.worlds.layout import room_walls
 
 LOW, HIGH = (0.0, 0.0, -0.5), (9.0, 6.0, 3.0)
 GLASS = "glass"

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.perturbations import PERTURBATIONS, AnyPerturbation
-from harness.perturbations.perturbation import GREATEST
-from harness.study.file import perturbation_at
+from wayproof.harness.perturbations import PERTURBATIONS, AnyPerturbation
+from wayproof.harness.perturbations.perturbation import GREATEST
+from wayproof.harness.study.file import perturbation_at
 
 LEAST = 0.05
 """Least severity that is tried."""

@@ -1,1 +1,1 @@
-"""Long runs that try to break what a log promises; `python -m harness.soak --help`."""
+"""Long runs that try to break what a log promises; `python -m wayproof.harness.soak --help`."""

@@ -1,4 +1,4 @@
-"""`python -m harness.soak SOAK --count N`: 0 if nothing broke.
+"""`python -m wayproof.harness.soak SOAK --count N`: 0 if nothing broke.
 
 Progress is a line each, for episodes one JSON document; the last line is the summary, in JSON.
 """
@@ -14,14 +14,14 @@ from typing import Any
 
 import msgspec
 
-from harness.soak.episodes import Tally, soak_episodes
-from harness.soak.fuzz import Fuzzed, soak_fuzz
-from harness.soak.hostile import Refused, soak_hostile
-from harness.soak.kill import Killed, soak_kill
-from harness.soak.processors import Processors, soak_processors
-from harness.soak.race import Raced, soak_race
-from harness.soak.studies import Disturbed, soak_studies
-from harness.soak.worlds import Drawn, soak_worlds
+from wayproof.harness.soak.episodes import Tally, soak_episodes
+from wayproof.harness.soak.fuzz import Fuzzed, soak_fuzz
+from wayproof.harness.soak.hostile import Refused, soak_hostile
+from wayproof.harness.soak.kill import Killed, soak_kill
+from wayproof.harness.soak.processors import Processors, soak_processors
+from wayproof.harness.soak.race import Raced, soak_race
+from wayproof.harness.soak.studies import Disturbed, soak_studies
+from wayproof.harness.soak.worlds import Drawn, soak_worlds
 
 SOAKS: dict[
     str, Callable[..., Killed | Fuzzed | Tally | Drawn | Disturbed | Processors | Raced | Refused]
@@ -40,7 +40,7 @@ SOAKS: dict[
 
 def main() -> int:
     """Run one soak and print what it found as one JSON document."""
-    parser = argparse.ArgumentParser(prog="python -m harness.soak", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m wayproof.harness.soak", description=__doc__)
     parser.add_argument("soak", choices=SOAKS)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)

@@ -15,22 +15,22 @@ from typing import get_args
 import msgspec
 import numpy as np
 
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.evidence.closed_loop import simulate_again
-from harness.evidence.fork import fork
-from harness.perturbations import PERTURBATIONS, perturbation_from
-from harness.result import Result
-from harness.runner import run_episode
-from harness.scenario import Scenario, build
-from harness.soak.child import scratch
-from harness.soak.fresh import FreshReplays, replay_by_command
-from harness.stack.pipeline import build_navigator
-from harness.warm_up import warm_up
-from maps import MAPS, MapConfig, UnknownPolicy
-from models.robots import ROBOTS
-from models.worlds import WORLDS
-from planners import PLANNERS
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.closed_loop import simulate_again
+from wayproof.harness.evidence.fork import fork
+from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import Scenario, build
+from wayproof.harness.soak.child import scratch
+from wayproof.harness.soak.fresh import FreshReplays, replay_by_command
+from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.harness.warm_up import warm_up
+from wayproof.maps import MAPS, MapConfig, UnknownPolicy
+from wayproof.models.robots import ROBOTS
+from wayproof.models.worlds import WORLDS
+from wayproof.planners import PLANNERS
 
 TIME_LIMIT_S = 3.0
 THREADS = (1, 2)

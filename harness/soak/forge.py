@@ -1,4 +1,4 @@
-"""`python -m harness.soak.forge`: a short log forged in every way, and which verbs notice it.
+"""`python -m wayproof.harness.soak.forge`: a short log forged in every way, and who notices.
 
 Prints a table in Markdown; the exit code is 1 if a forged log that is no mere claim is verified.
 """
@@ -9,11 +9,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-from harness.config import Config, override
-from harness.evidence.verify import Step, verify
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.soak.forgeries import CLAIMS, EDITS, forge
+from wayproof.harness.config import Config, override
+from wayproof.harness.evidence.verify import Step, verify
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.soak.forgeries import CLAIMS, EDITS, forge
 
 SETTINGS = ("episode.time_limit=1.2", 'perturbation={"kind": "pose_drift", "severity": 5}')
 """Of the episode: it is perturbed, and it fails, so that there is most to forge."""

@@ -24,18 +24,18 @@ import numpy as np
 from google.protobuf.message import Message
 from mcap.opcode import Opcode
 
-from harness.ending import goal_distance
-from harness.evidence.content import read_content
-from harness.logs.container import MAGIC, walk
-from harness.logs.digest import CONTENT
-from harness.logs.log import digest_name
-from harness.logs.log_copy import write_copy
-from harness.logs.messages import read_messages
-from harness.logs.reader import Head, open_log, read_head
-from harness.mission import Mission
-from harness.result import figures_of
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import seal
+from wayproof.harness.ending import goal_distance
+from wayproof.harness.evidence.content import read_content
+from wayproof.harness.logs.container import MAGIC, walk
+from wayproof.harness.logs.digest import CONTENT
+from wayproof.harness.logs.log import digest_name
+from wayproof.harness.logs.log_copy import write_copy
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import Head, open_log, read_head
+from wayproof.harness.mission import Mission
+from wayproof.harness.result import figures_of
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import seal
 
 Kind = TypeVar("Kind", bound=Message)
 

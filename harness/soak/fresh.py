@@ -16,10 +16,9 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-import maps
-import planners
-from harness.config import Config
-from harness.soak.child import in_child
+from wayproof import maps, planners
+from wayproof.harness.config import Config
+from wayproof.harness.soak.child import in_child
 
 SILENCE_S = 120.0
 """Wall time of one replay, on a machine that does other things besides."""
@@ -67,7 +66,7 @@ def _serve(pipe: Connection, configs: Sequence[Config]) -> None:
 
 
 def _replay(log: Path, threads: int, tell: Callable[[str], None]) -> None:
-    from harness.evidence.replay import replay
+    from wayproof.harness.evidence.replay import replay
 
     replayed = replay(log, threads=threads)
     differs = f"decision {replayed.first_difference}: {replayed.differences[:3]}"
@@ -76,7 +75,7 @@ def _replay(log: Path, threads: int, tell: Callable[[str], None]) -> None:
 
 def replay_by_command(log: Path, threads: int) -> str:
     """The same by the command line in a new interpreter."""
-    command = [sys.executable, "-m", "harness", "replay", "--json", "--threads", str(threads)]
+    command = [sys.executable, "-m", "wayproof", "replay", "--json", "--threads", str(threads)]
     done = subprocess.run([*command, str(log)], capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1) or done.stderr:
         return f"exit code {done.returncode}: {done.stderr[-500:]}"

@@ -16,16 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from harness.config import from_json, to_json
-from harness.errors import InputError
-from harness.evidence.rebuild import rebuild
-from harness.evidence.replay import replay
-from harness.logs.reader import Log, open_log
-from harness.logs.recover import recover
-from harness.logs.small_log import COMMITTED, committed_name
-from harness.soak.child import in_child, scratch
-from harness.soak.mutate import forge, mutate, mutate_values
-from harness.stack.pipeline import build_navigator
+from wayproof.harness.config import from_json, to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.rebuild import rebuild
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.logs.recover import recover
+from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.soak.child import in_child, scratch
+from wayproof.harness.soak.mutate import forge, mutate, mutate_values
+from wayproof.harness.stack.pipeline import build_navigator
 
 LONGEST_S = 5
 """Processor time of one case."""
@@ -160,7 +160,7 @@ def _limit_memory() -> None:
 
 def _watch_files(folder: Path, tell: Callable[[str], None]) -> None:
     """Tell of every file that is opened, renamed or removed where it should not be."""
-    readable = [str(folder), sys.prefix, sys.base_prefix, str(Path(__file__).parents[2])]
+    readable = [str(folder), sys.prefix, sys.base_prefix, str(Path(__file__).resolve().parents[2])]
     writable = [str(folder)]
 
     def inside(path: Any, roots: list[str]) -> bool:

@@ -1,4 +1,4 @@
-"""`python -m harness.soak hostile`: what small hostile files take until they are refused."""
+"""`python -m wayproof.harness.soak hostile`: what hostile files take until they are refused."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.cli import main
-from harness.soak.child import in_child, scratch
-from harness.soak.hostile_files import BOX, FILES, Maker
-from harness.soak.hostile_logs import LOGS
+from wayproof.harness.cli import main
+from wayproof.harness.soak.child import in_child, scratch
+from wayproof.harness.soak.hostile_files import BOX, FILES, Maker
+from wayproof.harness.soak.hostile_logs import LOGS
 
 MOST_MEMORY_MIB = 1024.0
 LONGEST_S = 5.0
@@ -28,11 +28,11 @@ CPU_S = 20
 WALL_S = 300.0
 
 LOADED = (
-    "harness.evidence.verify",
-    "harness.explain",
-    "harness.study.report",
-    "harness.verbs.score",
-    "models.imports",
+    "wayproof.harness.evidence.verify",
+    "wayproof.harness.explain",
+    "wayproof.harness.study.report",
+    "wayproof.harness.verbs.score",
+    "wayproof.models.imports",
     "pyoctomap",
     "trimesh",
 )

@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-from models.robots import brought
+from wayproof.models.robots import brought
 
 Maker = Callable[[Path], list[str]]
 

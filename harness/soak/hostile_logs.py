@@ -12,15 +12,15 @@ from pathlib import Path
 import zstandard
 from google.protobuf.message import Message
 
-from harness.config import Config
-from harness.logs.container import HEAD, MAGIC
-from harness.logs.reader import open_log
-from harness.logs.small_log import COMMITTED, committed_name
-from harness.schema import wayproof_pb2 as pb
-from harness.soak.forgeries import Forgery
-from harness.soak.hostile_files import Maker
-from harness.study.file import plan_episodes, read_study
-from harness.study.store import Store
+from wayproof.harness.config import Config
+from wayproof.harness.logs.container import HEAD, MAGIC
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.soak.forgeries import Forgery
+from wayproof.harness.soak.hostile_files import Maker
+from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.store import Store
 
 LOGS: dict[str, Maker] = {}
 """What is hostile -> how it is made."""

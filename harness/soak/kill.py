@@ -10,18 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.evidence.audit import audit
-from harness.evidence.replay import replay
-from harness.logs.log import FLUSH_PERIOD_NS
-from harness.logs.reader import open_log
-from harness.logs.recover import recover
-from harness.runner import run_episode
-from harness.scenario import Scenario, build
-from harness.schema import wayproof_pb2 as pb
-from harness.soak.child import Kill, in_child, scratch
-from harness.warm_up import warm_up
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit import audit
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.log import FLUSH_PERIOD_NS
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.logs.recover import recover
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import Scenario, build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.soak.child import Kill, in_child, scratch
+from wayproof.harness.warm_up import warm_up
 
 EPISODES = (("empty", "drone"), ("corridor", "quadruped"))
 SETTINGS = ("episode.time_limit=4",)

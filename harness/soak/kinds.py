@@ -8,17 +8,17 @@ from typing import get_args
 
 import numpy as np
 
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.perturbations import PERTURBATIONS, perturbation_from
-from harness.scenario import Scenario, build
-from harness.soak.episodes import random_config
-from harness.stack.pipeline import build_navigator
-from maps import MAPS, UnknownPolicy
-from models.devices import DEVICES, Rangefinder
-from models.robots import ROBOTS
-from models.worlds import WORLDS
-from planners import PLANNERS
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
+from wayproof.harness.scenario import Scenario, build
+from wayproof.harness.soak.episodes import random_config
+from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.maps import MAPS, UnknownPolicy
+from wayproof.models.devices import DEVICES, Rangefinder
+from wayproof.models.robots import ROBOTS
+from wayproof.models.worlds import WORLDS
+from wayproof.planners import PLANNERS
 
 TIME_LIMIT_S = 3.0
 BENDING_LIMIT_S = 6.0

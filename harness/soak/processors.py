@@ -23,11 +23,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from harness.runner import run_episode
-from harness.soak.child import scratch
-from harness.soak.kinds import draw
-from harness.soak.replays import Arithmetic, Verdict, arithmetic
-from harness.warm_up import warm_up
+from wayproof.harness.runner import run_episode
+from wayproof.harness.soak.child import scratch
+from wayproof.harness.soak.kinds import draw
+from wayproof.harness.soak.replays import Arithmetic, Verdict, arithmetic
+from wayproof.harness.warm_up import warm_up
 
 ROOT = Path(__file__).resolve().parents[2]
 AVX_512 = "X86_V4"
@@ -159,10 +159,10 @@ def replay_under(
     Raises:
         RuntimeError: The child ended before it told anything.
     """
-    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
+    paths = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH", ""))))
     environment = {**os.environ, "PYTHONPATH": paths, **emulation.environment}
     done = subprocess.run(
-        [emulation.python, "-m", "harness.soak.replays"],
+        [emulation.python, "-m", "wayproof.harness.soak.replays"],
         input="".join(f"{log}\n" for log in logs),
         env=environment,
         cwd=ROOT,

@@ -1,4 +1,4 @@
-"""`python -m harness.soak.replays`: replay every log that standard input names, in one process.
+"""`python -m wayproof.harness.soak.replays`: replay all logs that standard input names.
 
 The first line tells what this process computes with; each other one is the verdict on a log. The
 simulator is not loaded, so that any Python with what a replay needs will do.
@@ -19,8 +19,8 @@ import msgspec
 import numba
 import numpy as np
 
-from harness.errors import InputError
-from harness.evidence.replay import Replay, replay
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.replay import Replay, replay
 
 MAPPED = Path("/proc/self/maps")
 CORE_NAMES = ("scipy_openblas_get_corename64_", "openblas_get_corename64_", "openblas_get_corename")

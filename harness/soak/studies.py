@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.study.file import plan_episodes, read_study
-from harness.study.store import Store
-from harness.study.study import read_rows
+from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import read_rows
 
 STUDY = """
 name = "killed"
@@ -103,7 +103,7 @@ def chains(file: Path, out: Path) -> Chains:
 
 
 def _command(file: Path, out: Path) -> list[str]:
-    command = [sys.executable, "-m", "harness", "study", str(file), "--jobs", "2"]
+    command = [sys.executable, "-m", "wayproof", "study", str(file), "--jobs", "2"]
     return [*command, "--out", str(out), "--json"]
 
 

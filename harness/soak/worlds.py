@@ -9,8 +9,8 @@ from math import ceil
 
 import mujoco
 
-from harness.bench.jobs import run_jobs
-from models.worlds import WORLDS, World
+from wayproof.harness.bench.jobs import run_jobs
+from wayproof.models.worlds import WORLDS, World
 
 DIFFICULTIES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """In turn by seed."""

@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.stack import obstruction
-from harness.stack.decision import Action, Label
-from harness.stack.fit import (
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.stack.fit import (
     LEAST_STEP,
     as_it_faces,
     fits,
@@ -24,7 +24,7 @@ from harness.stack.fit import (
     ways_to_face,
     wrapped,
 )
-from harness.stack.grounds import (
+from wayproof.harness.stack.grounds import (
     BRAKES,
     WAITS,
     ahead,
@@ -35,7 +35,7 @@ from harness.stack.grounds import (
     why_no_room,
     why_without_path,
 )
-from harness.stack.guide import (
+from wayproof.harness.stack.guide import (
     ARRIVED,
     HEADINGS,
     apart,
@@ -43,10 +43,10 @@ from harness.stack.guide import (
     keep_or_replan_guide,
     place_for_goal,
 )
-from harness.stack.reasons import Reason
-from harness.stack.stopping import clearest_stop
-from harness.stack.trail import trodden, way_back
-from harness.stack.view import (
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.stopping import clearest_stop
+from wayproof.harness.stack.trail import trodden, way_back
+from wayproof.harness.stack.view import (
     Array,
     Choice,
     Errand,
@@ -57,7 +57,7 @@ from harness.stack.view import (
     length,
     standing,
 )
-from planners import (
+from wayproof.planners import (
     Plan,
     Trajectory,
     TrajectorySample,

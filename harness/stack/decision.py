@@ -13,8 +13,8 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
-from harness.schema import wayproof_pb2 as pb
-from planners import Trajectory
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.planners import Trajectory
 
 Action = Literal["follow", "slow", "stop_and_wait", "explore", "recover", "goal", "abort"]
 Label = Literal[

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from harness.stack.footprint import HEADING_TOLERANCE
-from harness.stack.guide import heading_at
-from harness.stack.view import Array, View, length
-from maps.elementary import sines_cosines
-from planners import FreeSpace, Trajectory, TrajectorySample, arc_lengths, truncate
+from wayproof.harness.stack.footprint import HEADING_TOLERANCE
+from wayproof.harness.stack.guide import heading_at
+from wayproof.harness.stack.view import Array, View, length
+from wayproof.maps.elementary import sines_cosines
+from wayproof.planners import FreeSpace, Trajectory, TrajectorySample, arc_lengths, truncate
 
 CHECK_STEP = 0.02
 """Poses of a trajectory are checked so far apart, s."""

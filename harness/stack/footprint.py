@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.mission import Mission
-from maps import INSCRIBED_COST, Costmap
-from maps.elementary import exponentials
-from planners import Body
+from wayproof.harness.mission import Mission
+from wayproof.maps import INSCRIBED_COST, Costmap
+from wayproof.maps.elementary import exponentials
+from wayproof.planners import Body
 
 Array = NDArray[np.float64]
 

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from harness.stack import obstruction
-from harness.stack.decision import Action, Label
-from harness.stack.fit import CHECK_STEP, wrapped
-from harness.stack.guide import ARRIVED
-from harness.stack.obstruction import Obstruction
-from harness.stack.reasons import Kind, Reason
-from harness.stack.view import Array, Memory, View, distance, length, standing
-from planners import Plan, Trajectory, TrajectorySample, remaining, stopping_distance, truncate
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.stack.fit import CHECK_STEP, wrapped
+from wayproof.harness.stack.guide import ARRIVED
+from wayproof.harness.stack.obstruction import Obstruction
+from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.harness.stack.view import Array, Memory, View, distance, length, standing
+from wayproof.planners import (
+    Plan,
+    Trajectory,
+    TrajectorySample,
+    remaining,
+    stopping_distance,
+    truncate,
+)
 
 BRAKING = 0.01
 """Who has no more than so much beyond what it takes to stop is braking, m."""

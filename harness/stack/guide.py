@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.inputs import heading_of
-from harness.stack.view import Array, Memory, View, distance, length, standing
-from planners import (
+from wayproof.harness.inputs import heading_of
+from wayproof.harness.stack.view import Array, Memory, View, distance, length, standing
+from wayproof.planners import (
     Plan,
     TrajectorySample,
     blend_corners,

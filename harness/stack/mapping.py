@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import Config
-from harness.inputs import Beams, Inputs
-from harness.labels import bound_version, make_layer, vote, widened
-from harness.mission import Mission
-from harness.stack.footprint import HEADING_TOLERANCE, body_of, lever
-from maps import MAPS, Costmap, VoxelMap
+from wayproof.harness.config import Config
+from wayproof.harness.inputs import Beams, Inputs
+from wayproof.harness.labels import bound_version, make_layer, vote, widened
+from wayproof.harness.mission import Mission
+from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever
+from wayproof.maps import MAPS, Costmap, VoxelMap
 
 Array = NDArray[np.float64]
 

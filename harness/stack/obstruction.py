@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.stack.decision import GRAIN
-from harness.stack.fit import wrapped
-from harness.stack.guide import heading_at
-from harness.stack.view import Array, View, length
-from maps.elementary import sines_cosines
-from maps.states import FREE, OCCUPIED, UNKNOWN
-from planners import arc_lengths, point_at
+from wayproof.harness.stack.decision import GRAIN
+from wayproof.harness.stack.fit import wrapped
+from wayproof.harness.stack.guide import heading_at
+from wayproof.harness.stack.view import Array, View, length
+from wayproof.maps.elementary import sines_cosines
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
+from wayproof.planners import arc_lengths, point_at
 
 JUST_BEYOND = 1e-3
 """So far beyond the last free place of a path is the first one that is not, cells."""

@@ -10,20 +10,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.inputs import Beams, Inputs
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.behaviour import decide
-from harness.stack.decision import seal
-from harness.stack.mapping import Mapper
-from harness.stack.planner_input import InputMaker
-from harness.stack.record import StageClock, record, record_missed_deadline
-from harness.stack.spaces import FreeSpaces
-from harness.stack.view import Choice, Memory, View
-from harness.stack.width import decide_by_width
-from planners import Trajectory, hold, state_space_for
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import Beams, Inputs
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.behaviour import decide
+from wayproof.harness.stack.decision import seal
+from wayproof.harness.stack.mapping import Mapper
+from wayproof.harness.stack.planner_input import InputMaker
+from wayproof.harness.stack.record import StageClock, record, record_missed_deadline
+from wayproof.harness.stack.spaces import FreeSpaces
+from wayproof.harness.stack.view import Choice, Memory, View
+from wayproof.harness.stack.width import decide_by_width
+from wayproof.planners import Trajectory, hold, state_space_for
 
 
 class Navigator:

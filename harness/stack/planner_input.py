@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import Config
-from harness.inputs import Inputs
-from harness.mission import Mission
-from harness.stack.mapping import Mapper
-from harness.stack.spaces import FreeSpaces
-from harness.stack.view import PlanPath, View
-from planners import FreeSpace, MotionLimits, Plan, PlannerConfig, plan
+from wayproof.harness.config import Config
+from wayproof.harness.inputs import Inputs
+from wayproof.harness.mission import Mission
+from wayproof.harness.stack.mapping import Mapper
+from wayproof.harness.stack.spaces import FreeSpaces
+from wayproof.harness.stack.view import PlanPath, View
+from wayproof.planners import FreeSpace, MotionLimits, Plan, PlannerConfig, plan
 
 GOAL_SHARE = 0.8
 """Share of `episode.goal_tolerance` within which the robot holds itself to have arrived."""

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import GRAIN, Action, Label
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import GRAIN, Action, Label
 
 Point = tuple[float, float, float]
 

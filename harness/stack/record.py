@@ -7,13 +7,13 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.inputs import Inputs
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import add_points, thinned, trajectory_message
-from harness.stack.mapping import Mapper
-from harness.stack.reasons import Reason, reason_message, sentence
-from harness.stack.view import Choice, View
-from planners import Trajectory
+from wayproof.harness.inputs import Inputs
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import add_points, thinned, trajectory_message
+from wayproof.harness.stack.mapping import Mapper
+from wayproof.harness.stack.reasons import Reason, reason_message, sentence
+from wayproof.harness.stack.view import Choice, View
+from wayproof.planners import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.config import Config
-from harness.mission import Mission
-from harness.stack.footprint import NARROWEST, body_of, costs
-from maps import Costmap, Distances
-from planners import Disc, FreeSpace
-from planners.body import blocked_at_or_below
+from wayproof.harness.config import Config
+from wayproof.harness.mission import Mission
+from wayproof.harness.stack.footprint import NARROWEST, body_of, costs
+from wayproof.maps import Costmap, Distances
+from wayproof.planners import Disc, FreeSpace
+from wayproof.planners.body import blocked_at_or_below
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.stack.view import Array, View, length
-from maps.elementary import norm, sines_cosines
-from planners import TrajectorySample, stopping_distance, tangent_at, truncate
+from wayproof.harness.stack.view import Array, View, length
+from wayproof.maps.elementary import norm, sines_cosines
+from wayproof.planners import TrajectorySample, stopping_distance, tangent_at, truncate
 
 STEP = 0.05
 """Between the points of a bend, m."""

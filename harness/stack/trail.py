@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.stack.view import Array, Memory, View, distance, length
-from planners import TrajectorySample, truncate
+from wayproof.harness.stack.view import Array, Memory, View, distance, length
+from wayproof.planners import TrajectorySample, truncate
 
 STEP = 0.1
 """Places of a trail are so far apart, m."""

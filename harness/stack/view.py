@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.stack.decision import Action, Label
-from harness.stack.reasons import Kind, Reason
-from maps.elementary import norm
-from planners import (
+from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.maps.elementary import norm
+from wayproof.planners import (
     FreeSpace,
     MotionLimits,
     Plan,

@@ -11,12 +11,12 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from harness.stack.behaviour import decide
-from harness.stack.guide import heading_at
-from harness.stack.reasons import STUCK_INSIDE
-from harness.stack.view import Choice, Memory, View, length
-from maps.elementary import cosine
-from planners import remaining
+from wayproof.harness.stack.behaviour import decide
+from wayproof.harness.stack.guide import heading_at
+from wayproof.harness.stack.reasons import STUCK_INSIDE
+from wayproof.harness.stack.view import Choice, Memory, View, length
+from wayproof.maps.elementary import cosine
+from wayproof.planners import remaining
 
 DETOUR, WORTH = 2.0, 2.0
 """A way for the disc about the body is a detour where it is so many times as long as the one that

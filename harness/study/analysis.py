@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.intervals import difference_interval, mean_interval
-from harness.metrics import METRICS
-from harness.statistics import Interval, holm, mcnemar, restricted_mean
-from harness.study.file import Arm
-from harness.study.rows import Row, first_difference, prove, reference_of, share_differing
+from wayproof.harness.intervals import difference_interval, mean_interval
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics import Interval, holm, mcnemar, restricted_mean
+from wayproof.harness.study.file import Arm
+from wayproof.harness.study.rows import Row, first_difference, prove, reference_of, share_differing
 
 Pairs = list[tuple[Row, Row]]
 

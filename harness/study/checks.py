@@ -6,14 +6,14 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from harness.cause.case import read_case
-from harness.cause.check import check, checkable
-from harness.cause.procedure import find_cause
-from harness.cause.record import record_check
-from harness.errors import InputError
-from harness.logs.reader import open_log
-from harness.study.file import Planned
-from harness.study.store import Store
+from wayproof.harness.cause.case import read_case
+from wayproof.harness.cause.check import check, checkable
+from wayproof.harness.cause.procedure import find_cause
+from wayproof.harness.cause.record import record_check
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.study.file import Planned
+from wayproof.harness.study.store import Store
 
 
 @dataclass

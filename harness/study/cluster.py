@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from harness.errors import InputError
-from harness.study.file import Bounds
-from harness.study.job import Done, Job, run_job
-from harness.study.processes import TRIES, Finished, took_too_long
+from wayproof.harness.errors import InputError
+from wayproof.harness.study.file import Bounds
+from wayproof.harness.study.job import Done, Job, run_job
+from wayproof.harness.study.processes import TRIES, Finished, took_too_long
 
 POLL = 1.0
 """How often the jobs under way are held against their time, s."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.errors import InputError
-from harness.study.analysis import samples_between, summarise
-from harness.study.file import Planned, plan_episodes, read_gate
-from harness.study.gates import judge
-from harness.study.rows import Row
-from harness.study.store import Store
-from harness.study.study import StudyResult, error_in_words, read_own_rows
+from wayproof.harness.errors import InputError
+from wayproof.harness.study.analysis import samples_between, summarise
+from wayproof.harness.study.file import Planned, plan_episodes, read_gate
+from wayproof.harness.study.gates import judge
+from wayproof.harness.study.rows import Row
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import StudyResult, error_in_words, read_own_rows
 
 
 def compare(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from harness.config import PLUGIN, Config
-from harness.robots import ENDING as ROBOT_FILE
-from harness.robots import find_robot
-from harness.worlds import ENDING as WORLD_FILE
-from harness.worlds import find_world
-from models.imports import FileWorld
-from models.robots.brought import BroughtRobot
-from planners._plugin import source_digest
+from wayproof.harness.config import PLUGIN, Config
+from wayproof.harness.robots import ENDING as ROBOT_FILE
+from wayproof.harness.robots import find_robot
+from wayproof.harness.worlds import ENDING as WORLD_FILE
+from wayproof.harness.worlds import find_world
+from wayproof.models.imports import FileWorld
+from wayproof.models.robots.brought import BroughtRobot
+from wayproof.planners._plugin import source_digest
 
 Contents = dict[str, str]
 """Path as given -> name and hash of what lies there."""

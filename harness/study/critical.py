@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.perturbations import PERTURBATIONS
-from harness.perturbations.perturbation import GREATEST
-from harness.statistics import Interval, quantile_interval
-from harness.study.contents import Contents, contents_of
-from harness.study.file import (
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.perturbations import PERTURBATIONS
+from wayproof.harness.perturbations.perturbation import GREATEST
+from wayproof.harness.statistics import Interval, quantile_interval
+from wayproof.harness.study.contents import Contents, contents_of
+from wayproof.harness.study.file import (
     CLEAN,
     Arm,
     Planned,
@@ -29,11 +29,11 @@ from harness.study.file import (
     plan_episodes,
     planned_for,
 )
-from harness.study.file import MOST_EPISODES as MOST_PLANNED
-from harness.study.matching import open_planned
-from harness.study.processes import Finished
-from harness.study.store import Store
-from harness.study.study import Engine, run_missing
+from wayproof.harness.study.file import MOST_EPISODES as MOST_PLANNED
+from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import Engine, run_missing
 
 RESOLUTION = 0.01
 """A bracket narrower than this is not halved any more, in severities."""

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.config import to_json
-from harness.errors import InputError
-from harness.logs.reader import open_log
-from harness.study.contents import contents_of, named_by
-from harness.study.file import Bounds, Planned, name_of
-from harness.study.job import Done, Job, episode_key
-from harness.study.processes import Finished, Workers
-from harness.study.store import Store
+from wayproof.harness.config import to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.study.contents import contents_of, named_by
+from wayproof.harness.study.file import Bounds, Planned, name_of
+from wayproof.harness.study.job import Done, Job, episode_key
+from wayproof.harness.study.processes import Finished, Workers
+from wayproof.harness.study.store import Store
 
 FILE = "determinism.json"
 """In a study's folder: the latest certificate."""

@@ -14,17 +14,17 @@ from typing import Any, Literal, get_args
 
 import msgspec
 
-from harness.config import CODE, PLUGIN, Config, from_document, override
-from harness.errors import InputError, unknown_name
-from harness.metrics import METRICS
-from harness.perturbations import AnyPerturbation, perturbation_from
-from harness.robots import ENDING as ROBOT_FILE
-from harness.robots import controller_of
-from harness.study.contents import Contents, contents_of
-from harness.study.job import episode_key
-from harness.worlds import ENDING as WORLD_FILE
-from models.robots import ROBOTS
-from models.worlds import WORLDS
+from wayproof.harness.config import CODE, PLUGIN, Config, from_document, override
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.perturbations import AnyPerturbation, perturbation_from
+from wayproof.harness.robots import ENDING as ROBOT_FILE
+from wayproof.harness.robots import controller_of
+from wayproof.harness.study.contents import Contents, contents_of
+from wayproof.harness.study.job import episode_key
+from wayproof.harness.worlds import ENDING as WORLD_FILE
+from wayproof.models.robots import ROBOTS
+from wayproof.models.worlds import WORLDS
 
 PACKAGED = Path(__file__).parent.parent / "studies"
 """Studies to start from: `wayproof study NAME`."""

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import msgspec
 
-from harness.config import Config, from_json, to_json
-from harness.errors import InputError
-from harness.logs.machine import installed_version
-from harness.study.contents import contents_of, named_by
+from wayproof.harness.config import Config, from_json, to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.machine import installed_version
+from wayproof.harness.study.contents import contents_of, named_by
 
 PARENT_POLL = 0.2
 """How often a worker looks whether whoever started it is still there, s."""
@@ -75,8 +75,8 @@ def key_of(config: Config, planner: str, version: str) -> str:
 
 def run_job(job: Job) -> Done:
     """Run one episode; whatever it raises becomes its error text."""
-    from harness.runner import run_episode
-    from harness.scenario import build
+    from wayproof.harness.runner import run_episode
+    from wayproof.harness.scenario import build
 
     try:
         config = from_json(job.config, allow_plugins=True)
@@ -97,7 +97,7 @@ def run_job(job: Job) -> Done:
 
 def warm_up_job(config: bytes) -> None:
     """Compile what episodes of this config need, so that workers find it cached."""
-    from harness.warm_up import warm_up
+    from wayproof.harness.warm_up import warm_up
 
     warm_up(from_json(config, allow_plugins=True))
 

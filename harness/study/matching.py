@@ -16,17 +16,17 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from harness.config import Config
-from harness.errors import InputError
-from harness.logs.reader import Log, open_log
-from harness.study.contents import class_identity
-from harness.study.file import Planned
-from harness.study.job import key_of
-from harness.worlds import find_world
-from models.robots import ROBOTS
-from models.robots.brought import parse_spec
-from models.scene import resolve
-from models.worlds import WORLDS
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.study.contents import class_identity
+from wayproof.harness.study.file import Planned
+from wayproof.harness.study.job import key_of
+from wayproof.harness.worlds import find_world
+from wayproof.models.robots import ROBOTS
+from wayproof.models.robots.brought import parse_spec
+from wayproof.models.scene import resolve
+from wayproof.models.worlds import WORLDS
 
 CLOSE = 1e-6
 """Between a start or goal and its like: a world's last bits are another machine's, m."""

@@ -13,11 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from harness.errors import InputError
-from harness.metrics import Trace
-from harness.scene_text import safe_scene
-from harness.statistics import Interval
-from models.imports.mjcf_scenes import NOT_COMPILED
+from wayproof.harness.errors import InputError
+from wayproof.harness.metrics import Trace
+from wayproof.harness.scene_text import safe_scene
+from wayproof.harness.statistics import Interval
+from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
 
 STYLE: Any = {
     "svg.hashsalt": "wayproof",  # else ids are drawn at random

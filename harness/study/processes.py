@@ -12,9 +12,9 @@ from typing import Any
 import msgspec
 import pebble
 
-from harness.errors import InputError
-from harness.study.file import Bounds
-from harness.study.job import Done, Job, run_job, start_worker, warm_up_job
+from wayproof.harness.errors import InputError
+from wayproof.harness.study.file import Bounds
+from wayproof.harness.study.job import Done, Job, run_job, start_worker, warm_up_job
 
 TRIES = 3
 """Of a job whose worker is killed from outside: the machine is at fault before the job is."""

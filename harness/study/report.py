@@ -9,17 +9,17 @@ from pathlib import Path
 
 import jinja2
 
-from harness.logs.reader import open_log
-from harness.metrics import METRICS, read_trace
-from harness.perturbations.perturbation import GREATEST
-from harness.study.analysis import ArmSummary, Sample, samples_of
-from harness.study.critical import Margin, margin_in_words, read_margins
-from harness.study.file import CLEAN, Arm, name_of, plan_episodes
-from harness.study.gates import gate_advice, interval_in_words
-from harness.study.plots import borne, dose_response, track
-from harness.study.rows import Row
-from harness.study.store import Store
-from harness.study.study import StudyResult, conclude, read_own_rows, verdict_in_words
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.metrics import METRICS, read_trace
+from wayproof.harness.perturbations.perturbation import GREATEST
+from wayproof.harness.study.analysis import ArmSummary, Sample, samples_of
+from wayproof.harness.study.critical import Margin, margin_in_words, read_margins
+from wayproof.harness.study.file import CLEAN, Arm, name_of, plan_episodes
+from wayproof.harness.study.gates import gate_advice, interval_in_words
+from wayproof.harness.study.plots import borne, dose_response, track
+from wayproof.harness.study.rows import Row
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import StudyResult, conclude, read_own_rows, verdict_in_words
 
 SHOWN_FAILURES = 24
 """Pictures in the gallery; the table names every failure."""

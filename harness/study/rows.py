@@ -11,17 +11,17 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from harness.evidence.consistency import refuse_contradictions
-from harness.evidence.content import Content
-from harness.logs.container import Packet, walk
-from harness.logs.digest import ContentDigest
-from harness.logs.messages import decode
-from harness.logs.streams import Pairing, compare_hashes
-from harness.metrics import METRICS, score, trace_of
-from harness.schema import wayproof_pb2 as pb
-from harness.study.file import CLEAN, Arm, Planned
-from harness.study.matching import open_planned
-from harness.study.store import Store
+from wayproof.harness.evidence.consistency import refuse_contradictions
+from wayproof.harness.evidence.content import Content
+from wayproof.harness.logs.container import Packet, walk
+from wayproof.harness.logs.digest import ContentDigest
+from wayproof.harness.logs.messages import decode
+from wayproof.harness.logs.streams import Pairing, compare_hashes
+from wayproof.harness.metrics import METRICS, score, trace_of
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.study.file import CLEAN, Arm, Planned
+from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.store import Store
 
 READ = {kind.DESCRIPTOR.full_name for kind in (pb.Decision, pb.Truth, pb.Streams, pb.Perturbation)}
 """Messages that a row is made of; sweeps, most of a log, stay packed."""

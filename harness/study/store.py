@@ -12,13 +12,13 @@ from pathlib import Path
 
 import msgspec
 
-from harness.errors import InputError
-from harness.logs.reader import open_log
-from harness.logs.recover import finish_partial
-from harness.outputs import ENDING, remove_abandoned
-from harness.study.contents import Contents
-from harness.study.file import MOST_BYTES, Planned, StudyFile, check_study, refuse_code
-from harness.study.matching import open_planned
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.logs.recover import finish_partial
+from wayproof.harness.outputs import ENDING, remove_abandoned
+from wayproof.harness.study.contents import Contents
+from wayproof.harness.study.file import MOST_BYTES, Planned, StudyFile, check_study, refuse_code
+from wayproof.harness.study.matching import open_planned
 
 WORKER_ENDS_S = 5.0
 """In which a worker has ended whose parent was killed, s: it looks some times a second."""

@@ -6,17 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from harness.config import to_json
-from harness.errors import InputError
-from harness.study.analysis import ArmSummary, samples_of, summarise
-from harness.study.contents import contents_of
-from harness.study.file import Planned, StudyFile, files_of, name_of, read_gate
-from harness.study.gates import GateResult, judge
-from harness.study.job import Done, Job
-from harness.study.matching import ForeignLog
-from harness.study.processes import Finished
-from harness.study.rows import Row, read_row, write_table
-from harness.study.store import Store
+from wayproof.harness.config import to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.study.analysis import ArmSummary, samples_of, summarise
+from wayproof.harness.study.contents import contents_of
+from wayproof.harness.study.file import Planned, StudyFile, files_of, name_of, read_gate
+from wayproof.harness.study.gates import GateResult, judge
+from wayproof.harness.study.job import Done, Job
+from wayproof.harness.study.matching import ForeignLog
+from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.rows import Row, read_row, write_table
+from wayproof.harness.study.store import Store
 
 Engine = Callable[[Sequence[Job], Sequence[bytes], Finished], None]
 """Runs jobs; the configs are one of each kind of stack, to be compiled first."""

@@ -1,6 +1,6 @@
 """The verbs of the command line, one file each."""
 
-from harness.verbs import (
+from wayproof.harness.verbs import (
     audit,
     bench,
     calibrate,
@@ -24,7 +24,7 @@ from harness.verbs import (
     verify,
     view,
 )
-from harness.verbs.verb import Document, Verb
+from wayproof.harness.verbs.verb import Document, Verb
 
 VERBS: dict[str, Verb] = {
     "run": run.VERB,

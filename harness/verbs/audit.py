@@ -9,17 +9,24 @@ from typing import TYPE_CHECKING, get_args
 from rich.console import Console
 from rich.text import Text
 
-from harness.verbs.verb import Document, Verb, add_log_paths, add_unchecked, check_log, one_or_all
+from wayproof.harness.verbs.verb import (
+    Document,
+    Verb,
+    add_log_paths,
+    add_unchecked,
+    check_log,
+    one_or_all,
+)
 
 if TYPE_CHECKING:
-    from harness.evidence.audit import Audit, Volumes
+    from wayproof.harness.evidence.audit import Audit, Volumes
 
 SHOWN_VIOLATIONS = 10
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Check the decisions of one or more logs."""
-    from harness.evidence.audit import audit, together
+    from wayproof.harness.evidence.audit import audit, together
 
     audits = []
     for path in options.log:
@@ -71,7 +78,7 @@ def print_volumes(console: Console, what: str, volumes: Volumes) -> None:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    from maps import UnknownPolicy
+    from wayproof.maps import UnknownPolicy
 
     add_log_paths(parser)
     add_unchecked(parser)

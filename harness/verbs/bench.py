@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_log_folder
+from wayproof.harness.errors import InputError
+from wayproof.harness.verbs.verb import Document, Verb, add_log_folder
 
 FILES = {
     "worlds": "folder with the worlds of a published benchmark: barn, dodge",
@@ -19,8 +19,8 @@ FILES = {
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Measure one stage."""
-    from harness.bench.stages import print_rows, run_stage
-    from harness.benchmarks import Files
+    from wayproof.harness.bench.stages import print_rows, run_stage
+    from wayproof.harness.benchmarks import Files
 
     given = [name for name in FILES if getattr(options, name) is not None]
     if len(given) > 1:

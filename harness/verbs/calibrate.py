@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from harness.errors import InputError, unknown_name
-from harness.verbs.pool import Watch, add_engine, check_engine, open_engine
-from harness.verbs.verb import LOGS, Document, Verb, add_settings
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.verbs.pool import Watch, add_engine, check_engine, open_engine
+from wayproof.harness.verbs.verb import LOGS, Document, Verb, add_settings
 
 if TYPE_CHECKING:
-    from harness.statistics import Interval
-    from harness.study.margin import MarginResult
+    from wayproof.harness.statistics import Interval
+    from wayproof.harness.study.margin import MarginResult
 
 CALIBRATED = ("margin",)
 """What can be calibrated."""
@@ -24,8 +24,8 @@ CALIBRATED = ("margin",)
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Find the smallest margin; 1 where none that was tried keeps the bound, 3 on errors."""
-    from harness.study.margin import MARGINS, calibrate_margin, margin_study
-    from harness.study.store import Store
+    from wayproof.harness.study.margin import MARGINS, calibrate_margin, margin_study
+    from wayproof.harness.study.store import Store
 
     check_engine(options)
     if options.what not in CALIBRATED:
@@ -85,7 +85,7 @@ def print_margin(console: Console, result: MarginResult) -> None:
 
 
 def _interval(one: Interval, form: str = ".2f") -> str:
-    from harness.study.gates import interval_in_words
+    from wayproof.harness.study.gates import interval_in_words
 
     return interval_in_words(one, form)
 

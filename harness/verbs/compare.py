@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.verbs.study import add_inconclusive, print_study
-from harness.verbs.verb import Document, Verb, add_plugins
+from wayproof.harness.verbs.study import add_inconclusive, print_study
+from wayproof.harness.verbs.verb import Document, Verb, add_plugins
 
 DEFAULT_GATES = ("success.drop <= 0.1", "collisions.rise <= 0.1")
 """Held from about 50 pairs on in which nothing changed."""
@@ -17,7 +17,7 @@ DEFAULT_GATES = ("success.drop <= 0.1", "collisions.rise <= 0.1")
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Compare two folders of one study; the exit code is that of a study."""
-    from harness.study.compare import compare
+    from wayproof.harness.study.compare import compare
 
     result = compare(
         options.before, options.after, options.gate or DEFAULT_GATES, options.allow_plugins

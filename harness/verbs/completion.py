@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.verbs.verb import Document, Verb
+from wayproof.harness.verbs.verb import Document, Verb
 
 SHELLS = ("bash", "zsh")
 
@@ -27,11 +27,11 @@ def _taught_parser() -> argparse.ArgumentParser:
     """The command's parser, with what each argument may be."""
     import shtab
 
-    from harness.cli import parsers
-    from harness.perturbations import PERTURBATIONS
-    from harness.study.file import PACKAGED
-    from models.robots import ROBOTS
-    from models.worlds import WORLDS
+    from wayproof.harness.cli import parsers
+    from wayproof.harness.perturbations import PERTURBATIONS
+    from wayproof.harness.study.file import PACKAGED
+    from wayproof.models.robots import ROBOTS
+    from wayproof.models.worlds import WORLDS
 
     names: dict[str, Iterable[str]] = {
         "world": WORLDS,

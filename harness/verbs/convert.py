@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_unchecked, check_log
+from wayproof.harness.errors import InputError
+from wayproof.harness.verbs.verb import Document, Verb, add_unchecked, check_log
 
 ENDING = ".mcap"
 
@@ -22,7 +22,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if out.resolve() == options.log.resolve():
         raise InputError(f"--foxglove: got the log itself, '{out}'")
     check_log(options.log, options)
-    from harness.viewer.foxglove import convert
+    from wayproof.harness.viewer.foxglove import convert
 
     began = time.perf_counter()
     with console.status("making the maps again"):

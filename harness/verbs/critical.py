@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 import msgspec
 from rich.console import Console
 
-from harness.errors import InputError, Interrupted
-from harness.verbs.pool import GOES_ON, Watch, add_engine, check_engine, open_engine
-from harness.verbs.verb import LOGS, Document, Verb, add_plugins
+from wayproof.harness.errors import InputError, Interrupted
+from wayproof.harness.verbs.pool import GOES_ON, Watch, add_engine, check_engine, open_engine
+from wayproof.harness.verbs.verb import LOGS, Document, Verb, add_plugins
 
 if TYPE_CHECKING:
-    from harness.study.critical import Margin
+    from wayproof.harness.study.critical import Margin
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Bisect the severity of each seed of a study, or go on with it; 3 if any could not be run."""
-    from harness.perturbations import check_kind
-    from harness.study.critical import MOST_EPISODES, Question, find_margins
-    from harness.study.file import read_study
-    from harness.study.store import Store
+    from wayproof.harness.perturbations import check_kind
+    from wayproof.harness.study.critical import MOST_EPISODES, Question, find_margins
+    from wayproof.harness.study.file import read_study
+    from wayproof.harness.study.store import Store
 
     check_engine(options)
     written = read_study(options.file, options.allow_plugins)
@@ -53,8 +53,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def print_margin(console: Console, margin: Margin) -> None:
     """One arm in two lines."""
-    from harness.study.critical import margin_in_words
-    from harness.study.file import name_of
+    from wayproof.harness.study.critical import margin_in_words
+    from wayproof.harness.study.file import name_of
 
     console.print(name_of(margin.arm), style="bold", highlight=False)
     console.print(f"  {margin_in_words(margin)}", highlight=False, soft_wrap=True)

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from harness.verbs.run import episode_name, run_one
-from harness.verbs.verb import Document, Verb, add_log_folder, add_settings
+from wayproof.harness.verbs.run import episode_name, run_one
+from wayproof.harness.verbs.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
-    from harness.evidence.replay import Replay
-    from harness.result import Result
+    from wayproof.harness.evidence.replay import Replay
+    from wayproof.harness.result import Result
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Send both robots across and replay their logs."""
-    from harness.config import from_document, override
-    from harness.evidence.replay import replay
+    from wayproof.harness.config import from_document, override
+    from wayproof.harness.evidence.replay import replay
 
     rows = []
     for robot in ("quadruped", "drone"):
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> None:
     """Verdicts of several episodes and of their replays."""
-    from harness.clearance import true_in_metres
+    from wayproof.harness.clearance import true_in_metres
 
     table = Table(title="Verdicts: warehouse", title_justify="left")
     for heading in ("robot", "outcome", "time", "x real", "decisions", "clearance", "replay"):

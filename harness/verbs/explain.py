@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from harness.errors import InputError
-from harness.verbs.verb import (
+from wayproof.harness.errors import InputError
+from wayproof.harness.verbs.verb import (
     Document,
     Verb,
     add_plugins,
@@ -23,17 +23,17 @@ from harness.verbs.verb import (
 )
 
 if TYPE_CHECKING:
-    from harness.cause import Case, Finding, NearMiss
-    from harness.cause.check import Check, Verdict
-    from harness.explain import Card
-    from harness.logs.reader import Log
+    from wayproof.harness.cause import Case, Finding, NearMiss
+    from wayproof.harness.cause.check import Check, Verdict
+    from wayproof.harness.explain import Card
+    from wayproof.harness.logs.reader import Log
 
 SHOWN_MISSES = 5
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Explain a decision, or the episode."""
-    from harness.logs.reader import open_log
+    from wayproof.harness.logs.reader import open_log
 
     if options.png is not None and not options.png.parent.is_dir():
         raise InputError(f"--png: got '{options.png}', expected a file in a folder that exists")
@@ -51,8 +51,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -> Document:
-    from harness.cause import read_case
-    from harness.explain.card import make_card, moment_of
+    from wayproof.harness.cause import read_case
+    from wayproof.harness.explain.card import make_card, moment_of
 
     case = read_case(log)
     moment_of(case, options.decision)
@@ -66,8 +66,8 @@ def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -
 
 
 def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:
-    from harness.cause.record import read_check
-    from harness.explain import make_card, phases
+    from wayproof.harness.cause.record import read_check
+    from wayproof.harness.explain import make_card, phases
 
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
     decisions = list(log.decisions())
@@ -108,7 +108,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
 
 def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
     """The cause and the near misses; of a log without sweeps what its result says."""
-    from harness.cause import find_cause, near_misses, read_case
+    from wayproof.harness.cause import find_cause, near_misses, read_case
 
     if log.record == "decisions":
         return None, _told_cause(log), []
@@ -118,8 +118,8 @@ def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
 
 def _told_cause(log: Log) -> Finding | None:
     """The cause that the run found, where what was touched is, or where the robot ended."""
-    from harness.cause import Finding
-    from harness.result import Contact
+    from wayproof.harness.cause import Finding
+    from wayproof.harness.result import Contact
 
     if not log.result.get("cause"):
         return None
@@ -133,7 +133,7 @@ def _told_cause(log: Log) -> Finding | None:
 
 
 def _check(log: Log, finding: Finding | None) -> Verdict:
-    from harness.cause.check import check, refuse_success
+    from wayproof.harness.cause.check import check, refuse_success
 
     refuse_success(log)
     assert finding is not None
@@ -141,7 +141,7 @@ def _check(log: Log, finding: Finding | None) -> Verdict:
 
 
 def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
-    from harness.explain.picture import draw
+    from wayproof.harness.explain.picture import draw
 
     draw(case, card, case.navigator_at(card.sequence), target)
     console.print(f"picture: {target}", soft_wrap=True, highlight=False)
@@ -208,7 +208,7 @@ def print_card(console: Console, card: Card) -> None:
 
 
 def _rows(card: Card) -> list[tuple[str, str]]:
-    from harness.clearance import in_metres, true_in_metres
+    from wayproof.harness.clearance import in_metres, true_in_metres
 
     stages = ", ".join(f"{name} {ms:.1f}" for name, ms in card.stages_ms.items())
     missed = ": MISSED" if card.deadline_missed else ""

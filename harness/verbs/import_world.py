@@ -7,9 +7,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.errors import InputError
-from harness.outputs import written_whole
-from harness.verbs.verb import Document, Verb
+from wayproof.harness.errors import InputError
+from wayproof.harness.outputs import written_whole
+from wayproof.harness.verbs.verb import Document, Verb
 
 WORLDS = Path("worlds")
 
@@ -23,7 +23,7 @@ LENGTHS = {
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Read a file, write the world file, and tell what was left out."""
-    from models.imports import ImportOptions, Unreadable, import_world
+    from wayproof.models.imports import ImportOptions, Unreadable, import_world
 
     out = options.out or WORLDS / f"{options.file.stem}.xml"
     if out.suffix != ".xml":

@@ -7,18 +7,18 @@ import argparse
 from rich.console import Console
 from rich.text import Text
 
-from harness.verbs.verb import Document, Verb
+from wayproof.harness.verbs.verb import Document, Verb
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Tell what is registered."""
-    from harness.config import setting_names
-    from harness.perturbations import PERTURBATIONS
-    from maps import MAPS
-    from models.devices import DEVICES
-    from models.robots import ROBOTS
-    from models.worlds import WORLDS
-    from planners import PLANNERS
+    from wayproof.harness.config import setting_names
+    from wayproof.harness.perturbations import PERTURBATIONS
+    from wayproof.maps import MAPS
+    from wayproof.models.devices import DEVICES
+    from wayproof.models.robots import ROBOTS
+    from wayproof.models.worlds import WORLDS
+    from wayproof.planners import PLANNERS
 
     document = {
         "worlds": sorted(WORLDS),

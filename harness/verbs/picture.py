@@ -8,19 +8,19 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_plugins, add_unchecked, check_log
+from wayproof.harness.errors import InputError
+from wayproof.harness.verbs.verb import Document, Verb, add_plugins, add_unchecked, check_log
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Draw one decision, or all of them."""
     _check(options)
     check_log(options.log, options)
-    from harness.viewer.driver import choose_driver
+    from wayproof.harness.viewer.driver import choose_driver
 
     choose_driver()
-    from harness.viewer.movie import check_movie, draw_movie
-    from harness.viewer.picture import draw_picture
+    from wayproof.harness.viewer.movie import check_movie, draw_movie
+    from wayproof.harness.viewer.picture import draw_picture
 
     began = time.perf_counter()
     log, plugins = options.log, options.allow_plugins

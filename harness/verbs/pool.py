@@ -19,12 +19,12 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from harness.errors import InputError, unknown_name
+from wayproof.harness.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
-    from harness.study.file import Bounds
-    from harness.study.job import Done
-    from harness.study.study import Engine
+    from wayproof.harness.study.file import Bounds
+    from wayproof.harness.study.job import Done
+    from wayproof.harness.study.study import Engine
 
 ENGINES = ("processes", "ray")
 
@@ -65,13 +65,13 @@ def open_engine(options: argparse.Namespace, bounds: Bounds) -> Iterator[Engine]
     """
     check_engine(options)
     if options.engine == "ray":
-        from harness.study.cluster import run_on_ray
+        from wayproof.harness.study.cluster import run_on_ray
 
         yield functools.partial(
             run_on_ray, workers=options.jobs, bounds=bounds, address=options.address
         )
         return
-    from harness.study.processes import Workers
+    from wayproof.harness.study.processes import Workers
 
     with Workers(options.jobs, bounds) as engine:
         yield engine

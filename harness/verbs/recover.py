@@ -8,12 +8,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.verbs.verb import Document, Verb
+from wayproof.harness.verbs.verb import Document, Verb
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write the readable part of a log."""
-    from harness.logs.recover import recover
+    from wayproof.harness.logs.recover import recover
 
     recovery = recover(options.broken, options.out, options.allow_plugins)
     if recovery.written is None:

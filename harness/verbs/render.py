@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from harness.errors import InputError
+from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
-    from harness.config import Config
+    from wayproof.harness.config import Config
 
 PERIOD = 0.2
 """Between frames, s of simulated time."""
@@ -24,17 +24,17 @@ def check_render(config: Config, out: Path) -> None:
     """
     if config.record != "full":
         raise InputError(f"--render: got record={config.record}, expected full: it draws the log")
-    from harness.viewer.driver import choose_driver
+    from wayproof.harness.viewer.driver import choose_driver
 
     choose_driver()
-    from harness.viewer.movie import check_movie
+    from wayproof.harness.viewer.movie import check_movie
 
     check_movie(out, PERIOD)
 
 
 def render(log: Path, out: Path, console: Console) -> dict[str, Any]:
     """Draw the whole log, and tell."""
-    from harness.viewer.movie import draw_movie
+    from wayproof.harness.viewer.movie import draw_movie
 
     with console.status("drawing"):
         frames = draw_movie(log, out, PERIOD, allow_plugins=True)  # it has just been run

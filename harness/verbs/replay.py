@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.errors import InputError
-from harness.verbs.verb import (
+from wayproof.harness.errors import InputError
+from wayproof.harness.verbs.verb import (
     Document,
     Verb,
     add_log_paths,
@@ -22,11 +22,11 @@ from harness.verbs.verb import (
 )
 
 if TYPE_CHECKING:
-    from harness.evidence.closed_loop import ClosedLoop
-    from harness.evidence.replay import Replay
-    from harness.evidence.scope import Scope
-    from harness.evidence.what_if import Answer, WhatIf
-    from harness.stack.decision import Difference
+    from wayproof.harness.evidence.closed_loop import ClosedLoop
+    from wayproof.harness.evidence.replay import Replay
+    from wayproof.harness.evidence.scope import Scope
+    from wayproof.harness.evidence.what_if import Answer, WhatIf
+    from wayproof.harness.stack.decision import Difference
 
 SHOWN_DIFFERENCES = 8
 SHOWN_CHANGES = 5
@@ -34,7 +34,7 @@ SHOWN_CHANGES = 5
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Recompute the decisions of one or more logs, by the log's own settings or by others."""
-    from harness.logs.reader import open_log
+    from wayproof.harness.logs.reader import open_log
 
     _check(options)
     if options.at is not None:
@@ -68,7 +68,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from harness.evidence.replay import replay
+    from wayproof.harness.evidence.replay import replay
 
     replayed = replay(path, options.allow_plugins, options.threads)
     print_replay(console, replayed)
@@ -76,7 +76,7 @@ def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[
 
 
 def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from harness.evidence.what_if import what_if
+    from wayproof.harness.evidence.what_if import what_if
 
     answer = what_if(path, options.set, options.allow_plugins)
     print_what_if(console, answer)
@@ -84,7 +84,7 @@ def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple
 
 
 def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from harness.evidence.closed_loop import simulate_again
+    from wayproof.harness.evidence.closed_loop import simulate_again
 
     again = simulate_again(path, options.allow_plugins, options.out)
     print_closed_loop(console, again)
@@ -92,11 +92,11 @@ def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tupl
 
 
 def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    from harness.config import override
-    from harness.evidence.fork import fork, fork_name
-    from harness.live import LiveLine
-    from harness.logs.reader import open_log
-    from harness.verbs.run import document_of, interrupted, print_verdict
+    from wayproof.harness.config import override
+    from wayproof.harness.evidence.fork import fork, fork_name
+    from wayproof.harness.live import LiveLine
+    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.verbs.run import document_of, interrupted, print_verdict
 
     path = options.log[0]
     log = open_log(path, options.allow_plugins)

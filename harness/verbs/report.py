@@ -8,14 +8,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.verbs.study import print_foreign
-from harness.verbs.verb import Document, Verb, add_plugins
+from wayproof.harness.verbs.study import print_foreign
+from wayproof.harness.verbs.verb import Document, Verb, add_plugins
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write the report of a study's folder; exit code 0 once it is written, whatever it says."""
-    from harness.study.report import write_report
-    from harness.study.study import verdict_in_words
+    from wayproof.harness.study.report import write_report
+    from wayproof.harness.study.study import verdict_in_words
 
     path, result = write_report(options.folder, options.allow_plugins)
     print_foreign(console, result)

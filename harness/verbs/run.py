@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.errors import InputError, Interrupted
-from harness.verbs.render import check_render, render
-from harness.verbs.verb import Document, Verb, add_check, add_log_folder, add_settings
+from wayproof.harness.errors import InputError, Interrupted
+from wayproof.harness.verbs.render import check_render, render
+from wayproof.harness.verbs.verb import Document, Verb, add_check, add_log_folder, add_settings
 
 if TYPE_CHECKING:
-    from harness.config import Config
-    from harness.outputs import Draft
-    from harness.result import Result
+    from wayproof.harness.config import Config
+    from wayproof.harness.outputs import Draft
+    from wayproof.harness.result import Result
 
 SHOWN_LINES = 8
 """Of a traceback on the terminal: its end."""
@@ -29,9 +29,9 @@ SHOWN_LINES = 8
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run one episode."""
-    from harness.config import from_document, override
-    from harness.perturbations import perturbation_from
-    from harness.robots import refuse_unused
+    from wayproof.harness.config import from_document, override
+    from wayproof.harness.perturbations import perturbation_from
+    from wayproof.harness.robots import refuse_unused
 
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), options.set)
@@ -60,12 +60,12 @@ def _check(result: Result, options: argparse.Namespace, console: Console) -> Doc
     """Check the cause of a failure within the bound, and keep the verdict in its log."""
     if options.check is None or result.outcome == "success":
         return None
-    from harness.cause.case import read_case
-    from harness.cause.check import check, refuse_success
-    from harness.cause.procedure import find_cause
-    from harness.cause.record import record_check
-    from harness.logs.reader import open_log
-    from harness.verbs.explain import print_verdict as print_checked
+    from wayproof.harness.cause.case import read_case
+    from wayproof.harness.cause.check import check, refuse_success
+    from wayproof.harness.cause.procedure import find_cause
+    from wayproof.harness.cause.record import record_check
+    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.verbs.explain import print_verdict as print_checked
 
     log = open_log(Path(result.log), allow_plugins=True)
     refuse_success(log)
@@ -90,7 +90,7 @@ def _point(name: str, text: str) -> tuple[float, ...]:
 
 def episode_name(config: Config) -> str:
     """`world-robot-seed`, and eight digits of the config's hash where anything was set."""
-    from harness.config import Config, to_json
+    from wayproof.harness.config import Config, to_json
 
     stem, robot = Path(config.world).stem, Path(config.robot).stem  # of files' paths
     name = f"{stem}-{robot}-{config.seed}"
@@ -105,12 +105,12 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
     Raises:
         InputError: The config cannot be run, or its log cannot be written.
     """
-    from harness.live import LiveLine
-    from harness.logs.log import hold_log
-    from harness.runner import run_episode
-    from harness.scenario import build
-    from harness.supervision import bound_memory
-    from harness.warm_up import warm_up
+    from wayproof.harness.live import LiveLine
+    from wayproof.harness.logs.log import hold_log
+    from wayproof.harness.runner import run_episode
+    from wayproof.harness.scenario import build
+    from wayproof.harness.supervision import bound_memory
+    from wayproof.harness.warm_up import warm_up
 
     bound_memory(config.plugins.memory_mib)
     scenario = build(config)
@@ -151,7 +151,7 @@ def interrupted(log: Path, decisions: int) -> Interrupted:
 
 def document_of(result: Result) -> Document:
     """What `--json` prints of an episode."""
-    from harness.clearance import true_clearance_is_bound
+    from wayproof.harness.clearance import true_clearance_is_bound
 
     is_bound = true_clearance_is_bound(result.min_clearance_m)
     return {**asdict(result), "min_clearance_is_bound": is_bound}
@@ -159,7 +159,7 @@ def document_of(result: Result) -> Document:
 
 def print_verdict(console: Console, result: Result) -> None:
     """One episode's verdict, and the cause of a failure."""
-    from harness.clearance import true_in_metres
+    from wayproof.harness.clearance import true_in_metres
 
     style = "bold green" if result.outcome == "success" else "bold red"
     told = f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s"

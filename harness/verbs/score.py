@@ -8,17 +8,24 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from harness.verbs.verb import Document, Verb, add_log_paths, add_unchecked, check_log, one_or_all
+from wayproof.harness.verbs.verb import (
+    Document,
+    Verb,
+    add_log_paths,
+    add_unchecked,
+    check_log,
+    one_or_all,
+)
 
 if TYPE_CHECKING:
-    from harness.metrics import Metric
+    from wayproof.harness.metrics import Metric
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Score one or more logs."""
-    from harness.clearance import true_clearance_is_bound
-    from harness.logs.reader import open_log
-    from harness.metrics import METRICS, least_clearance, read_trace, score
+    from wayproof.harness.clearance import true_clearance_is_bound
+    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.metrics import METRICS, least_clearance, read_trace, score
 
     documents: list[Document] = []
     for path in options.log:

@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.errors import Interrupted
-from harness.verbs.pool import GOES_ON, Watch, add_engine, open_engine
-from harness.verbs.run import episode_name
-from harness.verbs.verb import LOGS, Document, Verb, add_settings
+from wayproof.harness.errors import Interrupted
+from wayproof.harness.verbs.pool import GOES_ON, Watch, add_engine, open_engine
+from wayproof.harness.verbs.run import episode_name
+from wayproof.harness.verbs.verb import LOGS, Document, Verb, add_settings
 
 if TYPE_CHECKING:
-    from harness.search.episodes import Found
+    from wayproof.harness.search.episodes import Found
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Search; exit code 1 where a failure was found."""
-    from harness.clearance import true_clearance_is_bound
-    from harness.config import from_document, override
-    from harness.perturbations import check_kind
-    from harness.search.episodes import Search, search
-    from harness.search.hunt import NO_RATE
-    from harness.study.file import Bounds
-    from harness.study.store import Store
+    from wayproof.harness.clearance import true_clearance_is_bound
+    from wayproof.harness.config import from_document, override
+    from wayproof.harness.perturbations import check_kind
+    from wayproof.harness.search.episodes import Search, search
+    from wayproof.harness.search.hunt import NO_RATE
+    from wayproof.harness.study.file import Bounds
+    from wayproof.harness.study.store import Store
 
     check_kind(options.perturb, "the search chooses it, up to --greatest")
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def print_found(console: Console, found: Found) -> None:
     """What was found, in two lines."""
-    from harness.clearance import true_in_metres
+    from wayproof.harness.clearance import true_in_metres
 
     if found.failing is None:
         console.print(

@@ -7,8 +7,15 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_plugins, add_unchecked, check_log, one_or_all
+from wayproof.harness.errors import InputError
+from wayproof.harness.verbs.verb import (
+    Document,
+    Verb,
+    add_plugins,
+    add_unchecked,
+    check_log,
+    one_or_all,
+)
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -25,7 +32,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _new_key(path: Path, console: Console) -> tuple[int, Document]:
-    from harness.evidence.signature import fingerprint, new_key, read_public_key
+    from wayproof.harness.evidence.signature import fingerprint, new_key, read_public_key
 
     public = new_key(path)
     print_of_key = fingerprint(read_public_key(public))
@@ -34,8 +41,8 @@ def _new_key(path: Path, console: Console) -> tuple[int, Document]:
 
 
 def _sign(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    from harness.evidence.signature import fingerprint, read_private_key, sign
-    from harness.logs.reader import open_log
+    from wayproof.harness.evidence.signature import fingerprint, read_private_key, sign
+    from wayproof.harness.logs.reader import open_log
 
     key = read_private_key(options.key)
     print_of_key = fingerprint(key.public_key())

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.errors import InputError, Interrupted
-from harness.verbs.pool import Watch, add_engine, check_engine, open_engine
-from harness.verbs.verb import LOGS, Document, Verb, add_check, add_plugins
+from wayproof.harness.errors import InputError, Interrupted
+from wayproof.harness.verbs.pool import Watch, add_engine, check_engine, open_engine
+from wayproof.harness.verbs.verb import LOGS, Document, Verb, add_check, add_plugins
 
 if TYPE_CHECKING:
-    from harness.study.analysis import ArmSummary
-    from harness.study.determinism import Certificate
-    from harness.study.file import Planned, StudyFile
-    from harness.study.store import Store
-    from harness.study.study import StudyResult
+    from wayproof.harness.study.analysis import ArmSummary
+    from wayproof.harness.study.determinism import Certificate
+    from wayproof.harness.study.file import Planned, StudyFile
+    from wayproof.harness.study.store import Store
+    from wayproof.harness.study.study import StudyResult
 
 SHOWN_FOREIGN = 10
 """Lines for logs of other episodes; `--json` has all."""
@@ -38,9 +38,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run a study, or go on with it."""
     if options.worlds is not None:
         return _published(options, console)
-    from harness.study.file import plan_episodes, read_study
-    from harness.study.store import Store, merge
-    from harness.study.study import count_missing, run_study, shard
+    from wayproof.harness.study.file import plan_episodes, read_study
+    from wayproof.harness.study.store import Store, merge
+    from wayproof.harness.study.study import count_missing, run_study, shard
 
     check_engine(options)
     if options.sample < 1:
@@ -93,7 +93,7 @@ def _checks(
     """What checks the causes of failures, if it was asked for."""
     if options.check is None:
         return None
-    from harness.study.checks import check_failures
+    from wayproof.harness.study.checks import check_failures
 
     def run_checks() -> None:
         options.tally = check_failures(planned, store, options.check, allow_plugins=True)
@@ -103,8 +103,8 @@ def _checks(
 
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """A published benchmark by its own protocol and scores: every world, so many seeds of each."""
-    from harness.bench.stages import print_rows, run_stage
-    from harness.benchmarks import Files
+    from wayproof.harness.bench.stages import print_rows, run_stage
+    from wayproof.harness.benchmarks import Files
 
     files = Files("--worlds", options.worlds, options.out or LOGS)
     rows = run_stage(options.file, options.repeats, seed=0, files=files)
@@ -120,7 +120,7 @@ def _certify(
     store: Store,
 ) -> Certificate:
     """Run a sample again in other ways."""
-    from harness.study.determinism import ARRANGEMENTS, FILE, certify
+    from wayproof.harness.study.determinism import ARRANGEMENTS, FILE, certify
 
     with Watch(console, None) as watch:
         certificate = certify(
@@ -142,9 +142,9 @@ def _certify(
 
 def print_study(console: Console, result: StudyResult) -> None:
     """Each arm in two lines, then the gates, then the verdict."""
-    from harness.study.file import name_of
-    from harness.study.gates import gate_in_words
-    from harness.study.study import verdict_in_words
+    from wayproof.harness.study.file import name_of
+    from wayproof.harness.study.gates import gate_in_words
+    from wayproof.harness.study.study import verdict_in_words
 
     for one in result.arms:
         console.print(name_of(one.arm), style="bold", highlight=False, soft_wrap=True)
@@ -169,7 +169,7 @@ def print_foreign(console: Console, result: StudyResult) -> None:
 
 
 def _arm_in_words(one: ArmSummary) -> str:
-    from harness.study.gates import interval_in_words
+    from wayproof.harness.study.gates import interval_in_words
 
     rate, against = one.success, one.against
     failures = [f"{n} {name}" for name, n in one.outcomes.items() if name != "success"]

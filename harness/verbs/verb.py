@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from harness.logs.reader import Log
+    from wayproof.harness.logs.reader import Log
 
 Document = dict[str, Any]
 
@@ -59,7 +59,7 @@ def warn_of_changed_plugins(log: Log) -> list[str]:
     Returns:
         Their names.
     """
-    from harness.user_code import plugin_digests
+    from wayproof.harness.user_code import plugin_digests
 
     now = plugin_digests(log.config)
     changed = [name for name, digest in log.plugins.items() if now.get(name, digest) != digest]
@@ -89,8 +89,8 @@ def check_log(path: Path, options: argparse.Namespace) -> None:
     """
     if options.unchecked:
         return
-    from harness.evidence.consistency import refuse_contradictions
-    from harness.logs.reader import open_log
+    from wayproof.harness.evidence.consistency import refuse_contradictions
+    from wayproof.harness.logs.reader import open_log
 
     log = open_log(path, options.allow_plugins)
     refuse_contradictions(log, hint="; --unchecked reads it anyway")

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from harness.verbs.replay import print_differences, print_elsewhere, print_scope
-from harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
+from wayproof.harness.verbs.replay import print_differences, print_elsewhere, print_scope
+from wayproof.harness.verbs.verb import Document, Verb, add_log_paths, one_or_all
 
 if TYPE_CHECKING:
-    from harness.evidence.verify import Verification
+    from wayproof.harness.evidence.verify import Verification
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Verify one or more logs."""
-    from harness.evidence.signature import read_public_key, signature_path
-    from harness.evidence.verify import verify
+    from wayproof.harness.evidence.signature import read_public_key, signature_path
+    from wayproof.harness.evidence.verify import verify
 
     key = None if options.key is None else read_public_key(options.key)
     verifications = []

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.errors import InputError
-from harness.verbs.verb import Document, Verb, add_unchecked, check_log
+from wayproof.harness.errors import InputError
+from wayproof.harness.verbs.verb import Document, Verb, add_unchecked, check_log
 
 ENDING = ".rrd"
 
@@ -25,7 +25,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     for path in paths:
         check_log(path, options)
     with console.status("making the maps again"), _without_collector():
-        from harness.viewer.rerun_view import view
+        from wayproof.harness.viewer.rerun_view import view
 
         shown = view(paths, options.save, options.allow_plugins)
     where = f"{shown.saved}, {shown.megabytes:.1f} MB" if shown.saved else "in the viewer"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps import Representation
-from maps.columns import WORD_BITS, Window, unpack
+from wayproof.maps import Representation
+from wayproof.maps.columns import WORD_BITS, Window, unpack
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from harness.errors import InputError
+from wayproof.harness.errors import InputError
 
 
 def choose_driver() -> None:

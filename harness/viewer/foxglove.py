@@ -15,16 +15,16 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from harness.logs.log import check_folder, file_descriptor_set
-from harness.logs.reader import Log, open_log
-from harness.outputs import written_whole
-from harness.schema import foxglove_pb2 as fox
-from harness.stack.decision import path_of
-from harness.viewer.layer import COLOURS, kinds, layer_at
-from harness.viewer.moments import Moment, moments, standing_low
-from harness.viewer.tiles import Tiles
-from harness.viewer.words import is_warning
-from maps import UNKNOWN
+from wayproof.harness.logs.log import check_folder, file_descriptor_set
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.outputs import written_whole
+from wayproof.harness.schema import foxglove_pb2 as fox
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.viewer.layer import COLOURS, kinds, layer_at
+from wayproof.harness.viewer.moments import Moment, moments, standing_low
+from wayproof.harness.viewer.tiles import Tiles
+from wayproof.harness.viewer.words import is_warning
+from wayproof.maps import UNKNOWN
 
 WORLD, ROBOT, TRUTH = "world", "robot", "truth"
 """Frames."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from maps import FREE, OCCUPIED, UNKNOWN, Costmap
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap
 
 INFLATED, FRONTIER = 3, 4
 """Kinds of cells beside the states: free but forbidden to the body's centre; free, admitted, and

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import rerun.blueprint as rrb
 
-from harness.logs.reader import Log
-from harness.viewer.snapshots import layer_period_ns
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.viewer.snapshots import layer_period_ns
 
 UNKNOWN_SPACE = (112, 137, 134)
 """Colour of unknown cells in RViz's maps, as red, green and blue: what lies outside the map is

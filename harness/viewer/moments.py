@@ -12,15 +12,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.evidence.relay import Relay, stretches
-from harness.evidence.twin import guarded
-from harness.inputs import Beams
-from harness.logs.reader import Log, Record
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.pipeline import Navigator
-from harness.viewer.ahead import Ahead
-from maps import Costmap, Representation
+from wayproof.harness.evidence.relay import Relay, stretches
+from wayproof.harness.evidence.twin import guarded
+from wayproof.harness.inputs import Beams
+from wayproof.harness.logs.reader import Log, Record
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.viewer.ahead import Ahead
+from wayproof.maps import Costmap, Representation
 
 Array = NDArray[np.float64]
 

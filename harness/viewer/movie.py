@@ -12,13 +12,13 @@ from typing import Any, Protocol, Self
 import numpy as np
 from PIL import Image
 
-from harness.errors import InputError
-from harness.logs.log import check_folder
-from harness.logs.reader import open_log
-from harness.outputs import check_target, written_whole
-from harness.viewer.driver import check_driver
-from harness.viewer.moments import moments
-from harness.viewer.picture import Stage, drawn
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.log import check_folder
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.outputs import check_target, written_whole
+from wayproof.harness.viewer.driver import check_driver
+from wayproof.harness.viewer.moments import moments
+from wayproof.harness.viewer.picture import Stage, drawn
 
 LEAST_PERIOD = 0.02
 """Between frames, s: viewers play no GIF faster."""

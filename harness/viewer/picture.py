@@ -17,19 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from harness.errors import InputError
-from harness.evidence.rebuild import rebuild
-from harness.evidence.twin import guarded
-from harness.logs.reader import Log, open_log
-from harness.outputs import written_whole
-from harness.scenario import Scenario
-from harness.stack.decision import path_of
-from harness.state import Simulation, restore_parts
-from harness.viewer.boxes import flat_boxes, surrounding_boxes, upright_boxes
-from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
-from harness.viewer.moments import Moment, moments, standing_low
-from harness.viewer.sight import geoms_in_front
-from maps import UNKNOWN
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.rebuild import rebuild
+from wayproof.harness.evidence.twin import guarded
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.outputs import written_whole
+from wayproof.harness.scenario import Scenario
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.state import Simulation, restore_parts
+from wayproof.harness.viewer.boxes import flat_boxes, surrounding_boxes, upright_boxes
+from wayproof.harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
+from wayproof.harness.viewer.moments import Moment, moments, standing_low
+from wayproof.harness.viewer.sight import geoms_in_front
+from wayproof.maps import UNKNOWN
 
 SIZE = (960, 640)
 """Width and height of a picture, pixels."""

@@ -12,15 +12,15 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from harness.logs.reader import Log
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
-from harness.viewer.layer import FRONTIER, INFLATED
-from harness.viewer.rows import Rows
-from harness.viewer.snapshots import Layer, Snapshot, tiles_of
-from harness.viewer.tiles import Tile
-from harness.viewer.words import describe, is_warning
-from maps import FREE, OCCUPIED, UNKNOWN
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.viewer.layer import FRONTIER, INFLATED
+from wayproof.harness.viewer.rows import Rows
+from wayproof.harness.viewer.snapshots import Layer, Snapshot, tiles_of
+from wayproof.harness.viewer.tiles import Tile
+from wayproof.harness.viewer.words import describe, is_warning
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
 RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
 """Values that RViz's colours for maps show grey, white, black, orange and green."""

@@ -14,12 +14,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from harness.errors import InputError
-from harness.logs.log import check_folder
-from harness.logs.reader import Log, open_log
-from harness.outputs import check_target, written_whole
-from harness.viewer.ahead import Ahead
-from harness.viewer.snapshots import Snapshot, snapshots
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.log import check_folder
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.outputs import check_target, written_whole
+from wayproof.harness.viewer.ahead import Ahead
+from wayproof.harness.viewer.snapshots import Snapshot, snapshots
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -95,8 +95,8 @@ def _draw(
     """Send all snapshots to a file or to a viewer; returns the number of decisions of each log."""
     import rerun as rr  # takes a while, in which the first maps are made
 
-    from harness.viewer.layout import layout
-    from harness.viewer.rerun_log import show_log
+    from wayproof.harness.viewer.layout import layout
+    from wayproof.harness.viewer.rerun_log import show_log
 
     name = " ".join(log.path.stem for log in logs.values())
     stream = rr.RecordingStream("wayproof", recording_id=name)

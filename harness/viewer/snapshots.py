@@ -9,12 +9,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.inputs import Pose
-from harness.logs.reader import Log
-from harness.schema import wayproof_pb2 as pb
-from harness.viewer.layer import kinds, layer_at
-from harness.viewer.moments import Moment, moments, standing_low
-from harness.viewer.tiles import Tile, Tiles
+from wayproof.harness.inputs import Pose
+from wayproof.harness.logs.reader import Log
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.viewer.layer import kinds, layer_at
+from wayproof.harness.viewer.moments import Moment, moments, standing_low
+from wayproof.harness.viewer.tiles import Tile, Tiles
 
 MOST_HITS = 3000
 """Ends of beams that are shown of a sweep."""

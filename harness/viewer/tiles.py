@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maps import Representation
-from maps.columns import WORD_BITS, Window, unpack
+from wayproof.maps import Representation
+from wayproof.maps.columns import WORD_BITS, Window, unpack
 
 TILE = 32
 """Columns along each side of a tile."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from harness.clearance import in_metres, map_clearance_is_bound
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.clearance import in_metres, map_clearance_is_bound
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 INTENDED = ("follow", "explore", "goal")
 """Actions of a robot that does what it means to."""

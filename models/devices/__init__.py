@@ -7,24 +7,24 @@ are lost, so presets lose none.
 
 from __future__ import annotations
 
-from models.devices.benewake_tfmini_s import BENEWAKE_TFMINI_S
-from models.devices.config import OWN, SensorConfig
-from models.devices.depth_camera import DepthCamera
-from models.devices.device import Device, Mount
-from models.devices.ideal_altimeter import IDEAL_ALTIMETER
-from models.devices.ideal_depth_camera import IDEAL_DEPTH_CAMERA
-from models.devices.ideal_lidar_dense import IDEAL_LIDAR_DENSE
-from models.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
-from models.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
-from models.devices.intel_realsense_d435 import INTEL_REALSENSE_D435
-from models.devices.livox_mid360 import LIVOX_MID360
-from models.devices.measure import measure, stream, warm_up
-from models.devices.noise import RangeNoise
-from models.devices.ouster_os1_64 import OUSTER_OS1_64
-from models.devices.rangefinder import Rangefinder
-from models.devices.solid_state_lidar import SolidStateLidar
-from models.devices.spinning_lidar import SpinningLidar, evenly
-from models.devices.velodyne_vlp16 import VELODYNE_VLP16
+from wayproof.models.devices.benewake_tfmini_s import BENEWAKE_TFMINI_S
+from wayproof.models.devices.config import OWN, SensorConfig
+from wayproof.models.devices.depth_camera import DepthCamera
+from wayproof.models.devices.device import Device, Mount
+from wayproof.models.devices.ideal_altimeter import IDEAL_ALTIMETER
+from wayproof.models.devices.ideal_depth_camera import IDEAL_DEPTH_CAMERA
+from wayproof.models.devices.ideal_lidar_dense import IDEAL_LIDAR_DENSE
+from wayproof.models.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
+from wayproof.models.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
+from wayproof.models.devices.intel_realsense_d435 import INTEL_REALSENSE_D435
+from wayproof.models.devices.livox_mid360 import LIVOX_MID360
+from wayproof.models.devices.measure import measure, stream, warm_up
+from wayproof.models.devices.noise import RangeNoise
+from wayproof.models.devices.ouster_os1_64 import OUSTER_OS1_64
+from wayproof.models.devices.rangefinder import Rangefinder
+from wayproof.models.devices.solid_state_lidar import SolidStateLidar
+from wayproof.models.devices.spinning_lidar import SpinningLidar, evenly
+from wayproof.models.devices.velodyne_vlp16 import VELODYNE_VLP16
 
 DEVICES: dict[str, Device] = {
     "benewake-tfmini-s": BENEWAKE_TFMINI_S,

@@ -1,7 +1,7 @@
 """Benewake TFmini-S: a single-beam time-of-flight rangefinder, such as drones carry downward."""
 
-from models.devices.noise import RangeNoise
-from models.devices.rangefinder import Rangefinder
+from wayproof.models.devices.noise import RangeNoise
+from wayproof.models.devices.rangefinder import Rangefinder
 
 BENEWAKE_TFMINI_S = Rangefinder(
     range=12.0,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.beams import BeamTable, Measures
-from models.devices.device import Device
+from wayproof.models.beams import BeamTable, Measures
+from wayproof.models.devices.device import Device
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,8 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
-from models.beams import LONGEST_RANGE, BeamTable, Measures
-from models.devices.noise import RangeNoise
+from wayproof.models.beams import LONGEST_RANGE, BeamTable, Measures
+from wayproof.models.devices.noise import RangeNoise
 
 
 @dataclass(frozen=True, kw_only=True)

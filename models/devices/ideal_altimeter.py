@@ -1,6 +1,6 @@
 """A flawless single beam, for the height above ground."""
 
-from models.devices.rangefinder import Rangefinder
+from wayproof.models.devices.rangefinder import Rangefinder
 
 IDEAL_ALTIMETER = Rangefinder(
     range=10.0,

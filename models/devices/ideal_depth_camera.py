@@ -2,7 +2,7 @@
 
 import math
 
-from models.devices.depth_camera import DepthCamera
+from wayproof.models.devices.depth_camera import DepthCamera
 
 IDEAL_DEPTH_CAMERA = DepthCamera(
     height=48,

@@ -2,7 +2,7 @@
 
 import math
 
-from models.devices.spinning_lidar import SpinningLidar, evenly
+from wayproof.models.devices.spinning_lidar import SpinningLidar, evenly
 
 IDEAL_LIDAR_WIDE = SpinningLidar(
     elevations=evenly(math.radians(-45.0), math.radians(45.0), 32),

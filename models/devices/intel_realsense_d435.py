@@ -2,8 +2,8 @@
 
 import math
 
-from models.devices.depth_camera import DepthCamera
-from models.devices.noise import RangeNoise
+from wayproof.models.devices.depth_camera import DepthCamera
+from wayproof.models.devices.noise import RangeNoise
 
 BASELINE = 0.050  # m
 FOCAL_LENGTH = 848 / 2 / math.tan(math.radians(90.0) / 2)  # pixels

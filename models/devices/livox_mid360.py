@@ -2,8 +2,8 @@
 
 import math
 
-from models.devices.noise import RangeNoise
-from models.devices.solid_state_lidar import SolidStateLidar
+from wayproof.models.devices.noise import RangeNoise
+from wayproof.models.devices.solid_state_lidar import SolidStateLidar
 
 LIVOX_MID360 = SolidStateLidar(
     elevation_low=math.radians(-7.0),

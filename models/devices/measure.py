@@ -8,10 +8,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.beams import DROPPED, MILLIMETRES, NO_RETURN
-from models.devices.device import Device
-from models.devices.noise import RangeNoise
+from wayproof.models._jit import kernel
+from wayproof.models.beams import DROPPED, MILLIMETRES, NO_RETURN
+from wayproof.models.devices.device import Device
+from wayproof.models.devices.noise import RangeNoise
 
 NONE_LOST = np.zeros(0, np.bool_)
 

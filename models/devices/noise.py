@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from models.beams import MILLIMETRES
+from wayproof.models.beams import MILLIMETRES
 
 
 @dataclass(frozen=True)

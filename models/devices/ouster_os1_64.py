@@ -2,8 +2,8 @@
 
 import math
 
-from models.devices.noise import RangeNoise
-from models.devices.spinning_lidar import SpinningLidar, evenly
+from wayproof.models.devices.noise import RangeNoise
+from wayproof.models.devices.spinning_lidar import SpinningLidar, evenly
 
 OUSTER_OS1_64 = SpinningLidar(
     elevations=evenly(math.radians(-16.6), math.radians(16.6), 64),

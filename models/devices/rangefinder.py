@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.beams import BeamTable
-from models.devices.device import Device
+from wayproof.models.beams import BeamTable
+from wayproof.models.devices.device import Device
 
 
 @dataclass(frozen=True, kw_only=True)

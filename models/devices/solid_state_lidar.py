@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.beams import BeamTable
-from models.devices.device import Device
-from models.devices.spinning_lidar import cos_sin
+from wayproof.models.beams import BeamTable
+from wayproof.models.devices.device import Device
+from wayproof.models.devices.spinning_lidar import cos_sin
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.beams import BeamTable
-from models.devices.device import Device
+from wayproof.models.beams import BeamTable
+from wayproof.models.devices.device import Device
 
 
 def evenly(low: float, high: float, rings: int) -> tuple[float, ...]:

@@ -2,8 +2,8 @@
 
 import math
 
-from models.devices.noise import RangeNoise
-from models.devices.spinning_lidar import SpinningLidar, evenly
+from wayproof.models.devices.noise import RangeNoise
+from wayproof.models.devices.spinning_lidar import SpinningLidar, evenly
 
 VELODYNE_VLP16 = SpinningLidar(
     elevations=evenly(math.radians(-15.0), math.radians(15.0), 16),

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.images import png_size, read_image
-from models.imports.options import Found, ImportOptions
-from models.imports.parts import Part
-from models.imports.reading import MOST_HEIGHTS, Unreadable, check_file
+from wayproof.models.imports.images import png_size, read_image
+from wayproof.models.imports.options import Found, ImportOptions
+from wayproof.models.imports.parts import Part
+from wayproof.models.imports.reading import MOST_HEIGHTS, Unreadable, check_file
 
 DEPTH = 0.5
 """Of the ground below the least height, m."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.reading import Unreadable, check_file
+from wayproof.models.imports.reading import Unreadable, check_file
 
 MOST_PIXELS = 2**26
 """Of one image: 8192 x 8192."""

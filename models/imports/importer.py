@@ -8,21 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
-from models.imports.heights import read_heights
-from models.imports.meshes import read_mesh
-from models.imports.mjcf_scenes import read_mjcf
-from models.imports.occupancy_maps import read_occupancy_map
-from models.imports.octomaps import read_octomap
-from models.imports.options import Ends, Found, ImportOptions
-from models.imports.parts import Vector3, bounds_of
-from models.imports.reading import Unreadable, check_file
-from models.imports.sdf import read_sdf
-from models.imports.solids import solid_of
-from models.imports.tables import read_table
-from models.imports.voxel_maps import read_voxel_map
-from models.imports.world_file import FLOOR, FileWorld, world_of, world_text
-from models.worlds.solvability import RESOLUTION, free_cells, label_regions
-from models.worlds.world import World
+from wayproof.models.imports.heights import read_heights
+from wayproof.models.imports.meshes import read_mesh
+from wayproof.models.imports.mjcf_scenes import read_mjcf
+from wayproof.models.imports.occupancy_maps import read_occupancy_map
+from wayproof.models.imports.octomaps import read_octomap
+from wayproof.models.imports.options import Ends, Found, ImportOptions
+from wayproof.models.imports.parts import Vector3, bounds_of
+from wayproof.models.imports.reading import Unreadable, check_file
+from wayproof.models.imports.sdf import read_sdf
+from wayproof.models.imports.solids import solid_of
+from wayproof.models.imports.tables import read_table
+from wayproof.models.imports.voxel_maps import read_voxel_map
+from wayproof.models.imports.world_file import FLOOR, FileWorld, world_of, world_text
+from wayproof.models.worlds.solvability import RESOLUTION, free_cells, label_regions
+from wayproof.models.worlds.world import World
 
 Reader = Callable[[Path, ImportOptions], Found]
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from models.imports.options import Found, ImportOptions
-from models.imports.parts import Mesh, Part
-from models.imports.reading import Unreadable, check_file
+from wayproof.models.imports.options import Found, ImportOptions
+from wayproof.models.imports.parts import Mesh, Part
+from wayproof.models.imports.reading import Unreadable, check_file
 
 MOST_FACES = 1_000_000
 MOST_BYTES = 64 * 2**20

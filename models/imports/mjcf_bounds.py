@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from models.imports.reading import MOST_HEIGHTS, MOST_SOLIDS, Unreadable
-from models.imports.xml_tree import Element
+from wayproof.models.imports.reading import MOST_HEIGHTS, MOST_SOLIDS, Unreadable
+from wayproof.models.imports.xml_tree import Element
 
 MOST_BODIES = 4000
 """Of one scene, copies among them: the time to compile grows with the square."""

@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from models.imports.images import png_size
-from models.imports.mjcf_bounds import (
+from wayproof.models.imports.images import png_size
+from wayproof.models.imports.mjcf_bounds import (
     MOST_BODIES,
     MOST_COPIES,
     Bounds,
     check_total,
     copies,
 )
-from models.imports.reading import MOST_BYTES, MOST_SOLIDS, Unreadable, beside
-from models.imports.xml_tree import Element, read_xml
+from wayproof.models.imports.reading import MOST_BYTES, MOST_SOLIDS, Unreadable, beside
+from wayproof.models.imports.xml_tree import Element, read_xml
 
 CODE = ("plugin", "extension")
 FOLDERS = ("assetdir", "meshdir", "texturedir")

@@ -14,11 +14,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.mjcf_files import check_scene
-from models.imports.options import Found, ImportOptions
-from models.imports.parts import Mesh, Part, Shape, quaternion_of, vector
-from models.imports.reading import MOST_SOLIDS, Unreadable
-from models.imports.xml_tree import Element
+from wayproof.models.imports.mjcf_files import check_scene
+from wayproof.models.imports.options import Found, ImportOptions
+from wayproof.models.imports.parts import Mesh, Part, Shape, quaternion_of, vector
+from wayproof.models.imports.reading import MOST_SOLIDS, Unreadable
+from wayproof.models.imports.xml_tree import Element
 
 CUSTOM = "wayproof_"
 """Before the names of what a world file tells besides its geoms."""

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.images import read_image
-from models.imports.options import Found, ImportOptions
-from models.imports.parts import Part
-from models.imports.reading import Unreadable, beside, read_text
-from models.imports.voxel_maps import cell_boxes
+from wayproof.models.imports.images import read_image
+from wayproof.models.imports.options import Found, ImportOptions
+from wayproof.models.imports.parts import Part
+from wayproof.models.imports.reading import Unreadable, beside, read_text
+from wayproof.models.imports.voxel_maps import cell_boxes
 
 NEEDED = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
 LARGEST_YAML = 64 * 2**10

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from models.imports.options import Found, ImportOptions
-from models.imports.parts import vector
-from models.imports.reading import MOST_CELLS, Unreadable, check_file
-from models.imports.voxel_maps import cell_boxes
+from wayproof.models.imports.options import Found, ImportOptions
+from wayproof.models.imports.parts import vector
+from wayproof.models.imports.reading import MOST_CELLS, Unreadable, check_file
+from wayproof.models.imports.voxel_maps import cell_boxes
 
 MOST_BYTES = 8 * 2**20
 """Of one file: two bytes of it may stand for eight cells in memory."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from models.imports.parts import Part, Vector3
+from wayproof.models.imports.parts import Part, Vector3
 
 UnknownCells = Literal["occupied", "free"]
 

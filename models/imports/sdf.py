@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from models.imports.meshes import mesh_parts
-from models.imports.options import Found, ImportOptions
-from models.imports.parts import Part, moved
-from models.imports.reading import MOST_SOLIDS, Unreadable, beside
-from models.imports.sdf_frames import ORIGIN, Frames, Placement, numbers
-from models.imports.xml_tree import Element, read_xml
+from wayproof.models.imports.meshes import mesh_parts
+from wayproof.models.imports.options import Found, ImportOptions
+from wayproof.models.imports.parts import Part, moved
+from wayproof.models.imports.reading import MOST_SOLIDS, Unreadable, beside
+from wayproof.models.imports.sdf_frames import ORIGIN, Frames, Placement, numbers
+from wayproof.models.imports.xml_tree import Element, read_xml
 
 ALWAYS_KNOWN = ("ground_plane", "sun")
 """Models that every Gazebo has: the floor, which every world here has too, and a light."""

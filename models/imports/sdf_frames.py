@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.parts import turned_by
-from models.imports.reading import Unreadable
-from models.imports.xml_tree import Element
+from wayproof.models.imports.parts import turned_by
+from wayproof.models.imports.reading import Unreadable
+from wayproof.models.imports.xml_tree import Element
 
 FRAMED = ("link", "frame", "model", "include")
 """Elements whose name is that of a frame in the model or world that they stand in."""

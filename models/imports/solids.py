@@ -8,8 +8,8 @@ from math import asin, atan2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.parts import Part, vector
-from models.worlds.solids import (
+from wayproof.models.imports.parts import Part, vector
+from wayproof.models.worlds.solids import (
     Box,
     Capsule,
     Cylinder,

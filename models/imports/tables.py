@@ -9,9 +9,9 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from models.imports.options import Found, ImportOptions
-from models.imports.parts import Part
-from models.imports.reading import MOST_SOLIDS, Unreadable, read_text
+from wayproof.models.imports.options import Found, ImportOptions
+from wayproof.models.imports.parts import Part
+from wayproof.models.imports.reading import MOST_SOLIDS, Unreadable, read_text
 
 COLUMNS = 11
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.options import Found, ImportOptions
-from models.imports.parts import Part, Vector3, moved, turned_by, vector
-from models.imports.reading import MOST_CELLS, MOST_SOLIDS, Unreadable, read_text
+from wayproof.models.imports.options import Found, ImportOptions
+from wayproof.models.imports.parts import Part, Vector3, moved, turned_by, vector
+from wayproof.models.imports.reading import MOST_CELLS, MOST_SOLIDS, Unreadable, read_text
 
 LONGEST_HEAD = 200
 """Characters among which the first line ends."""

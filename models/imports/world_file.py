@@ -19,15 +19,15 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.imports.mjcf_scenes import CUSTOM, found_in, is_world_file
-from models.imports.options import Ends, Found
-from models.imports.parts import UPRIGHT, Part
-from models.imports.reading import Unreadable, read_text
-from models.imports.solids import solid_of
-from models.imports.xml_tree import Element, read_xml
-from models.worlds.kinds import class_of, colour_of
-from models.worlds.solids import FRICTION, Box
-from models.worlds.world import World
+from wayproof.models.imports.mjcf_scenes import CUSTOM, found_in, is_world_file
+from wayproof.models.imports.options import Ends, Found
+from wayproof.models.imports.parts import UPRIGHT, Part
+from wayproof.models.imports.reading import Unreadable, read_text
+from wayproof.models.imports.solids import solid_of
+from wayproof.models.imports.xml_tree import Element, read_xml
+from wayproof.models.worlds.kinds import class_of, colour_of
+from wayproof.models.worlds.solids import FRICTION, Box
+from wayproof.models.worlds.world import World
 
 FORMAT = "1"
 """Of world files; raised when those of the version before no longer read."""

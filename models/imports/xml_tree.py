@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from models.imports.reading import Unreadable, read_text
+from wayproof.models.imports.reading import Unreadable, read_text
 
 MOST_BYTES = 64 * 2**20
 MOST_ELEMENTS = 1_000_000

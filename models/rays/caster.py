@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.rays.geometry import Geometry
-from models.rays.kernels import (
+from wayproof.models.rays.geometry import Geometry
+from wayproof.models.rays.kernels import (
     Geoms,
     Pattern,
     Room,
@@ -19,8 +19,8 @@ from models.rays.kernels import (
     look,
     turn_cones,
 )
-from models.rays.normals import surface_normals
-from models.rays.surfaces import Surfaces
+from wayproof.models.rays.normals import surface_normals
+from wayproof.models.rays.surfaces import Surfaces
 
 
 class TileCaster:

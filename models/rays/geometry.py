@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.rays.kernels import Geoms
+from wayproof.models.rays.kernels import Geoms
 
 PRIMITIVES = tuple(
     int(kind)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
+from wayproof.models._jit import kernel
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.rays.surfaces import SHAPES, Surfaces
+from wayproof.models.rays.surfaces import SHAPES, Surfaces
 
 Array = NDArray[np.float64]
 

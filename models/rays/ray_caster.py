@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.rays.geometry import PRIMITIVES, visible
-from models.rays.kernels import PLANE, SPHERE, cast_rays
-from models.rays.normals import surface_normals
-from models.rays.surfaces import Surfaces
-from models.rays.tree import build_tree
+from wayproof.models.rays.geometry import PRIMITIVES, visible
+from wayproof.models.rays.kernels import PLANE, SPHERE, cast_rays
+from wayproof.models.rays.normals import surface_normals
+from wayproof.models.rays.surfaces import Surfaces
+from wayproof.models.rays.tree import build_tree
 
 Array = NDArray[np.float64]
 

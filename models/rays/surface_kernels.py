@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.rays.tree import DEEPEST
+from wayproof.models._jit import kernel
+from wayproof.models.rays.tree import DEEPEST
 
 Array = NDArray[np.float64]
 

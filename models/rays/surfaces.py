@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.rays import surface_kernels
-from models.rays.geometry import PRIMITIVES, shape_name, visible
-from models.rays.kernels import Pattern
-from models.rays.surface_kernels import Placed, Soup
-from models.rays.tree import Tree, build_tree
+from wayproof.models.rays import surface_kernels
+from wayproof.models.rays.geometry import PRIMITIVES, shape_name, visible
+from wayproof.models.rays.kernels import Pattern
+from wayproof.models.rays.surface_kernels import Placed, Soup
+from wayproof.models.rays.tree import Tree, build_tree
 
 Array = NDArray[np.float64]
 

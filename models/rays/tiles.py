@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.rays.kernels import Pattern, fit_cones
+from wayproof.models._jit import kernel
+from wayproof.models.rays.kernels import Pattern, fit_cones
 
 TILE = 8
 """Beams along each side of a tile: enough to fill vector registers, few enough to be narrow."""

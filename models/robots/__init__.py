@@ -1,8 +1,8 @@
 """Robots by name; a new one is a sub-package and a line here."""
 
-from models.robots.quadrotor import Quadrotor
-from models.robots.quadruped import Quadruped
-from models.robots.robot import Controller, Robot, RobotSpec, Setpoint
+from wayproof.models.robots.quadrotor import Quadrotor
+from wayproof.models.robots.quadruped import Quadruped
+from wayproof.models.robots.robot import Controller, Robot, RobotSpec, Setpoint
 
 ROBOTS: dict[str, Robot] = {
     "drone": Quadrotor(),

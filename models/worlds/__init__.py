@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from models.worlds.construction import construction
-from models.worlds.corridor import corridor
-from models.worlds.crossing import crossing
-from models.worlds.cylinders import cylinders
-from models.worlds.empty import empty
-from models.worlds.forest import forest
-from models.worlds.ghosts import ghosts
-from models.worlds.maze import maze
-from models.worlds.movers import Mover
-from models.worlds.office import office
-from models.worlds.passers_by import with_traffic
-from models.worlds.solids import (
+from wayproof.models.worlds.construction import construction
+from wayproof.models.worlds.corridor import corridor
+from wayproof.models.worlds.crossing import crossing
+from wayproof.models.worlds.cylinders import cylinders
+from wayproof.models.worlds.empty import empty
+from wayproof.models.worlds.forest import forest
+from wayproof.models.worlds.ghosts import ghosts
+from wayproof.models.worlds.maze import maze
+from wayproof.models.worlds.movers import Mover
+from wayproof.models.worlds.office import office
+from wayproof.models.worlds.passers_by import with_traffic
+from wayproof.models.worlds.solids import (
     Box,
     Capsule,
     Cylinder,
@@ -24,10 +24,10 @@ from models.worlds.solids import (
     Sphere,
     TriangleMesh,
 )
-from models.worlds.solvability import is_solvable, is_solvable_in_any, shortest_path_length
-from models.worlds.traffic import Traffic
-from models.worlds.warehouse import warehouse
-from models.worlds.world import World
+from wayproof.models.worlds.solvability import is_solvable, is_solvable_in_any, shortest_path_length
+from wayproof.models.worlds.traffic import Traffic
+from wayproof.models.worlds.warehouse import warehouse
+from wayproof.models.worlds.world import World
 
 WORLDS: dict[str, Callable[..., World]] = {
     "warehouse": warehouse,

@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from models.worlds.layout import (
+from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
     Rectangle,
@@ -16,9 +16,9 @@ from models.worlds.layout import (
     slabs_around,
     with_groups,
 )
-from models.worlds.solids import Box, Capsule, Cylinder, TriangleMesh, Vector3
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.solids import Box, Capsule, Cylinder, TriangleMesh, Vector3
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (17.0, 12.0, 3.0)

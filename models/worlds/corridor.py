@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.worlds.layout import (
+from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
     heading_towards,
@@ -12,9 +12,9 @@ from models.worlds.layout import (
     room_walls,
     with_crates,
 )
-from models.worlds.solids import Box, Vector3
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.solids import Box, Vector3
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 LENGTH = 16.0
 """Along the centre line, from end wall to end wall, m."""

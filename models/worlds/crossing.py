@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.worlds.layout import heading_towards, room_walls, with_crates
-from models.worlds.movers import Mover
-from models.worlds.passers_by import FORKLIFT, PERSON
-from models.worlds.solids import Vector3
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.layout import heading_towards, room_walls, with_crates
+from wayproof.models.worlds.movers import Mover
+from wayproof.models.worlds.passers_by import FORKLIFT, PERSON
+from wayproof.models.worlds.solids import Vector3
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (17.0, 11.0, 3.0)

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
-from models.worlds.solids import Cylinder, Vector3
-from models.worlds.solvability import first_solvable, passage_radius
-from models.worlds.world import World
+from wayproof.models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
+from wayproof.models.worlds.solids import Cylinder, Vector3
+from wayproof.models.worlds.solvability import first_solvable, passage_radius
+from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (16.0, 10.0, 3.0)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.worlds.layout import heading_towards, room_walls
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.layout import heading_towards, room_walls
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 SIDE = 12.0
 LEAST_DISTANCE = 6.0

@@ -7,10 +7,16 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from models.worlds.layout import FEW_PLACEMENTS, Group, heading_towards, room_walls, with_groups
-from models.worlds.solids import Capsule, Cylinder, Sphere, Vector3
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.layout import (
+    FEW_PLACEMENTS,
+    Group,
+    heading_towards,
+    room_walls,
+    with_groups,
+)
+from wayproof.models.worlds.solids import Capsule, Cylinder, Sphere, Vector3
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (17.0, 12.0, 3.0)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.worlds.layout import heading_towards, room_walls
-from models.worlds.movers import Mover
-from models.worlds.solids import Box, Vector3
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.layout import heading_towards, room_walls
+from wayproof.models.worlds.movers import Mover
+from wayproof.models.worlds.solids import Box, Vector3
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (16.0, 9.0, 3.0)

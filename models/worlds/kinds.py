@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from models.classes import CLASSES
+from wayproof.models.classes import CLASSES
 
 
 class Kind(NamedTuple):

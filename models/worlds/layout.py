@@ -10,8 +10,8 @@ from math import atan2, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from models.worlds.solids import Box, Capsule, Cylinder, Solid, Vector3
-from models.worlds.solvability import (
+from wayproof.models.worlds.solids import Box, Capsule, Cylinder, Solid, Vector3
+from wayproof.models.worlds.solvability import (
     GROUND_BAND,
     REFERENCE_RADIUS,
     cell_of,
@@ -19,7 +19,7 @@ from models.worlds.solvability import (
     free_cells,
     label_regions,
 )
-from models.worlds.world import World
+from wayproof.models.worlds.world import World
 
 WALL_HEIGHT = 3.0
 WALL_THICKNESS = 0.2

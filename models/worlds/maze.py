@@ -7,10 +7,10 @@ from itertools import groupby
 
 import numpy as np
 
-from models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
-from models.worlds.solids import Box, Vector3
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
+from wayproof.models.worlds.solids import Box, Vector3
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 Cell = tuple[int, int]
 

@@ -8,7 +8,7 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from models.worlds.layout import (
+from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -17,9 +17,9 @@ from models.worlds.layout import (
     room_walls,
     with_groups,
 )
-from models.worlds.solids import Box, Cylinder, Vector3
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.solids import Box, Cylinder, Vector3
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (16.0, 12.4, 3.0)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.worlds.movers import STANDS_OFF, Mover
-from models.worlds.solids import Box, Capsule, Solid, Vector3
-from models.worlds.solvability import (
+from wayproof.models.worlds.movers import STANDS_OFF, Mover
+from wayproof.models.worlds.solids import Box, Capsule, Solid, Vector3
+from wayproof.models.worlds.solvability import (
     GROUND_BAND,
     RESOLUTION,
     cell_of,
@@ -17,7 +17,7 @@ from models.worlds.solvability import (
     passage_radius,
     shortest_path,
 )
-from models.worlds.world import World
+from wayproof.models.worlds.world import World
 
 PERSON: tuple[Solid, ...] = (Capsule((0.0, 0.0, 0.25), (0.0, 0.0, 1.5), 0.25, "person"),)
 """1.75 m high, 0.5 m wide."""

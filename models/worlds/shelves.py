@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from models.worlds.solids import Box
+from wayproof.models.worlds.solids import Box
 
 Range = tuple[float, float]
 

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
-from models._jit import kernel
-from models.worlds.solids import Band, Solid
-from models.worlds.world import World
+from wayproof.models._jit import kernel
+from wayproof.models.worlds.solids import Band, Solid
+from wayproof.models.worlds.world import World
 
 RESOLUTION = 0.05
 """Side of a cell, m."""

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.worlds.movers import ASIDE, Mover, Place
+from wayproof.models.worlds.movers import ASIDE, Mover, Place
 
 AWAY = (0.0, 0.0, -1000.0)
 """Where a mover is that does not exist now, m: out of every sensor's and body's reach."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.worlds.layout import (
+from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
     heading_towards,
@@ -14,10 +14,10 @@ from models.worlds.layout import (
     room_walls,
     with_crates,
 )
-from models.worlds.shelves import AISLE, shelf_rows
-from models.worlds.solids import Box, Vector3
-from models.worlds.solvability import first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds.shelves import AISLE, shelf_rows
+from wayproof.models.worlds.solids import Box, Vector3
+from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (20.0, 14.0, 3.0)

@@ -9,10 +9,10 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.worlds.kinds import class_of
-from models.worlds.movers import Mover
-from models.worlds.solids import FRICTION, Box, Solid, Vector3
-from models.worlds.solids.solid import numbers
+from wayproof.models.worlds.kinds import class_of
+from wayproof.models.worlds.movers import Mover
+from wayproof.models.worlds.solids import FRICTION, Box, Solid, Vector3
+from wayproof.models.worlds.solids.solid import numbers
 
 _SCENE = """\
 <mujoco model="{name}_{seed}">

@@ -6,7 +6,6 @@ import sys
 import pytest
 
 from docs.blocks import FENCED, Block, blocks, commands
-from harness.cli import verb_parsers
 from tests.docs.typist import (
     ROOT,
     TARGETS,
@@ -17,6 +16,7 @@ from tests.docs.typist import (
     lines_of,
     reason_against,
 )
+from wayproof.harness.cli import verb_parsers
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
 INDEX = ROOT / "docs/README.md"
@@ -105,7 +105,7 @@ def test_a_quote_is_held_line_by_line():
         ["wayproof", "bench", "no-such-stage"],
         ["make", "nothing"],
         ["python", "docs/none.py"],
-        ["python", "-m", "harness.none"],
+        ["python", "-m", "wayproof.harness.none"],
         ["rm", "-r"],
     ],
     ids=" ".join,

@@ -29,21 +29,22 @@ from xml.etree import ElementTree
 import numpy as np
 
 from docs.blocks import HERE, blocks, commands
-from harness.bench import crossing as bench_crossing
-from harness.bench import worlds as bench_worlds
-from harness.bench.stages import STAGES
-from harness.cli import main, verb_parsers
-from harness.config import from_document, override
-from harness.evidence.signature import new_key
-from harness.perturbations import perturbation_from
-from harness.study.file import PACKAGED, plan_episodes, read_study
-from harness.verbs.run import episode_name
-from models.robots.brought import parse_spec
-from models.worlds import WORLDS
 from tests.sharing import alone
+from wayproof.harness.bench import crossing as bench_crossing
+from wayproof.harness.bench import worlds as bench_worlds
+from wayproof.harness.bench.stages import STAGES
+from wayproof.harness.cli import main, verb_parsers
+from wayproof.harness.config import from_document, override
+from wayproof.harness.evidence.signature import new_key
+from wayproof.harness.perturbations import perturbation_from
+from wayproof.harness.study.file import PACKAGED, plan_episodes, read_study
+from wayproof.harness.verbs.run import episode_name
+from wayproof.models.robots.brought import parse_spec
+from wayproof.models.worlds import WORLDS
 
 ROOT = Path(__file__).parents[2]
-FOUND = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80"}
+PYTHONPATH = os.pathsep.join((str(ROOT / "src"), str(ROOT)))
+FOUND = {**os.environ, "PYTHONPATH": PYTHONPATH, "COLUMNS": "80"}
 TARGETS = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
 
 UNTYPED = {
@@ -437,7 +438,7 @@ def in_here(words):
 
 def as_a_command(words):
     """Run our command in a process of its own."""
-    return in_a_process(["-m", "harness", *words])
+    return in_a_process(["-m", "wayproof", *words])
 
 
 def in_a_process(words):

@@ -5,10 +5,10 @@ import pickle
 
 import pytest
 
-from harness.config import Config, override
-from harness.runner import run_episode
-from harness.scenario import build
 from tests.sharing import alone
+from wayproof.harness.config import Config, override
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
 
 
 @pytest.fixture(scope="session")

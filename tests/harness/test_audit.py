@@ -7,23 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cli import main
-from harness.config import Config
-from harness.evidence.audit import audit, densely
-from harness.evidence.audit.body import BESIDE, Body
-from harness.evidence.audit.moment import Moment
-from harness.evidence.audit.run import judge, moments
-from harness.evidence.audit.way import judge_way
-from harness.evidence.cells import columns
-from harness.inputs import Inputs, Pose
-from harness.logs.container import walk
-from harness.logs.log_copy import write_copy
-from harness.logs.messages import read_messages
-from harness.logs.reader import Record, open_log, read_head
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import seal
-from maps import VoxelMap
+from wayproof.harness.cli import main
+from wayproof.harness.config import Config
+from wayproof.harness.evidence.audit import audit, densely
+from wayproof.harness.evidence.audit.body import BESIDE, Body
+from wayproof.harness.evidence.audit.moment import Moment
+from wayproof.harness.evidence.audit.run import judge, moments
+from wayproof.harness.evidence.audit.way import judge_way
+from wayproof.harness.evidence.cells import columns
+from wayproof.harness.inputs import Inputs, Pose
+from wayproof.harness.logs.container import walk
+from wayproof.harness.logs.log_copy import write_copy
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import Record, open_log, read_head
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import seal
+from wayproof.maps import VoxelMap
 
 SHORT = "episode.time_limit=8"
 

@@ -7,16 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cli import main
-from harness.config import Config
-from harness.evidence.audit.body import Body
-from harness.evidence.audit.moment import Moment
-from harness.evidence.audit.volumes import Volumes, measure, segment_from_boxes, shortfall, together
-from harness.inputs import Inputs, Pose
-from harness.logs.reader import Record
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from maps import VoxelMap
+from wayproof.harness.cli import main
+from wayproof.harness.config import Config
+from wayproof.harness.evidence.audit.body import Body
+from wayproof.harness.evidence.audit.moment import Moment
+from wayproof.harness.evidence.audit.volumes import (
+    Volumes,
+    measure,
+    segment_from_boxes,
+    shortfall,
+    together,
+)
+from wayproof.harness.inputs import Inputs, Pose
+from wayproof.harness.logs.reader import Record
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps import VoxelMap
 
 UNIT = np.zeros((1, 2)), np.ones((1, 2))
 CUBE = np.zeros((1, 3)), np.ones((1, 3))

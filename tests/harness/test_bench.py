@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from harness.bench import loop
-from harness.bench.rays import SAMPLE, SCENES, disagreement, within
-from harness.bench.stages import STAGES, print_rows
-from harness.cli import main
-from harness.config import Config, override
-from harness.scenario import build
-from models.rays.scenes import RELIEF, clutter, field_terrain, mesh_terrain
+from wayproof.harness.bench import loop
+from wayproof.harness.bench.rays import SAMPLE, SCENES, disagreement, within
+from wayproof.harness.bench.stages import STAGES, print_rows
+from wayproof.harness.cli import main
+from wayproof.harness.config import Config, override
+from wayproof.harness.scenario import build
+from wayproof.models.rays.scenes import RELIEF, clutter, field_terrain, mesh_terrain
 
 FIELDS = [
     "scene",

@@ -5,10 +5,10 @@ from dataclasses import asdict
 
 import pytest
 
-from harness.bench.crossing import ALONE, Row, run_one, summarise
-from harness.bench.jobs import KeptRows, rows_of
-from harness.bench.stages import STAGES, run_stage
-from harness.errors import InputError
+from wayproof.harness.bench.crossing import ALONE, Row, run_one, summarise
+from wayproof.harness.bench.jobs import KeptRows, rows_of
+from wayproof.harness.bench.stages import STAGES, run_stage
+from wayproof.harness.errors import InputError
 
 
 def row(way, seed, outcome, time_s, own=0, at_rest=0):

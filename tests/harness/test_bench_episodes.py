@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from harness.bench.episodes import DELAYS, POLICIES, Arm, Trial, _row, _unknown_in
-from harness.config import Config, override
-from harness.result import Result
-from maps import MAPS, MapConfig
+from wayproof.harness.bench.episodes import DELAYS, POLICIES, Arm, Trial, _row, _unknown_in
+from wayproof.harness.config import Config, override
+from wayproof.harness.result import Result
+from wayproof.maps import MAPS, MapConfig
 
 
 def trial(outcome, time_s, length, looks):

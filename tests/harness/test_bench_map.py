@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from harness.bench.map import (
+from wayproof.harness.bench.map import (
     MODES,
     THREADS,
     Row,
@@ -16,8 +16,8 @@ from harness.bench.map import (
     speed,
     workload,
 )
-from harness.bench.map_entrants import SETTLING, THINNING
-from harness.bench.map_trials import (
+from wayproof.harness.bench.map_entrants import SETTLING, THINNING
+from wayproof.harness.bench.map_trials import (
     accuracies,
     agreement,
     agreements_with_octomap,
@@ -27,7 +27,7 @@ from harness.bench.map_trials import (
     ghosts,
     sweeps_by_formula,
 )
-from harness.bench.map_workload import (
+from wayproof.harness.bench.map_workload import (
     FLOOR,
     HALL_PERIOD,
     HALL_SPACING,
@@ -38,8 +38,8 @@ from harness.bench.map_workload import (
     hall_sweeps,
     room_sweeps,
 )
-from harness.bench.stages import STAGES, print_rows
-from maps import FREE, MapConfig, VoxelMap
+from wayproof.harness.bench.stages import STAGES, print_rows
+from wayproof.maps import FREE, MapConfig, VoxelMap
 
 COARSE = 0.2
 STILL = MapConfig(half_life=0.0)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from harness.bench.ray_peers import FAR, triangles
-from models.rays.scenes import field_terrain
+from wayproof.harness.bench.ray_peers import FAR, triangles
+from wayproof.models.rays.scenes import field_terrain
 
 VOLUMES = {
     "sphere": ("0.5", 4 / 3 * math.pi * 0.5**3),

@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from harness.bench import plan as bench_plan
-from planners import PLANNERS, GoalField, PlannerConfig, plan
+from wayproof.harness.bench import plan as bench_plan
+from wayproof.planners import PLANNERS, GoalField, PlannerConfig, plan
 
 FIELDS = [
     "robot",

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from harness.bench import robots as bench_robots
-from harness.bench.robots import CASES, Case, Run, run_cases, run_once, summarise
+from wayproof.harness.bench import robots as bench_robots
+from wayproof.harness.bench.robots import CASES, Case, Run, run_cases, run_once, summarise
 
 
 def test_cases_have_names_of_their_own():

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from harness.bench.stages import STAGES
-from harness.bench.worlds import Row, _summarise, run_one
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.evidence.replay import replay
-from harness.logs.reader import open_log
-from harness.scenario import build
+from wayproof.harness.bench.stages import STAGES
+from wayproof.harness.bench.worlds import Row, _summarise, run_one
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.scenario import build
 
 SHORT = ("episode.time_limit=3",)
 

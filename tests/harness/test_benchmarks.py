@@ -10,22 +10,22 @@ import re
 import numpy as np
 import pytest
 
-from harness.benchmarks import BENCHMARKS, barn, dodge
-from harness.benchmarks.trials import Finished, Trial, run_trial
-from harness.benchmarks.voxel_search import SQRT2, SQRT3, VoxelSearch, _length, _search
-from harness.cli import main
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.evidence.audit import audit
-from harness.evidence.rebuild import rebuild
-from harness.evidence.replay import replay
-from harness.logs.messages import read_messages
-from harness.logs.reader import open_log
-from harness.result import Result
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.schema import wayproof_pb2 as pb
-from models.imports import ImportOptions
+from wayproof.harness.benchmarks import BENCHMARKS, barn, dodge
+from wayproof.harness.benchmarks.trials import Finished, Trial, run_trial
+from wayproof.harness.benchmarks.voxel_search import SQRT2, SQRT3, VoxelSearch, _length, _search
+from wayproof.harness.cli import main
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit import audit
+from wayproof.harness.evidence.rebuild import rebuild
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.imports import ImportOptions
 
 PILLAR = """<model name='p{n}'><static>1</static><pose frame=''>{x} {y} 0 0 0 0</pose>
 <link name='l'><collision name='c'><geometry><cylinder><radius>0.075</radius><length>1</length>

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import main
-from harness.errors import InputError
-from harness.metrics import METRICS
-from harness.study.file import Arm, plan_episodes
-from harness.study.margin import SETTING, margin_from, margin_study
-from harness.study.rows import Row
+from wayproof.harness.cli import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.study.file import Arm, plan_episodes
+from wayproof.harness.study.margin import SETTING, margin_from, margin_study
+from wayproof.harness.study.rows import Row
 
 
 def rows(collided: int, count: int = 100, time: float = 20.0) -> list[Row]:

@@ -10,33 +10,33 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from harness.cause import CAUSES, find_cause, near_misses, read_case
-from harness.cause import contact as contacts
-from harness.cause import standstill as standstills
-from harness.cause.breaks import KINDS, Broken
-from harness.cause.check import Check, check, settle
-from harness.cause.confusion import confusion, right, run_planted, table
-from harness.cause.contact import ContactFacts
-from harness.cause.failures import attempts
-from harness.cause.finding import Finding
-from harness.cause.grids import clearances, joined, widest
-from harness.cause.planted import PLANTS
-from harness.cause.pose import PoseFacts
-from harness.cause.ranges import RangeFacts
-from harness.cause.record import read_check, record_check
-from harness.cause.recorded_movers import with_recorded_movers
-from harness.cause.remedies import REMEDIES
-from harness.cause.standstill import StandstillFacts, lacks_time
-from harness.cause.true_space import TrueSpace
-from harness.cause.ways import MapWays, TrueWays
-from harness.config import Config
-from harness.errors import InputError
-from harness.evidence.fork import fork
-from harness.evidence.rebuild import rebuild
-from harness.logs.reader import open_log
-from harness.result import Contact
-from harness.scenario import build
-from harness.study.checks import check_failures
+from wayproof.harness.cause import CAUSES, find_cause, near_misses, read_case
+from wayproof.harness.cause import contact as contacts
+from wayproof.harness.cause import standstill as standstills
+from wayproof.harness.cause.breaks import KINDS, Broken
+from wayproof.harness.cause.check import Check, check, settle
+from wayproof.harness.cause.confusion import confusion, right, run_planted, table
+from wayproof.harness.cause.contact import ContactFacts
+from wayproof.harness.cause.failures import attempts
+from wayproof.harness.cause.finding import Finding
+from wayproof.harness.cause.grids import clearances, joined, widest
+from wayproof.harness.cause.planted import PLANTS
+from wayproof.harness.cause.pose import PoseFacts
+from wayproof.harness.cause.ranges import RangeFacts
+from wayproof.harness.cause.record import read_check, record_check
+from wayproof.harness.cause.recorded_movers import with_recorded_movers
+from wayproof.harness.cause.remedies import REMEDIES
+from wayproof.harness.cause.standstill import StandstillFacts, lacks_time
+from wayproof.harness.cause.true_space import TrueSpace
+from wayproof.harness.cause.ways import MapWays, TrueWays
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.fork import fork
+from wayproof.harness.evidence.rebuild import rebuild
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.result import Contact
+from wayproof.harness.scenario import build
+from wayproof.harness.study.checks import check_failures
 
 TOUCH = ContactFacts(
     name="crate_0", time_s=5.0, decision=38, decision_s=3.8, there_when_decided=True,

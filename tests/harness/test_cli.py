@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import main
+from wayproof.harness.cli import main
 
 RUN = ["run", "empty", "--robot", "drone", "--seed", "1"]
 
@@ -86,7 +86,7 @@ def test_bad_settings_leave_nothing_behind(capsys, tmp_path, options, said):
 
 
 def test_a_goal_inside_a_shelf(capsys, tmp_path):
-    from models.worlds import WORLDS
+    from wayproof.models.worlds import WORLDS
 
     shelf = next(box for box in WORLDS["warehouse"](0).solids if box.kind == "shelf")
     goal = f"{shelf.centre[0]},{shelf.centre[1]}"
@@ -112,10 +112,10 @@ def test_an_unwritable_log_folder(capsys, tmp_path):
 
 
 def test_a_full_log_folder(capsys, tmp_path, monkeypatch):
-    import harness.logs.log
+    from wayproof.harness.logs import log
 
     free = 10 * 2**60  # no disk has this much to spare, so this one counts as full
-    monkeypatch.setattr(harness.logs.log, "LEAST_FREE_BYTES", free)
+    monkeypatch.setattr(log, "LEAST_FREE_BYTES", free)
     line = bad_input(capsys, [*RUN, "--logs", str(tmp_path)])
     assert "MiB free, expected at least" in line
     assert not list(tmp_path.iterdir())
@@ -186,7 +186,7 @@ def test_list_names_what_is_registered(capsys):
 
 def test_the_module_is_the_command():
     printed = subprocess.run(
-        [sys.executable, "-m", "harness", "list"], capture_output=True, text=True, check=True
+        [sys.executable, "-m", "wayproof", "list"], capture_output=True, text=True, check=True
     )
     assert "worlds: " in printed.stdout
 
@@ -219,8 +219,8 @@ def test_the_version_and_the_help(capsys):
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_an_output_that_takes_no_more_is_no_traceback(options):
-    list_ = [sys.executable, "-m", "harness", "list", *options]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    list_ = [sys.executable, "-m", "wayproof", "list", *options]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")}
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             list_, stdout=full, stderr=subprocess.PIPE, text=True, env=environment, timeout=60
@@ -237,7 +237,7 @@ def test_an_output_that_takes_no_more_is_no_traceback(options):
 
 
 def test_ctrl_c_says_what_is_left(tmp_path, monkeypatch, capsys):
-    from harness.stack.pipeline import Navigator
+    from wayproof.harness.stack.pipeline import Navigator
 
     step = Navigator.step
 
@@ -267,8 +267,8 @@ def test_the_live_line_keeps_its_end_at_60_columns():
 
     from rich.console import Console
 
-    from harness.live import LiveLine
-    from harness.schema import wayproof_pb2 as pb
+    from wayproof.harness.live import LiveLine
+    from wayproof.harness.schema import wayproof_pb2 as pb
 
     out = StringIO()
     decision = pb.Decision(action="stop_and_wait", map_version="e75fde96" * 4, path_length_m=12.3)
@@ -280,7 +280,7 @@ def test_the_live_line_keeps_its_end_at_60_columns():
 
 
 def test_a_name_apart_in_case_or_part_of_one_is_near():
-    from harness.errors import near_name
+    from wayproof.harness.errors import near_name
 
     names = ["velodyne-vlp16", "rrtstar", "informed_rrtstar", "warehouse"]
     assert near_name("vlp16", names) == "velodyne-vlp16"

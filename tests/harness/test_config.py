@@ -1,9 +1,9 @@
 import pytest
 
-from harness.config import Config, from_json, override, setting_names, to_json
-from harness.errors import InputError
-from harness.scenario import build
-from harness.stack.pipeline import build_navigator
+from wayproof.harness.config import Config, from_json, override, setting_names, to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.scenario import build
+from wayproof.harness.stack.pipeline import build_navigator
 
 BASE = Config("warehouse", "drone", 3)
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cli import main
-from harness.config import Config, from_json
-from harness.errors import InputError
-from harness.logs.log import LogWriter
-from harness.scenario import build
-from harness.statistics import quantile_interval
-from harness.study.critical import (
+from wayproof.harness.cli import main
+from wayproof.harness.config import Config, from_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.scenario import build
+from wayproof.harness.statistics import quantile_interval
+from wayproof.harness.study.critical import (
     MOST_EPISODES,
     Margin,
     Question,
@@ -25,10 +25,10 @@ from harness.study.critical import (
     margin_in_words,
     read_margins,
 )
-from harness.study.file import StudyFile
-from harness.study.job import Done, Job
-from harness.study.processes import Finished
-from harness.study.store import Store
+from wayproof.harness.study.file import StudyFile
+from wayproof.harness.study.job import Done, Job
+from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.store import Store
 
 STUDY = StudyFile(name="bears", worlds=["empty"], robots=["drone"], seeds=9)
 DRIFT = Question(["pose_drift"])

@@ -6,11 +6,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from harness.stack import obstruction
-from harness.stack.behaviour import decide
-from harness.stack.decision import Action, Label
-from harness.stack.reasons import MEANINGS
-from harness.stack.view import BehaviourConfig, Memory, View
 from tests.harness.views import (
     GOAL,
     LONG,
@@ -24,6 +19,11 @@ from tests.harness.views import (
     place,
     sample_at,
 )
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.behaviour import decide
+from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.stack.reasons import MEANINGS
+from wayproof.harness.stack.view import BehaviourConfig, Memory, View
 
 WALL = (4.0, 4.3, 0.0, 4.0)
 """From one side of the room to the other, between start and goal."""

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import add_points, path_of
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import add_points, path_of
 
 coordinates = st.floats(allow_nan=True, allow_infinity=True)
 

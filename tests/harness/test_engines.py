@@ -1,8 +1,8 @@
 """Both ray engines lead to the same decisions."""
 
-from harness.config import Config, override
-from harness.runner import run_episode
-from harness.scenario import build
+from wayproof.harness.config import Config, override
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
 
 
 def test_both_ray_engines_give_the_same_chain(tmp_path):

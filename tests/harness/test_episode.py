@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.config import Config, override
-from harness.evidence.replay import replay
-from harness.logs.reader import open_log
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.stack.pipeline import Navigator
-from maps import FREE, Distances
-from models.robots import ROBOTS
+from wayproof.harness.config import Config, override
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps import FREE, Distances
+from wayproof.models.robots import ROBOTS
 
 DRIVING = ("follow", "slow", "explore")
 

@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from harness.cli import main, verb_parsers
-from harness.verbs import VERBS
+from wayproof.harness.cli import main, verb_parsers
+from wayproof.harness.verbs import VERBS
 
 WRONG = {
     "run": ["nowhere", "--robot", "drone", "--seed", "1"],
@@ -121,7 +121,7 @@ def test_bash_completes(capsys, tmp_path, words, expected):
 
 def test_no_colour_on_request_and_none_into_a_pipe():
     for environment in ({"NO_COLOR": "1"}, {}):
-        command = [sys.executable, "-m", "harness", "list"]
+        command = [sys.executable, "-m", "wayproof", "list"]
         shown = subprocess.run(command, capture_output=True, check=True, env=_with(environment))
         assert b"\x1b" not in shown.stdout
 

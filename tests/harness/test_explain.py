@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cause import read_case
-from harness.cause.confusion import run_planted
-from harness.cli import main
-from harness.evidence.fork import fork
-from harness.explain import make_card, phases
-from harness.logs.reader import open_log
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.cause import read_case
+from wayproof.harness.cause.confusion import run_planted
+from wayproof.harness.cli import main
+from wayproof.harness.evidence.fork import fork
+from wayproof.harness.explain import make_card, phases
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +91,8 @@ def test_beyond_the_map_a_picture_is_unknown_and_its_legend_covers_nothing(stopp
     from matplotlib.colors import to_hex
     from matplotlib.figure import Figure
 
-    from harness.explain import make_card
-    from harness.explain.picture import KINDS, draw
+    from wayproof.harness.explain import make_card
+    from wayproof.harness.explain.picture import KINDS, draw
 
     case = read_case(open_log(stopped))
     figures = []
@@ -116,9 +116,9 @@ def test_beyond_the_map_a_picture_is_unknown_and_its_legend_covers_nothing(stopp
 
 
 def test_a_clearance_that_is_a_cap_says_so():
-    from harness.clearance import in_metres, map_clearance_is_bound, true_in_metres
-    from harness.schema import wayproof_pb2 as pb
-    from harness.viewer.words import describe
+    from wayproof.harness.clearance import in_metres, map_clearance_is_bound, true_in_metres
+    from wayproof.harness.schema import wayproof_pb2 as pb
+    from wayproof.harness.viewer.words import describe
 
     decision = pb.Decision(resolution_m=0.1, inflation_radius_m=0.15, least_clearance_m=0.8)
     assert map_clearance_is_bound(decision, cost_range=0.6)

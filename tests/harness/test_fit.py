@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from harness.stack.fit import fits_along, to_where_it_turns, ways_to_face
-from planners import Body, FreeSpace, MotionLimits, follow_path, hold, turn_in_place
+from wayproof.harness.stack.fit import fits_along, to_where_it_turns, ways_to_face
+from wayproof.planners import Body, FreeSpace, MotionLimits, follow_path, hold, turn_in_place
 
 LIMITS = MotionLimits(
     speed=1.0, acceleration=1.5, jerk=15.0, lateral_acceleration=1.5, yaw_rate=1.0

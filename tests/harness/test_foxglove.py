@@ -11,10 +11,10 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
-from harness.cli import main
-from harness.logs.reader import open_log
-from harness.viewer.layer import COLOURS
-from maps import FREE, UNKNOWN
+from wayproof.harness.cli import main
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.viewer.layer import COLOURS
+from wayproof.maps import FREE, UNKNOWN
 
 LAYOUT = Path(__file__).parents[2] / "docs/foxglove-layout.json"
 

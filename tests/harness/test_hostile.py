@@ -4,15 +4,15 @@ import re
 
 import pytest
 
-from harness.cli import main
-from harness.soak.hostile import MOST_MEMORY_MIB, Taken, breaches
-from harness.soak.hostile_files import FILES, attached, with_mesh
-from harness.soak.hostile_logs import SCENES, study_with_log, with_scene
-from models.imports.mjcf_files import check_scene
-from models.imports.occupancy_maps import read_occupancy_map
-from models.imports.options import ImportOptions
-from models.imports.reading import Unreadable
-from models.imports.sdf import read_sdf
+from wayproof.harness.cli import main
+from wayproof.harness.soak.hostile import MOST_MEMORY_MIB, Taken, breaches
+from wayproof.harness.soak.hostile_files import FILES, attached, with_mesh
+from wayproof.harness.soak.hostile_logs import SCENES, study_with_log, with_scene
+from wayproof.models.imports.mjcf_files import check_scene
+from wayproof.models.imports.occupancy_maps import read_occupancy_map
+from wayproof.models.imports.options import ImportOptions
+from wayproof.models.imports.reading import Unreadable
+from wayproof.models.imports.sdf import read_sdf
 
 SCENE_BOUNDS = {
     "scene: nuser_body 4e8": "nuser_body 4e+08, expected at most 100",

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from harness.errors import InputError
-from harness.inputs import (
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import (
     CODEC,
     Beams,
     Pose,
@@ -14,10 +14,10 @@ from harness.inputs import (
     decode_ranges,
     inputs_from_messages,
 )
-from harness.schema import wayproof_pb2 as pb
-from models import range_codec
-from models.beams import BeamTable, quantise
-from models.poses import Trail
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models import range_codec
+from wayproof.models.beams import BeamTable, quantise
+from wayproof.models.poses import Trail
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from harness.bench.coverage import STATISTICS, Data, coverage_of
-from harness.intervals import difference_interval, interval_ends, mean_interval
-from harness.metrics import METRICS
-from harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.bench.coverage import STATISTICS, Data, coverage_of
+from wayproof.harness.intervals import difference_interval, interval_ends, mean_interval
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 WORLDS = list(range(200))
 

@@ -7,17 +7,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.evidence.replay import replay
-from harness.labels import decode_classes
-from harness.logs.messages import read_messages
-from harness.logs.reader import open_log
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.pipeline import build_navigator
-from maps.grid import centres
-from models.classes import CLASSES, class_of_geoms
-from models.worlds import WORLDS, Box
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.labels import decode_classes
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.maps.grid import centres
+from wayproof.models.classes import CLASSES, class_of_geoms
+from wayproof.models.worlds import WORLDS, Box
 
 PLACE = np.array([5.0, 2.5])  # of a person, beside the straight way
 SECONDS = "episode.time_limit=20"

@@ -16,20 +16,28 @@ import pytest
 import zstandard
 from mcap.writer import Writer
 
-from harness.cli import main
-from harness.errors import InputError
-from harness.evidence.audit import audit
-from harness.evidence.replay import replay
-from harness.logs import container
-from harness.logs.container import GREATEST_RECORD, HEAD, MAGIC, Attachment, Metadata, Packet, walk
-from harness.logs.log import FLUSH_PERIOD_NS, LogWriter, digest_name
-from harness.logs.messages import decode, read_messages
-from harness.logs.reader import open_log
-from harness.logs.recover import recover
-from harness.logs.small_log import COMMITTED, committed_name
-from harness.schema import wayproof_pb2 as pb
-from harness.soak.child import in_child
-from harness.soak.hostile_logs import NUMBER, chunk, declared, message, record, with_chunks
+from wayproof.harness.cli import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit import audit
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs import container
+from wayproof.harness.logs.container import (
+    GREATEST_RECORD,
+    HEAD,
+    MAGIC,
+    Attachment,
+    Metadata,
+    Packet,
+    walk,
+)
+from wayproof.harness.logs.log import FLUSH_PERIOD_NS, LogWriter, digest_name
+from wayproof.harness.logs.messages import decode, read_messages
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.logs.recover import recover
+from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.soak.child import in_child
+from wayproof.harness.soak.hostile_logs import NUMBER, chunk, declared, message, record, with_chunks
 
 
 @pytest.fixture(scope="module")

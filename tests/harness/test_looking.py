@@ -6,12 +6,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from harness.stack import planner_input
-from harness.stack.behaviour import decide
-from harness.stack.view import BehaviourConfig, Memory, View
-from planners import FreeSpace, MotionLimits, PlannerConfig, hold, plan
 from tests.maps.test_field import scipy_squared
 from tests.planners.garbage import told
+from wayproof.harness.stack import planner_input
+from wayproof.harness.stack.behaviour import decide
+from wayproof.harness.stack.view import BehaviourConfig, Memory, View
+from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold, plan
 
 SHAPE = (110, 70, 16)
 CELL, REACH, THRESHOLD = 0.1, 14, 16  # m; cells; cells^2

@@ -7,9 +7,9 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
-from harness.logs.log import LogWriter
-from harness.logs.mcap_file import McapFile
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.logs.mcap_file import McapFile
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def written(chunk_size=200, flush=()):

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from harness.cli import main
-from harness.logs.small_log import COMMITTED, committed_name
-from harness.metrics import METRICS, Trace, read_trace, score
-from harness.perturbations import perturbation_from
-from harness.search.episodes import Found
-from harness.search.hunt import Tried
-from harness.verbs.search import print_found
+from wayproof.harness.cli import main
+from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.metrics import METRICS, Trace, read_trace, score
+from wayproof.harness.perturbations import perturbation_from
+from wayproof.harness.search.episodes import Found
+from wayproof.harness.search.hunt import Tried
+from wayproof.harness.verbs.search import print_found
 
 
 def trace(**changes: object) -> Trace:
@@ -119,7 +119,7 @@ def test_unknown_routes_leave_their_metrics_open() -> None:
 
 
 def test_a_real_log_scores_as_its_result_says(recorded) -> None:
-    from harness.logs.reader import open_log
+    from wayproof.harness.logs.reader import open_log
 
     log = open_log(Path(recorded("empty", "drone", 1).log))
     read = read_trace(log)
@@ -134,7 +134,7 @@ def test_a_least_clearance_that_is_a_bound_says_so(
 ) -> None:
     """Nothing is measured beyond 2 m."""
     log, far = str(COMMITTED / committed_name()), trace(clearances=np.full(4, least))
-    monkeypatch.setattr("harness.metrics.read_trace", lambda _: far)
+    monkeypatch.setattr("wayproof.harness.metrics.read_trace", lambda _: far)
     assert main(["score", log]) == 0
     assert f"│ least_clearance │ {said} │" in " ".join(capsys.readouterr().out.split())
     assert main(["score", log, "--json"]) == 0

@@ -4,14 +4,14 @@ import dataclasses
 
 import pytest
 
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.evidence.replay import replay
-from harness.logs.reader import open_log
-from harness.runner import run_episode
-from harness.scenario import build
-from models.worlds import WORLDS, Box, World
-from models.worlds.layout import room_walls
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.models.worlds import WORLDS, Box, World
+from wayproof.models.worlds.layout import room_walls
 
 LOW, HIGH = (0.0, 0.0, -0.5), (7.0, 5.0, 3.0)
 WALL = Box.between((4.0, 0.0, 0.0), (4.2, 5.0, 3.0), "partition")

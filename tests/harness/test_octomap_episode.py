@@ -2,12 +2,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.config import Config, override
-from harness.errors import InputError
-from harness.evidence.replay import replay
-from harness.logs.reader import open_log
-from harness.runner import run_episode
-from harness.scenario import build
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
 
 OCTOMAP = ("map.kind=octomap", "map.half_life=0", "map.resolution=0.2", "goal=[6.0, 4.0]")
 

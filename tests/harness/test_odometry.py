@@ -10,17 +10,17 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from harness.config import Config, override
-from harness.evidence.replay import replay
-from harness.logs.messages import read_messages
-from harness.logs.reader import open_log
-from harness.odometry import Estimate
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.footprint import HEADING_TOLERANCE
-from models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
-from models.poses import Trail, rotation_matrices
+from wayproof.harness.config import Config, override
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.odometry import Estimate
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.footprint import HEADING_TOLERANCE
+from wayproof.models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
+from wayproof.models.poses import Trail, rotation_matrices
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 0.01
@@ -235,12 +235,18 @@ def test_swapping_the_truth_changes_no_decision(recorded, tmp_path):
 
 
 def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():
-    code = "import sys, harness.stack.pipeline; print(*sorted(sys.modules))"
+    code = "import sys, wayproof.harness.stack.pipeline; print(*sorted(sys.modules))"
     loaded = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
-    assert "harness.inputs" in loaded
-    hidden = {"mujoco", "models.truth", "models.robots", "harness.odometry", "harness.interference"}
+    assert "wayproof.harness.inputs" in loaded
+    hidden = {
+        "mujoco",
+        "wayproof.models.truth",
+        "wayproof.models.robots",
+        "wayproof.harness.odometry",
+        "wayproof.harness.interference",
+    }
     assert not hidden & set(loaded)
 
 

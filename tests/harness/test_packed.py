@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.errors import InputError
-from harness.logs.container import Packet, walk
-from harness.logs.log import FORMAT_VERSION
-from harness.logs.messages import decode, read_messages
-from harness.logs.packed import HASHES, pack, unpack
-from harness.logs.reader import open_log
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.container import Packet, walk
+from wayproof.harness.logs.log import FORMAT_VERSION
+from wayproof.harness.logs.messages import decode, read_messages
+from wayproof.harness.logs.packed import HASHES, pack, unpack
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 SHORT = ("empty", "drone", 1, "episode.time_limit=2")
 GRAIN = 2.0**-20

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_struct
 
-from harness.config import Config, from_document, from_json, override, to_json
-from harness.errors import InputError
-from harness.evidence.replay import replay
-from harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
-from harness.logs.messages import read_messages
-from harness.logs.streams import compare
-from harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
-from harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.schema import wayproof_pb2 as pb
-from models.beams import DROPPED, NO_RETURN
-from models.devices import DEVICES
-from models.poses import Trail, rotation_matrices
-from models.worlds import WORLDS
+from wayproof.harness.config import Config, from_document, from_json, override, to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.streams import compare
+from wayproof.harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
+from wayproof.harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.beams import DROPPED, NO_RETURN
+from wayproof.models.devices import DEVICES
+from wayproof.models.poses import Trail, rotation_matrices
+from wayproof.models.worlds import WORLDS
 
 JUMPS_AT_2_S = next(seed for seed in range(1000) if jump_time_ns(seed) < 2.5e9)
 

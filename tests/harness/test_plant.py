@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from harness.config import Config, override
-from harness.judge import Judge, limits_of
-from harness.plant import Plant
-from harness.scenario import build
-from models.robots import Setpoint
-from planners import MotionLimits, follow_path, hold
+from wayproof.harness.config import Config, override
+from wayproof.harness.judge import Judge, limits_of
+from wayproof.harness.plant import Plant
+from wayproof.harness.scenario import build
+from wayproof.models.robots import Setpoint
+from wayproof.planners import MotionLimits, follow_path, hold
 
 NOISY = ["odometry.jitter=0.002", "odometry.turn_jitter=0.002", "odometry.walk=0.02"]
 

@@ -10,24 +10,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.config import from_json, to_json
-from harness.evidence.replay import Replay
-from harness.evidence.scope import Scope
-from harness.logs.reader import open_log
-from harness.soak.kinds import FLAT, KINDS, draw
-from harness.soak.processors import (
+from wayproof.harness.config import from_json, to_json
+from wayproof.harness.evidence.replay import Replay
+from wayproof.harness.evidence.scope import Scope
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.soak.kinds import FLAT, KINDS, draw
+from wayproof.harness.soak.processors import (
     Emulated,
     Emulation,
     emulations,
     replay_all,
     replay_under,
 )
-from harness.soak.replays import arithmetic, differing
-from harness.stack.decision import Difference
-from maps import MAPS
-from models.devices import DEVICES, Rangefinder
-from models.robots import ROBOTS
-from planners import PLANNERS
+from wayproof.harness.soak.replays import arithmetic, differing
+from wayproof.harness.stack.decision import Difference
+from wayproof.maps import MAPS
+from wayproof.models.devices import DEVICES, Rangefinder
+from wayproof.models.robots import ROBOTS
+from wayproof.planners import PLANNERS
 
 ALL = {one.name: one for one in emulations(Path(os.devnull), compiled=False)}
 OLD = ("C library without FMA and AVX", "numpy at its baseline", "OpenBLAS Prescott")
@@ -77,8 +77,8 @@ def test_logs_replay_to_the_same_bits(logs, emulation):
 BENDS = """
 import hashlib, types
 import numpy as np
-from harness.stack.stopping import _bends
-from planners import MotionLimits
+from wayproof.harness.stack.stopping import _bends
+from wayproof.planners import MotionLimits
 
 limits = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)
 rng, digest = np.random.default_rng(3), hashlib.sha256()

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from harness.evidence.audit.run import moments
-from harness.evidence.reasons import PREDICATES, ReasonCheck, figures_of
-from harness.evidence.reasons.__main__ import main, tally
-from harness.logs.reader import open_log
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.reasons import (
+from tests.harness.test_audit import forge
+from wayproof.harness.evidence.audit.run import moments
+from wayproof.harness.evidence.reasons import PREDICATES, ReasonCheck, figures_of
+from wayproof.harness.evidence.reasons.__main__ import main, tally
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.reasons import (
     FIGURES,
     MEANINGS,
     POINTS,
@@ -21,7 +22,6 @@ from harness.stack.reasons import (
     reason_message,
     sentence,
 )
-from tests.harness.test_audit import forge
 
 LOGS = Path(__file__).parent / "logs"
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from harness.stack.behaviour import decide
 from tests.harness.views import at_rest, make_states, make_view
+from wayproof.harness.stack.behaviour import decide
 
 START = (2.05, 2.05)
 LANE = [(0.0, 2.6, 0.0, 2.0), (0.0, 2.6, 2.3, 4.0)]

@@ -9,20 +9,20 @@ from pathlib import Path
 import pytest
 import zstandard
 
-from harness.cli import main
-from harness.errors import InputError
-from harness.evidence.audit import audit
-from harness.evidence.closed_loop import simulate_again
-from harness.evidence.fork import fork
-from harness.evidence.replay import replay
-from harness.evidence.what_if import what_if
-from harness.logs.container import Attachment, Metadata, Packet, walk
-from harness.logs.log import FORMAT_VERSION, PACKED_SCENE
-from harness.logs.log_copy import thin, write_copy
-from harness.logs.messages import read_messages
-from harness.logs.reader import open_log, read_head
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import differences
+from wayproof.harness.cli import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit import audit
+from wayproof.harness.evidence.closed_loop import simulate_again
+from wayproof.harness.evidence.fork import fork
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.evidence.what_if import what_if
+from wayproof.harness.logs.container import Attachment, Metadata, Packet, walk
+from wayproof.harness.logs.log import FORMAT_VERSION, PACKED_SCENE
+from wayproof.harness.logs.log_copy import thin, write_copy
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import open_log, read_head
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import differences
 
 SHORT = {
     "drone": ("empty", "drone", 1, "episode.time_limit=2"),
@@ -99,7 +99,7 @@ def test_a_bit_is_a_difference_and_a_measured_time_is_none():
 def test_replay_needs_no_simulator(recorded):
     script = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from harness.cli import main\n"
+        "from wayproof.harness.cli import main\n"
         f"sys.exit(main(['replay', {str(recorded(*SHORT['drone']).log)!r}]))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)

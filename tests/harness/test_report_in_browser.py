@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from harness.cli import main
-from harness.study.file import Bounds, plan_episodes, read_study
-from harness.study.processes import run_in_processes
-from harness.study.store import Store
-from harness.study.study import run_study
+from wayproof.harness.cli import main
+from wayproof.harness.study.file import Bounds, plan_episodes, read_study
+from wayproof.harness.study.processes import run_in_processes
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import run_study
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 

@@ -3,10 +3,10 @@ import re
 import mujoco
 import pytest
 
-from harness.errors import InputError
-from harness.logs.reader import open_log
-from harness.logs.small_log import COMMITTED, committed_name
-from harness.scene_text import safe_scene
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.scene_text import safe_scene
 
 
 def scene(inside, head=""):

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import main
-from harness.errors import InputError
-from harness.evidence.audit import audit
-from harness.evidence.fork import fork
-from harness.evidence.replay import replay
-from harness.logs import field_numbers, log
-from harness.logs.log import FORMAT_VERSION
-from harness.logs.log_copy import thin
-from harness.logs.reader import open_log
-from harness.logs.small_log import COMMITTED, committed_name
-from harness.metrics import read_trace, score
+from wayproof.harness.cli import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit import audit
+from wayproof.harness.evidence.fork import fork
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs import field_numbers, log
+from wayproof.harness.logs.log import FORMAT_VERSION
+from wayproof.harness.logs.log_copy import thin
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.metrics import read_trace, score
 
 ROOT = Path(__file__).parents[2]
 PROTO = "harness/schema/wayproof.proto"
@@ -37,7 +37,7 @@ def test_no_field_number_changed_its_meaning():
 
 def test_every_field_number_is_in_the_table():
     new = field_numbers.added(field_numbers.committed(), field_numbers.current())
-    assert new == [], "run: python -m harness.logs.field_numbers"
+    assert new == [], "run: python -m wayproof.harness.logs.field_numbers"
 
 
 def test_a_number_that_is_given_again_is_found():
@@ -49,7 +49,7 @@ def test_a_number_that_is_given_again_is_found():
 
 
 def test_the_committed_log_of_this_version_replays():
-    """If decisions changed on purpose: python -m harness.logs.small_log writes it anew."""
+    """If decisions changed on purpose: python -m wayproof.harness.logs.small_log writes it anew."""
     path = COMMITTED / committed_name()
     assert path.stat().st_size < 150_000
     again = replay(path)

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cli import main
-from harness.config import Config, from_json, override
-from harness.errors import InputError
-from harness.logs.log import LogWriter
-from harness.logs.reader import open_log
-from harness.perturbations import AnyPerturbation
-from harness.scenario import build
-from harness.search.episodes import Search, search
-from harness.search.hunt import Tried, hunt, shorten
-from harness.search.pole import SPACE, cross_pole_room
-from harness.search.space import Space
-from harness.study.job import Done, Job
-from harness.study.processes import Finished
-from harness.study.store import Store
+from wayproof.harness.cli import main
+from wayproof.harness.config import Config, from_json, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.scenario import build
+from wayproof.harness.search.episodes import Search, search
+from wayproof.harness.search.hunt import Tried, hunt, shorten
+from wayproof.harness.search.pole import SPACE, cross_pole_room
+from wayproof.harness.search.space import Space
+from wayproof.harness.study.job import Done, Job
+from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.store import Store
 
 JUMPS = Space("pose_jump", latest=4.0, length=1.0)
 MISSION = build(Config("empty", "drone", 0)).mission.to_json()

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from harness.errors import InputError
-from harness.logs.reader import open_log
-from harness.logs.small_log import COMMITTED, committed_name
-from harness.soak.child import Kill, in_child
-from harness.soak.episodes import soak_episodes
-from harness.soak.fuzz import KINDS, MOST_MEMORY_MIB, run_case
-from harness.soak.kill import soak_kill
-from harness.soak.race import soak_race
-from harness.soak.worlds import draw_batch, soak_worlds
-from models.worlds import WORLDS
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.soak.child import Kill, in_child
+from wayproof.harness.soak.episodes import soak_episodes
+from wayproof.harness.soak.fuzz import KINDS, MOST_MEMORY_MIB, run_case
+from wayproof.harness.soak.kill import soak_kill
+from wayproof.harness.soak.race import soak_race
+from wayproof.harness.soak.worlds import draw_batch, soak_worlds
+from wayproof.models.worlds import WORLDS
 
 
 def test_killed_episodes_leave_what_was_flushed():
@@ -56,7 +56,8 @@ def test_a_generator_that_fails_is_named_with_its_seed(monkeypatch):
 def test_mutated_input_in_a_watched_process():
     # A process of its own: the bound on memory is that of a process which does nothing besides,
     # and what a fork of this one holds depends on the tests before it.
-    command = [sys.executable, "-m", "harness.soak", "fuzz", "--count", "24", "--seed", "3"]
+    module = "wayproof.harness.soak"
+    command = [sys.executable, "-m", module, "fuzz", "--count", "24", "--seed", "3"]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     found = json.loads(ended.stdout.splitlines()[-1])
     assert (ended.returncode, found["failures"]) == (0, [])

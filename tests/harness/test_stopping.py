@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from harness.stack.stopping import clearest_stop
-from harness.stack.view import BehaviourConfig, View
-from planners import FreeSpace, MotionLimits, PlannerConfig, hold
+from wayproof.harness.stack.stopping import clearest_stop
+from wayproof.harness.stack.view import BehaviourConfig, View
+from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold
 
 LIMITS = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)
 AHEAD = np.array([[1.0, 3.0, 1.0], [2.0, 3.0, 1.0]])

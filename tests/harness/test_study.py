@@ -12,21 +12,21 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import main
-from harness.config import to_json
-from harness.errors import InputError
-from harness.logs.container import walk
-from harness.logs.log_copy import write_copy
-from harness.logs.messages import read_messages
-from harness.logs.reader import open_log, read_head
-from harness.study.contents import contents_of
-from harness.study.file import Bounds, files_of, plan_episodes, read_gate, read_study
-from harness.study.job import Done, Job, run_job
-from harness.study.processes import run_in_processes
-from harness.study.store import Store, merge
-from harness.study.study import StudyResult, count_missing, read_rows, run_study, shard
-from models.imports.options import Ends, Found
-from models.imports.world_file import world_text
+from wayproof.harness.cli import main
+from wayproof.harness.config import to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.container import walk
+from wayproof.harness.logs.log_copy import write_copy
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import open_log, read_head
+from wayproof.harness.study.contents import contents_of
+from wayproof.harness.study.file import Bounds, files_of, plan_episodes, read_gate, read_study
+from wayproof.harness.study.job import Done, Job, run_job
+from wayproof.harness.study.processes import run_in_processes
+from wayproof.harness.study.store import Store, merge
+from wayproof.harness.study.study import StudyResult, count_missing, read_rows, run_study, shard
+from wayproof.models.imports.options import Ends, Found
+from wayproof.models.imports.world_file import world_text
 
 ENDS = Ends((-3.0, -3.0, -0.5), (3.0, 3.0, 3.0), (-2.0, 0.0, 0.0), 0.0, (2.0, 0.0, 0.0))
 
@@ -259,8 +259,8 @@ def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None
     import subprocess
     import sys
 
-    command = [sys.executable, "-m", "harness", "study", written(tmp_path), "--jobs", "2"]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-m", "wayproof", "study", written(tmp_path), "--jobs", "2"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")}
     process = subprocess.Popen(
         [*command, "--out", str(tmp_path / "out"), "--json"],
         env=environment,
@@ -343,7 +343,7 @@ def test_ctrl_c_says_what_a_study_has_kept(
     store = Store(tmp_path / "kept")
     store.logs.mkdir(parents=True)
     store.log(plan_episodes(read_study(file))[0].key).touch()
-    monkeypatch.setattr("harness.study.study.run_study", interrupted)
+    monkeypatch.setattr("wayproof.harness.study.study.run_study", interrupted)
     assert main(["study", file, "--out", str(store.folder)]) == 130
     told = "interrupted; 1 of 4 episodes are kept, and the same command goes on with the others"
     assert told in capsys.readouterr().err

@@ -9,12 +9,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from harness.metrics import METRICS
-from harness.statistics import Interval
-from harness.study.analysis import pair, samples_of, summarise
-from harness.study.file import Arm, read_gate
-from harness.study.gates import judge, verdict_of
-from harness.study.rows import Row, first_difference, prove, share_differing, write_table
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics import Interval
+from wayproof.harness.study.analysis import pair, samples_of, summarise
+from wayproof.harness.study.file import Arm, read_gate
+from wayproof.harness.study.gates import judge, verdict_of
+from wayproof.harness.study.rows import Row, first_difference, prove, share_differing, write_table
 
 CLEAN = Arm("warehouse", "drone", "", "none", 0)
 DRIFT = Arm("warehouse", "drone", "", "pose_drift", 3)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from harness.study.cluster import run_on_ray
-from harness.study.file import Bounds, plan_episodes, read_study
-from harness.study.processes import run_in_processes
-from harness.study.store import Store
-from harness.study.study import read_rows, run_study
+from wayproof.harness.study.cluster import run_on_ray
+from wayproof.harness.study.file import Bounds, plan_episodes, read_study
+from wayproof.harness.study.processes import run_in_processes
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import read_rows, run_study
 
 STUDY = """
 name = "cluster"

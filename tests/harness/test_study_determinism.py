@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import main
-from harness.runner import run_episode
-from harness.scenario import build
-from harness.study.determinism import ARRANGEMENTS, certify, draw
-from harness.study.file import StudyFile, plan_episodes, read_study
-from harness.study.store import Store
+from wayproof.harness.cli import main
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario import build
+from wayproof.harness.study.determinism import ARRANGEMENTS, certify, draw
+from wayproof.harness.study.file import StudyFile, plan_episodes, read_study
+from wayproof.harness.study.store import Store
 
 STUDY = """
 name = "again"

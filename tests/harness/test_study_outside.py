@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import main
-from harness.errors import InputError
-from harness.study.file import plan_episodes, read_study
-from harness.study.store import Store, merge
-from harness.study.study import read_own_rows, read_rows
-from models.robots import brought
+from wayproof.harness.cli import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.store import Store, merge
+from wayproof.harness.study.study import read_own_rows, read_rows
+from wayproof.models.robots import brought
 
 HEAD = 'name = "outside"\nworlds = ["empty"]\nrobots = ["drone"]\n'
 

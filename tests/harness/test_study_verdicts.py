@@ -10,17 +10,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.bench.verdicts import CHANGES, compared, share_failing, study_of
-from harness.cli import main
-from harness.metrics import METRICS
-from harness.study.analysis import samples_between, samples_of
-from harness.study.contents import contents_of
-from harness.study.file import PACKAGED, Arm, files_of, plan_episodes, read_gate, read_study
-from harness.study.gates import GateResult, gate_in_words, judge
-from harness.study.rows import Row
-from harness.study.store import Store
-from harness.study.study import StudyResult, conclude, verdict_in_words
-from harness.verbs.compare import DEFAULT_GATES
+from wayproof.harness.bench.verdicts import CHANGES, compared, share_failing, study_of
+from wayproof.harness.cli import main
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.study.analysis import samples_between, samples_of
+from wayproof.harness.study.contents import contents_of
+from wayproof.harness.study.file import (
+    PACKAGED,
+    Arm,
+    files_of,
+    plan_episodes,
+    read_gate,
+    read_study,
+)
+from wayproof.harness.study.gates import GateResult, gate_in_words, judge
+from wayproof.harness.study.rows import Row
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import StudyResult, conclude, verdict_in_words
+from wayproof.harness.verbs.compare import DEFAULT_GATES
 
 ARM = Arm("warehouse", "drone", "", "none", 0)
 

@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cli import main
-from harness.config import Config, override, to_json
-from harness.errors import InputError
-from harness.logs.reader import open_log
-from harness.study.contents import contents_of, named_by
-from harness.study.file import CLEAN, Arm, planned_for
-from harness.study.matching import mismatch
-from harness.user_code import LONGEST_TRACEBACK, NeverReturned, bounded, failure_of
-from planners import FreeSpace, PlannerConfig, plan
-from planners._plugin import UserCodeError, load_class
+from wayproof.harness.cli import main
+from wayproof.harness.config import Config, override, to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.study.contents import contents_of, named_by
+from wayproof.harness.study.file import CLEAN, Arm, planned_for
+from wayproof.harness.study.matching import mismatch
+from wayproof.harness.user_code import LONGEST_TRACEBACK, NeverReturned, bounded, failure_of
+from wayproof.planners import FreeSpace, PlannerConfig, plan
+from wayproof.planners._plugin import UserCodeError, load_class
 
 ROOT = Path(__file__).parents[2]
 
@@ -35,7 +35,7 @@ import time
 from ompl import base as ob
 from ompl import geometric as og
 
-from planners.field import FieldPlanner
+from wayproof.planners.field import FieldPlanner
 
 
 class Late(FieldPlanner):
@@ -231,9 +231,9 @@ def test_a_planner_that_cannot_be_made_leaves_a_log_without_decisions(capsys, tm
 
 def command(*arguments, cwd, **environment):
     return subprocess.run(
-        [sys.executable, "-m", "harness", *arguments],
+        [sys.executable, "-m", "wayproof", *arguments],
         cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src"), **environment},
         capture_output=True,
         text=True,
         timeout=120,
@@ -271,7 +271,7 @@ def test_a_process_that_is_killed_leaves_a_whole_log_beside_packages_of_our_name
     (tmp_path / "maps.py").write_text("1 / 0\n")
     shutil.copy(file, tmp_path / "mine.py")
     said = "the process was ended by SIGKILL after "
-    whole_log(tmp_path, "mine.py:Killed", said, PYTHONPATH=f".:{ROOT}")
+    whole_log(tmp_path, "mine.py:Killed", said, PYTHONPATH=f".:{ROOT}/src")
 
 
 @pytest.mark.parametrize(
@@ -313,9 +313,9 @@ def test_a_file_that_changed_is_told_by_a_replay(capsys, tmp_path):
 
 
 def test_a_fault_of_ours_is_a_traceback_and_the_log_is_whole(tmp_path, monkeypatch):
-    from harness.runner import run_episode
-    from harness.scenario import build
-    from harness.stack.pipeline import Navigator
+    from wayproof.harness.runner import run_episode
+    from wayproof.harness.scenario import build
+    from wayproof.harness.stack.pipeline import Navigator
 
     step = Navigator.step
 
@@ -366,7 +366,7 @@ def test_the_two_loaders_are_one_text():
 
 
 def test_a_replay_in_which_the_users_class_fails_is_one_line():
-    from harness.evidence.twin import guarded
+    from wayproof.harness.evidence.twin import guarded
 
     def fails():
         raise UserCodeError("planner 'a.py:B'", "raised ValueError")
@@ -376,7 +376,7 @@ def test_a_replay_in_which_the_users_class_fails_is_one_line():
 
 
 def test_a_study_keeps_what_an_episode_in_error_had_logged(recorded, tmp_path):
-    from harness.study.store import Store
+    from wayproof.harness.study.store import Store
 
     whole = Path(recorded("empty", "drone", 1).log).read_bytes()
     store = Store(tmp_path)
@@ -398,8 +398,8 @@ def test_a_study_keeps_what_an_episode_in_error_had_logged(recorded, tmp_path):
 
 
 def test_a_planner_s_changed_file_makes_other_episodes_of_a_study(tmp_path):
-    from harness.study.file import StudyFile, plan_episodes
-    from harness.study.job import Job, run_job
+    from wayproof.harness.study.file import StudyFile, plan_episodes
+    from wayproof.harness.study.job import Job, run_job
 
     def planned(path, text):
         path.parent.mkdir(exist_ok=True)

@@ -6,23 +6,23 @@ from pathlib import Path
 
 import pytest
 
-from harness.cause.check import Verdict
-from harness.cause.finding import Finding
-from harness.cause.record import record_check
-from harness.cli import main
-from harness.errors import InputError
-from harness.evidence.closed_loop import simulate_again
-from harness.evidence.consistency import contradictions
-from harness.evidence.fork import fork
-from harness.evidence.rebuild import made_otherwise
-from harness.evidence.replay import replay
-from harness.evidence.scope import scope_of
-from harness.evidence.signature import new_key, read_private_key, sign
-from harness.evidence.verify import verify
-from harness.logs.log_copy import thin
-from harness.logs.reader import open_log
-from harness.logs.recover import recover
-from harness.soak.forgeries import CLAIMS, EDITS, Forgery, forge
+from wayproof.harness.cause.check import Verdict
+from wayproof.harness.cause.finding import Finding
+from wayproof.harness.cause.record import record_check
+from wayproof.harness.cli import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.closed_loop import simulate_again
+from wayproof.harness.evidence.consistency import contradictions
+from wayproof.harness.evidence.fork import fork
+from wayproof.harness.evidence.rebuild import made_otherwise
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.evidence.scope import scope_of
+from wayproof.harness.evidence.signature import new_key, read_private_key, sign
+from wayproof.harness.evidence.verify import verify
+from wayproof.harness.logs.log_copy import thin
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.logs.recover import recover
+from wayproof.harness.soak.forgeries import CLAIMS, EDITS, Forgery, forge
 
 PERTURBED = 'perturbation={"kind": "pose_drift", "severity": 5}'
 

@@ -12,23 +12,23 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from harness.cli import main
-from harness.errors import InputError
-from harness.evidence.fork import fork
-from harness.logs.container import walk
-from harness.logs.log_copy import write_copy
-from harness.logs.messages import read_messages
-from harness.logs.reader import open_log, read_head
-from harness.schema import wayproof_pb2 as pb
-from harness.viewer.ahead import Ahead
-from harness.viewer.boxes import runs, surrounding_boxes, upright_boxes
-from harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
-from harness.viewer.moments import moments
-from harness.viewer.rerun_view import loopback_viewer
-from harness.viewer.sight import geoms_in_front
-from harness.viewer.tiles import TILE, Tiles
-from harness.viewer.words import describe
-from maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
+from wayproof.harness.cli import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.fork import fork
+from wayproof.harness.logs.container import walk
+from wayproof.harness.logs.log_copy import write_copy
+from wayproof.harness.logs.messages import read_messages
+from wayproof.harness.logs.reader import open_log, read_head
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.viewer.ahead import Ahead
+from wayproof.harness.viewer.boxes import runs, surrounding_boxes, upright_boxes
+from wayproof.harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
+from wayproof.harness.viewer.moments import moments
+from wayproof.harness.viewer.rerun_view import loopback_viewer
+from wayproof.harness.viewer.sight import geoms_in_front
+from wayproof.harness.viewer.tiles import TILE, Tiles
+from wayproof.harness.viewer.words import describe
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
 
 LOW, HIGH = (0.0, 0.0, 0.0), (4.0, 4.0, 1.0)
 
@@ -105,7 +105,7 @@ def test_boxes_around_a_map_cover_what_is_outside_once_and_nothing_of_it():
 def test_the_viewer_s_background_is_unknown_and_not_free(log):
     """What lies outside the map has the colour that the unknown has in it."""
     pytest.importorskip("rerun")
-    from harness.viewer.layout import UNKNOWN_SPACE, layout
+    from wayproof.harness.viewer.layout import UNKNOWN_SPACE, layout
 
     column = layout({"log": open_log(log)}).root_container
     spaces = column.contents[0].contents
@@ -352,7 +352,7 @@ def test_bad_input_is_a_line_and_leaves_nothing(
 
 def drawn(arguments):
     """Draw in a process of its own, which chooses the driver; skip where nothing can be drawn."""
-    command = [sys.executable, "-m", "harness", *arguments]
+    command = [sys.executable, "-m", "wayproof", *arguments]
     ended = subprocess.run(command, capture_output=True, text=True)
     if "no picture here" in ended.stderr:
         pytest.skip(ended.stderr)

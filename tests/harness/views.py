@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.stack.behaviour import decide
-from harness.stack.view import BehaviourConfig, Memory, View
-from maps import FREE, OCCUPIED, UNKNOWN
-from planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
 from tests.maps.test_field import scipy_squared
+from wayproof.harness.stack.behaviour import decide
+from wayproof.harness.stack.view import BehaviourConfig, Memory, View
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN
+from wayproof.planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
 
 CELL = 0.1  # m
 SHAPE = (80, 40, 1)

@@ -8,7 +8,7 @@ from tests.sharing import checked_kernels
 
 EPISODE = """
 import numpy as np
-from maps import Costmap, Grid2D, MapConfig, TsdfMap
+from wayproof.maps import Costmap, Grid2D, MapConfig, TsdfMap
 rng = np.random.default_rng(1)
 config = MapConfig(memory_mib=1)
 for make in (Grid2D, TsdfMap):
@@ -30,7 +30,7 @@ for make in (Grid2D, TsdfMap):
 WARM = """
 import numba
 import numpy
-from maps import _block_kernels, _grid2d_kernels, _tsdf_kernels, warm_up
+from wayproof.maps import _block_kernels, _grid2d_kernels, _tsdf_kernels, warm_up
 modules = (_block_kernels, _grid2d_kernels, _tsdf_kernels)
 kernels = {
     f"{module.__name__}.{name}": kernel

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from maps import _beam_kernels as beams
-from maps import _brick_kernels as bricks
-from maps import _column_kernels as columns
-from maps import _update_kernels as update
+from wayproof.maps import _beam_kernels as beams
+from wayproof.maps import _brick_kernels as bricks
+from wayproof.maps import _column_kernels as columns
+from wayproof.maps import _update_kernels as update
 
 
 @pytest.fixture(params=["compiled", "interpreted"])

@@ -5,10 +5,10 @@ import resource
 import numpy as np
 import pytest
 
-from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from maps import _brick_kernels as kernels
-from maps import _update_kernels as updates
-from maps.bricks import BYTES_IN_BRICK, READY, Bricks
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from wayproof.maps import _brick_kernels as kernels
+from wayproof.maps import _update_kernels as updates
+from wayproof.maps.bricks import BYTES_IN_BRICK, READY, Bricks
 
 MIDDLE = np.array([0.5, 0.5, -0.25])
 FORWARD = np.array([[1.0, 0.0, 0.0]])

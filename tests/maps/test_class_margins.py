@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from maps import (
+from wayproof.maps import (
     FREE,
     OCCUPIED,
     ClassMargins,
@@ -13,8 +13,8 @@ from maps import (
     VoxelMap,
     states_in,
 )
-from maps import _label_kernels as kernels
-from maps.columns import unpack
+from wayproof.maps import _label_kernels as kernels
+from wayproof.maps.columns import unpack
 
 BOX = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5)
 

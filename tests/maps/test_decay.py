@@ -4,9 +4,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from maps import OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from maps import _decay_kernels as kernels
-from maps.evidence import tick_losses
+from wayproof.maps import OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from wayproof.maps import _decay_kernels as kernels
+from wayproof.maps.evidence import tick_losses
 
 SECOND = 10**9
 EYE = (0.55, 0.55, 0.475)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from maps.distances import ROUNDS, Clearances, Distances
-from maps.field import BLOCK_ROWS, DistanceField, boxes, take_over
-from maps.team import Team
 from tests.maps.test_field import packed, scipy_squared
+from wayproof.maps.distances import ROUNDS, Clearances, Distances
+from wayproof.maps.field import BLOCK_ROWS, DistanceField, boxes, take_over
+from wayproof.maps.team import Team
 
 SHAPE = (40, 30, 12)
 REACH = 6

@@ -5,10 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from maps import FREE, MAPS, OCCUPIED, DynamicMap, MapConfig, VoxelMap
-from maps import _motion_kernels as kernels
-from maps.motion import POINTS, Traffic, clusters_of, way_ahead
-from maps.trust import ConfidentSpace
+from wayproof.maps import FREE, MAPS, OCCUPIED, DynamicMap, MapConfig, VoxelMap
+from wayproof.maps import _motion_kernels as kernels
+from wayproof.maps.motion import POINTS, Traffic, clusters_of, way_ahead
+from wayproof.maps.trust import ConfidentSpace
 
 TENTH = 100_000_000  # ns
 ORIGIN = (0.05, 0.55, 0.55)  # cell (0, 5, 6)

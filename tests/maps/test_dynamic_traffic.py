@@ -5,10 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from maps import MAPS, OCCUPIED, UNKNOWN, Costmap, DynamicMap, MapConfig
-from maps.columns import Window
-from maps.motion import POINTS
-from maps.projection import Airspace
+from wayproof.maps import MAPS, OCCUPIED, UNKNOWN, Costmap, DynamicMap, MapConfig
+from wayproof.maps.columns import Window
+from wayproof.maps.motion import POINTS
+from wayproof.maps.projection import Airspace
 
 TENTH = 100_000_000  # ns
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from maps import elementary
+from wayproof.maps import elementary
 
 ONE = 1 << 200  # of the exact series
 

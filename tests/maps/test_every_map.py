@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from maps import FREE, MAPS, OCCUPIED, UNKNOWN, Costmap, MapConfig, SweepStatistics
-from maps.grid import centres
+from wayproof.maps import FREE, MAPS, OCCUPIED, UNKNOWN, Costmap, MapConfig, SweepStatistics
+from wayproof.maps.grid import centres
 
 SECOND = 10**9
 EYE = np.array([0.55, 1.05, 0.475])  # the middle of a cell

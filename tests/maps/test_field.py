@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
-from maps import _field_kernels as kernels
-from maps.field import (
+from wayproof.maps import _field_kernels as kernels
+from wayproof.maps.field import (
     BLOCK_ROWS,
     DistanceField,
     boxes,
@@ -13,7 +13,7 @@ from maps.field import (
     take_over,
     update_together,
 )
-from maps.team import Team
+from wayproof.maps.team import Team
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from harness.bench import map_fields
-from harness.bench.map_workload import Sweep
+from wayproof.harness.bench import map_fields
+from wayproof.harness.bench.map_workload import Sweep
 
 
 def test_every_way_is_timed_on_both_numbers_of_threads():

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from maps import MapConfig, VoxelMap
-from maps.columns import Window, unpack
-from maps.grid import cell_box, cells_at, centres
+from wayproof.maps import MapConfig, VoxelMap
+from wayproof.maps.columns import Window, unpack
+from wayproof.maps.grid import cell_box, cells_at, centres
 
 
 def test_points_find_their_cells():

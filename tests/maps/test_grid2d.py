@@ -3,8 +3,8 @@ import itertools
 import numpy as np
 import pytest
 
-from maps import FREE, OCCUPIED, UNKNOWN, Costmap, Grid2D, MapConfig, VoxelMap, states_in
-from maps import _grid2d_kernels as kernels
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, Grid2D, MapConfig, VoxelMap, states_in
+from wayproof.maps import _grid2d_kernels as kernels
 
 SECOND = 10**9
 FORWARD = np.array([[1.0, 0.0, 0.0]])

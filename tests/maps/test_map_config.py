@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from maps import MAPS, MapConfig
+from wayproof.maps import MAPS, MapConfig
 
 
 def test_the_default_is_valid_and_registered():

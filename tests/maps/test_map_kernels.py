@@ -8,7 +8,7 @@ from tests.sharing import checked_kernels
 
 EPISODE = """
 import numpy as np
-from maps import Costmap, MapConfig, VoxelMap, inflate
+from wayproof.maps import Costmap, MapConfig, VoxelMap, inflate
 rng = np.random.default_rng(1)
 config = MapConfig(memory_mib=1)
 voxel_map = VoxelMap(config)
@@ -52,8 +52,9 @@ def test_compiled_interpreted_and_bounds_checked_runs_agree(common):
 
 WARM = """
 import numba
-from maps import _beam_kernels, _brick_kernels, _column_kernels, _decay_kernels, _field_kernels
-from maps import _carve_kernels, _inflation_kernels, _update_kernels, _wanted_kernels, warm_up
+from wayproof.maps import _beam_kernels, _brick_kernels, _column_kernels, _decay_kernels
+from wayproof.maps import _field_kernels, _carve_kernels, _inflation_kernels, _update_kernels
+from wayproof.maps import _wanted_kernels, warm_up
 def compiled():
     modules = (_beam_kernels, _brick_kernels, _column_kernels, _decay_kernels, _field_kernels)
     modules += (_carve_kernels, _inflation_kernels, _update_kernels, _wanted_kernels)

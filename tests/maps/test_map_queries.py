@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from maps import _brick_kernels as kernels
-from maps.bricks import EVERYWHERE
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from wayproof.maps import _brick_kernels as kernels
+from wayproof.maps.bricks import EVERYWHERE
 
 EYE = (0.55, 1.05, 0.475)
 

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from maps import MAPS, MapConfig, warm_up
+from wayproof.maps import MAPS, MapConfig, warm_up
 
 LOW, HIGH = np.array([-10.0, -10.0, 0.0]), np.array([10.0, 10.0, 3.0])
 KINDS = "voxel", "grid2d", "tsdf", "dynamic"

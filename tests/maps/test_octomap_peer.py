@@ -3,8 +3,8 @@
 import numpy as np
 import pyoctomap
 
-from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from maps.grid import cell_box
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from wayproof.maps.grid import cell_box
 
 LOW, HIGH = np.array([0.0, 0.0, 1.0]), np.array([8.0, 6.0, 4.0])
 SWEEPS, BEAMS = 6, 3000

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from maps import OCCUPIED, MapConfig, VoxelMap
-from maps import _label_kernels as kernels
-from maps.grid import centres
-from maps.semantic import UNLABELLED, SemanticLayer
+from wayproof.maps import OCCUPIED, MapConfig, VoxelMap
+from wayproof.maps import _label_kernels as kernels
+from wayproof.maps.grid import centres
+from wayproof.maps.semantic import UNLABELLED, SemanticLayer
 
 CONFIG = MapConfig(half_life=0.0, memory_mib=16)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from maps import MapConfig, VoxelMap
+from wayproof.maps import MapConfig, VoxelMap
 
 
 def filled(**settings):

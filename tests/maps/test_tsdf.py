@@ -4,8 +4,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, TsdfMap, states_in
-from maps import _tsdf_kernels as kernels
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, TsdfMap, states_in
+from wayproof.maps import _tsdf_kernels as kernels
 
 SECOND = 10**9
 FORWARD = np.array([[1.0, 0.0, 0.0]])

@@ -1,6 +1,6 @@
 import numpy as np
 
-from maps import MapConfig, VoxelMap
+from wayproof.maps import MapConfig, VoxelMap
 
 
 def make(**settings):

@@ -5,11 +5,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from maps import MapConfig, VoxelMap
-from maps import _beam_kernels as kernels
-from maps import _carve_kernels as carving
-from maps._processor import new_queue
-from maps.marks import SPREAD
+from wayproof.maps import MapConfig, VoxelMap
+from wayproof.maps import _beam_kernels as kernels
+from wayproof.maps import _carve_kernels as carving
+from wayproof.maps._processor import new_queue
+from wayproof.maps.marks import SPREAD
 
 HALVES = 1024
 KERNELS = {**vars(kernels), "carve": carving.carve}

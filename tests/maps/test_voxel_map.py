@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from maps import FREE, OCCUPIED, UNKNOWN, MapConfig, SweepStatistics, VoxelMap
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, SweepStatistics, VoxelMap
 
 FORWARD = np.array([[1.0, 0.0, 0.0]])
 EYE = (0.55, 1.05, 0.475)  # the middle of a cell

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from models import between_steps
-from models.between_steps import ask, smooth
-from models.poses import rotation_matrices
-from models.robots import Setpoint
+from wayproof.models import between_steps
+from wayproof.models.between_steps import ask, smooth
+from wayproof.models.poses import rotation_matrices
+from wayproof.models.robots import Setpoint
 
 KERNELS = "look_and_ask", "ask", "smooth", "touched", "_outside"
 

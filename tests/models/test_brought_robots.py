@@ -2,14 +2,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.robots.brought import Unusable, read_robot
-from models.robots.brought.legged_parameters import foot_mass, scaled
-from models.robots.brought.writing import farthest
-from models.robots.quadruped import Parameters, Quadruped
-from models.robots.quadruped.parameters import standing_joints
-from models.robots.quadruped.walking import foot_position
-from models.robots.robot import Setpoint
 from tests.models.hound import LEAN, SPEC, hound
+from wayproof.models.robots.brought import Unusable, read_robot
+from wayproof.models.robots.brought.legged_parameters import foot_mass, scaled
+from wayproof.models.robots.brought.writing import farthest
+from wayproof.models.robots.quadruped import Parameters, Quadruped
+from wayproof.models.robots.quadruped.parameters import standing_joints
+from wayproof.models.robots.quadruped.walking import foot_position
+from wayproof.models.robots.robot import Setpoint
 
 FLOOR = """<mujoco><option timestep="0.002" integrator="implicitfast" iterations="50"/>
   <worldbody><geom name="floor" type="plane" size="0 0 1" friction="0.8 0.005 0.0001"/></worldbody>

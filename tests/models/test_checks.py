@@ -6,14 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.beams import directions
-from models.checks import Finding, check
-from models.devices import DEVICES, DepthCamera, Mount, SpinningLidar, evenly
-from models.robots import ROBOTS
-from models.scene import PREFIX, compose
-from models.sensors import ROBOT_GROUP
-from models.solids import distance_to, holds
-from models.worlds import WORLDS
+from wayproof.models.beams import directions
+from wayproof.models.checks import Finding, check
+from wayproof.models.devices import DEVICES, DepthCamera, Mount, SpinningLidar, evenly
+from wayproof.models.robots import ROBOTS
+from wayproof.models.scene import PREFIX, compose
+from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.solids import distance_to, holds
+from wayproof.models.worlds import WORLDS
 
 LIDAR = SpinningLidar(
     elevations=evenly(-1.0, 1.0, 16), azimuths=64, range=5.0, rate=10.0,

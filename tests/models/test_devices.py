@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.beams import (
+from wayproof.models.beams import (
     DROPPED,
     NO_RETURN,
     BeamTable,
@@ -22,7 +22,7 @@ from models.beams import (
     quantise,
     ray_ranges,
 )
-from models.devices import (
+from wayproof.models.devices import (
     DEVICES,
     DepthCamera,
     Mount,
@@ -33,7 +33,7 @@ from models.devices import (
     measure,
     stream,
 )
-from models.devices.measure import report
+from wayproof.models.devices.measure import report
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -353,7 +353,7 @@ def test_streams_differ_by_seed_name_and_sequence_alone():
     first = [stream(*key).integers(2**63) for key in keys]
     assert len(set(first)) == 4
     assert first == [stream(*key).integers(2**63) for key in keys]
-    code = "from models.devices import stream; print(stream(0, 'b', 0).integers(2**63))"
+    code = "from wayproof.models.devices import stream; print(stream(0, 'b', 0).integers(2**63))"
     printed = subprocess.run(
         [sys.executable, "-c", code],
         cwd=ROOT, capture_output=True, text=True, check=True, env={"PYTHONHASHSEED": "5"},
@@ -365,7 +365,7 @@ def test_streams_differ_by_seed_name_and_sequence_alone():
 
 
 def test_devices_need_no_simulator():
-    code = "import sys, models.devices; print('mujoco' in sys.modules)"
+    code = "import sys, wayproof.models.devices; print('mujoco' in sys.modules)"
     printed = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.worlds import WORLDS, Box, Cylinder, is_solvable, is_solvable_in_any
-from models.worlds.layout import slabs_around
-from models.worlds.solvability import (
+from wayproof.models.worlds import WORLDS, Box, Cylinder, is_solvable, is_solvable_in_any
+from wayproof.models.worlds.layout import slabs_around
+from wayproof.models.worlds.solvability import (
     AIR_BANDS,
     GROUND_BAND,
     passage_radius,

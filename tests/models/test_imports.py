@@ -7,12 +7,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.imports import ImportOptions, Unreadable, import_world, read_world_file, world_of
-from models.imports.parts import Part, quaternion_of, rotation_of, turned_by
-from models.imports.solids import solid_of
-from models.imports.voxel_maps import merged_boxes, read_voxels
-from models.worlds import WORLDS
-from models.worlds.solids import TriangleMesh
+from wayproof.models.imports import (
+    ImportOptions,
+    Unreadable,
+    import_world,
+    read_world_file,
+    world_of,
+)
+from wayproof.models.imports.parts import Part, quaternion_of, rotation_of, turned_by
+from wayproof.models.imports.solids import solid_of
+from wayproof.models.imports.voxel_maps import merged_boxes, read_voxels
+from wayproof.models.worlds import WORLDS
+from wayproof.models.worlds.solids import TriangleMesh
 
 ENDS = {"start": (0.0, 0.0, 0.0), "goal": (3.0, 0.0, 0.0)}
 

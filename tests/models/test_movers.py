@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.robots import ROBOTS
-from models.scene import compose
-from models.truth import REST_WINDOW, Truth
-from models.worlds import (
+from tests.models.watching import watch
+from wayproof.models.robots import ROBOTS
+from wayproof.models.scene import compose
+from wayproof.models.truth import REST_WINDOW, Truth
+from wayproof.models.worlds import (
     WORLDS,
     Box,
     Mover,
@@ -19,10 +20,9 @@ from models.worlds import (
     World,
     with_traffic,
 )
-from models.worlds.movers import ASIDE
-from models.worlds.passers_by import PERSON
-from models.worlds.solvability import GROUND_BAND, shortest_path
-from tests.models.watching import watch
+from wayproof.models.worlds.movers import ASIDE
+from wayproof.models.worlds.passers_by import PERSON
+from wayproof.models.worlds.solvability import GROUND_BAND, shortest_path
 
 STEP_NS = 2_000_000
 SECOND = 1_000_000_000

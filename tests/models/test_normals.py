@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.rays.ray_caster import RayCaster
+from wayproof.models.rays.ray_caster import RayCaster
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
 HEAD = """

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.poses import Trail, rotation_matrices
+from wayproof.models.poses import Trail, rotation_matrices
 
 
 def turned(angle):

@@ -8,13 +8,20 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.robots.packed import packed
-from models.robots.quadruped import Quadruped, warm_up
-from models.robots.quadruped.parameters import Actuators, Gait, Geometry, Legs, Parameters, Tracking
-from models.robots.quadruped.state import MEMORY, OBSERVATION, record
-from models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
-from models.robots.quadruped.walking import advance, velocity_command
-from models.robots.robot import Setpoint
+from wayproof.models.robots.packed import packed
+from wayproof.models.robots.quadruped import Quadruped, warm_up
+from wayproof.models.robots.quadruped.parameters import (
+    Actuators,
+    Gait,
+    Geometry,
+    Legs,
+    Parameters,
+    Tracking,
+)
+from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
+from wayproof.models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
+from wayproof.models.robots.quadruped.walking import advance, velocity_command
+from wayproof.models.robots.robot import Setpoint
 
 QUADRUPED = Quadruped()
 TIMESTEP = 0.002

@@ -5,9 +5,9 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.optimize import NonlinearConstraint, minimize
 
-from models.robots.quadruped.admm import project, solve_forces
-from models.robots.quadruped.mpc import GRAVITY, condense
-from models.robots.quadruped.parameters import Prediction
+from wayproof.models.robots.quadruped.admm import project, solve_forces
+from wayproof.models.robots.quadruped.mpc import GRAVITY, condense
+from wayproof.models.robots.quadruped.parameters import Prediction
 
 MASS = 15.0
 INERTIA = np.array([[0.16, 0.0, -0.016], [0.0, 0.47, 0.0], [-0.016, 0.0, 0.52]])

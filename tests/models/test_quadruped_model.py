@@ -6,24 +6,24 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.robots.packed import packed
-from models.robots.quadruped import Quadruped
-from models.robots.quadruped.parameters import (
+from wayproof.models.robots.packed import packed
+from wayproof.models.robots.quadruped import Quadruped
+from wayproof.models.robots.quadruped.parameters import (
     JOINTS,
     LEGS,
     Actuators,
     Geometry,
     standing_joints,
 )
-from models.robots.quadruped.state import OBSERVATION, record
-from models.robots.quadruped.walking import (
+from wayproof.models.robots.quadruped.state import OBSERVATION, record
+from wayproof.models.robots.quadruped.walking import (
     foot_jacobian,
     foot_position,
     observe,
     rotation_from_quaternion,
 )
-from models.robots.quadruped.wiring import wire
-from models.sensors import ROBOT_GROUP
+from wayproof.models.robots.quadruped.wiring import wire
+from wayproof.models.sensors import ROBOT_GROUP
 
 QUADRUPED = Quadruped()
 GEOMETRY = Geometry()

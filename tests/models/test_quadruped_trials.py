@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from models.robots.estimate import Error, Estimate, EstimateNoise
-from models.robots.packed import packed
-from models.robots.quadruped import Quadruped, warm_up
-from models.robots.quadruped import trials as walks
-from models.robots.quadruped.horizon import look_ahead
-from models.robots.quadruped.parameters import Gait, Geometry, Prediction
-from models.robots.quadruped.ride import TIMESTEP, Plant, Ride
-from models.robots.quadruped.state import MEMORY, OBSERVATION, record
-from models.robots.quadruped.torque import limit_torque
-from models.robots.quadruped.walking import advance
-from models.robots.terrain import COURSE_END, FIRST, TERRAINS, Block
+from wayproof.models.robots.estimate import Error, Estimate, EstimateNoise
+from wayproof.models.robots.packed import packed
+from wayproof.models.robots.quadruped import Quadruped, warm_up
+from wayproof.models.robots.quadruped import trials as walks
+from wayproof.models.robots.quadruped.horizon import look_ahead
+from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Prediction
+from wayproof.models.robots.quadruped.ride import TIMESTEP, Plant, Ride
+from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
+from wayproof.models.robots.quadruped.torque import limit_torque
+from wayproof.models.robots.quadruped.walking import advance
+from wayproof.models.robots.terrain import COURSE_END, FIRST, TERRAINS, Block
 
 ROBOT = Quadruped()
 NOISE = EstimateNoise()

@@ -4,17 +4,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from models import rays
-from models.beams import directions as beams_of
-from models.beams import rotate
-from models.devices import DepthCamera, Device, SensorConfig, SpinningLidar, evenly
-from models.poses import Trail
-from models.rays import TileCaster, cut_grid, cut_scattered, kernels, tiles
-from models.rays.geometry import Geometry
-from models.robots import ROBOTS
-from models.scene import compose
-from models.sensors import Firing, MujocoEngine, RangefinderCaster
-from models.worlds import WORLDS
+from wayproof.models import rays
+from wayproof.models.beams import directions as beams_of
+from wayproof.models.beams import rotate
+from wayproof.models.devices import DepthCamera, Device, SensorConfig, SpinningLidar, evenly
+from wayproof.models.poses import Trail
+from wayproof.models.rays import TileCaster, cut_grid, cut_scattered, kernels, tiles
+from wayproof.models.rays.geometry import Geometry
+from wayproof.models.robots import ROBOTS
+from wayproof.models.scene import compose
+from wayproof.models.sensors import Firing, MujocoEngine, RangefinderCaster
+from wayproof.models.worlds import WORLDS
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
 

@@ -6,15 +6,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.beams import NO_RETURN, directions, moments
-from models.devices import DEVICES, Mount, SensorConfig
-from models.poses import Trail
-from models.robots import ROBOTS, Setpoint
-from models.scene import PREFIX, compose, equip, resolve
-from models.sensors import ROBOT_GROUP, SweepCaster
-from models.truth import Truth
-from models.worlds import WORLDS
 from tests.models.watching import watch
+from wayproof.models.beams import NO_RETURN, directions, moments
+from wayproof.models.devices import DEVICES, Mount, SensorConfig
+from wayproof.models.poses import Trail
+from wayproof.models.robots import ROBOTS, Setpoint
+from wayproof.models.scene import PREFIX, compose, equip, resolve
+from wayproof.models.sensors import ROBOT_GROUP, SweepCaster
+from wayproof.models.truth import Truth
+from wayproof.models.worlds import WORLDS
 
 
 @pytest.fixture(params=sorted(ROBOTS))

@@ -6,9 +6,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.classes import CLASSES
-from models.worlds import Box, Capsule, Cylinder, HeightField, Mover, Sphere, TriangleMesh, World
-from models.worlds.solids.triangles import distance_to_triangles
+from wayproof.models.classes import CLASSES
+from wayproof.models.worlds import (
+    Box,
+    Capsule,
+    Cylinder,
+    HeightField,
+    Mover,
+    Sphere,
+    TriangleMesh,
+    World,
+)
+from wayproof.models.worlds.solids.triangles import distance_to_triangles
 
 RNG = np.random.default_rng(3)
 TETRAHEDRON = TriangleMesh(
@@ -157,7 +166,7 @@ def test_every_geom_carries_its_class():
 
 
 def test_a_hole_stops_what_walks_and_not_what_flies():
-    from models.worlds import is_solvable
+    from wayproof.models.worlds import is_solvable
 
     slabs = (
         Box.between((-9.0, -9.0, -0.3), (-1.0, 9.0, 0.0), "floor"),

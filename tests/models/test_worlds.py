@@ -5,10 +5,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.worlds import WORLDS, is_solvable, is_solvable_in_any, shortest_path_length
-from models.worlds.solids import Box
-from models.worlds.solvability import AIR_BANDS, GROUND_BAND, REFERENCE_RADIUS, first_solvable
-from models.worlds.world import World
+from wayproof.models.worlds import WORLDS, is_solvable, is_solvable_in_any, shortest_path_length
+from wayproof.models.worlds.solids import Box
+from wayproof.models.worlds.solvability import (
+    AIR_BANDS,
+    GROUND_BAND,
+    REFERENCE_RADIUS,
+    first_solvable,
+)
+from wayproof.models.worlds.world import World
 
 WAREHOUSES = range(0, 400, 10)
 

@@ -1,7 +1,7 @@
 import pytest
 
-from planners import FreeSpace
 from tests.planners import worlds
+from wayproof.planners import FreeSpace
 
 
 @pytest.fixture(scope="session")

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from maps import Distances
-from maps.distances import Reader
-from maps.field import BLOCK_ROWS
+from wayproof.maps import Distances
+from wayproof.maps.distances import Reader
+from wayproof.maps.field import BLOCK_ROWS
 
 
 class Known:

@@ -4,7 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from planners import (
+from tests.planners.worlds import make_space, point
+from wayproof.planners import (
     STATE_SPACES,
     Body,
     Disc,
@@ -16,7 +17,6 @@ from planners import (
     plan,
     state_space_for,
 )
-from tests.planners.worlds import make_space, point
 
 LONG = Body(offsets=(-0.3, 0.0, 0.3), radii=(0.2, 0.2, 0.2))
 

@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from planners import (
+from tests.planners.worlds import make_space, point
+from wayproof.planners import (
     Body,
     FreeSpace,
     GoalField,
@@ -14,8 +15,7 @@ from planners import (
     lattice,
     plan,
 )
-from planners.kernels import walk_path
-from tests.planners.worlds import make_space, point
+from wayproof.planners.kernels import walk_path
 
 
 def random_space(seed: int, shape=(24, 20, 1), pillars: int = 0) -> FreeSpace:

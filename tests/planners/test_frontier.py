@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planners import FreeSpace, best_frontier
+from wayproof.planners import FreeSpace, best_frontier
 
 NOWHERE = np.empty((0, 3))
 

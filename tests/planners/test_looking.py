@@ -5,9 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from maps import Distances
-from maps.field import BLOCK_ROWS
-from planners import (
+from tests.planners.garbage import Known
+from tests.planners.worlds import make_boxes, make_space, point
+from wayproof.maps import Distances
+from wayproof.maps.field import BLOCK_ROWS
+from wayproof.planners import (
     FreeSpace,
     GoalField,
     PlannerConfig,
@@ -17,9 +19,7 @@ from planners import (
     lattice,
     plan,
 )
-from planners.kernels import BLOCK_BITS
-from tests.planners.garbage import Known
-from tests.planners.worlds import make_boxes, make_space, point
+from wayproof.planners.kernels import BLOCK_BITS
 
 
 def told_where_looked(space: FreeSpace, seed: int) -> tuple[FreeSpace, Known]:

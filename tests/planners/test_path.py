@@ -4,7 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from planners import (
+from tests.planners.worlds import make_space, point
+from wayproof.planners import (
     arc_lengths,
     blend_corners,
     first_stop,
@@ -16,9 +17,8 @@ from planners import (
     tangent_at,
     truncate,
 )
-from planners import path as paths
-from planners.path import edge_lengths, edge_tangents
-from tests.planners.worlds import make_space, point
+from wayproof.planners import path as paths
+from wayproof.planners.path import edge_lengths, edge_tangents
 
 ELL = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.0, 4.0, 1.0]])
 

@@ -11,8 +11,8 @@ import pytest
 from ompl import base as ob
 from ompl import geometric as og
 
-from planners import PLANNERS, PlannerConfig, plan, plan_seed
 from tests.planners.worlds import make_space, point
+from wayproof.planners import PLANNERS, PlannerConfig, plan, plan_seed
 
 ITERATIONS = 2000
 

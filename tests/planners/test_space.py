@@ -5,8 +5,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from planners import FreeSpace, kernels, point_at, truncate
 from tests.planners.worlds import make_space
+from wayproof.planners import FreeSpace, kernels, point_at, truncate
 
 SUBCELLS = kernels.SUBCELLS
 

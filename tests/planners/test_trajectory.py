@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import ruckig
 
-from planners import (
+from tests.planners.worlds import point
+from wayproof.planners import (
     MotionLimits,
     Trajectory,
     arc_lengths,
@@ -19,8 +20,7 @@ from planners import (
     trajectory,
     turn_in_place,
 )
-from planners.kernels import edge_headings, heading_of, turn_after, wrap
-from tests.planners.worlds import point
+from wayproof.planners.kernels import edge_headings, heading_of, turn_after, wrap
 
 LIMITS = [
     MotionLimits(speed=1.0, acceleration=1.5, jerk=6.0, lateral_acceleration=1.0, yaw_rate=1.2),

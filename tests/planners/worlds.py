@@ -1,7 +1,7 @@
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from planners import FreeSpace
+from wayproof.planners import FreeSpace
 
 TRUNCATION = 200
 BLOCKED_AT_OR_BELOW = 4

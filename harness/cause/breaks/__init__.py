@@ -4,8 +4,17 @@ Each kind takes an episode that reached its goal and changes one thing. If the c
 fails, that one thing is what, taken away, makes the failure go away.
 """
 
-from harness.cause.breaks import body, changing, hidden, no_way, pose, ranges, stack, timing
-from harness.cause.breaks.broken import Broken, Kind
+from wayproof.harness.cause.breaks import (
+    body,
+    changing,
+    hidden,
+    no_way,
+    pose,
+    ranges,
+    stack,
+    timing,
+)
+from wayproof.harness.cause.breaks.broken import Broken, Kind
 
 __all__ = ["KINDS", "Broken", "Kind"]
 

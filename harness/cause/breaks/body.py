@@ -6,11 +6,11 @@ from typing import Any
 
 import mujoco
 
-from harness.cause.breaks.broken import Broken, Edit, Kind, Rng
-from harness.result import Result
-from harness.scenario import Scenario
-from models.scene import PREFIX
-from models.sensors import ROBOT_GROUP
+from wayproof.harness.cause.breaks.broken import Broken, Edit, Kind, Rng
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario
+from wayproof.models.scene import PREFIX
+from wayproof.models.sensors import ROBOT_GROUP
 
 
 def _slim(sound: Scenario, result: Result, rng: Rng) -> Broken:

@@ -9,12 +9,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from harness.config import override
-from harness.perturbations import perturbation_from
-from harness.result import Result
-from harness.scenario import Scenario, build, edit_scene
-from harness.stack.pipeline import Navigator
-from models.worlds import Box, Mover, World
+from wayproof.harness.config import override
+from wayproof.harness.perturbations import perturbation_from
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario, build, edit_scene
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.models.worlds import Box, Mover, World
 
 MOST = 4000
 """No broken episode has more decisions."""

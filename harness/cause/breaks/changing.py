@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from harness.cause.breaks.broken import (
+from wayproof.harness.cause.breaks.broken import (
     CLEAR_OF_ENDS,
     Broken,
     Kind,
@@ -15,9 +15,9 @@ from harness.cause.breaks.broken import (
     wall_across,
     with_movers,
 )
-from harness.result import Result
-from harness.scenario import Scenario
-from models.worlds import Box, Mover
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario
+from wayproof.models.worlds import Box, Mover
 
 HERE = ((0.0, 0.0, 0.0),)
 """Route of what stays where its solids are."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from harness.cause.breaks.broken import (
+from wayproof.harness.cause.breaks.broken import (
     Broken,
     Kind,
     Rng,
@@ -13,10 +13,10 @@ from harness.cause.breaks.broken import (
     place_between,
     with_solids,
 )
-from harness.result import Result
-from harness.scenario import Scenario
-from models.scene import PREFIX
-from models.worlds import Capsule
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario
+from wayproof.models.scene import PREFIX
+from wayproof.models.worlds import Capsule
 
 CLEAR = [0.8, 0.9, 1.0, 0.0]
 """Colour of glass, which no beam meets."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.cause.breaks.broken import (
+from wayproof.harness.cause.breaks.broken import (
     Broken,
     Kind,
     Rng,
@@ -13,10 +13,10 @@ from harness.cause.breaks.broken import (
     wall_across,
     with_solids,
 )
-from harness.cause.ways import rest_to_rest
-from harness.result import Result
-from harness.scenario import Scenario
-from models.worlds import Box
+from wayproof.harness.cause.ways import rest_to_rest
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario
+from wayproof.models.worlds import Box
 
 ROUND_THE_GOAL = 0.9
 """Half edge of the pen about the goal, m."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from harness.cause.breaks.broken import Broken, Kind, Rng
-from harness.result import Result
-from harness.scenario import Scenario
+from wayproof.harness.cause.breaks.broken import Broken, Kind, Rng
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario
 
 
 def _jump(sound: Scenario, result: Result, rng: Rng) -> Broken:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from harness.cause.breaks.body import NARROW, SHORT
-from harness.cause.breaks.broken import Break, Broken, Kind, Rng
-from harness.cause.reckless import Reckless, Uninflated
-from harness.result import Result
-from harness.scenario import Scenario
-from harness.stack.pipeline import Navigator
+from wayproof.harness.cause.breaks.body import NARROW, SHORT
+from wayproof.harness.cause.breaks.broken import Break, Broken, Kind, Rng
+from wayproof.harness.cause.reckless import Reckless, Uninflated
+from wayproof.harness.result import Result
+from wayproof.harness.scenario import Scenario
+from wayproof.harness.stack.pipeline import Navigator
 
 
 def _hasty_search(sound: Scenario, result: Result, rng: Rng) -> Broken:

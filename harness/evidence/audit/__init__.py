@@ -7,9 +7,9 @@ by cell of that very map; and the trajectory along it is checked to be one that 
 and that ends at rest.
 """
 
-from harness.evidence.audit.moment import Moment, Violation
-from harness.evidence.audit.run import CHECKS, Audit, audit
-from harness.evidence.audit.volumes import Volumes, together
-from harness.evidence.paths import densely
+from wayproof.harness.evidence.audit.moment import Moment, Violation
+from wayproof.harness.evidence.audit.run import CHECKS, Audit, audit
+from wayproof.harness.evidence.audit.volumes import Volumes, together
+from wayproof.harness.evidence.paths import densely
 
 __all__ = ["CHECKS", "Audit", "Moment", "Violation", "Volumes", "audit", "densely", "together"]

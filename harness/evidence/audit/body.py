@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.config import Config
-from harness.evidence.cells import SPACING, Cells, cells_around
-from harness.evidence.paths import SAME_PLACE, Array, arc_lengths, densely, length
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
-from maps import Representation, UnknownPolicy
+from wayproof.harness.config import Config
+from wayproof.harness.evidence.cells import SPACING, Cells, cells_around
+from wayproof.harness.evidence.paths import SAME_PLACE, Array, arc_lengths, densely, length
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+from wayproof.maps import Representation, UnknownPolicy
 
 PARTS = 4
 """That the time between two samples is cut into."""

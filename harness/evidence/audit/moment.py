@@ -7,14 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from harness.config import Config
-from harness.evidence.audit.body import Body
-from harness.evidence.paths import Array
-from harness.logs.reader import Record
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
-from maps import Representation
+from wayproof.harness.config import Config
+from wayproof.harness.evidence.audit.body import Body
+from wayproof.harness.evidence.paths import Array
+from wayproof.harness.logs.reader import Record
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+from wayproof.maps import Representation
 
 SIGMAS = 2.0
 """Standard deviations of the believed position that the margin covers."""

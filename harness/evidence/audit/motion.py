@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from harness.evidence.audit.moment import Moment, Violation, apart
-from harness.evidence.paths import SAME_PLACE, length, place_at, speed_at
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
+from wayproof.harness.evidence.audit.moment import Moment, Violation, apart
+from wayproof.harness.evidence.paths import SAME_PLACE, length, place_at, speed_at
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
 
 LIMIT_SLACK = 1.05
 """On speed and acceleration, read from samples a tenth of a second apart."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from harness.evidence.audit.moment import Moment, Violation
-from harness.evidence.cells import cells_around
-from harness.evidence.paths import length
-from harness.mission import Mission
+from wayproof.harness.evidence.audit.moment import Moment, Violation
+from wayproof.harness.evidence.cells import cells_around
+from wayproof.harness.evidence.paths import length
+from wayproof.harness.mission import Mission
 
 ROUNDING = 1e-9
 """Of figures that are worked out in another order of operations, m and s."""

@@ -7,31 +7,31 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.errors import InputError
-from harness.evidence.audit.body import Body
-from harness.evidence.audit.moment import Moment, Violation, standing_at_start
-from harness.evidence.audit.motion import (
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit.body import Body
+from wayproof.harness.evidence.audit.moment import Moment, Violation, standing_at_start
+from wayproof.harness.evidence.audit.motion import (
     check_deadline,
     check_joint,
     check_limits,
     check_rest,
     is_malformed,
 )
-from harness.evidence.audit.record import (
+from wayproof.harness.evidence.audit.record import (
     check_figures,
     check_inputs,
     check_margin,
     check_settings,
     check_version,
 )
-from harness.evidence.audit.volumes import Volumes, measure, together
-from harness.evidence.audit.way import judge_way
-from harness.evidence.reasons import ReasonCheck
-from harness.evidence.relay import Relay, stretches
-from harness.labels import bound_version
-from harness.logs.reader import Log, open_log
-from harness.schema import wayproof_pb2 as pb
-from maps import UnknownPolicy
+from wayproof.harness.evidence.audit.volumes import Volumes, measure, together
+from wayproof.harness.evidence.audit.way import judge_way
+from wayproof.harness.evidence.reasons import ReasonCheck
+from wayproof.harness.evidence.relay import Relay, stretches
+from wayproof.harness.labels import bound_version
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps import UnknownPolicy
 
 CHECKS: tuple[Callable[[Moment], list[Violation]], ...] = (
     check_version,

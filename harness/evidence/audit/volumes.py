@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.evidence.audit.body import BESIDE, Discs, track_of
-from harness.evidence.audit.moment import Moment
-from harness.evidence.paths import Array
+from wayproof.harness.evidence.audit.body import BESIDE, Discs, track_of
+from wayproof.harness.evidence.audit.moment import Moment
+from wayproof.harness.evidence.paths import Array
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.evidence.audit.body import Discs, track_of
-from harness.evidence.audit.moment import Moment, Violation
-from harness.evidence.paths import Array, length, rest_of, runs_along, speed_at
-from harness.stack.decision import path_of
+from wayproof.harness.evidence.audit.body import Discs, track_of
+from wayproof.harness.evidence.audit.moment import Moment, Violation
+from wayproof.harness.evidence.paths import Array, length, rest_of, runs_along, speed_at
+from wayproof.harness.stack.decision import path_of
 
 SLOWLY = 0.3
 """Share of its greatest speed at which a body leaves the inflation."""

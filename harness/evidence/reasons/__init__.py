@@ -11,14 +11,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.config import Config
-from harness.evidence.reasons.past import Past
-from harness.evidence.reasons.predicates import PREDICATES
-from harness.evidence.reasons.scene import Scene
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.reasons import MEANINGS, logged_reason, sentence
-from maps import Representation
+from wayproof.harness.config import Config
+from wayproof.harness.evidence.reasons.past import Past
+from wayproof.harness.evidence.reasons.predicates import PREDICATES
+from wayproof.harness.evidence.reasons.scene import Scene
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.reasons import MEANINGS, logged_reason, sentence
+from wayproof.maps import Representation
 
 __all__ = ["PREDICATES", "ReasonCheck"]
 

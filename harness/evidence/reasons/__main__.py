@@ -1,7 +1,7 @@
 """How often decisions have which action, label and reason, and how often the reason is false.
 
-`python -m harness.evidence.reasons LOG...` holds each reason against the map of its decision; of a
-folder it takes all logs below it.
+`python -m wayproof.harness.evidence.reasons LOG...` holds each reason against the map of its
+decision; of a folder it takes all logs below it.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from harness.errors import InputError
-from harness.evidence.audit.motion import is_malformed
-from harness.evidence.audit.run import moments
-from harness.evidence.reasons import ReasonCheck
-from harness.logs.reader import open_log
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.audit.motion import is_malformed
+from wayproof.harness.evidence.audit.run import moments
+from wayproof.harness.evidence.reasons import ReasonCheck
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 Row = tuple[str, str, str]
 
@@ -138,7 +138,8 @@ def show(found: Tally, console: Console) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the table; 1 if a reason is false."""
-    parser = argparse.ArgumentParser("python -m harness.evidence.reasons", description=__doc__)
+    program = "python -m wayproof.harness.evidence.reasons"
+    parser = argparse.ArgumentParser(program, description=__doc__)
     parser.add_argument("log", nargs="+", type=Path, help="a log, or a folder of them")
     parser.add_argument("--no-check", action="store_true", help="only count")
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")

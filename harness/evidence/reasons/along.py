@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.evidence.paths import Array, arc_lengths, densely, length
-from harness.evidence.reasons.scene import Scene
-from harness.inputs import heading_of
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.evidence.paths import Array, arc_lengths, densely, length
+from wayproof.harness.evidence.reasons.scene import Scene
+from wayproof.harness.inputs import heading_of
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 NEAR = 1e-3
 """Figures that are worked out in two ways differ by less, m, s and rad."""

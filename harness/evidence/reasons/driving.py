@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from harness.evidence.paths import length
-from harness.evidence.reasons.along import (
+from wayproof.harness.evidence.paths import length
+from wayproof.harness.evidence.reasons.along import (
     NEAR,
     direction,
     heading_of_body,
@@ -16,11 +16,11 @@ from harness.evidence.reasons.along import (
     turn_at,
     wrapped,
 )
-from harness.evidence.reasons.overlap import free_before, obstructed
-from harness.evidence.reasons.past import STILL, Past
-from harness.evidence.reasons.scene import Scene
-from harness.evidence.reasons.stopping import stop_from, stops
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.evidence.reasons.overlap import free_before, obstructed
+from wayproof.harness.evidence.reasons.past import STILL, Past
+from wayproof.harness.evidence.reasons.scene import Scene
+from wayproof.harness.evidence.reasons.stopping import stop_from, stops
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 FIRST_PIECES = (0.1, 0.2, 0.3)
 """A path may bend at once: where it leads is looked at over these lengths, m."""

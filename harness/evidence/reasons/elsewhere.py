@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.evidence.paths import Array, length, place_at
-from harness.evidence.reasons.along import NEAR, point_of, same
-from harness.evidence.reasons.overlap import overlapped_here
-from harness.evidence.reasons.past import Past
-from harness.evidence.reasons.scene import Scene
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.evidence.paths import Array, length, place_at
+from wayproof.harness.evidence.reasons.along import NEAR, point_of, same
+from wayproof.harness.evidence.reasons.overlap import overlapped_here
+from wayproof.harness.evidence.reasons.past import Past
+from wayproof.harness.evidence.reasons.scene import Scene
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def looking_elsewhere(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.evidence.paths import Array, arc_lengths, densely
-from harness.evidence.reasons.along import ARC, ARC_SHARE, NEAR, nearest, point_of
-from harness.evidence.reasons.scene import Scene
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.evidence.paths import Array, arc_lengths, densely
+from wayproof.harness.evidence.reasons.along import ARC, ARC_SHARE, NEAR, nearest, point_of
+from wayproof.harness.evidence.reasons.scene import Scene
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 BENT = 0.1
 """So far is a path from its thinned form, m."""

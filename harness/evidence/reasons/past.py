@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.evidence.paths import Array, length
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
+from wayproof.harness.evidence.paths import Array, length
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
 
 STILL = 0.02
 """A shorter trajectory stays where it is, m."""

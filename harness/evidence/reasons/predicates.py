@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from harness.evidence.reasons import driving, elsewhere, stopping, waiting
-from harness.evidence.reasons.past import Past
-from harness.evidence.reasons.scene import Scene
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.evidence.reasons import driving, elsewhere, stopping, waiting
+from wayproof.harness.evidence.reasons.past import Past
+from wayproof.harness.evidence.reasons.scene import Scene
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 Claim = Callable[[Scene, Past, pb.Reason], Iterator[str]]
 

@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from harness.config import Config
-from harness.evidence.cells import NAMES, Cells, cells_around
-from harness.evidence.paths import Array
-from harness.mission import Mission
-from harness.schema import wayproof_pb2 as pb
-from harness.stack.decision import path_of
-from maps import Representation
+from wayproof.harness.config import Config
+from wayproof.harness.evidence.cells import NAMES, Cells, cells_around
+from wayproof.harness.evidence.paths import Array
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+from wayproof.maps import Representation
 
 Point = tuple[float, float, float]
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from harness.evidence.paths import length
-from harness.evidence.reasons.along import NEAR, left_of, point_of, same, same_arc
-from harness.evidence.reasons.overlap import obstructed
-from harness.evidence.reasons.past import Past
-from harness.evidence.reasons.scene import Scene
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.evidence.paths import length
+from wayproof.harness.evidence.reasons.along import NEAR, left_of, point_of, same, same_arc
+from wayproof.harness.evidence.reasons.overlap import obstructed
+from wayproof.harness.evidence.reasons.past import Past
+from wayproof.harness.evidence.reasons.scene import Scene
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def braking_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:

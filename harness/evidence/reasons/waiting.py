@@ -6,13 +6,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.evidence.paths import length
-from harness.evidence.reasons.along import NEAR, same
-from harness.evidence.reasons.overlap import has_room, obstructed, overlapped, overlapped_here
-from harness.evidence.reasons.past import STILL, Past
-from harness.evidence.reasons.scene import Scene
-from harness.evidence.reasons.stopping import stops
-from harness.schema import wayproof_pb2 as pb
+from wayproof.harness.evidence.paths import length
+from wayproof.harness.evidence.reasons.along import NEAR, same
+from wayproof.harness.evidence.reasons.overlap import (
+    has_room,
+    obstructed,
+    overlapped,
+    overlapped_here,
+)
+from wayproof.harness.evidence.reasons.past import STILL, Past
+from wayproof.harness.evidence.reasons.scene import Scene
+from wayproof.harness.evidence.reasons.stopping import stops
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def waiting_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:

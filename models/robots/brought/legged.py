@@ -15,10 +15,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.robots.brought.legged_parameters import legged_parameters
-from models.robots.brought.source import Source, Unusable, find
-from models.robots.brought.spec_file import SpecFile
-from models.robots.brought.writing import (
+from wayproof.models.robots.brought.legged_parameters import legged_parameters
+from wayproof.models.robots.brought.source import Source, Unusable, find
+from wayproof.models.robots.brought.spec_file import SpecFile
+from wayproof.models.robots.brought.writing import (
     HEAD,
     Assets,
     check_size,
@@ -29,8 +29,8 @@ from models.robots.brought.writing import (
     sensor_sites,
     surface,
 )
-from models.robots.quadruped.model import FOOT_CONTACT, TOUCH_MARGIN
-from models.robots.quadruped.parameters import JOINTS, LEGS, standing_joints
+from wayproof.models.robots.quadruped.model import FOOT_CONTACT, TOUCH_MARGIN
+from wayproof.models.robots.quadruped.parameters import JOINTS, LEGS, standing_joints
 
 Array = NDArray[np.float64]
 Objects = mujoco.mjtObj

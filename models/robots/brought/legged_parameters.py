@@ -7,9 +7,9 @@ from math import hypot, sqrt
 import mujoco
 import numpy as np
 
-from models.robots.brought.source import Unusable
-from models.robots.brought.spec_file import SpecFile
-from models.robots.quadruped.parameters import (
+from wayproof.models.robots.brought.source import Unusable
+from wayproof.models.robots.brought.spec_file import SpecFile
+from wayproof.models.robots.quadruped.parameters import (
     JOINTS,
     LEGS,
     Actuators,
@@ -21,7 +21,7 @@ from models.robots.quadruped.parameters import (
     Tracking,
     standing_joints,
 )
-from models.robots.quadruped.walking import foot_jacobian
+from wayproof.models.robots.quadruped.walking import foot_jacobian
 
 STANCE = 0.65
 """Share of the stretched leg that it stands on; the gait was tuned at this."""

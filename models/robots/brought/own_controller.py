@@ -8,13 +8,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models._plugin import UserCodeError, load_class, user_code
-from models.devices import Rangefinder
-from models.robots.brought.source import Source, Unusable, free
-from models.robots.brought.spec_file import SpecFile
-from models.robots.brought.writing import farthest, mesh_points
-from models.robots.robot import Controller, Setpoint
-from models.sensors import ROBOT_GROUP
+from wayproof.models._plugin import UserCodeError, load_class, user_code
+from wayproof.models.devices import Rangefinder
+from wayproof.models.robots.brought.source import Source, Unusable, free
+from wayproof.models.robots.brought.spec_file import SpecFile
+from wayproof.models.robots.brought.writing import farthest, mesh_points
+from wayproof.models.robots.robot import Controller, Setpoint
+from wayproof.models.sensors import ROBOT_GROUP
 
 
 def kept_mjcf(source: Source, spec: SpecFile) -> str:

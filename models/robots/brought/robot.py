@@ -10,20 +10,20 @@ from typing import Literal, NamedTuple
 
 import mujoco
 
-from models.robots import quadrotor, quadruped
-from models.robots.brought.legged import check_legged, legged_mjcf
-from models.robots.brought.legged_parameters import legged_parameters
-from models.robots.brought.own_controller import kept_mjcf, load_controller
-from models.robots.brought.rotorcraft import (
+from wayproof.models.robots import quadrotor, quadruped
+from wayproof.models.robots.brought.legged import check_legged, legged_mjcf
+from wayproof.models.robots.brought.legged_parameters import legged_parameters
+from wayproof.models.robots.brought.own_controller import kept_mjcf, load_controller
+from wayproof.models.robots.brought.rotorcraft import (
     check_rotorcraft,
     rotorcraft_mjcf,
     rotorcraft_parameters,
 )
-from models.robots.brought.source import Source, Unusable, find_mjcf, open_source
-from models.robots.brought.spec_file import PLUGIN, SpecFile, parse_spec
-from models.robots.quadrotor import QuadrotorController
-from models.robots.quadruped import QuadrupedController
-from models.robots.robot import Controller, RobotSpec
+from wayproof.models.robots.brought.source import Source, Unusable, find_mjcf, open_source
+from wayproof.models.robots.brought.spec_file import PLUGIN, SpecFile, parse_spec
+from wayproof.models.robots.quadrotor import QuadrotorController
+from wayproof.models.robots.quadruped import QuadrupedController
+from wayproof.models.robots.robot import Controller, RobotSpec
 
 MOST_BYTES = 2**20
 """Of a spec file."""

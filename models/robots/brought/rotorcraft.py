@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.robots.brought.source import Source, Unusable, find
-from models.robots.brought.spec_file import SpecFile
-from models.robots.brought.writing import (
+from wayproof.models.robots.brought.source import Source, Unusable, find
+from wayproof.models.robots.brought.spec_file import SpecFile
+from wayproof.models.robots.brought.writing import (
     HEAD,
     Assets,
     check_size,
@@ -26,8 +26,8 @@ from models.robots.brought.writing import (
     sensor_sites,
     surface,
 )
-from models.robots.quadrotor.model import DISC, ROTORS, rotor_motor
-from models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Parameters
+from wayproof.models.robots.quadrotor.model import DISC, ROTORS, rotor_motor
+from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Parameters
 
 Array = NDArray[np.float64]
 

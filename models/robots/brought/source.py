@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.imports.mjcf_files import check_scene
-from models.imports.mjcf_scenes import NOT_COMPILED
-from models.imports.reading import Unreadable
+from wayproof.models.imports.mjcf_files import check_scene
+from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
+from wayproof.models.imports.reading import Unreadable
 
 Array = NDArray[np.float64]
 

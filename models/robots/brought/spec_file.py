@@ -7,8 +7,8 @@ from typing import Literal
 
 import msgspec
 
-from models.devices import DEVICES, Mount
-from models.robots.brought.source import Unusable
+from wayproof.models.devices import DEVICES, Mount
+from wayproof.models.robots.brought.source import Unusable
 
 PLUGIN = ":"
 """In a controller's name: `module:Class` of the user's own."""

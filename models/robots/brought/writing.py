@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.devices import Rangefinder
-from models.robots.brought.source import Source, Unusable
-from models.robots.brought.spec_file import SpecFile
-from models.sensors import ROBOT_GROUP
+from wayproof.models.devices import Rangefinder
+from wayproof.models.robots.brought.source import Source, Unusable
+from wayproof.models.robots.brought.spec_file import SpecFile
+from wayproof.models.sensors import ROBOT_GROUP
 
 Array = NDArray[np.float64]
 Geoms = mujoco.mjtGeom

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.robots.packed import packed
-from models.robots.quadrotor.kernels import air_drag, fly, rotation_matrix
-from models.robots.quadrotor.model import ROTORS
-from models.robots.quadrotor.parameters import GRAVITY, Parameters
-from models.robots.robot import Setpoint
+from wayproof.models.robots.packed import packed
+from wayproof.models.robots.quadrotor.kernels import air_drag, fly, rotation_matrix
+from wayproof.models.robots.quadrotor.model import ROTORS
+from wayproof.models.robots.quadrotor.parameters import GRAVITY, Parameters
+from wayproof.models.robots.robot import Setpoint
 
 Array = NDArray[np.float64]
 

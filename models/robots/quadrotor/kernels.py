@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing
+from wayproof.models._jit import kernel
+from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing
 
 Array = NDArray[np.float64]
 

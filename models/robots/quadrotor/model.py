@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import ceil, hypot
 
-from models.robots.quadrotor.parameters import Airframe
-from models.sensors import ROBOT_GROUP
+from wayproof.models.robots.quadrotor.parameters import Airframe
+from wayproof.models.sensors import ROBOT_GROUP
 
 ROTORS = (
     ("rear_right", -1, -1, -1),

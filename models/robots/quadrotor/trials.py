@@ -12,11 +12,11 @@ import numpy as np
 import ruckig
 from numpy.typing import NDArray
 
-from models.robots.estimate import Estimate, EstimateNoise
-from models.robots.quadrotor.parameters import AIR_DENSITY, Airframe
-from models.robots.quadrotor.robot import Quadrotor
-from models.robots.robot import Setpoint
-from models.robots.wind import dryden_gusts
+from wayproof.models.robots.estimate import Estimate, EstimateNoise
+from wayproof.models.robots.quadrotor.parameters import AIR_DENSITY, Airframe
+from wayproof.models.robots.quadrotor.robot import Quadrotor
+from wayproof.models.robots.robot import Setpoint
+from wayproof.models.robots.wind import dryden_gusts
 
 Array = NDArray[np.float64]
 Course = Callable[[float], tuple[float, float, float, float]]

@@ -1,7 +1,7 @@
 """A Go2-sized quadruped: convex predictive control, Raibert footholds, torque-limited joints."""
 
-from models.robots.quadruped.controller import QuadrupedController
-from models.robots.quadruped.parameters import Parameters
-from models.robots.quadruped.robot import Quadruped, warm_up
+from wayproof.models.robots.quadruped.controller import QuadrupedController
+from wayproof.models.robots.quadruped.parameters import Parameters
+from wayproof.models.robots.quadruped.robot import Quadruped, warm_up
 
 __all__ = ["Parameters", "Quadruped", "QuadrupedController", "warm_up"]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.robots.quadruped.parameters import Gait, Geometry, Prediction
+from wayproof.models._jit import kernel
+from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Prediction
 
 Array = NDArray[np.float64]
 

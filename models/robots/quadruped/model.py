@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from models.robots.quadruped.parameters import JOINTS, LEGS, Actuators, Geometry
-from models.sensors import ROBOT_GROUP
+from wayproof.models.robots.quadruped.parameters import JOINTS, LEGS, Actuators, Geometry
+from wayproof.models.sensors import ROBOT_GROUP
 
 
 class Link(NamedTuple):

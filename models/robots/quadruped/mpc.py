@@ -13,8 +13,8 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.robots.quadruped.parameters import Prediction
+from wayproof.models._jit import kernel
+from wayproof.models.robots.quadruped.parameters import Prediction
 
 Array = NDArray[np.float64]
 Slots = NDArray[np.int64]

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.robots.estimate import Estimate, EstimateNoise
-from models.robots.quadruped.robot import Quadruped
-from models.robots.robot import Setpoint
-from models.robots.terrain import Block
+from wayproof.models.robots.estimate import Estimate, EstimateNoise
+from wayproof.models.robots.quadruped.robot import Quadruped
+from wayproof.models.robots.robot import Setpoint
+from wayproof.models.robots.terrain import Block
 
 Array = NDArray[np.float64]
 

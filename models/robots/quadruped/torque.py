@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.robots.quadruped.parameters import Actuators, Gait, Legs
+from wayproof.models._jit import kernel
+from wayproof.models.robots.quadruped.parameters import Actuators, Gait, Legs
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from models.robots.estimate import EstimateNoise
-from models.robots.quadruped.parameters import LEGS
-from models.robots.quadruped.ride import PREFIX, TIMESTEP, Plant, Ride
-from models.robots.quadruped.robot import Quadruped
-from models.robots.robot import Setpoint
-from models.robots.terrain import COURSE_END, TERRAINS
+from wayproof.models.robots.estimate import EstimateNoise
+from wayproof.models.robots.quadruped.parameters import LEGS
+from wayproof.models.robots.quadruped.ride import PREFIX, TIMESTEP, Plant, Ride
+from wayproof.models.robots.quadruped.robot import Quadruped
+from wayproof.models.robots.robot import Setpoint
+from wayproof.models.robots.terrain import COURSE_END, TERRAINS
 
 Array = NDArray[np.float64]
 Velocity = tuple[float, float, float]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models._jit import kernel
-from models.robots.quadruped.parameters import Gait, Geometry, Tracking
+from wayproof.models._jit import kernel
+from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Tracking
 
 Array = NDArray[np.float64]
 

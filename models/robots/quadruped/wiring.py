@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from models.robots.quadruped.parameters import JOINTS, LEGS
+from wayproof.models.robots.quadruped.parameters import JOINTS, LEGS
 
 Array = NDArray[np.float64]
 

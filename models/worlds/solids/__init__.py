@@ -1,9 +1,9 @@
 """What worlds are made of: shapes that know their exact distance and their MJCF."""
 
-from models.worlds.solids.box import Box
-from models.worlds.solids.round import Capsule, Cylinder, Sphere
-from models.worlds.solids.solid import FRICTION, Band, Solid, Vector3
-from models.worlds.solids.surfaces import HeightField, TriangleMesh
+from wayproof.models.worlds.solids.box import Box
+from wayproof.models.worlds.solids.round import Capsule, Cylinder, Sphere
+from wayproof.models.worlds.solids.solid import FRICTION, Band, Solid, Vector3
+from wayproof.models.worlds.solids.surfaces import HeightField, TriangleMesh
 
 __all__ = [
     "FRICTION",

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.worlds.solids.solid import (
+from wayproof.models.worlds.solids.solid import (
     Band,
     Bounded,
     Vector3,

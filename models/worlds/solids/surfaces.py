@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.worlds.solids.solid import (
+from wayproof.models.worlds.solids.solid import (
     Band,
     Bounded,
     Vector3,
@@ -16,7 +16,7 @@ from models.worlds.solids.solid import (
     numbers,
     write_geom,
 )
-from models.worlds.solids.triangles import distance_to_triangles
+from wayproof.models.worlds.solids.triangles import distance_to_triangles
 
 FLAT = 1e-3
 """Height that MuJoCo is told of a height field without relief, which must have some, m."""

@@ -1,0 +1,74 @@
+"""Was the space that the robot entered proven safe, and if not, why did it go?
+
+Names are loaded when they are first used, so that `import wayproof` takes milliseconds:
+
+    from wayproof import Config, build, run_episode
+
+    result = run_episode(build(Config("warehouse", "drone", seed=4)), "logs/d.mcap")
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import TYPE_CHECKING, Any
+
+from wayproof.kernel_cache import use_kernel_cache
+
+if TYPE_CHECKING:
+    from wayproof.harness.config import Config, override
+    from wayproof.harness.errors import InputError
+    from wayproof.harness.logs.reader import Log, open_log
+    from wayproof.harness.result import Result
+    from wayproof.harness.runner import run_episode
+    from wayproof.harness.scenario import Scenario, build
+    from wayproof.harness.stack.pipeline import Navigator, build_navigator
+
+# Small products on two BLAS threads are slower than on one, and their order of summation varies.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+use_kernel_cache()
+
+WHERE = {
+    "Config": "wayproof.harness.config",
+    "override": "wayproof.harness.config",
+    "InputError": "wayproof.harness.errors",
+    "Log": "wayproof.harness.logs.reader",
+    "open_log": "wayproof.harness.logs.reader",
+    "Result": "wayproof.harness.result",
+    "run_episode": "wayproof.harness.runner",
+    "Scenario": "wayproof.harness.scenario",
+    "build": "wayproof.harness.scenario",
+    "Navigator": "wayproof.harness.stack.pipeline",
+    "build_navigator": "wayproof.harness.stack.pipeline",
+}
+"""Public name -> the module that holds it."""
+
+__all__ = [
+    "Config",
+    "InputError",
+    "Log",
+    "Navigator",
+    "Result",
+    "Scenario",
+    "build",
+    "build_navigator",
+    "open_log",
+    "override",
+    "run_episode",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name.
+
+    Raises:
+        AttributeError: There is no such name.
+    """
+    if name not in WHERE:
+        raise AttributeError(f"module 'wayproof' has no attribute '{name}'")
+    return getattr(importlib.import_module(WHERE[name]), name)
+
+
+def __dir__() -> list[str]:
+    """Public names."""
+    return __all__

@@ -1,0 +1,7 @@
+"""`python -m wayproof` is the command `wayproof`."""
+
+import sys
+
+from wayproof.harness.cli import main
+
+sys.exit(main())

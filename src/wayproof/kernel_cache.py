@@ -1,0 +1,96 @@
+"""Where compiled kernels are kept: in a folder named by the sources of all of them.
+
+Numba keeps a kernel until its own file changes, and goes on with the old code of a callee, and the
+old value of a constant, from another file. With another folder for each state of the sources, no
+kernel is ever out of date.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import sys
+import time
+
+PACKAGES = ("harness", "maps", "models", "planners")
+
+DECORATOR = b"_jit import"
+"""In every file with kernels."""
+
+OURS = re.compile(
+    rb"^(?:from|import) wayproof\.([\w.]+)(?: import (?:\(([\w,\s]+)\)|([\w, ]+)))?", re.MULTILINE
+)
+"""What a file imports of ours."""
+
+KEPT_S = 14 * 24 * 3600.0
+"""Caches that no process has used for so long are deleted, s."""
+
+
+def use_kernel_cache() -> None:
+    """Name numba's cache folder for this process and its children, unless it is named already."""
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    folder = os.path.join(caches, "wayproof", f"kernels-{kernel_digest(os.path.dirname(__file__))}")
+    os.environ["NUMBA_CACHE_DIR"] = folder
+    if "numba" in sys.modules:  # it has read its environment
+        sys.modules["numba"].config.CACHE_DIR = folder
+    with contextlib.suppress(OSError):  # numba then looks for a place of its own
+        if not os.path.isdir(folder):
+            os.makedirs(folder, exist_ok=True)
+            delete_unused(os.path.dirname(folder))
+        os.utime(folder)
+
+
+def kernel_digest(root: str) -> str:
+    """Hash of every file with kernels in the packages of a folder, and of all that these import."""
+    texts = {path: text for path, text in _sources(root) if DECORATOR in text}
+    left = list(texts)
+    while left:
+        for path in _imported(texts[left.pop()]):
+            file = os.path.join(root, f"{path}.py")
+            if path not in texts and os.path.isfile(file):
+                with open(file, "rb") as source:
+                    texts[path] = source.read()
+                left.append(path)
+    digest = hashlib.blake2b(digest_size=8)
+    for path in sorted(texts):
+        digest.update(f"{path} {len(texts[path])}\n".encode())
+        digest.update(texts[path])
+    return digest.hexdigest()
+
+
+def _sources(root: str) -> list[tuple[str, bytes]]:
+    """Every module of the packages: its path without the ending, and its text."""
+    found = []
+    for package in PACKAGES:
+        for folder, _, names in os.walk(os.path.join(root, package)):
+            for name in names:
+                if name.endswith(".py"):
+                    file = os.path.join(folder, name)
+                    with open(file, "rb") as source:
+                        path = os.path.relpath(file, root).removesuffix(".py")
+                        found.append((path.replace(os.sep, "/"), source.read()))
+    return found
+
+
+def _imported(text: bytes) -> set[str]:
+    """Paths of the modules that a module may import: each name may be one of its own."""
+    paths = set()
+    for module, several, names in OURS.findall(text):
+        path = module.decode().replace(".", "/")
+        paths |= {path, f"{path}/__init__"}
+        paths |= {f"{path}/{name.strip()}" for name in (several or names).decode().split(",")}
+    return paths
+
+
+def delete_unused(caches: str) -> None:
+    """Delete the caches of other sources that no process has used of late."""
+    import shutil
+
+    oldest = time.time() - KEPT_S
+    for entry in os.scandir(caches):
+        if entry.name.startswith("kernels-") and entry.stat().st_mtime < oldest:
+            shutil.rmtree(entry.path, ignore_errors=True)

@@ -1,0 +1,76 @@
+"""No compiled kernel outlives a change of what it calls, in whatever file that stands."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import wayproof
+from wayproof.kernel_cache import delete_unused, kernel_digest
+
+SOURCE = Path(wayproof.__file__).parent
+CALLER = "from wayproof.maps import rates\nfrom wayproof.maps._jit import kernel\n"
+CALLER += "from wayproof.maps.callee import doubled\n\n\n"
+CALLER += "@kernel\ndef answer(x):\n    return doubled(x) + rates.RATE\n"
+CALLEE = "from wayproof.maps._jit import kernel\n\n\n@kernel\ndef doubled(x):\n    return 2 * x\n"
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A small `wayproof` whose kernel calls one of another file and holds a constant of a third."""
+    root = tmp_path / "wayproof"
+    for name in ("harness", "maps", "models", "planners"):
+        (root / name).mkdir(parents=True)
+        (root / name / "__init__.py").touch()
+    for name in ("kernel_cache.py", "maps/_jit.py"):
+        shutil.copy(SOURCE / name, root / name)
+    start = "from wayproof.kernel_cache import use_kernel_cache\n\nuse_kernel_cache()\n"
+    (root / "__init__.py").write_text(start)
+    (root / "maps" / "caller.py").write_text(CALLER)
+    (root / "maps" / "callee.py").write_text(CALLEE)
+    (root / "maps" / "rates.py").write_text("RATE = 1\n")
+    return root
+
+
+def answer(package, *imports):
+    """What the kernel gives in a new process, which finds what the last one compiled."""
+    here = {"PYTHONPATH": str(package.parent), "XDG_CACHE_HOME": str(package.parent / "caches")}
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | here
+    code = "; ".join((*imports, "from wayproof.maps.caller import answer", "print(answer(20))"))
+    ended = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    return int(ended.stdout)
+
+
+def test_a_change_of_a_callee_or_a_constant_in_another_file_is_seen(package):
+    caches = package.parent / "caches" / "wayproof"
+    assert answer(package) == 41
+    assert answer(package, "import numba") == 41  # which has read its settings before
+    assert len(list(caches.iterdir())) == 1
+    (package / "maps" / "callee.py").write_text(CALLEE.replace("2 * x", "3 * x"))
+    assert answer(package) == 61
+    (package / "maps" / "rates.py").write_text("RATE = 5\n")
+    assert answer(package) == 65
+    assert len(list(caches.iterdir())) == 3
+    assert all(any(cache.rglob("*.nbc")) for cache in caches.iterdir())
+
+
+def test_files_that_no_kernel_imports_do_not_matter(package):
+    before = kernel_digest(str(package))
+    (package / "models" / "world.py").write_text("SIZE = 3\n")
+    assert kernel_digest(str(package)) == before
+    (package / "models" / "rays.py").write_text(CALLEE)
+    assert kernel_digest(str(package)) != before
+
+
+def test_caches_that_are_in_use_are_kept(tmp_path):
+    for name, age_s in (("kernels-new", 0.0), ("kernels-old", 30 * 24 * 3600.0)):
+        (tmp_path / name).mkdir()
+        now = (tmp_path / name).stat().st_mtime
+        os.utime(tmp_path / name, (now - age_s, now - age_s))
+    delete_unused(str(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["kernels-new"]
