@@ -71,3 +71,31 @@ def test_replaying_a_log_loads_neither_the_simulator_nor_the_viewer():
 def test_the_packages_are_those_of_this_checkout():
     for package in (harness, maps, models, planners):
         assert Path(package.__file__).resolve().parent.parent == ROOT
+
+
+def test_the_facade_loads_a_name_when_it_is_used():
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, wayproof\n"
+        "assert not {'numpy', 'numba', 'mujoco'} & set(sys.modules)\n"
+        "assert all(callable(getattr(wayproof, name)) for name in wayproof.__all__)\n"
+        "assert sorted(wayproof.WHERE) == sorted(wayproof.__all__)\n"
+        "wayproof.nothing"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert ended.stderr.splitlines()[-1].endswith("module 'wayproof' has no attribute 'nothing'")
+
+
+def test_a_folder_of_the_root_is_no_package_by_itself():
+    import subprocess
+    import sys
+
+    code = "import maps"
+    ended = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert "expected 'import wayproof.maps'" in ended.stderr

@@ -160,8 +160,9 @@ def _limit_memory() -> None:
 
 def _watch_files(folder: Path, tell: Callable[[str], None]) -> None:
     """Tell of every file that is opened, renamed or removed where it should not be."""
-    readable = [str(folder), sys.prefix, sys.base_prefix, str(Path(__file__).resolve().parents[2])]
-    writable = [str(folder)]
+    readable = [sys.prefix, sys.base_prefix, str(Path(__file__).resolve().parents[2])]
+    writable = [str(folder), os.environ["NUMBA_CACHE_DIR"]]
+    readable += writable
 
     def inside(path: Any, roots: list[str]) -> bool:
         if not isinstance(path, (str, bytes, os.PathLike)):

@@ -2,9 +2,11 @@
 
 Names are loaded when they are first used, so that `import wayproof` takes milliseconds:
 
+    from pathlib import Path
+
     from wayproof import Config, build, run_episode
 
-    result = run_episode(build(Config("warehouse", "drone", seed=4)), "logs/d.mcap")
+    result = run_episode(build(Config("warehouse", "drone", seed=4)), Path("logs/d.mcap"))
 """
 
 from __future__ import annotations
