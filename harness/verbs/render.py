@@ -24,9 +24,6 @@ def check_render(config: Config, out: Path) -> None:
     """
     if config.record != "full":
         raise InputError(f"--render: got record={config.record}, expected full: it draws the log")
-    from wayproof.harness.viewer.driver import choose_driver
-
-    choose_driver()
     from wayproof.harness.viewer.movie import check_movie
 
     check_movie(out, PERIOD)

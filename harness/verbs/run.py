@@ -29,6 +29,10 @@ SHOWN_LINES = 8
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run one episode."""
+    if options.render is not None:  # before anything loads the simulator
+        from wayproof.harness.viewer.driver import choose_driver
+
+        choose_driver()
     from wayproof.harness.config import from_document, override
     from wayproof.harness.perturbations import perturbation_from
     from wayproof.harness.robots import refuse_unused

@@ -43,7 +43,7 @@ class Movie(AbstractContextManager["Movie"], Protocol):
 class Gif:
     """An animated GIF. Frames are kept until the end, in few colours."""
 
-    size = (480, 320)
+    size = (720, 480)
 
     def __init__(self, path: Path, period_s: float) -> None:
         """Start with no frame; each is shown for a period, s."""

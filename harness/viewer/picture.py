@@ -26,10 +26,12 @@ from wayproof.harness.scenario import Scenario
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.state import Simulation, restore_parts
 from wayproof.harness.viewer.boxes import flat_boxes, surrounding_boxes, upright_boxes
+from wayproof.harness.viewer.cutaway import cut_boxes, cut_scene
 from wayproof.harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
 from wayproof.harness.viewer.moments import Moment, moments, standing_low
 from wayproof.harness.viewer.sight import geoms_in_front
 from wayproof.maps import UNKNOWN
+from wayproof.models.sensors import ROBOT_GROUP
 
 SIZE = (960, 640)
 """Width and height of a picture, pixels."""
@@ -42,7 +44,10 @@ OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
 OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
 GUIDE, COMMITTED, TRAIL = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0), (0.85, 0.1, 0.1, 1.0)
 
-DISTANCE, ELEVATION = 7.0, -46.0  # of the camera from the robot, m and degrees
+DISTANCE, ELEVATION = 3.6, -38.0  # of the camera from the robot, m and degrees
+
+CUT_ABOVE = 0.4
+"""So far above the robot's base everything is cut away, m."""
 
 SIGHT = 10.0
 """Farther from the robot no occupied cells are drawn, m: most of them would be out of the picture,
@@ -80,6 +85,7 @@ class Stage:
         _dim(model)
         _simplify(model, smooth)
         self._colours, self._materials = model.geom_rgba.copy(), model.geom_matid.copy()
+        self._robot = frozenset(np.flatnonzero(model.geom_group == ROBOT_GROUP).tolist())
         self._options = mujoco.MjvOption()
         self._options.geomgroup[:] = 1  # the robot's own among them
         self._options.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
@@ -113,6 +119,7 @@ class Stage:
         camera = self._camera(moment)
         self._see_through(camera)
         self._renderer.update_scene(self._data, camera, self._options)
+        cut_scene(self._renderer.scene, self._cut_at(moment), self._robot)
         self._lay_over(moment)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._renderer.scene.flags[flag] = 0  # of boxes that are not there
@@ -146,6 +153,10 @@ class Stage:
         camera.distance = DISTANCE
         return camera
 
+    def _cut_at(self, moment: Moment) -> float:
+        """Height above which nothing is drawn, m."""
+        return float(moment.truth.position[2]) + CUT_ABOVE
+
     def _see_through(self, camera: mujoco.MjvCamera) -> None:
         """Fade what stands between the camera and the robot."""
         colours = self._model.geom_rgba
@@ -163,6 +174,7 @@ class Stage:
         for kind in OVERLAY:
             self._lay_flat(*flat_boxes(told == kind, costmap.origin, costmap.resolution), kind)
         middles, halves = upright_boxes(moment.map, standing_low(mission), mission.high)
+        middles, halves = cut_boxes(middles, halves, self._cut_at(moment))
         off = middles[:, :2] - np.array(moment.truth.position)[:2]
         near = np.hypot(off[:, 0], off[:, 1]) < SIGHT
         for middle, half in zip(middles[near], halves[near], strict=True):
