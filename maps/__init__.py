@@ -7,22 +7,22 @@ if __name__ != "wayproof.maps":  # from the root of a clone, where it would be a
 
 import numpy as np
 
-from wayproof.maps.class_margins import ClassMargins
 from wayproof.maps.columns import states_in
 from wayproof.maps.config import MapConfig, UnknownPolicy
-from wayproof.maps.costmap import INSCRIBED_COST, Costmap
-from wayproof.maps.distances import Distances
-from wayproof.maps.dynamic import DynamicMap
-from wayproof.maps.field import DistanceField
-from wayproof.maps.grid2d import Grid2D
-from wayproof.maps.inflation import inflate
-from wayproof.maps.octomap import OctoMap
+from wayproof.maps.costmap.class_margins import ClassMargins
+from wayproof.maps.costmap.costmap import INSCRIBED_COST, Costmap
+from wayproof.maps.costmap.distance_field import DistanceField
+from wayproof.maps.costmap.inflation import inflate
+from wayproof.maps.costmap.lazy_distances import Distances
+from wayproof.maps.others.dynamic import DynamicMap
+from wayproof.maps.others.grid2d import Grid2D
+from wayproof.maps.others.octomap import OctoMap
+from wayproof.maps.others.tsdf import TsdfMap
 from wayproof.maps.representation import Maker, Representation
 from wayproof.maps.semantic import UNLABELLED, SemanticLayer
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.sweep import SweepStatistics
-from wayproof.maps.tsdf import TsdfMap
-from wayproof.maps.voxel import RayEnd, VoxelMap
+from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
 
 MAPS: dict[str, Maker] = {
     "dynamic": DynamicMap,

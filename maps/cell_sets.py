@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _motion_kernels as kernels
 from wayproof.maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
+from wayproof.maps.kernels import tracking as kernels
 
 
 def box_cells(first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -8,8 +8,8 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _column_kernels as kernels
 from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, ROUNDING, cell_box, finite_vector
+from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.states import FREE, OCCUPIED
 
 WORD_BITS = 64  # cells in a word

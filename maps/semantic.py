@@ -8,8 +8,8 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _label_kernels as kernels
 from wayproof.maps.grid import cells_at
+from wayproof.maps.kernels import labels as kernels
 
 UNLABELLED = kernels.UNLABELLED
 """The label of a cell without votes, and of a beam that has none."""

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _beam_kernels as beams
 from wayproof.maps.grid import MAX_COORDINATE
+from wayproof.maps.kernels import beams
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from wayproof.planners._jit import kernel
 
 SUBCELL_BITS = 16
 SUBCELLS = 1 << SUBCELL_BITS
-# Rows of cells along y share a block where it is noted who looked: ``maps.field.BLOCK_ROWS``. A
-# number of its own, because numba's cache does not see a change in another file.
+# Rows of cells along y share a block where it is noted who looked: `BLOCK_ROWS` of the costmap's
+# distance field.
 BLOCK_BITS = 3
 # Farther from the origin the products that compare crossing times could overflow 64 bits.
 FARTHEST_CELL = 1 << 14

@@ -43,18 +43,30 @@ FOREIGN = {"scipy", "cmath", "statistics", "torch", "jax"}
 
 SUMS_OF_WHOLE_NUMBERS = (
     *("harness.evidence.consistency", "harness.result"),
-    *("maps._field_kernels", "maps._update_kernels", "maps.block_map", "maps.blocks"),
-    *("maps.field", "maps.marks", "maps.motion", "maps.queries", "maps.semantic", "maps.voxel"),
+    *(
+        "maps.kernels.distance_field",
+        "maps.kernels.update",
+        "maps.others.block_map",
+        "maps.others.blocks",
+    ),
+    *(
+        "maps.costmap.distance_field",
+        "maps.voxel.update_mask",
+        "maps.others.tracking",
+        "maps.voxel.queries",
+        "maps.semantic",
+        "maps.voxel.voxel_map",
+    ),
     "planners.lattice",
 )
 ALLOWED = {
     ("models.odometry", "*"): "makes the estimate that is logged",
     ("models.devices.*", "*"): "makes the sweeps that are logged, and the tables of their beams",
     ("harness.perturbations.*", "*"): "makes the inputs that are logged",
-    ("maps._carve_kernels", "**"): "a whole power of two",
-    ("maps._field_kernels", "**"): "the square of a whole number",
-    ("maps._label_kernels", "**"): "squares of whole numbers",
-    ("maps.distances", "sum"): "of wall times, for the record",
+    ("maps.kernels.carve", "**"): "a whole power of two",
+    ("maps.kernels.distance_field", "**"): "the square of a whole number",
+    ("maps.kernels.labels", "**"): "squares of whole numbers",
+    ("maps.costmap.lazy_distances", "sum"): "of wall times, for the record",
     ("planners.frontier", "scipy"): "ndimage.label: whole numbers",
     **{(module, "sum"): "of whole numbers" for module in SUMS_OF_WHOLE_NUMBERS},
 }
@@ -200,7 +212,12 @@ def reason_for(module, found):
 
 def test_no_operation_of_a_replay_depends_on_the_processor():
     modules = modules_of_a_replay()
-    expected = {"harness.stack.stopping", "maps.voxel", "planners.kernels", "models.beams"}
+    expected = {
+        "harness.stack.stopping",
+        "maps.voxel.voxel_map",
+        "planners.kernels",
+        "models.beams",
+    }
     assert expected <= modules.keys()
     bad = [
         f"{source_of(module).relative_to(ROOT)}:{line}: {found}"

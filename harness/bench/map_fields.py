@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from wayproof.harness.bench.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
 from wayproof.maps import MapConfig, VoxelMap, inflate
 from wayproof.maps.columns import Window, unpack
-from wayproof.maps.field import ALL_ONES, DistanceField, News, update_together
-from wayproof.maps.team import Team
+from wayproof.maps.costmap.distance_field import ALL_ONES, DistanceField, News, update_together
+from wayproof.maps.parallel import Team
 
 REACH = 1.0  # m, of the distances
 BALL = 0.35  # m, radius of the inflation

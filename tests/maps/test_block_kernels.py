@@ -30,7 +30,10 @@ for make in (Grid2D, TsdfMap):
 WARM = """
 import numba
 import numpy
-from wayproof.maps import _block_kernels, _grid2d_kernels, _tsdf_kernels, warm_up
+from wayproof.maps import warm_up
+from wayproof.maps.kernels import blocks as _block_kernels
+from wayproof.maps.kernels import grid2d as _grid2d_kernels
+from wayproof.maps.kernels import tsdf as _tsdf_kernels
 modules = (_block_kernels, _grid2d_kernels, _tsdf_kernels)
 kernels = {
     f"{module.__name__}.{name}": kernel

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from wayproof.maps import _beam_kernels as beams
-from wayproof.maps import _brick_kernels as bricks
-from wayproof.maps import _column_kernels as columns
-from wayproof.maps import _update_kernels as update
+from wayproof.maps.kernels import beams, bricks, columns, update
 
 
 @pytest.fixture(params=["compiled", "interpreted"])

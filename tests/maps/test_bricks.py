@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from wayproof.maps import _brick_kernels as kernels
-from wayproof.maps import _update_kernels as updates
-from wayproof.maps.bricks import BYTES_IN_BRICK, READY, Bricks
+from wayproof.maps.kernels import bricks as kernels
+from wayproof.maps.kernels import update as updates
+from wayproof.maps.voxel.bricks import BYTES_IN_BRICK, READY, Bricks
 
 MIDDLE = np.array([0.5, 0.5, -0.25])
 FORWARD = np.array([[1.0, 0.0, 0.0]])

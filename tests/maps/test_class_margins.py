@@ -13,8 +13,8 @@ from wayproof.maps import (
     VoxelMap,
     states_in,
 )
-from wayproof.maps import _label_kernels as kernels
 from wayproof.maps.columns import unpack
+from wayproof.maps.kernels import labels as kernels
 
 BOX = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5)
 

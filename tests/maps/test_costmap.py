@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig
-from wayproof.maps import _column_kernels as kernels
 from wayproof.maps.columns import ColumnMap
+from wayproof.maps.kernels import columns as kernels
 
 LOW, HIGH = (0.0, 0.0, -0.375), (3.0, 2.0, 1.125)  # layers of 0.1 m; the floor's is layer 3
 FLOOR, BODY = 3, slice(5, 8)  # band of a body between 0.15 and 0.4 m: 0.125 to 0.425 m

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from wayproof.maps import OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from wayproof.maps import _decay_kernels as kernels
-from wayproof.maps.evidence import tick_losses
+from wayproof.maps.kernels import decay as kernels
+from wayproof.maps.voxel.log_odds import tick_losses
 
 SECOND = 10**9
 EYE = (0.55, 0.55, 0.475)

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from tests.maps.test_field import packed, scipy_squared
-from wayproof.maps.distances import ROUNDS, Clearances, Distances
-from wayproof.maps.field import BLOCK_ROWS, DistanceField, boxes, take_over
-from wayproof.maps.team import Team
+from wayproof.maps.costmap.distance_field import BLOCK_ROWS, DistanceField, boxes, take_over
+from wayproof.maps.costmap.lazy_distances import ROUNDS, Clearances, Distances
+from wayproof.maps.parallel import Team
 
 SHAPE = (40, 30, 12)
 REACH = 6

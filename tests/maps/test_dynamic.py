@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, MAPS, OCCUPIED, DynamicMap, MapConfig, VoxelMap
-from wayproof.maps import _motion_kernels as kernels
-from wayproof.maps.motion import POINTS, Traffic, clusters_of, way_ahead
-from wayproof.maps.trust import ConfidentSpace
+from wayproof.maps.kernels import tracking as kernels
+from wayproof.maps.others.ever_free import ConfidentSpace
+from wayproof.maps.others.tracking import POINTS, Traffic, clusters_of, way_ahead
 
 TENTH = 100_000_000  # ns
 ORIGIN = (0.05, 0.55, 0.55)  # cell (0, 5, 6)

@@ -7,8 +7,8 @@ import pytest
 
 from wayproof.maps import MAPS, OCCUPIED, UNKNOWN, Costmap, DynamicMap, MapConfig
 from wayproof.maps.columns import Window
-from wayproof.maps.motion import POINTS
-from wayproof.maps.projection import Airspace
+from wayproof.maps.costmap.projection import Airspace
+from wayproof.maps.others.tracking import POINTS
 
 TENTH = 100_000_000  # ns
 
@@ -257,8 +257,8 @@ def along_a_long_way():
 
 def test_a_map_that_cannot_tell_what_it_gave_up_learns_the_same(monkeypatch):
     told, none = along_a_long_way()
-    monkeypatch.setattr("wayproof.maps.bricks.MAX_GONE", 1)
-    monkeypatch.setattr("wayproof.maps.dynamic.MAX_GONE", 1)
+    monkeypatch.setattr("wayproof.maps.voxel.bricks.MAX_GONE", 1)
+    monkeypatch.setattr("wayproof.maps.others.dynamic.MAX_GONE", 1)
     untold, everywhere = along_a_long_way()
     assert none == 0 < everywhere
     assert told.version() == untold.version()

@@ -4,8 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
-from wayproof.maps import _field_kernels as kernels
-from wayproof.maps.field import (
+from wayproof.maps.costmap.distance_field import (
     BLOCK_ROWS,
     DistanceField,
     boxes,
@@ -13,7 +12,8 @@ from wayproof.maps.field import (
     take_over,
     update_together,
 )
-from wayproof.maps.team import Team
+from wayproof.maps.kernels import distance_field as kernels
+from wayproof.maps.parallel import Team
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from wayproof.maps import _inflation_kernels as kernels
 from wayproof.maps.columns import layer_bits, unpack
-from wayproof.maps.inflation import inflate
-from wayproof.maps.team import Team
+from wayproof.maps.costmap.inflation import inflate
+from wayproof.maps.kernels import inflation as kernels
+from wayproof.maps.parallel import Team
 
 
 def packed(cells):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, Grid2D, MapConfig, VoxelMap, states_in
-from wayproof.maps import _grid2d_kernels as kernels
+from wayproof.maps.kernels import grid2d as kernels
 
 SECOND = 10**9
 FORWARD = np.array([[1.0, 0.0, 0.0]])

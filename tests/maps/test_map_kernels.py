@@ -52,9 +52,16 @@ def test_compiled_interpreted_and_bounds_checked_runs_agree(common):
 
 WARM = """
 import numba
-from wayproof.maps import _beam_kernels, _brick_kernels, _column_kernels, _decay_kernels
-from wayproof.maps import _field_kernels, _carve_kernels, _inflation_kernels, _update_kernels
-from wayproof.maps import _wanted_kernels, warm_up
+from wayproof.maps.kernels import beams as _beam_kernels
+from wayproof.maps.kernels import bricks as _brick_kernels
+from wayproof.maps.kernels import columns as _column_kernels
+from wayproof.maps.kernels import decay as _decay_kernels
+from wayproof.maps.kernels import distance_field as _field_kernels
+from wayproof.maps.kernels import carve as _carve_kernels
+from wayproof.maps.kernels import inflation as _inflation_kernels
+from wayproof.maps.kernels import update as _update_kernels
+from wayproof.maps import warm_up
+from wayproof.maps.kernels import lazy_distances as _wanted_kernels
 def compiled():
     modules = (_beam_kernels, _brick_kernels, _column_kernels, _decay_kernels, _field_kernels)
     modules += (_carve_kernels, _inflation_kernels, _update_kernels, _wanted_kernels)

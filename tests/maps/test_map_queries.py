@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from wayproof.maps import _brick_kernels as kernels
-from wayproof.maps.bricks import EVERYWHERE
+from wayproof.maps.kernels import bricks as kernels
+from wayproof.maps.voxel.bricks import EVERYWHERE
 
 EYE = (0.55, 1.05, 0.475)
 

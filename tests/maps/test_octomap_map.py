@@ -7,7 +7,7 @@ import pytest
 
 from wayproof.maps import FREE, MAPS, OCCUPIED, MapConfig
 from wayproof.maps.grid import centres
-from wayproof.maps.octomap import HALF_TREE, TREE_DEPTH, find_leaves
+from wayproof.maps.others.octomap import HALF_TREE, TREE_DEPTH, find_leaves
 
 FIRST, SHAPE = (-5, -5, -2), (70, 60, 38)  # a window of cells about the room
 WALLS = np.array([[0.03, 0.04, 0.0], [6.04, 5.03, 3.0]])  # within cells, not between

@@ -5,9 +5,9 @@ import numba
 import numpy as np
 import pytest
 
-from wayproof.maps import _field_kernels as kernels
-from wayproof.maps._processor import new_queue, prefetch, take
-from wayproof.maps.team import Team
+from wayproof.maps.kernels import distance_field as kernels
+from wayproof.maps.kernels.intrinsics import new_queue, prefetch, take
+from wayproof.maps.parallel import Team
 
 
 def test_a_prefetch_is_compiled_into_a_kernel_and_changes_nothing():

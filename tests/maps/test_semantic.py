@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from wayproof.maps import OCCUPIED, MapConfig, VoxelMap
-from wayproof.maps import _label_kernels as kernels
 from wayproof.maps.grid import centres
+from wayproof.maps.kernels import labels as kernels
 from wayproof.maps.semantic import UNLABELLED, SemanticLayer
 
 CONFIG = MapConfig(half_life=0.0, memory_mib=16)

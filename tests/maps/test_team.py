@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from wayproof.maps.team import WORTH_SHARING_US, Team
+from wayproof.maps.parallel import WORTH_SHARING_US, Team
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
@@ -86,7 +86,7 @@ def test_a_team_of_no_size(threads):
 SHORT_OF_MEMORY = """
 import resource, threading
 from pathlib import Path
-from wayproof.maps.team import Team
+from wayproof.maps.parallel import Team
 threading.stack_size(64 << 20)
 mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (mapped + (1 << 30),) * 2)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
-from wayproof.maps import _terrain_kernels as kernels
 from wayproof.maps.columns import ColumnMap, Window
-from wayproof.maps.terrain import BASELINE, Terrain, rises
+from wayproof.maps.costmap.terrain import BASELINE, Terrain, rises
+from wayproof.maps.kernels import terrain as kernels
 
 FLOOR, LAYERS, SIZE = 4, 40, (40, 24)
 LOW, HIGH = (0.0, 0.0, -0.475), (4.0, 2.4, 3.525)  # cells of 0.1 m, the floor's is layer 4

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, TsdfMap, states_in
-from wayproof.maps import _tsdf_kernels as kernels
+from wayproof.maps.kernels import tsdf as kernels
 
 SECOND = 10**9
 FORWARD = np.array([[1.0, 0.0, 0.0]])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from wayproof.maps import MapConfig, VoxelMap
-from wayproof.maps import _beam_kernels as kernels
-from wayproof.maps import _carve_kernels as carving
-from wayproof.maps._processor import new_queue
-from wayproof.maps.marks import SPREAD
+from wayproof.maps.kernels import beams as kernels
+from wayproof.maps.kernels import carve as carving
+from wayproof.maps.kernels.intrinsics import new_queue
+from wayproof.maps.voxel.update_mask import SPREAD
 
 HALVES = 1024
 KERNELS = {**vars(kernels), "carve": carving.carve}

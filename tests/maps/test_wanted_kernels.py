@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wayproof.maps import _wanted_kernels as kernels
+from wayproof.maps.kernels import lazy_distances as kernels
 
 
 def ways(kernel):

@@ -3,8 +3,8 @@
 import numpy as np
 
 from wayproof.maps import Distances
-from wayproof.maps.distances import Reader
-from wayproof.maps.field import BLOCK_ROWS
+from wayproof.maps.costmap.distance_field import BLOCK_ROWS
+from wayproof.maps.costmap.lazy_distances import Reader
 
 
 class Known:

@@ -8,7 +8,7 @@ import pytest
 from tests.planners.garbage import Known
 from tests.planners.worlds import make_boxes, make_space, point
 from wayproof.maps import Distances
-from wayproof.maps.field import BLOCK_ROWS
+from wayproof.maps.costmap.distance_field import BLOCK_ROWS
 from wayproof.planners import (
     FreeSpace,
     GoalField,

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._beam_kernels import (
+from wayproof.maps._jit import inlined, kernel
+from wayproof.maps.kernels.beams import (
     HALVES,
     HALVES_BITS,
     MAX_BEAM_CELLS,
@@ -18,8 +19,7 @@ from wayproof.maps._beam_kernels import (
     SPARING,
     SUBCELLS,
 )
-from wayproof.maps._jit import inlined, kernel
-from wayproof.maps._processor import Queue, take
+from wayproof.maps.kernels.intrinsics import Queue, take
 
 WAY_BITS = 40  # a fraction of the way times a height of 2^21 stays below 2^63
 WHOLE_WAY = 1 << WAY_BITS

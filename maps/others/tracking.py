@@ -9,7 +9,7 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _motion_kernels as kernels
+from wayproof.maps.kernels import tracking as kernels
 
 POINT_BITS = 10  # positions are in 1/1024 of a cell
 POINTS = 1 << POINT_BITS

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _beam_kernels as beams
+from wayproof.maps.kernels import beams
 from wayproof.maps.sweep import Sweep, SweepStatistics
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps._jit import inlined, kernel
-from wayproof.maps._processor import Queue, prefetch, take
+from wayproof.maps.kernels.intrinsics import Queue, prefetch, take
 
 WORD_BITS = 64
 MAX_REACH = 181  # cells; twice its square still fits 16 bits

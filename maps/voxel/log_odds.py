@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _decay_kernels as kernels
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import LN_2, exponential_less_one, exponentials, logarithm
+from wayproof.maps.kernels import decay as kernels
 
 MOST = 127  # units that an int8 holds on either side of 0
 

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from wayproof.maps import _update_kernels as kernels
-from wayproof.maps.team import Team
+from wayproof.maps.kernels import update as kernels
+from wayproof.maps.parallel import Team
 
 MEBIBYTE = 1 << 20
 HEAD_BYTES = 128  # of a block, besides its cells

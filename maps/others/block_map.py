@@ -9,17 +9,17 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from wayproof.maps import _block_kernels as kernels
-from wayproof.maps import _decay_kernels as decay
-from wayproof.maps.blocks import Blocks
 from wayproof.maps.columns import ColumnMap, Window
 from wayproof.maps.config import MapConfig
-from wayproof.maps.ends import Ends
-from wayproof.maps.evidence import MOST, tick_losses
 from wayproof.maps.grid import cells_at
+from wayproof.maps.kernels import blocks as kernels
+from wayproof.maps.kernels import decay
+from wayproof.maps.others.blocks import Blocks
+from wayproof.maps.parallel import Team
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import Sweep, SweepStatistics, check_time, prepare_sweep
-from wayproof.maps.team import Team
+from wayproof.maps.voxel.endpoints import Ends
+from wayproof.maps.voxel.log_odds import MOST, tick_losses
 
 CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Least cell (3,) of a box, and one past the greatest."""

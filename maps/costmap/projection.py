@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _column_kernels as kernels
-from wayproof.maps import _label_kernels as labels
-from wayproof.maps.class_margins import ClassMargins
 from wayproof.maps.columns import WORD_BITS, ColumnMap, Columns, Window, layer_bits
+from wayproof.maps.costmap.class_margins import ClassMargins
+from wayproof.maps.kernels import columns as kernels
+from wayproof.maps.kernels import labels
 
 ROUNDING = 1e-6  # of a cell
 

@@ -7,16 +7,16 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _beam_kernels as beams
-from wayproof.maps import _grid2d_kernels as kernels
-from wayproof.maps.block_map import BlockMap
 from wayproof.maps.cell_sets import floor_cells
 from wayproof.maps.columns import WORD_BITS, layer_bits
 from wayproof.maps.config import MapConfig
-from wayproof.maps.ends import Ends
-from wayproof.maps.evidence import Evidence
 from wayproof.maps.grid import FLOOR_LAYER, cell_box, cells_at
+from wayproof.maps.kernels import beams
+from wayproof.maps.kernels import grid2d as kernels
+from wayproof.maps.others.block_map import BlockMap
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
+from wayproof.maps.voxel.endpoints import Ends
+from wayproof.maps.voxel.log_odds import Evidence
 
 TILE = 64  # cells along a tile's edge
 MAX_WINDOW_CELLS = 1 << 26

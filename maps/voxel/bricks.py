@@ -7,11 +7,11 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _brick_kernels as kernels
-from wayproof.maps import _update_kernels as update
-from wayproof.maps._decay_kernels import NEVER
-from wayproof.maps.marks import brick_cells
-from wayproof.maps.team import Team
+from wayproof.maps.kernels import bricks as kernels
+from wayproof.maps.kernels import update
+from wayproof.maps.kernels.decay import NEVER
+from wayproof.maps.parallel import Team
+from wayproof.maps.voxel.update_mask import brick_cells
 
 CELLS_IN_BRICK = kernels.COLUMNS * kernels.HEIGHT
 BYTES_IN_BRICK = CELLS_IN_BRICK * 5 // 4 + 80

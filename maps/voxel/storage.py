@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _brick_kernels as kernels
-from wayproof.maps.bricks import Bricks
 from wayproof.maps.config import MapConfig
+from wayproof.maps.kernels import bricks as kernels
+from wayproof.maps.voxel.bricks import Bricks
 
 MAGIC = b"wayproof voxels 1\n"
 HEAD = struct.Struct("<IqI")  # bytes of the settings, ticks, bricks

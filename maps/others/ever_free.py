@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _brick_kernels as bricks
-from wayproof.maps import _motion_kernels as kernels
-from wayproof.maps.marks import brick_of
+from wayproof.maps.kernels import bricks
+from wayproof.maps.kernels import tracking as kernels
+from wayproof.maps.voxel.update_mask import brick_of
 
 Key = tuple[int, int, int]
 ReadFree = Callable[[NDArray[np.int64]], NDArray[np.uint64]]

@@ -11,20 +11,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _beam_kernels as beams
-from wayproof.maps import _motion_kernels as kernels
-from wayproof.maps.bricks import EVERYWHERE, MAX_GONE
 from wayproof.maps.cell_sets import as_set, member, slabs
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import norm
-from wayproof.maps.ends import Ends
 from wayproof.maps.grid import cells_at, centres, finite_vector
-from wayproof.maps.marks import brick_cells, brick_of
-from wayproof.maps.motion import NO_CELLS, Traffic
+from wayproof.maps.kernels import beams
+from wayproof.maps.kernels import tracking as kernels
+from wayproof.maps.others.ever_free import ConfidentSpace
+from wayproof.maps.others.tracking import NO_CELLS, Traffic
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
-from wayproof.maps.trust import ConfidentSpace
-from wayproof.maps.voxel import RayEnd, VoxelMap
+from wayproof.maps.voxel.bricks import EVERYWHERE, MAX_GONE
+from wayproof.maps.voxel.endpoints import Ends
+from wayproof.maps.voxel.update_mask import brick_cells, brick_of
+from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
 
 BRICK_SHAPE = (16, 16, 1)  # columns and words
 RECENT_NS = 100_000_000

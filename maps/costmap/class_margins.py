@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _label_kernels as kernels
 from wayproof.maps.columns import WORD_BITS, ColumnMap
 from wayproof.maps.grid import centres
+from wayproof.maps.kernels import labels as kernels
 from wayproof.maps.representation import Representation
 from wayproof.maps.semantic import SemanticLayer
 from wayproof.maps.states import OCCUPIED

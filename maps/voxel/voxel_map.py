@@ -10,19 +10,19 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _decay_kernels as decay
-from wayproof.maps import _update_kernels as updates
-from wayproof.maps import storage
-from wayproof.maps.bricks import Bricks
 from wayproof.maps.columns import Window
 from wayproof.maps.config import MapConfig
-from wayproof.maps.evidence import Evidence, tick_losses
 from wayproof.maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
-from wayproof.maps.marks import Marks, SweepWindow, unpack_bits
-from wayproof.maps.queries import RayEnd, VoxelQueries
+from wayproof.maps.kernels import decay
+from wayproof.maps.kernels import update as updates
+from wayproof.maps.parallel import Team
 from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
-from wayproof.maps.team import Team
+from wayproof.maps.voxel import storage
+from wayproof.maps.voxel.bricks import Bricks
+from wayproof.maps.voxel.log_odds import Evidence, tick_losses
+from wayproof.maps.voxel.queries import RayEnd, VoxelQueries
+from wayproof.maps.voxel.update_mask import Marks, SweepWindow, unpack_bits
 
 __all__ = ["RayEnd", "VoxelMap"]
 

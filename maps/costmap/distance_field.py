@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _field_kernels as kernels
-from wayproof.maps._field_kernels import MAX_REACH, UNIT
-from wayproof.maps._processor import Queue, new_queue
-from wayproof.maps._wanted_kernels import find_needed
 from wayproof.maps.columns import layer_bits
-from wayproof.maps.team import Team
+from wayproof.maps.kernels import distance_field as kernels
+from wayproof.maps.kernels.distance_field import MAX_REACH, UNIT
+from wayproof.maps.kernels.intrinsics import Queue, new_queue
+from wayproof.maps.kernels.lazy_distances import find_needed
+from wayproof.maps.parallel import Team
 
 BLOCK_ROWS = 8
 """Rows along y that are recomputed together; fewer cost more calls, more cost idle work."""

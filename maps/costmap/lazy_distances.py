@@ -8,8 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._wanted_kernels import presume, widen
-from wayproof.maps.field import (
+from wayproof.maps.costmap.distance_field import (
     ALL_ONES,
     BLOCK_ROWS,
     DistanceField,
@@ -17,7 +16,8 @@ from wayproof.maps.field import (
     bring_up_to_date,
     take_over,
 )
-from wayproof.maps.team import Team
+from wayproof.maps.kernels.lazy_distances import presume, widen
+from wayproof.maps.parallel import Team
 
 Cells = NDArray[np.uint16]
 Blocks = NDArray[np.bool_]

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._brick_kernels import EDGE, EDGE_BITS
 from wayproof.maps._jit import kernel
+from wayproof.maps.kernels.bricks import EDGE, EDGE_BITS
 
 ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 ONE = np.uint64(1)

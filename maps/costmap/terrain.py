@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _label_kernels as labels
-from wayproof.maps import _terrain_kernels as kernels
 from wayproof.maps.columns import Columns, Window
+from wayproof.maps.costmap.projection import ROUNDING, Ground, Projection, walking_layers
 from wayproof.maps.elementary import tangent
-from wayproof.maps.projection import ROUNDING, Ground, Projection, walking_layers
+from wayproof.maps.kernels import labels
+from wayproof.maps.kernels import terrain as kernels
 
 BASELINE = 8  # cells: over less, a slope drowns in the height of a cell
 SLOPE_STEPS = 1 << 20  # tangents are whole multiples of one over this

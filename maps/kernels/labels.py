@@ -9,14 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._beam_kernels import (
+from wayproof.maps._jit import kernel
+from wayproof.maps.kernels.beams import (
     DROPPED_MM,
     FLOOR_SUBCELLS,
     NO_RETURN_MM,
     SUBCELL_BITS,
     SUBCELLS,
 )
-from wayproof.maps._jit import kernel
 
 MOST_VOTES = np.uint32(0xFFFFFFFF)
 UNLABELLED = 255

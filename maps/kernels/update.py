@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._brick_kernels import B7F, B80, COLUMNS, EDGE, EDGE_BITS, GATHER
 from wayproof.maps._jit import kernel
+from wayproof.maps.kernels.bricks import B7F, B80, COLUMNS, EDGE, EDGE_BITS, GATHER
 
 ONE = np.uint64(1)
 BYTE = np.uint64(0xFF)

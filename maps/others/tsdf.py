@@ -7,15 +7,15 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _beam_kernels as beams
-from wayproof.maps import _tsdf_kernels as kernels
-from wayproof.maps.block_map import BlockMap, CellBox
 from wayproof.maps.cell_sets import ball_cells, box_cells, floor_cells
 from wayproof.maps.config import MapConfig
-from wayproof.maps.ends import Ends
 from wayproof.maps.grid import FLOOR_LAYER, cell_box, cells_at
+from wayproof.maps.kernels import beams
+from wayproof.maps.kernels import tsdf as kernels
+from wayproof.maps.others.block_map import BlockMap, CellBox
 from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import Sweep, check_time
+from wayproof.maps.voxel.endpoints import Ends
 
 MAX_WINDOW_CELLS = 1 << 29
 NO_GUARD = -1

@@ -15,10 +15,10 @@ from wayproof.maps.cell_sets import ball_cells, box_cells, floor_cells
 from wayproof.maps.columns import WORD_BITS, ColumnMap
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import exponentials
-from wayproof.maps.ends import Lengths
 from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.sweep import SweepStatistics, check_time, prepare_sweep
+from wayproof.maps.voxel.endpoints import Lengths
 
 UNITS = 1000
 """Log-odds are told in thousandths; OctoMap holds them as single precision floats."""

@@ -11,14 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _beam_kernels as beams
-from wayproof.maps import _brick_kernels as bricks
-from wayproof.maps import _carve_kernels as carving
-from wayproof.maps import _update_kernels as update
-from wayproof.maps._processor import new_queue
 from wayproof.maps.grid import FLOOR_LAYER
+from wayproof.maps.kernels import beams, bricks, update
+from wayproof.maps.kernels import carve as carving
+from wayproof.maps.kernels.intrinsics import new_queue
+from wayproof.maps.parallel import Team
 from wayproof.maps.sweep import Sweep
-from wayproof.maps.team import Team
 
 MAX_WINDOW_WORDS = 1 << 26
 BEAM_US, END_US, TARGET_US, WORD_US = 0.01, 0.008, 0.3, 0.001

@@ -8,17 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _beam_kernels as beams
-from wayproof.maps import _brick_kernels as kernels
-from wayproof.maps import _decay_kernels as decay
-from wayproof.maps.bricks import Bricks
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import norm
-from wayproof.maps.evidence import Evidence
 from wayproof.maps.grid import cell_box, cells_at, centres, finite_vector
-from wayproof.maps.marks import brick_cells, unpack_bits
+from wayproof.maps.kernels import beams, decay
+from wayproof.maps.kernels import bricks as kernels
+from wayproof.maps.parallel import Team
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from wayproof.maps.team import Team
+from wayproof.maps.voxel.bricks import Bricks
+from wayproof.maps.voxel.log_odds import Evidence
+from wayproof.maps.voxel.update_mask import brick_cells, unpack_bits
 
 BLOCK_US = 4.0  # about, to write the columns of a brick
 

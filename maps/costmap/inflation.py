@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import _inflation_kernels as kernels
-from wayproof.maps.team import Team
+from wayproof.maps.kernels import inflation as kernels
+from wayproof.maps.parallel import Team
 
 MAX_SQUARED_RADIUS = 181 * 181  # cells^2, as far as the distance field tells
 

@@ -9,16 +9,16 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps import _column_kernels as kernels
-from wayproof.maps._field_kernels import MAX_REACH
 from wayproof.maps.columns import ColumnMap, Window, unpack
 from wayproof.maps.config import MapConfig
-from wayproof.maps.distances import Clearances, Distances
+from wayproof.maps.costmap.lazy_distances import Clearances, Distances
+from wayproof.maps.costmap.projection import Airspace
+from wayproof.maps.costmap.terrain import walked
 from wayproof.maps.elementary import exponentials
-from wayproof.maps.projection import Airspace
+from wayproof.maps.kernels import columns as kernels
+from wayproof.maps.kernels.distance_field import MAX_REACH
+from wayproof.maps.parallel import Team
 from wayproof.maps.states import FREE, OCCUPIED
-from wayproof.maps.team import Team
-from wayproof.maps.terrain import walked
 
 T = TypeVar("T")
 

@@ -1,0 +1,1 @@
+"""Compiled kernels; those that call each other stand in one file."""

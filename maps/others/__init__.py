@@ -1,0 +1,1 @@
+"""Other representations behind the same interface, and what they share."""

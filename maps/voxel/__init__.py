@@ -1,0 +1,1 @@
+"""The voxel map: log-odds in bricks, updated by sweeps."""
