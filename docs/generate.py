@@ -15,12 +15,12 @@ from typing import Any, get_args
 
 import msgspec
 
-from wayproof.harness.cli import verb_parsers
+from wayproof.harness.cli import VERBS
+from wayproof.harness.cli.main import verb_parsers
 from wayproof.harness.config import Config
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import PERTURBATIONS, WITHIN
-from wayproof.harness.support import Support
-from wayproof.harness.verbs import VERBS
+from wayproof.harness.study.support import Support
 
 FOLDER = Path(__file__).parent / "reference"
 

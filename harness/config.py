@@ -12,8 +12,8 @@ from typing import Any, Literal
 import msgspec
 
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.labels import check_margins
 from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.stack.labels import check_margins
 from wayproof.harness.stack.view import BehaviourConfig
 from wayproof.maps import MAPS, MapConfig
 from wayproof.models.devices import DEVICES, OWN, SensorConfig

@@ -12,19 +12,19 @@ from google.protobuf.message import Message
 from wayproof.harness.config import LatencyConfig
 from wayproof.harness.ending import Verdict
 from wayproof.harness.inputs import inputs_from_messages, serialized
-from wayproof.harness.interference import Interference
-from wayproof.harness.judge import Judge
 from wayproof.harness.logs.log import TRACEBACK, LogWriter
-from wayproof.harness.plant import Plant
-from wayproof.harness.recorder import Recorder
 from wayproof.harness.result import Outcome, Result
-from wayproof.harness.scenario import Scenario
+from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.sensing import Sensors
+from wayproof.harness.sim.perturb import Interference
+from wayproof.harness.sim.recorder import Recorder
+from wayproof.harness.sim.sensing import Sensors
+from wayproof.harness.sim.simulation import Plant
+from wayproof.harness.sim.snapshot import Stateful, restore_parts
+from wayproof.harness.sim.termination import Judge
+from wayproof.harness.sim.touch import touched
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.harness.state import Stateful, restore_parts
 from wayproof.harness.supervision import bound_memory
-from wayproof.harness.touch import touched
 from wayproof.harness.user_code import PASSED_ON, NeverReturned, Watchdog, failure_of
 from wayproof.planners import Trajectory
 

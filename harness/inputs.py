@@ -12,8 +12,8 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.labels import decode_classes
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.labels import decode_classes
 from wayproof.maps.elementary import arc_tangent
 from wayproof.models import range_codec
 from wayproof.models.beams import (

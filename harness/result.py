@@ -40,7 +40,7 @@ class Result:
         chain: Hash over all decisions.
         log: The log's path.
         log_mb_per_min: Size of the log for each simulated minute, MB.
-        cause: Of a failure, see `harness.cause`; empty for a success.
+        cause: Of a failure, see `harness.attribution`; empty for a success.
         cause_evidence: For it, in words.
         cause_decision: Number of the last decision that could have done otherwise; -1 if none.
         contact: What was touched and where, m; empty for nothing.

@@ -7,16 +7,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from wayproof.harness.cause.attribution import with_cause
+from wayproof.harness.attribution.attribution import with_cause
 from wayproof.harness.config import to_json
 from wayproof.harness.episode import Episode, Observer
 from wayproof.harness.inputs import beams_from_info
 from wayproof.harness.logs.log import PLUGINS, LogWriter, hold_log
 from wayproof.harness.logs.log_copy import thin
-from wayproof.harness.mujoco_warnings import tell_warnings
 from wayproof.harness.outputs import Draft
 from wayproof.harness.result import Result
-from wayproof.harness.scenario import Scenario, sensor_info
+from wayproof.harness.scenario.mujoco_warnings import tell_warnings
+from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.stack.pipeline import Navigator, build_navigator
 from wayproof.harness.supervision import announce
 from wayproof.harness.user_code import plugin_digests

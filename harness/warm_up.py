@@ -14,7 +14,7 @@ from multiprocessing import get_context
 
 from wayproof import maps, planners
 from wayproof.harness.config import Config
-from wayproof.harness.robots import find_robot, warm_up_robot
+from wayproof.harness.scenario.robots import find_robot, warm_up_robot
 from wayproof.models import between_steps, devices, range_codec, rays, truth
 from wayproof.models.robots import ROBOTS
 from wayproof.models.worlds import solvability

@@ -15,9 +15,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from wayproof.harness.bench.verdicts import bench_alarms, bench_power
-from wayproof.harness.bounds import Array, Ends
-from wayproof.harness.intervals import interval_ends, pair_ends
-from wayproof.harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.study.bounds import Array, Ends
+from wayproof.harness.study.intervals import interval_ends, pair_ends
+from wayproof.harness.study.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 Row = dict[str, Any]
 Progress = Callable[[str], None]

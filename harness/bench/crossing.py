@@ -12,7 +12,7 @@ from typing import Any
 
 from wayproof.harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
 from wayproof.harness.config import Config, override
-from wayproof.harness.worlds import find_world
+from wayproof.harness.scenario.worlds import find_world
 
 ROBOTS = ("quadruped", "drone")
 

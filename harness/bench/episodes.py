@@ -20,7 +20,7 @@ from wayproof.harness.config import from_document, override
 from wayproof.harness.logs.reader import Log, open_log
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import build_navigator
 from wayproof.harness.warm_up import warm_up

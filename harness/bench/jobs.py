@@ -17,7 +17,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.warm_up import warm_up
 from wayproof.models.worlds import World
 

@@ -23,7 +23,7 @@ from wayproof.harness.logs.log_copy import time_of, topic_of
 from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import Head, read_head
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.warm_up import warm_up
 from wayproof.models import range_codec

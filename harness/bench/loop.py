@@ -12,7 +12,7 @@ import numpy as np
 
 from wayproof.harness.config import from_document, override
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.warm_up import warm_up
 

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from wayproof.harness.bounds import Array
+from wayproof.harness.cli.compare import DEFAULT_GATES
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
+from wayproof.harness.study.bounds import Array
 from wayproof.harness.study.file import PACKAGED, Arm, Gate, plan_episodes, read_gate, read_study
 from wayproof.harness.study.gates import GateResult, judge
 from wayproof.harness.study.rows import Row
-from wayproof.harness.verbs.compare import DEFAULT_GATES
 
 TIME_LIMIT = 60.0
 """Of an episode, s."""

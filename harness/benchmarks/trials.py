@@ -14,7 +14,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.logs.log import check_folder
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.warm_up import warm_up
 from wayproof.models.imports import FileWorld

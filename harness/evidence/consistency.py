@@ -382,7 +382,7 @@ def _limits(subject: Subject, number: int) -> Limits:
 
 def _is_active(subject: Subject, number: int) -> bool:
     run = subject.run_of(number)
-    rate = next(iter(run.beams.values())).rate  # as `harness.interference` has it
+    rate = next(iter(run.beams.values())).rate  # as `harness.sim.perturb` has it
     return (run.config.perturbation or UNPERTURBED).is_active(round(number / rate * 1e9))
 
 

@@ -19,7 +19,7 @@ from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import Log, before, fork_note, open_log, read_head
 from wayproof.harness.result import Result
 from wayproof.harness.runner import finish, publishing_failures, settle_log
-from wayproof.harness.scenario import Scenario, sensor_info
+from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.user_code import plugin_digests

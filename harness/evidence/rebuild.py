@@ -11,12 +11,12 @@ from wayproof.harness.evidence.relay import Stretch
 from wayproof.harness.evidence.twin import changed_mission
 from wayproof.harness.inputs import beams_from_info
 from wayproof.harness.logs.reader import Log
-from wayproof.harness.mujoco_warnings import tell_warnings
-from wayproof.harness.robots import find_logged_robot
-from wayproof.harness.scenario import Scenario, sensor_info
-from wayproof.harness.scene_text import safe_scene
+from wayproof.harness.scenario.mujoco_warnings import tell_warnings
+from wayproof.harness.scenario.robots import find_logged_robot
+from wayproof.harness.scenario.scenario import Scenario, sensor_info
+from wayproof.harness.scenario.scene_text import safe_scene
+from wayproof.harness.scenario.worlds import perturbed
 from wayproof.harness.stack.decision import Difference
-from wayproof.harness.worlds import perturbed
 from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import bind, resolve
@@ -67,7 +67,7 @@ def made_otherwise(log: Log) -> list[Difference]:
 
     Nothing is compared where the world or the robot is a file, see `is_made_from_seed`.
     """
-    from wayproof.harness.scenario import build
+    from wayproof.harness.scenario.scenario import build
 
     log = log.as_of(-1)
     if not is_made_from_seed(log):

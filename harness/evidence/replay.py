@@ -126,7 +126,7 @@ def cause_differences(log: Log) -> list[Difference] | None:
     if not log.result.get("cause") or log.record == "decisions":
         return None
     try:
-        from wayproof.harness.cause import find_cause, read_case
+        from wayproof.harness.attribution import find_cause, read_case
     except ImportError:
         return None
     finding = find_cause(read_case(log))

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
-from wayproof.harness.cause import Case, Moment
+from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.explain.card import Card, moment_of
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.stack.decision import path_of

@@ -13,7 +13,7 @@ from wayproof.harness.config import Config, override
 from wayproof.harness.logs.log import FORMAT_VERSION
 from wayproof.harness.logs.log_copy import thin
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.warm_up import warm_up
 
 COMMITTED = Path(__file__).resolve().parents[2] / "tests" / "harness" / "logs"

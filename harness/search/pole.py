@@ -14,7 +14,7 @@ from pathlib import Path
 from wayproof.harness.config import Config, override
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import Scenario, build, make_transparent
+from wayproof.harness.scenario.scenario import Scenario, build, make_transparent
 from wayproof.harness.search.hunt import Tried
 from wayproof.harness.search.space import Space
 from wayproof.models.worlds import Cylinder, World

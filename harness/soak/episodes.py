@@ -22,7 +22,7 @@ from wayproof.harness.evidence.fork import fork
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import Scenario, build
+from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.soak.child import scratch
 from wayproof.harness.soak.fresh import FreshReplays, replay_by_command
 from wayproof.harness.stack.pipeline import build_navigator

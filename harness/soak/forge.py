@@ -12,7 +12,7 @@ from pathlib import Path
 from wayproof.harness.config import Config, override
 from wayproof.harness.evidence.verify import Step, verify
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.soak.forgeries import CLAIMS, EDITS, forge
 
 SETTINGS = ("episode.time_limit=1.2", 'perturbation={"kind": "pose_drift", "severity": 5}')

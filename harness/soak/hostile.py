@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.soak.child import in_child, scratch
 from wayproof.harness.soak.hostile_files import BOX, FILES, Maker
 from wayproof.harness.soak.hostile_logs import LOGS
@@ -31,7 +31,7 @@ LOADED = (
     "wayproof.harness.evidence.verify",
     "wayproof.harness.explain",
     "wayproof.harness.study.report",
-    "wayproof.harness.verbs.score",
+    "wayproof.harness.cli.score",
     "wayproof.models.imports",
     "pyoctomap",
     "trimesh",

@@ -18,7 +18,7 @@ from wayproof.harness.logs.log import FLUSH_PERIOD_NS
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.logs.recover import recover
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import Scenario, build
+from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.soak.child import Kill, in_child, scratch
 from wayproof.harness.warm_up import warm_up

@@ -11,7 +11,7 @@ import numpy as np
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
-from wayproof.harness.scenario import Scenario, build
+from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.soak.episodes import random_config
 from wayproof.harness.stack.pipeline import build_navigator
 from wayproof.maps import MAPS, UnknownPolicy

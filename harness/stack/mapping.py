@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Beams, Inputs
-from wayproof.harness.labels import bound_version, make_layer, vote, widened
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever
+from wayproof.harness.stack.labels import bound_version, make_layer, vote, widened
 from wayproof.maps import MAPS, Costmap, VoxelMap
 
 Array = NDArray[np.float64]

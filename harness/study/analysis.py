@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wayproof.harness.intervals import difference_interval, mean_interval
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.statistics import Interval, holm, mcnemar, restricted_mean
 from wayproof.harness.study.file import Arm
+from wayproof.harness.study.intervals import difference_interval, mean_interval
 from wayproof.harness.study.rows import Row, first_difference, prove, reference_of, share_differing
+from wayproof.harness.study.statistics import Interval, holm, mcnemar, restricted_mean
 
 Pairs = list[tuple[Row, Row]]
 

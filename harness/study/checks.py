@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from wayproof.harness.cause.case import read_case
-from wayproof.harness.cause.check import check, checkable
-from wayproof.harness.cause.procedure import find_cause
-from wayproof.harness.cause.record import record_check
+from wayproof.harness.attribution.case import read_case
+from wayproof.harness.attribution.check import check, checkable
+from wayproof.harness.attribution.procedure import find_cause
+from wayproof.harness.attribution.record import record_check
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.study.file import Planned

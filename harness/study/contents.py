@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from wayproof.harness.config import PLUGIN, Config
-from wayproof.harness.robots import ENDING as ROBOT_FILE
-from wayproof.harness.robots import find_robot
-from wayproof.harness.worlds import ENDING as WORLD_FILE
-from wayproof.harness.worlds import find_world
+from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
+from wayproof.harness.scenario.robots import find_robot
+from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
+from wayproof.harness.scenario.worlds import find_world
 from wayproof.models.imports import FileWorld
 from wayproof.models.robots.brought import BroughtRobot
 from wayproof.planners._plugin import source_digest

@@ -16,7 +16,6 @@ from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS
 from wayproof.harness.perturbations.perturbation import GREATEST
-from wayproof.harness.statistics import Interval, quantile_interval
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.file import (
     CLEAN,
@@ -32,6 +31,7 @@ from wayproof.harness.study.file import (
 from wayproof.harness.study.file import MOST_EPISODES as MOST_PLANNED
 from wayproof.harness.study.matching import open_planned
 from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.statistics import Interval, quantile_interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, run_missing
 

@@ -18,15 +18,15 @@ from wayproof.harness.config import CODE, PLUGIN, Config, from_document, overrid
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import AnyPerturbation, perturbation_from
-from wayproof.harness.robots import ENDING as ROBOT_FILE
-from wayproof.harness.robots import controller_of
+from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
+from wayproof.harness.scenario.robots import controller_of
+from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.job import episode_key
-from wayproof.harness.worlds import ENDING as WORLD_FILE
 from wayproof.models.robots import ROBOTS
 from wayproof.models.worlds import WORLDS
 
-PACKAGED = Path(__file__).parent.parent / "studies"
+PACKAGED = Path(__file__).parent / "packaged"
 """Studies to start from: `wayproof study NAME`."""
 
 CLEAN = "none"

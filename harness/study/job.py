@@ -76,7 +76,7 @@ def key_of(config: Config, planner: str, version: str) -> str:
 def run_job(job: Job) -> Done:
     """Run one episode; whatever it raises becomes its error text."""
     from wayproof.harness.runner import run_episode
-    from wayproof.harness.scenario import build
+    from wayproof.harness.scenario.scenario import build
 
     try:
         config = from_json(job.config, allow_plugins=True)

@@ -11,15 +11,15 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.intervals import difference_interval
 from wayproof.harness.perturbations.pose_drift import PoseDrift
-from wayproof.harness.statistics import Interval, clopper_pearson, restricted_mean
 from wayproof.harness.study.file import StudyFile, plan_episodes
+from wayproof.harness.study.intervals import difference_interval
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.rows import Row
+from wayproof.harness.study.statistics import Interval, clopper_pearson, restricted_mean
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, error_in_words, read_rows, run_study
-from wayproof.harness.support import RATE, TIME
+from wayproof.harness.study.support import RATE, TIME
 
 SETTING = "map.inflation_margin"
 

@@ -19,10 +19,10 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.scenario.worlds import find_world
 from wayproof.harness.study.contents import class_identity
 from wayproof.harness.study.file import Planned
 from wayproof.harness.study.job import key_of
-from wayproof.harness.worlds import find_world
 from wayproof.models.robots import ROBOTS
 from wayproof.models.robots.brought import parse_spec
 from wayproof.models.scene import resolve

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.metrics import Trace
-from wayproof.harness.scene_text import safe_scene
-from wayproof.harness.statistics import Interval
+from wayproof.harness.scenario.scene_text import safe_scene
+from wayproof.harness.study.statistics import Interval
 from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
 
 STYLE: Any = {

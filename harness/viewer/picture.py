@@ -22,9 +22,9 @@ from wayproof.harness.evidence.rebuild import rebuild
 from wayproof.harness.evidence.twin import guarded
 from wayproof.harness.logs.reader import Log, open_log
 from wayproof.harness.outputs import written_whole
-from wayproof.harness.scenario import Scenario
+from wayproof.harness.scenario.scenario import Scenario
+from wayproof.harness.sim.snapshot import Simulation, restore_parts
 from wayproof.harness.stack.decision import path_of
-from wayproof.harness.state import Simulation, restore_parts
 from wayproof.harness.viewer.boxes import flat_boxes, surrounding_boxes, upright_boxes
 from wayproof.harness.viewer.cutaway import cut_boxes, cut_scene
 from wayproof.harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wayproof.harness.logs.reader import Log, open_log
     from wayproof.harness.result import Result
     from wayproof.harness.runner import run_episode
-    from wayproof.harness.scenario import Scenario, build
+    from wayproof.harness.scenario.scenario import Scenario, build
     from wayproof.harness.stack.pipeline import Navigator, build_navigator
 
 # Small products on two BLAS threads are slower than on one, and their order of summation varies.
@@ -38,8 +38,8 @@ WHERE = {
     "open_log": "wayproof.harness.logs.reader",
     "Result": "wayproof.harness.result",
     "run_episode": "wayproof.harness.runner",
-    "Scenario": "wayproof.harness.scenario",
-    "build": "wayproof.harness.scenario",
+    "Scenario": "wayproof.harness.scenario.scenario",
+    "build": "wayproof.harness.scenario.scenario",
     "Navigator": "wayproof.harness.stack.pipeline",
     "build_navigator": "wayproof.harness.stack.pipeline",
 }

@@ -2,6 +2,6 @@
 
 import sys
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 
 sys.exit(main())

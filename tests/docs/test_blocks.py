@@ -16,7 +16,7 @@ from tests.docs.typist import (
     lines_of,
     reason_against,
 )
-from wayproof.harness.cli import verb_parsers
+from wayproof.harness.cli.main import verb_parsers
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
 INDEX = ROOT / "docs/README.md"

@@ -33,12 +33,12 @@ from tests.sharing import alone
 from wayproof.harness.bench import crossing as bench_crossing
 from wayproof.harness.bench import worlds as bench_worlds
 from wayproof.harness.bench.stages import STAGES
-from wayproof.harness.cli import main, verb_parsers
+from wayproof.harness.cli.main import main, verb_parsers
+from wayproof.harness.cli.run import episode_name
 from wayproof.harness.config import from_document, override
 from wayproof.harness.evidence.signature import new_key
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.study.file import PACKAGED, plan_episodes, read_study
-from wayproof.harness.verbs.run import episode_name
 from wayproof.models.robots.brought import parse_spec
 from wayproof.models.worlds import WORLDS
 

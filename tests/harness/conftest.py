@@ -8,7 +8,7 @@ import pytest
 from tests.sharing import alone
 from wayproof.harness.config import Config, override
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 
 
 @pytest.fixture(scope="session")

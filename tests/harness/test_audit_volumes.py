@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
 from wayproof.harness.evidence.audit.body import Body
 from wayproof.harness.evidence.audit.moment import Moment

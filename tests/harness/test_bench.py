@@ -10,9 +10,9 @@ from rich.console import Console
 from wayproof.harness.bench import loop
 from wayproof.harness.bench.rays import SAMPLE, SCENES, disagreement, within
 from wayproof.harness.bench.stages import STAGES, print_rows
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.models.rays.scenes import RELIEF, clutter, field_terrain, mesh_terrain
 
 FIELDS = [

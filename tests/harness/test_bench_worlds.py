@@ -10,7 +10,7 @@ from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.replay import replay
 from wayproof.harness.logs.reader import open_log
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 
 SHORT = ("episode.time_limit=3",)
 

@@ -13,7 +13,7 @@ import pytest
 from wayproof.harness.benchmarks import BENCHMARKS, barn, dodge
 from wayproof.harness.benchmarks.trials import Finished, Trial, run_trial
 from wayproof.harness.benchmarks.voxel_search import SQRT2, SQRT3, VoxelSearch, _length, _search
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.audit import audit
@@ -23,7 +23,7 @@ from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.imports import ImportOptions
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.file import Arm, plan_episodes

@@ -10,32 +10,32 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wayproof.harness.cause import CAUSES, find_cause, near_misses, read_case
-from wayproof.harness.cause import contact as contacts
-from wayproof.harness.cause import standstill as standstills
-from wayproof.harness.cause.breaks import KINDS, Broken
-from wayproof.harness.cause.check import Check, check, settle
-from wayproof.harness.cause.confusion import confusion, right, run_planted, table
-from wayproof.harness.cause.contact import ContactFacts
-from wayproof.harness.cause.failures import attempts
-from wayproof.harness.cause.finding import Finding
-from wayproof.harness.cause.grids import clearances, joined, widest
-from wayproof.harness.cause.planted import PLANTS
-from wayproof.harness.cause.pose import PoseFacts
-from wayproof.harness.cause.ranges import RangeFacts
-from wayproof.harness.cause.record import read_check, record_check
-from wayproof.harness.cause.recorded_movers import with_recorded_movers
-from wayproof.harness.cause.remedies import REMEDIES
-from wayproof.harness.cause.standstill import StandstillFacts, lacks_time
-from wayproof.harness.cause.true_space import TrueSpace
-from wayproof.harness.cause.ways import MapWays, TrueWays
+from wayproof.harness.attribution import CAUSES, find_cause, near_misses, read_case
+from wayproof.harness.attribution import contact as contacts
+from wayproof.harness.attribution import standstill as standstills
+from wayproof.harness.attribution.breaks import KINDS, Broken
+from wayproof.harness.attribution.check import Check, check, settle
+from wayproof.harness.attribution.confusion import confusion, right, run_planted, table
+from wayproof.harness.attribution.contact import ContactFacts
+from wayproof.harness.attribution.failures import attempts
+from wayproof.harness.attribution.finding import Finding
+from wayproof.harness.attribution.grids import clearances, joined, widest
+from wayproof.harness.attribution.planted import PLANTS
+from wayproof.harness.attribution.pose import PoseFacts
+from wayproof.harness.attribution.ranges import RangeFacts
+from wayproof.harness.attribution.record import read_check, record_check
+from wayproof.harness.attribution.recorded_movers import with_recorded_movers
+from wayproof.harness.attribution.remedies import REMEDIES
+from wayproof.harness.attribution.standstill import StandstillFacts, lacks_time
+from wayproof.harness.attribution.true_space import TrueSpace
+from wayproof.harness.attribution.ways import MapWays, TrueWays
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.fork import fork
 from wayproof.harness.evidence.rebuild import rebuild
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.result import Contact
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.study.checks import check_failures
 
 TOUCH = ContactFacts(

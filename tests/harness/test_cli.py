@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 
 RUN = ["run", "empty", "--robot", "drone", "--seed", "1"]
 
@@ -267,7 +267,7 @@ def test_the_live_line_keeps_its_end_at_60_columns():
 
     from rich.console import Console
 
-    from wayproof.harness.live import LiveLine
+    from wayproof.harness.cli.live import LiveLine
     from wayproof.harness.schema import wayproof_pb2 as pb
 
     out = StringIO()

@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, from_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.log import LogWriter
-from wayproof.harness.scenario import build
-from wayproof.harness.statistics import quantile_interval
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.study.critical import (
     MOST_EPISODES,
     Margin,
@@ -28,6 +27,7 @@ from wayproof.harness.study.critical import (
 from wayproof.harness.study.file import StudyFile
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.statistics import quantile_interval
 from wayproof.harness.study.store import Store
 
 STUDY = StudyFile(name="bears", worlds=["empty"], robots=["drone"], seeds=9)

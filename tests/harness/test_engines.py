@@ -2,7 +2,7 @@
 
 from wayproof.harness.config import Config, override
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 
 
 def test_both_ray_engines_give_the_same_chain(tmp_path):

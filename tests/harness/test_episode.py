@@ -9,7 +9,7 @@ from wayproof.harness.config import Config, override
 from wayproof.harness.evidence.replay import replay
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import FREE, Distances
 from wayproof.models.robots import ROBOTS

@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from wayproof.harness.cli import main, verb_parsers
-from wayproof.harness.verbs import VERBS
+from wayproof.harness.cli import VERBS
+from wayproof.harness.cli.main import main, verb_parsers
 
 WRONG = {
     "run": ["nowhere", "--robot", "drone", "--seed", "1"],
@@ -128,7 +128,7 @@ def test_no_colour_on_request_and_none_into_a_pipe():
 
 def test_help_of_the_viewers_loads_neither_them_nor_the_simulator():
     code = (
-        "import sys\nfrom wayproof.harness.cli import main\n"
+        "import sys\nfrom wayproof.harness.cli.main import main\n"
         "try:\n    main([sys.argv[1], '--help'])\nexcept SystemExit:\n    pass\n"
         "assert not {'rerun', 'mujoco', 'PIL'} & set(sys.modules), sorted(sys.modules)"
     )

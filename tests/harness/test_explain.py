@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayproof.harness.cause import read_case
-from wayproof.harness.cause.confusion import run_planted
-from wayproof.harness.cli import main
+from wayproof.harness.attribution import read_case
+from wayproof.harness.attribution.confusion import run_planted
+from wayproof.harness.cli.main import main
 from wayproof.harness.evidence.fork import fork
 from wayproof.harness.explain import make_card, phases
 from wayproof.harness.logs.reader import open_log

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.soak.hostile import MOST_MEMORY_MIB, Taken, breaches
 from wayproof.harness.soak.hostile_files import FILES, attached, with_mesh
 from wayproof.harness.soak.hostile_logs import SCENES, study_with_log, with_scene

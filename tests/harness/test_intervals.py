@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from wayproof.harness.bench.coverage import STATISTICS, Data, coverage_of
-from wayproof.harness.intervals import difference_interval, interval_ends, mean_interval
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.study.intervals import difference_interval, interval_ends, mean_interval
+from wayproof.harness.study.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 WORLDS = list(range(200))
 

@@ -10,10 +10,10 @@ import pytest
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.replay import replay
-from wayproof.harness.labels import decode_classes
 from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.labels import decode_classes
 from wayproof.harness.stack.pipeline import build_navigator
 from wayproof.maps.grid import centres
 from wayproof.models.classes import CLASSES, class_of_geoms

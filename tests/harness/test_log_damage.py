@@ -16,7 +16,7 @@ import pytest
 import zstandard
 from mcap.writer import Writer
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.audit import audit
 from wayproof.harness.evidence.replay import replay

@@ -9,7 +9,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.replay import replay
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.models.worlds import WORLDS, Box, World
 from wayproof.models.worlds.layout import room_walls
 

@@ -7,7 +7,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.replay import replay
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 
 OCTOMAP = ("map.kind=octomap", "map.half_life=0", "map.resolution=0.2", "goal=[6.0, 4.0]")
 

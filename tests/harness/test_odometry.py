@@ -14,10 +14,10 @@ from wayproof.harness.config import Config, override
 from wayproof.harness.evidence.replay import replay
 from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import open_log
-from wayproof.harness.odometry import Estimate
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.sim.pose_estimate import Estimate
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE
 from wayproof.models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
 from wayproof.models.poses import Trail, rotation_matrices
@@ -244,8 +244,8 @@ def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():
         "mujoco",
         "wayproof.models.truth",
         "wayproof.models.robots",
-        "wayproof.harness.odometry",
-        "wayproof.harness.interference",
+        "wayproof.harness.sim.pose_estimate",
+        "wayproof.harness.sim.perturb",
     }
     assert not hidden & set(loaded)
 

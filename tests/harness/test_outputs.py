@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.log import LogWriter
 from wayproof.harness.logs.recover import recovered_name

@@ -15,7 +15,7 @@ from wayproof.harness.logs.streams import compare
 from wayproof.harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
 from wayproof.harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.beams import DROPPED, NO_RETURN
 from wayproof.models.devices import DEVICES

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from wayproof.harness.config import Config, override
-from wayproof.harness.judge import Judge, limits_of
-from wayproof.harness.plant import Plant
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
+from wayproof.harness.sim.simulation import Plant
+from wayproof.harness.sim.termination import Judge, limits_of
 from wayproof.models.robots import Setpoint
 from wayproof.planners import MotionLimits, follow_path, hold
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import zstandard
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.audit import audit
 from wayproof.harness.evidence.closed_loop import simulate_again
@@ -99,7 +99,7 @@ def test_a_bit_is_a_difference_and_a_measured_time_is_none():
 def test_replay_needs_no_simulator(recorded):
     script = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from wayproof.harness.cli import main\n"
+        "from wayproof.harness.cli.main import main\n"
         f"sys.exit(main(['replay', {str(recorded(*SHORT['drone']).log)!r}]))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)

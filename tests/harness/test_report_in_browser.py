@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.study.file import Bounds, plan_episodes, read_study
 from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store

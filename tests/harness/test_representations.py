@@ -9,7 +9,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.replay import replay
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 
 
 @pytest.mark.parametrize("kind", ["grid2d", "tsdf"])

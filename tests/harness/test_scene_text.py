@@ -6,7 +6,7 @@ import pytest
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.logs.small_log import COMMITTED, committed_name
-from wayproof.harness.scene_text import safe_scene
+from wayproof.harness.scenario.scene_text import safe_scene
 
 
 def scene(inside, head=""):

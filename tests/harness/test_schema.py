@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.audit import audit
 from wayproof.harness.evidence.fork import fork

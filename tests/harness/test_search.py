@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, from_json, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.log import LogWriter
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.perturbations import AnyPerturbation
-from wayproof.harness.scenario import build
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.search.episodes import Search, search
 from wayproof.harness.search.hunt import Tried, hunt, shorten
 from wayproof.harness.search.pole import SPACE, cross_pole_room

@@ -9,7 +9,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.signature import (
     fault_of_signature,

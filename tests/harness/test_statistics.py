@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wayproof.harness.statistics import (
+from wayproof.harness.study.statistics import (
     holm,
     mcnemar,
     paired_rate_difference,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.config import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.container import walk

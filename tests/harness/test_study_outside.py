@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.file import plan_episodes, read_study
 from wayproof.harness.study.store import Store, merge

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from wayproof.harness.bench.verdicts import CHANGES, compared, share_failing, study_of
-from wayproof.harness.cli import main
+from wayproof.harness.cli.compare import DEFAULT_GATES
+from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
 from wayproof.harness.study.contents import contents_of
@@ -27,7 +28,6 @@ from wayproof.harness.study.gates import GateResult, gate_in_words, judge
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, conclude, verdict_in_words
-from wayproof.harness.verbs.compare import DEFAULT_GATES
 
 ARM = Arm("warehouse", "drone", "", "none", 0)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.reader import open_log
@@ -314,7 +314,7 @@ def test_a_file_that_changed_is_told_by_a_replay(capsys, tmp_path):
 
 def test_a_fault_of_ours_is_a_traceback_and_the_log_is_whole(tmp_path, monkeypatch):
     from wayproof.harness.runner import run_episode
-    from wayproof.harness.scenario import build
+    from wayproof.harness.scenario.scenario import build
     from wayproof.harness.stack.pipeline import Navigator
 
     step = Navigator.step

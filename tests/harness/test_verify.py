@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.cause.check import Verdict
-from wayproof.harness.cause.finding import Finding
-from wayproof.harness.cause.record import record_check
-from wayproof.harness.cli import main
+from wayproof.harness.attribution.check import Verdict
+from wayproof.harness.attribution.finding import Finding
+from wayproof.harness.attribution.record import record_check
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.closed_loop import simulate_again
 from wayproof.harness.evidence.consistency import contradictions

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from wayproof.harness.cli import main
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.fork import fork
 from wayproof.harness.logs.container import walk

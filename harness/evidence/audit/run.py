@@ -28,9 +28,9 @@ from wayproof.harness.evidence.audit.volumes import Volumes, measure, together
 from wayproof.harness.evidence.audit.way import judge_way
 from wayproof.harness.evidence.reasons import ReasonCheck
 from wayproof.harness.evidence.relay import Relay, stretches
-from wayproof.harness.labels import bound_version
 from wayproof.harness.logs.reader import Log, open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.labels import bound_version
 from wayproof.maps import UnknownPolicy
 
 CHECKS: tuple[Callable[[Moment], list[Violation]], ...] = (

@@ -1,0 +1,55 @@
+"""The cause of an episode that has just failed, from its log before the result is written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wayproof.harness.attribution.case import Case, moments_of
+from wayproof.harness.attribution.procedure import find_cause
+from wayproof.harness.attribution.true_space import TrueSpace
+from wayproof.harness.evidence.rebuild import stretch_of
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.logs.messages import read_unfinished
+from wayproof.harness.result import Contact, Result
+from wayproof.harness.scenario.scenario import Scenario
+
+
+def with_cause(result: Result, scenario: Scenario, log: LogWriter) -> Result:
+    """Add the cause of a failure; a success has none, nor has an `error` of simulator or code.
+
+    Args:
+        result: The episode's, from its first decision on.
+        scenario: What was run.
+        log: Its log, in full, without a result yet.
+
+    Raises:
+        OSError: The log cannot be written or read.
+    """
+    if result.outcome in ("success", "error") or not result.decisions:
+        return result
+    log.flush()
+    moments = tuple(moments_of(read_unfinished(log.partial_path)))
+    if len(moments) != result.decisions:
+        raise OSError(
+            f"log '{log.partial_path}': {len(moments)} decisions can be read, "
+            f"expected the {result.decisions} that were written"
+        )
+    case = Case(
+        config=scenario.config,
+        mission=scenario.mission,
+        runs=(stretch_of(scenario),),
+        outcome=result.outcome,
+        reason=result.reason,
+        end_s=result.sim_time_s,
+        contact=Contact.from_text(result.contact),
+        moments=moments,
+        space=TrueSpace(scenario.scene.mjcf),
+    )
+    finding = find_cause(case)
+    assert finding is not None
+    return replace(
+        result,
+        cause=finding.cause,
+        cause_evidence=finding.evidence,
+        cause_decision=finding.decision,
+    )

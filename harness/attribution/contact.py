@@ -1,0 +1,397 @@
+"""The cause of a contact: what the map held of the place, and who had left the plan.
+
+Each test is a question to measured facts and answers with its evidence, or not at all. The first
+that answers names the cause, so their order matters: what moved in, or came through too late,
+explains the state of the map, and not the other way round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.attribution.case import Case, Moment, off_path
+from wayproof.harness.attribution.finding import Finding
+from wayproof.harness.attribution.pose import PoseFacts, error_of, pose_facts, usual_margin
+from wayproof.harness.attribution.ranges import RangeFacts, range_facts
+from wayproof.harness.evidence.audit import densely
+from wayproof.harness.result import Contact
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
+
+Array = NDArray[np.float64]
+
+ABOUT_CELLS = 2
+"""The map is asked this many cells about a contact."""
+
+OWN_REACH = 0.3
+"""An occupied cell this far from a contact, pose error apart, may still stand for what was
+touched, m: ranges, attitude and calibration each have a share in it."""
+
+LEAST_NOTICE = 0.5
+"""What stands in the way only this long before a contact was not there to be seen, s."""
+
+UNDER_WAY = ("follow", "slow", "explore")
+"""Actions whose trajectories keep clear of all that is mapped."""
+
+SET_OUT = 0.3
+"""Within this of its begin a trajectory may lead out of the inflation, m."""
+
+BLIND = 1.0
+"""A robot that takes in nothing within this distance beyond its body cannot see its way, m."""
+
+LATE = 0.01
+"""A delay beyond the expected one that counts, s."""
+
+
+@dataclass(frozen=True)
+class ContactFacts:
+    """What is known of one contact; places in the world frame, m.
+
+    Attributes:
+        name: Of what was touched.
+        time_s: When.
+        decision: The last decision after which the robot could still have come to rest before.
+        decision_s: When that was.
+        there_when_decided: Whether what was touched stood there at that decision, and before the
+            sweep that it was made on.
+        there_when_observed: Whether it stood there when the map last looked.
+        observed_s: When the map last looked at the place; negative if never.
+        away: Distance of the place of contact from the body then, m.
+        free: Cells about the contact, outside of what was touched, that were mapped free.
+        unknown: Likewise unknown.
+        own: Occupied cells that stand for what was touched.
+        nearest_own: Distance of the nearest of them from the contact, m.
+        off_path: Distance of the believed body from the path that it followed, m.
+        planned_clearance: True clearance of a body on that path, m.
+        pose_error: Believed less true position when it was touched, m.
+        margin: Localization margin, m.
+        usual: What a usual one would be, m, see `usual_margin`.
+        pose: Its error from a second before the last chance on.
+        ranges: What the sensors reported against the truth.
+        disregarded: By how much the trajectory that was chosen at the last chance, or after it,
+            comes nearer to what the map then held than body and margin allow, m.
+        late: The earliest decision that kept clear of the place and would have been in time
+            with the expected delay, but was not: its number, its delay and the expected one.
+    """
+
+    name: str
+    time_s: float
+    decision: int
+    decision_s: float
+    there_when_decided: bool
+    there_when_observed: bool
+    observed_s: float
+    away: float
+    free: int
+    unknown: int
+    own: int
+    nearest_own: float
+    off_path: float
+    planned_clearance: float
+    pose_error: float
+    margin: float
+    usual: float
+    pose: PoseFacts
+    ranges: RangeFacts
+    disregarded: float
+    late: tuple[int, float, float] | None
+
+
+def localization(facts: ContactFacts) -> str | None:
+    """The pose was farther off than the margin covers."""
+    return str(facts.pose) if facts.pose.beyond > 0.0 else None
+
+
+def perception(facts: ContactFacts) -> str | None:
+    """Echoes were lost or wrong, or dropped, so that space stayed free in which something came."""
+    if facts.ranges.lied:
+        return str(facts.ranges)
+    blind = facts.ranges.blind
+    if not facts.own and facts.free >= facts.unknown and blind > max(facts.away, BLIND):
+        return (
+            f"returns nearer than {blind:.1f} m are dropped, and {facts.name} was "
+            f"{facts.away:.1f} m away at decision {facts.decision}, where the map said free"
+        )
+    return None
+
+
+def latency(facts: ContactFacts) -> str | None:
+    """A decision that kept clear was made in time, but took effect too late."""
+    if facts.ranges.withheld >= 0.5:
+        return f"{facts.ranges.withheld:.0%} of the decisions were made without a new sweep"
+    if facts.late is None:
+        return None
+    number, delay, expected = facts.late
+    return (
+        f"decision {number} kept clear of {facts.name} and would have been in time after "
+        f"{expected * 1e3:.0f} ms; it took {delay * 1e3:.0f} ms"
+    )
+
+
+def moved_obstacle(facts: ContactFacts) -> str | None:
+    """It was not there yet when the robot decided to go, or when the map last looked."""
+    if not facts.there_when_decided:
+        return (
+            f"{facts.name} was not at the place of contact at {facts.decision_s:.1f} s, "
+            f"{facts.time_s - facts.decision_s:.1f} s before, when there was room to stop"
+        )
+    if facts.observed_s >= 0.0 and not facts.there_when_observed:
+        return (
+            f"{facts.name} came to the place of contact after {facts.observed_s:.1f} s, "
+            "when the map had last looked there"
+        )
+    return None
+
+
+def tracking(facts: ContactFacts) -> str | None:
+    """The body had left a path on which it would have kept clear, by more than that was short."""
+    beyond, short = facts.off_path - facts.usual, facts.usual - facts.planned_clearance
+    least = max(0.5 * facts.usual, 0.02)
+    if beyond <= max(short, 0.0) or facts.planned_clearance < least:
+        return None
+    return (
+        f"the body was {facts.off_path:.2f} m off its path (usual margin {facts.usual:.2f} m), "
+        f"on which it would have kept {facts.planned_clearance:.2f} m from {facts.name}"
+    )
+
+
+def disregarded_obstacle(facts: ContactFacts) -> str | None:
+    """The map held it, and the stack chose a trajectory through it."""
+    if not facts.own or facts.disregarded <= 0.0:
+        return None
+    return (
+        f"{facts.name} was mapped ({facts.own} cells), and a trajectory was chosen that comes "
+        f"{facts.disregarded:.2f} m nearer to it than body and margin allow"
+    )
+
+
+def unseen_obstacle(facts: ContactFacts) -> str | None:
+    """It stood in unknown space, which the robot was let into."""
+    if facts.own or facts.unknown <= facts.free:
+        return None
+    return (
+        f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
+        f"unknown at decision {facts.decision}, and the robot was let in"
+    )
+
+
+def missed_obstacle(facts: ContactFacts) -> str | None:
+    """It stood there, and the map said free."""
+    if facts.own:
+        return None
+    return (
+        f"{facts.free} cells before {facts.name} were mapped free and none of it occupied at "
+        f"decision {facts.decision}, though it stood there"
+    )
+
+
+def margin_too_small(facts: ContactFacts) -> str | None:
+    """It was mapped, and the robot came nearer than the map's errors allow."""
+    return (
+        f"{facts.name} was mapped ({facts.own} cells, the nearest {facts.nearest_own:.2f} m from "
+        f"the contact), the pose was {facts.pose_error:.2f} m off, and the margin was "
+        f"{facts.margin:.2f} m"
+    )
+
+
+TESTS: dict[str, Callable[[ContactFacts], str | None]] = {
+    "localization": localization,
+    "perception": perception,
+    "latency": latency,
+    "moved_obstacle": moved_obstacle,
+    "tracking": tracking,
+    "disregarded_obstacle": disregarded_obstacle,
+    "unseen_obstacle": unseen_obstacle,
+    "missed_obstacle": missed_obstacle,
+    "margin_too_small": margin_too_small,
+}
+"""In the order in which they are asked."""
+
+
+def cause_of_contact(case: Case, contact: Contact, time_s: float) -> Finding:
+    """Why something was touched at a time."""
+    facts = contact_facts(case, contact, time_s)
+    for cause, test in TESTS.items():
+        evidence = test(facts)
+        if evidence is not None:
+            return Finding(cause, evidence, facts.decision, contact.position)
+    raise AssertionError("the last test always answers")
+
+
+def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
+    """Measure all that the tests ask for."""
+    last = _last_before(case, time_s)
+    place = np.array(contact.position)
+    number = _last_chance(case, place, time_s)
+    moment = case.moments[number]
+    navigator = case.navigator_at(number)
+    size = navigator.map.resolution
+    believed = place + moment.error
+    observed_s = float(navigator.map.observed_ns_at(believed[None])[0]) * 1e-9
+    since = case.moments[max(number - 1, 0) : number + 1]  # a sweep takes as long as that
+    free, unknown, own = _mapped(case, navigator, contact, moment)
+    off, planned = _planned(case, contact, last, time_s)
+    return ContactFacts(
+        name=contact.name,
+        time_s=time_s,
+        decision=number,
+        decision_s=moment.time_ns * 1e-9,
+        there_when_decided=all(_stood(case, contact, one, 1.5 * size) for one in since),
+        there_when_observed=_stood(case, contact, _nearest(case, observed_s), 1.5 * size),
+        observed_s=observed_s,
+        away=_room(case, moment, place),
+        free=free,
+        unknown=unknown,
+        own=len(own),
+        nearest_own=float(own.min()) if len(own) else 0.0,
+        off_path=off,
+        planned_clearance=planned,
+        pose_error=error_of(case, last),
+        pose=pose_facts(case, _stretch(case, number, time_s), place),
+        ranges=range_facts(case, _before(case, time_s)),
+        disregarded=_disregarded(case, navigator, moment),
+        margin=last.decision.localization_margin_m,
+        usual=usual_margin(case, last),
+        late=_late(case, contact, number),
+    )
+
+
+def _stretch(case: Case, number: int, time_s: float) -> range:
+    """Decisions from a second before one on, up to a time."""
+    begin_s = case.moments[number].time_ns * 1e-9 - 1.0
+    end = _before(case, time_s)
+    return range(min(_before(case, begin_s), end), end + 1)
+
+
+def _disregarded(case: Case, navigator: Navigator, moment: Moment) -> float:
+    """By how much a decision's trajectory comes too near to occupied cells of its map, m.
+
+    Stopping and getting out of the inflation begin inside of it, so they do not count.
+    """
+    if moment.decision.action not in UNDER_WAY:
+        return 0.0
+    costmap = navigator.costmap
+    path = densely(path_of(moment.decision.trajectory.path), costmap.resolution)
+    path = path[np.linalg.norm(path - path[0], axis=1) > SET_OUT]
+    if not len(path):
+        return 0.0
+    cells = np.floor((path - costmap.origin) / costmap.resolution).astype(int)
+    cells = np.clip(cells, 0, np.array(costmap.shape) - 1)
+    nearest = float(costmap.obstacle_clearance[tuple(cells.T)].min())
+    if nearest > costmap.blocked_at_or_below:
+        return 0.0
+    return costmap.inflation_radius - float(np.sqrt(nearest)) * costmap.resolution
+
+
+def stopping_room(case: Case, moment: Moment, delay: float) -> float:
+    """Way that the body takes to come to rest if a decision to do so takes effect after a delay, m.
+
+    v t + v^2 / 2 a, and v a / 2 j for building up the deceleration a with the jerk j.
+    """
+    speed = float(np.linalg.norm(np.array(moment.truth.velocity)[: case.axes]))
+    a, j = case.mission.max_acceleration, case.mission.max_jerk
+    return speed * delay + speed * speed / (2.0 * a) + speed * a / (2.0 * j)
+
+
+def _room(case: Case, moment: Moment, place: Array) -> float:
+    """Way from the body to a place, m."""
+    gap = float(np.linalg.norm((place - moment.true_position)[: case.axes]))
+    return max(gap - case.mission.radius, 0.0)
+
+
+def _last_chance(case: Case, place: Array, time_s: float) -> int:
+    """Number of the last decision after which the body could have come to rest before a place."""
+    expected = case.config.latency.expected
+    latest = _before(case, time_s - expected - LEAST_NOTICE)
+    for number in range(latest, -1, -1):
+        moment = case.moments[number]
+        if _room(case, moment, place) >= stopping_room(case, moment, expected):
+            return number
+    return 0
+
+
+def _last_before(case: Case, time_s: float) -> Moment:
+    return case.moments[_before(case, time_s)]
+
+
+def _before(case: Case, time_s: float) -> int:
+    """Number of the last decision at or before a time; the first if there is none."""
+    return max((k for k, one in enumerate(case.moments) if one.time_ns * 1e-9 <= time_s), default=0)
+
+
+def _nearest(case: Case, time_s: float) -> Moment:
+    return min(case.moments, key=lambda one: abs(one.time_ns * 1e-9 - time_s))
+
+
+def _stood(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
+    """Whether what was touched was at the place of contact at a moment."""
+    case.space.place_movers(moment.truth)
+    return case.space.distance_to(np.array(contact.position), contact.name) <= within
+
+
+def _mapped(
+    case: Case, navigator: Navigator, contact: Contact, moment: Moment
+) -> tuple[int, int, Array]:
+    """Free and unknown cells before a contact, and distances (n,) of its own occupied ones."""
+    size = navigator.map.resolution
+    place = np.array(contact.position) + moment.error
+    reach = OWN_REACH + float(np.linalg.norm(moment.error))
+    steps = np.arange(-np.ceil(reach / size), np.ceil(reach / size) + 1) * size
+    offsets = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
+    distances = np.linalg.norm(offsets, axis=1)
+    states = navigator.map.state_at(place + offsets)
+    case.space.place_movers(moment.truth)
+    truly = np.array(contact.position)
+    occupied = np.flatnonzero((states == OCCUPIED) & (distances <= reach))
+    mine = [k for k in occupied if case.space.distance(truly + offsets[k])[1] == contact.name]
+    about = np.flatnonzero(distances <= ABOUT_CELLS * size)
+    outside = [
+        k for k in about if case.space.distance_to(truly + offsets[k], contact.name) > 0.5 * size
+    ]
+    return (
+        int((states[outside] == FREE).sum()),
+        int((states[outside] == UNKNOWN).sum()),
+        distances[mine],
+    )
+
+
+def _planned(case: Case, contact: Contact, last: Moment, time_s: float) -> tuple[float, float]:
+    """How far off its path the body was, and the clearance that a body on it would have had."""
+    trajectory = case.followed(round(time_s * 1e9))
+    if trajectory is None:
+        return 0.0, 0.0
+    ahead = np.array(last.truth.velocity) * (time_s - last.time_ns * 1e-9)
+    believed = last.true_position + last.error + ahead
+    off, nearest = off_path(trajectory, believed, case.axes)
+    case.space.place_movers(case.moments[-1].truth if time_s >= case.end_s else last.truth)
+    case.space.place_robot(nearest - last.error, np.array(last.truth.quaternion))
+    return off, case.space.body_clearance(contact.name)
+
+
+def _late(case: Case, contact: Contact, number: int) -> tuple[int, float, float] | None:
+    """The first decision that would have been in time; only the last second or so can matter."""
+    expected, place = case.config.latency.expected, np.array(contact.position)
+    for moment in case.moments[number:]:
+        delay = moment.latency.delay_s
+        room = _room(case, moment, place)
+        in_time = room >= stopping_room(case, moment, expected)
+        too_late = moment.decision.deadline_missed or room < stopping_room(case, moment, delay)
+        if delay > expected + LATE and in_time and too_late and _passes_by(case, contact, moment):
+            return moment.decision.sequence, delay, expected
+    return None
+
+
+def _passes_by(case: Case, contact: Contact, moment: Moment) -> bool:
+    """Whether a body on a decision's trajectory would truly have kept clear of what was touched."""
+    believed = np.array(contact.position) + moment.error
+    _, nearest = off_path(moment.decision.trajectory, believed, case.axes)
+    if case.axes == 2:
+        nearest[2] = moment.true_position[2]
+    case.space.place_movers(moment.truth)
+    case.space.place_robot(nearest - moment.error, np.array(moment.truth.quaternion))
+    return case.space.body_clearance(contact.name) > 0.0

@@ -1,0 +1,90 @@
+"""How wrong the pose was, against what the localization margin is made for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.attribution.case import Case, Moment
+from wayproof.harness.stack.mapping import MARGIN_SIGMAS
+from wayproof.maps import MapConfig
+
+REACH = 1.0
+"""Where no place is in question, an error of the heading counts at this distance, m."""
+
+
+@dataclass(frozen=True)
+class PoseFacts:
+    """The pose's error over a stretch of decisions.
+
+    Attributes:
+        error: Believed less true position where it exceeded what it was covered for the most, m.
+        turn: Of the heading there, rad.
+        covered: What a usual margin covers there, m, see `usual_margin`, and two of the stated
+            standard deviations of the heading at the distance in question.
+        first: Number of the first decision of the whole episode with an error that is not covered;
+            -1 if it always was.
+        beyond: By how much the error exceeded that in the stretch, at most, m; not above 0 if it
+            was covered.
+        at_end: Error of the position at the end, m.
+    """
+
+    error: float = 0.0
+    turn: float = 0.0
+    covered: float = 0.1
+    first: int = -1
+    beyond: float = -0.1
+    at_end: float = 0.0
+
+    def __str__(self) -> str:
+        """In words."""
+        turned = f" and {abs(self.turn):.2f} rad" if abs(self.turn) > 0.02 else ""
+        return (
+            f"the pose was {self.error:.2f} m{turned} off, and the margin covers "
+            f"{self.covered:.2f} m"
+        )
+
+
+def pose_facts(case: Case, numbers: Sequence[int], place: np.ndarray | None = None) -> PoseFacts:
+    """Measure the error over some decisions, for what is at a place (3,) if one is in question."""
+    beyond = [_beyond(case, case.moments[k], place) for k in numbers]
+    worst = case.moments[numbers[int(np.argmax(beyond))]]
+    first = next((k for k, one in enumerate(case.moments) if _beyond(case, one, None) > 0.0), -1)
+    return PoseFacts(
+        error=error_of(case, worst),
+        turn=worst.turn,
+        covered=usual_margin(case, worst)
+        + MARGIN_SIGMAS * worst.pose.heading_sigma * _reach(case, worst, place),
+        first=first,
+        beyond=max(beyond),
+        at_end=error_of(case, case.moments[-1]),
+    )
+
+
+def usual_margin(case: Case, moment: Moment) -> float:
+    """A decision's localization margin, with the default in place of a smaller setting, m.
+
+    An error that a usual margin covers is no fault of the pose or the body where less was set.
+    """
+    short = MapConfig().inflation_margin - case.config.map.inflation_margin
+    return moment.decision.localization_margin_m + max(short, 0.0)
+
+
+def error_of(case: Case, moment: Moment) -> float:
+    """Believed less true position in the axes of motion, m."""
+    return float(np.linalg.norm(moment.error[: case.axes]))
+
+
+def _beyond(case: Case, moment: Moment, place: np.ndarray | None) -> float:
+    reach = _reach(case, moment, place)
+    doubt = max(abs(moment.turn) - MARGIN_SIGMAS * moment.pose.heading_sigma, 0.0)
+    return error_of(case, moment) + doubt * reach - usual_margin(case, moment)
+
+
+def _reach(case: Case, moment: Moment, place: np.ndarray | None) -> float:
+    """Distance at which an error of the heading counts, m."""
+    if place is None:
+        return REACH
+    return float(np.linalg.norm((place - moment.true_position)[: case.axes]))

@@ -1,0 +1,77 @@
+"""From an episode to its cause: a contact has one, and so has not arriving."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.attribution.case import Case, Moment
+from wayproof.harness.attribution.contact import cause_of_contact
+from wayproof.harness.attribution.finding import Finding
+from wayproof.harness.attribution.standstill import cause_of_standstill
+from wayproof.harness.result import Contact
+
+
+@dataclass(frozen=True)
+class NearMiss:
+    """A time at which the robot was nearer to something than half its margin.
+
+    Attributes:
+        decision: Number of the decision at that time.
+        time_s: When.
+        clearance_m: True, from the body.
+        finding: Why.
+    """
+
+    decision: int
+    time_s: float
+    clearance_m: float
+    finding: Finding
+
+
+def find_cause(case: Case) -> Finding | None:
+    """The one cause of a failure; none of a success, nor of an error of simulator or log."""
+    if case.outcome in ("success", "error"):
+        return None
+    contact = case.contact
+    if contact is None and case.outcome == "collision":
+        contact = nearest_contact(case, case.moments[-1])
+    if contact is not None:
+        return cause_of_contact(case, contact, case.end_s)
+    return cause_of_standstill(case)
+
+
+def near_misses(case: Case, most: int = 5) -> list[NearMiss]:
+    """Nearest moments of runs of moments nearer than half the margin, the one of a contact apart.
+
+    Args:
+        case: The episode.
+        most: Only so many are looked into, the nearest ones.
+    """
+    runs: list[list[Moment]] = [[]]
+    for moment in case.moments:
+        if moment.truth.clearance_m < 0.5 * moment.decision.localization_margin_m:
+            runs[-1].append(moment)
+        elif runs[-1]:
+            runs.append([])
+    if runs[-1] and case.outcome == "collision":
+        runs.pop()
+    nearest = [min(run, key=lambda one: one.truth.clearance_m) for run in runs if run]
+    nearest = sorted(nearest, key=lambda one: one.truth.clearance_m)[:most]
+    return [_near_miss(case, one) for one in sorted(nearest, key=lambda one: one.time_ns)]
+
+
+def nearest_contact(case: Case, moment: Moment) -> Contact:
+    """What was nearest to the robot at a moment, as if it had been touched."""
+    case.space.place_movers(moment.truth)
+    case.space.place_robot(moment.true_position, np.array(moment.truth.quaternion))
+    place, name = case.space.body_contact()
+    x, y, z = place.tolist()
+    return Contact(name, (x, y, z))
+
+
+def _near_miss(case: Case, moment: Moment) -> NearMiss:
+    time_s = moment.time_ns * 1e-9
+    finding = cause_of_contact(case, nearest_contact(case, moment), time_s)
+    return NearMiss(moment.decision.sequence, time_s, moment.truth.clearance_m, finding)

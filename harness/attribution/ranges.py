@@ -1,0 +1,184 @@
+"""What the sensors reported against what they should have: beams cast anew in the true scene.
+
+Sweeps from all over the episode and from its end are cast from where the body truly was. A range
+that differs by more than the device's own noise is off; one that is missing is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.attribution.case import Case, Moment
+from wayproof.harness.inputs import Beams, Pose, SweepInput
+from wayproof.models.beams import DROPPED, MILLIMETRES, NO_RETURN
+from wayproof.models.devices import DEVICES, Device, RangeNoise
+from wayproof.models.poses import Trail
+from wayproof.models.robots import ROBOTS
+
+Array = NDArray[np.float64]
+
+SWEEPS = 16
+"""Moments that are looked at over the whole episode, and again over its end."""
+
+END_S = 3.0
+"""The end of an episode, s."""
+
+BEAMS = 1500
+"""Of one sweep that are cast anew, evenly spread."""
+
+SIGMAS = 4.0
+TOLERANCE = 0.03
+"""A range is off if it differs by more than so many standard deviations and this, m."""
+
+DEPTH_SLANT = 2.0
+"""A depth camera's least range lies farther out along slanted beams, at most by this factor."""
+
+FAR = 0.95
+"""Beyond this share of a device's range its echoes may be lost."""
+
+LOST = 0.005
+OFF = 0.1
+"""Shares of lost and of wrong ranges beyond which the ranges lied."""
+
+ASSUMED = RangeNoise(sigma=0.03, sigma_proportional=0.01, dropout=0.05)
+"""Of a device that nothing is known of."""
+
+
+@dataclass(frozen=True)
+class RangeFacts:
+    """How the reported ranges compare with those that the true scene gives.
+
+    Attributes:
+        beams: That should have had an echo and were compared.
+        lost: Share of them without one, less the device's own dropout.
+        off: Share of the echoes that differ by more than the device's noise explains.
+        bias: Median of reported less true range, m.
+        blind: Distance below which the map drops every return, m.
+        withheld: Share of the moments at which no sweep of the first sensor arrived.
+    """
+
+    beams: int = 0
+    lost: float = 0.0
+    off: float = 0.0
+    bias: float = 0.0
+    blind: float = 0.0
+    withheld: float = 0.0
+
+    @property
+    def lied(self) -> bool:
+        """Whether more echoes are lost or wrong than the device's own errors explain."""
+        return self.lost > LOST or self.off > OFF
+
+    def __str__(self) -> str:
+        """In words."""
+        parts = []
+        if self.lost > LOST:
+            parts.append(f"{self.lost:.1%} of the echoes were lost")
+        if self.off > OFF:
+            parts.append(
+                f"{self.off:.0%} of the ranges were off by more than the device's noise "
+                f"(median {self.bias:+.2f} m)"
+            )
+        return " and ".join(parts) or "the ranges were right"
+
+
+def range_facts(case: Case, until: int) -> RangeFacts:
+    """Compare sweeps up to a decision."""
+    numbers = _chosen(case, until)
+    lost = wanted = 0
+    dropouts: list[float] = []
+    errors: list[Array] = []
+    off: list[NDArray[np.bool_]] = []
+    for number in numbers:
+        moment, beams = case.moments[number], case.beams_at(number)
+        case.space.place_movers(moment.truth)
+        for sweep in moment.inputs.sweeps:
+            device = device_of(case, sweep.sensor)
+            true, reported = _compare(case, moment, beams[sweep.sensor], sweep, device)
+            heard = np.isfinite(reported)
+            noise = ASSUMED if device is None else device.noise
+            sigma = np.sqrt(
+                noise.sigma**2
+                + (noise.sigma_proportional * true) ** 2
+                + (noise.sigma_quadratic * true**2) ** 2
+            )
+            wanted, lost = wanted + len(true), lost + int((~heard).sum())
+            dropouts.append(noise.dropout)
+            error = (reported - true)[heard]
+            errors.append(error)
+            off.append(np.abs(error) > SIGMAS * sigma[heard] + TOLERANCE + noise.quantum)
+    every = np.concatenate(errors) if errors else np.zeros(0)
+    wrong = np.concatenate(off) if off else np.zeros(0, np.bool_)
+    first = next(iter(case.beams_at(0)), "")
+    arrived = [
+        first in {one.sensor for one in moment.sweeps} for moment in case.moments[: until + 1]
+    ]
+    return RangeFacts(
+        beams=wanted,
+        lost=max(lost / max(wanted, 1) - max(dropouts, default=0.0), 0.0),
+        off=float(wrong.mean()) if len(wrong) else 0.0,
+        bias=float(np.median(every)) if len(every) else 0.0,
+        blind=case.as_of(until).config.map.minimum_range,
+        withheld=1.0 - float(np.mean(arrived)),
+    )
+
+
+def device_of(case: Case, sensor: str) -> Device | None:
+    """What measured a sensor's sweeps; none if it is not known."""
+    named = getattr(case.config.sensors, sensor, "")
+    if named in DEVICES:
+        return DEVICES[named]
+    if case.config.robot in ROBOTS:
+        mounts = ROBOTS[case.config.robot].spec.mounts
+        return next((mount.device for mount in mounts if mount.name == sensor), None)
+    return None
+
+
+def _chosen(case: Case, until: int) -> list[int]:
+    """Moments with sweeps, of the whole time and of its end."""
+    swept = [k for k in range(until + 1) if case.moments[k].sweeps]
+    end_ns = case.moments[until].time_ns - round(END_S * 1e9)
+    ending = [k for k in swept if case.moments[k].time_ns >= end_ns]
+    chosen = {part[k] for part in (swept, ending) for k in _evenly(len(part), SWEEPS)}
+    return sorted(chosen)
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    return sorted({int(k) for k in np.linspace(0, count - 1, min(count, most))}) if count else []
+
+
+def _compare(
+    case: Case, moment: Moment, beams: Beams, sweep: SweepInput, device: Device | None
+) -> tuple[Array, Array]:
+    """True distances (n,) of beams that should have an echo, and the reported ones, nan if lost."""
+    placed = beams.place(sweep, _true_pose(moment), moment.pose.sequence)
+    stride = max(1, len(placed.ranges_mm) // BEAMS)
+    some = slice(int(moment.pose.sequence) % stride, None, stride)
+    directions = np.asarray(placed.directions)[some]
+    ranges = placed.ranges_mm[some]
+    moments = np.asarray(placed.moments)[some]
+    origins = placed.origins[0] if len(placed.origins) == 1 else placed.origins[moments]
+    true = case.space.cast(origins, directions)
+    nearest = 0.0 if device is None else device.minimum_range
+    nearest *= DEPTH_SLANT if beams.table.measures == "depth" else 1.0
+    grazing = device is not None and device.noise.grazing > 0.0
+    inside = (true > nearest + TOLERANCE) & (true < FAR * beams.range)
+    silent = (ranges == DROPPED) | (ranges == NO_RETURN)
+    if grazing:  # which echoes are lost at grazing angles is the device's own affair
+        inside &= ~silent
+    reported = np.where(silent, np.nan, ranges / MILLIMETRES)
+    return true[inside], reported[inside]
+
+
+def _true_pose(moment: Moment) -> Pose:
+    """Where the body truly was, and its way there as it was believed, moved by the error now."""
+    pose = moment.inputs.pose
+    position, quaternion = moment.true_position, np.array(moment.truth.quaternion)
+    trail = pose.trail
+    if trail is not None:
+        shifted = trail.positions - moment.error
+        trail = Trail(shifted, trail.quaternions, trail.period)
+    return replace(pose, position=position, quaternion=quaternion, trail=trail)

@@ -1,0 +1,87 @@
+"""Telling a map what truly stands where, by beams of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.attribution.case import Case
+from wayproof.harness.attribution.grids import true_occupancy
+from wayproof.harness.inputs import Inputs
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps import Representation
+from wayproof.maps.states import FREE, OCCUPIED
+from wayproof.models.beams import NO_RETURN
+
+Array = NDArray[np.float64]
+
+BACK = 1.0
+"""A beam that marks a cell begins this far before it, m: beyond the range that a map drops."""
+
+
+@dataclass(frozen=True)
+class TrueCells:
+    """Centres of cells (n, 3), and whether something stands in each (n,)."""
+
+    centres: Array
+    occupied: NDArray[np.bool_]
+
+
+def true_cells(case: Case, navigator: Navigator) -> TrueCells:
+    """The cells of a map's region as they truly are, with the movers where they were placed."""
+    size, costmap = navigator.map.resolution, navigator.costmap
+    corner = costmap.origin.copy()
+    if case.mission.motion == "air":
+        grid = true_occupancy(case, navigator)
+    else:
+        below = int(np.ceil(max(-case.mission.low[2], 0.0) / size))
+        corner[2] += size * (np.floor(-corner[2] / size) - below)
+        layers = int(np.ceil((case.mission.height - corner[2]) / size))
+        grid = case.space.occupied(corner, (*costmap.shape[:2], layers), size)
+        # The floor's layer, and those below: what was taken for free there is a hole to the stack.
+        grid[:, :, : below + 1] |= _floor(case, corner, grid.shape[:2], size)[:, :, None]
+    cells = np.moveaxis(np.indices(grid.shape), 0, -1).reshape(-1, 3)
+    return TrueCells(corner + (cells + 0.5) * size, grid.ravel())
+
+
+def _floor(
+    case: Case, corner: Array, shape: tuple[int, ...], size: float
+) -> NDArray[np.bool_]:  # (nx, ny)
+    """Which columns have a floor to stand on."""
+    x, y = np.meshgrid(*((np.arange(n) + 0.5) * size for n in shape), indexing="ij")
+    spots = np.stack([corner[0] + x, corner[1] + y, np.zeros_like(x)], axis=-1)
+    return case.space.borne(spots.reshape(-1, 3)).reshape(shape)
+
+
+def mark_truth(navigator: Navigator, truth: TrueCells, inputs: Inputs) -> None:
+    """Tell a map by beams of its own what truly stands where, and where nothing does.
+
+    A beam that ends in each occupied cell, and for each free one a beam without return that is no
+    longer than the cell; in one sweep occupied wins, so no beam harms another's cell.
+    """
+    voxel_map, size = navigator.map, navigator.map.resolution
+    states = voxel_map.state_at(truth.centres)  # what is right already needs no beam
+    free = truth.centres[~truth.occupied & (states != FREE)]
+    solid = truth.centres[truth.occupied & (states != OCCUPIED)]
+    back = max(BACK, 1.1 * voxel_map.config.minimum_range)
+    _cast(voxel_map, free, 0.2 * size, int(NO_RETURN), 0.4 * size, inputs.time_ns)
+    _cast(voxel_map, solid, back, round(back * 1e3), 2.0 * back, inputs.time_ns)
+
+
+def _cast(
+    voxel_map: Representation, ends: Array, back: float, range_mm: int, limit: float, time_ns: int
+) -> None:
+    """Beams straight down from so far above points (n, 3), as one sweep."""
+    count = len(ends)
+    if not count:
+        return
+    voxel_map.integrate(
+        ends + np.array([0.0, 0.0, back]),
+        np.tile([0.0, 0.0, -1.0], (count, 1)),
+        np.full(count, range_mm, np.uint16),
+        limit,
+        time_ns,
+        np.arange(count, dtype=np.int32),
+    )

@@ -1,0 +1,223 @@
+"""Which ways to the goal exist: in truth, with what moves, and in the map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.attribution.case import Case, Moment
+from wayproof.harness.attribution.ghosts import ghosts, goal_of, without_movers
+from wayproof.harness.attribution.grids import (
+    DETOUR,
+    Array,
+    cell_of,
+    clearances,
+    distances_from,
+    joined,
+    true_occupancy,
+    widest,
+)
+from wayproof.harness.evidence.relay import Relay
+from wayproof.harness.mission import Mission
+from wayproof.harness.stack.mapping import MARGIN_SIGMAS
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import OCCUPIED, UNKNOWN
+
+NO_PATH = "no_path"
+"""Label of a decision whose search found no path."""
+
+LOOKS = 5
+"""Decisions at the end whose maps are searched for ways."""
+
+
+@dataclass(frozen=True)
+class TrueWays:
+    """Which ways truly exist.
+
+    Attributes:
+        radius: That a way has to be wide for, half of it, with a pose that is certain, m.
+        widest: Of the ways without what moves, m; 0 if there is none.
+        exists: Whether there is one for this body and margin.
+        open_at_end: Whether there is with the movers as they are at the end.
+        at_start: Distance from the start to what stands about it, m.
+        shortest_s: Least time for the shortest of them from rest to rest; 0 unless time ran out.
+        left_m: Way left when time ran out; infinite if none leads on.
+        gained_m: Way that was covered over the last decisions.
+    """
+
+    radius: float
+    widest: float
+    exists: bool
+    open_at_end: bool
+    at_start: float
+    shortest_s: float
+    left_m: float
+    gained_m: float
+
+
+@dataclass(frozen=True)
+class MapWays:
+    """Which ways the map had over the last decisions.
+
+    Attributes:
+        known: Share of the decisions with a way through what was known to be free.
+        passable: Share with a way through what was not occupied.
+        in_vain: Share for which a search found no path.
+        not_found: Of these, the share that had a way through what was not occupied.
+        certain: Share with a way through what was not occupied if the pose had been certain.
+        ghosts: Cells mapped occupied at the end that are truly free, and not only just left.
+        holes: Of these, columns of a walking robot that are forbidden because the map holds what
+            lies under their floor for free.
+        ghost: Centre of the one nearest to the robot, m.
+        without_ghosts: Whether there is a way at the end without them.
+        without_movers: Whether there is one without what moves, and what it left just now.
+        held_up: Of all searches that found no path, the share whose map had a way without what
+            moved there; 0 unless time ran out.
+        unknown: Share of the map's cells in the plane or space of motion that are unknown.
+    """
+
+    known: float
+    passable: float
+    in_vain: float
+    not_found: float
+    certain: float
+    ghosts: int
+    holes: int
+    ghost: tuple[float, float, float]
+    without_ghosts: bool
+    without_movers: bool
+    held_up: float
+    unknown: float
+
+
+def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
+    """Search the true scene in cells of the map; progress counts from a decision on."""
+    costmap, last = navigator.costmap, case.moments[-1]
+    size, radius = costmap.resolution, certain_radius(case, navigator)
+    goal, reach = goal_of(case, navigator)
+    start = cell_of(navigator, np.array(case.mission.start))
+    case.space.place_movers(last.truth, present=False)
+    still = clearances(true_occupancy(case, navigator), size)
+    case.space.place_movers(last.truth)
+    gaps = clearances(true_occupancy(case, navigator), size)
+    exists = joined(still > radius, start, goal, reach)
+    lengths = np.full(still.shape, np.inf)
+    if exists and case.outcome == "timeout":  # of no other outcome does time decide
+        lengths = distances_from(still > radius, goal, reach, size) / DETOUR[case.axes]
+    here = cell_of(navigator, last.true_position)
+    left = _nearby(lengths, here, reach)
+    before = _nearby(lengths, cell_of(navigator, case.moments[since].true_position), reach)
+    return TrueWays(
+        radius=radius,
+        widest=widest(still, start, goal, reach),
+        exists=exists,
+        open_at_end=joined(gaps > radius, here, goal, reach),
+        at_start=float(still[start]),
+        shortest_s=rest_to_rest(_nearby(lengths, start, reach), case.mission) if exists else 0.0,
+        left_m=left,
+        gained_m=before - left if math.isfinite(before) and math.isfinite(left) else 0.0,
+    )
+
+
+@dataclass(frozen=True)
+class _Look:
+    """Which ways one decision's map had."""
+
+    known: bool
+    passable: bool
+    certain: bool
+
+
+def map_ways(case: Case, since: int) -> tuple[MapWays, Navigator]:
+    """Search the maps of some decisions from one on, and return the last one's stack."""
+    numbers = range(since, len(case.moments))
+    ever = [k for k, one in enumerate(case.moments) if one.decision.label == NO_PATH]
+    in_vain = [k for k in ever if k >= since]
+    some, some_in_vain = _evenly(numbers), _evenly(in_vain)
+    crossed = case.outcome == "timeout" and bool(case.moments[-1].truth.movers)
+    some_ever = _evenly(ever) if crossed else []
+    looks: dict[int, _Look] = {}
+    held_up: list[bool] = []
+    navigator = None
+    for number, navigator in _maps(case, {*some, *some_in_vain, *some_ever, numbers[-1]}):
+        looks[number] = _look(case, navigator, case.moments[number])
+        if number in some_ever:
+            held_up.append(not looks[number].passable and without_movers(case, navigator, number))
+    assert navigator is not None
+    return MapWays(
+        known=float(np.mean([looks[k].known for k in some])),
+        passable=float(np.mean([looks[k].passable for k in some])),
+        certain=float(np.mean([looks[k].certain for k in some])),
+        in_vain=len(in_vain) / len(numbers),
+        not_found=float(np.mean([looks[k].passable for k in some_in_vain] or [False])),
+        held_up=float(np.mean(held_up or [False])),
+        unknown=float((navigator.costmap.state == UNKNOWN).mean()),
+        **ghosts(case, navigator),
+    ), navigator
+
+
+def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:
+    costmap = navigator.costmap
+    size, radius = costmap.resolution, costmap.inflation_radius
+    goal, reach = goal_of(case, navigator)
+    believed = cell_of(navigator, moment.true_position + moment.error)
+    occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
+    gaps = clearances(occupied, size)
+    return _Look(
+        known=joined(clearances(occupied | unknown, size) > radius, believed, goal, reach),
+        passable=joined(gaps > radius, believed, goal, reach),
+        certain=joined(gaps > certain_radius(case, navigator), believed, goal, reach),
+    )
+
+
+def certain_radius(case: Case, navigator: Navigator) -> float:
+    """The inflation radius of the last decision without what the pose's stated doubt adds, m.
+
+    A doubt that is usual is part of the margin.
+    """
+    doubt = MARGIN_SIGMAS * case.moments[-1].decision.position_sigma
+    return navigator.costmap.inflation_radius - max(doubt - USUAL_DOUBT, 0.0)
+
+
+USUAL_DOUBT = 0.05
+"""Of a localized pose: what is beyond it, the margin grows by because the pose is uncertain, m."""
+
+
+def rest_to_rest(length: float, mission: Mission) -> float:
+    """Least time for a way from rest to rest at a mission's speed and acceleration, s.
+
+    Nothing is added for jerk, turns or bends, so no robot of that speed takes less.
+    L / v + v / a where the speed is reached, and 2 sqrt(L / a) where it is not.
+    """
+    v, a = mission.max_speed, mission.max_acceleration
+    if length <= 0.0 or not math.isfinite(length):
+        return 0.0
+    if length >= v * v / a:
+        return length / v + v / a
+    return 2.0 * math.sqrt(length / a)
+
+
+def _nearby(lengths: Array, cell: tuple[int, ...], reach: int) -> float:
+    """The least of a cell's surroundings."""
+    about = tuple(slice(max(c - reach, 0), c + reach + 1) for c in cell)
+    return float(lengths[about].min())
+
+
+def _evenly(numbers: Sequence[int]) -> list[int]:
+    """`LOOKS` of some numbers, or all of them."""
+    if len(numbers) <= LOOKS:
+        return list(numbers)
+    return [numbers[int(k)] for k in np.linspace(0, len(numbers) - 1, LOOKS)]
+
+
+def _maps(case: Case, wanted: set[int]) -> Iterator[tuple[int, Navigator]]:
+    """The stack as it was at some decisions."""
+    relay = Relay(case.runs)
+    for number, moment in enumerate(case.moments):
+        relay.watch(moment.inputs)
+        if number in wanted:
+            relay.navigator.costmap.update(moment.decision.localization_margin_m)
+            yield number, relay.navigator

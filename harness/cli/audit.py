@@ -1,0 +1,102 @@
+"""`wayproof audit`: every committed path against the map that it names, by slow code."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from typing import TYPE_CHECKING, get_args
+
+from rich.console import Console
+from rich.text import Text
+
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_log_paths,
+    add_unchecked,
+    check_log,
+    one_or_all,
+)
+
+if TYPE_CHECKING:
+    from wayproof.harness.evidence.audit import Audit, Volumes
+
+SHOWN_VIOLATIONS = 10
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Check the decisions of one or more logs."""
+    from wayproof.harness.evidence.audit import audit, together
+
+    audits = []
+    for path in options.log:
+        check_log(path, options)
+        audits.append(audit(path, options.policy, options.allow_plugins, options.volumes))
+        print_audit(console, audits[-1])
+    measured = [one.volumes for one in audits if one.volumes is not None]
+    if len(measured) > 1:
+        print_volumes(console, f"{len(measured)} logs", together(measured))
+    code = 1 if any(one.violations for one in audits) else 0
+    return code, one_or_all("audits", [asdict(one) for one in audits])
+
+
+def print_audit(console: Console, audited: Audit) -> None:
+    """One audit's verdict in a line, and what broke which rule."""
+    count = len(audited.violations)
+    verdict = ("no violation", "bold green")
+    if count:
+        rules = ", ".join(f"{number} {rule}" for rule, number in audited.rules.items())
+        verdict = (f"{count} violation{'s'[: count > 1]} ({rules})", "bold red")
+    reasons = f"{audited.reasons} reasons"
+    if not audited.reasons:
+        reasons = "no reason checked: the log's format has them in words alone"
+    text = Text.assemble(
+        verdict,
+        f" in {audited.decisions} decisions, policy '{audited.policy}': ",
+        f"{audited.swept} paths swept, {audited.stops} forced stops, ",
+        f"{audited.recoveries} recoveries, {audited.late} late, {reasons}; {audited.log}",
+    )
+    console.print(text, soft_wrap=True)
+    if audited.volumes is not None:
+        print_volumes(console, "this log", audited.volumes)
+    for violation in audited.violations[:SHOWN_VIOLATIONS]:
+        console.print(f"  {violation.sequence}: {violation.rule}: {violation.text}", soft_wrap=True)
+    if count > SHOWN_VIOLATIONS:
+        console.print(f"  and {count - SHOWN_VIOLATIONS} more", soft_wrap=True)
+
+
+def print_volumes(console: Console, what: str, volumes: Volumes) -> None:
+    """How near paths come to the volumes of cells."""
+    share = volumes.short / volumes.paths if volumes.paths else 0.0
+    console.print(
+        f"  volumes, {what}: {volumes.short} of {volumes.paths} paths ({share:.1%}) come nearer "
+        f"than radius and margin, by {1e2 * volumes.greatest_m:.1f} cm at most "
+        f"(bound {1e2 * volumes.bound_m:.1f} cm); {volumes.bare} nearer than the radius",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    from wayproof.maps import UnknownPolicy
+
+    add_log_paths(parser)
+    add_unchecked(parser)
+    parser.add_argument(
+        "--policy",
+        choices=get_args(UnknownPolicy),
+        help="hold paths against this unknown policy in place of the log's own",
+    )
+    parser.add_argument(
+        "--volumes",
+        action="store_true",
+        help="measure how near paths come to the volumes of cells that are not admitted",
+    )
+
+
+VERB = Verb(
+    help="check that every committed path lay in space its map knew to be free",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof audit logs/warehouse-drone-3.mcap",
+)

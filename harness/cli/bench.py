@@ -1,0 +1,65 @@
+"""`wayproof bench`: how fast and how right one stage is on this machine."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+
+from wayproof.harness.cli.verb import Document, Verb, add_log_folder
+from wayproof.harness.errors import InputError
+
+FILES = {
+    "worlds": "folder with the worlds of a published benchmark: barn, dodge",
+    "scenarios": "planning problems on a voxel map (.3dscen): plan",
+}
+"""Options that name files of the user's, and what they hold."""
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Measure one stage."""
+    from wayproof.harness.bench.stages import print_rows, run_stage
+    from wayproof.harness.benchmarks import Files
+
+    given = [name for name in FILES if getattr(options, name) is not None]
+    if len(given) > 1:
+        raise InputError(f"got --{' and --'.join(given)}, expected one of them")
+    files = [Files(f"--{name}", getattr(options, name), options.logs) for name in given]
+    source = files[0] if files else None
+    rows = run_stage(
+        options.stage, options.repeats, options.seed, source, options.rows, options.only
+    )
+    print_rows(console, f"bench {options.stage}, seed {options.seed}", rows)
+    return 0, {"rows": rows}
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("stage", metavar="STAGE", help="a wrong one lists those that there are")
+    parser.add_argument(
+        "--repeats",
+        type=int,
+        metavar="N",
+        help="sweeps, queries or episodes of each row; by default as many as the stage needs",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: 0)")
+    for name, said in FILES.items():
+        parser.add_argument(f"--{name}", type=Path, metavar="PATH", help=said)
+    parser.add_argument(
+        "--rows",
+        type=Path,
+        metavar="FILE",
+        help="keep each episode's row in FILE, and go on from the rows in it: crossing, worlds",
+    )
+    parser.add_argument(
+        "--only", metavar="PART", help="one part alone; a wrong one lists them: loop, map, robots"
+    )
+    add_log_folder(parser)
+
+
+VERB = Verb(
+    help="how fast one stage is on this machine, and whether its results are right",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof bench rays --json",
+)

@@ -1,0 +1,52 @@
+"""`wayproof compare`: is the second study worse than the first, pair by pair?"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+
+from wayproof.harness.cli.study import add_inconclusive, print_study
+from wayproof.harness.cli.verb import Document, Verb, add_plugins
+
+DEFAULT_GATES = ("success.drop <= 0.1", "collisions.rise <= 0.1")
+"""Held from about 50 pairs on in which nothing changed."""
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Compare two folders of one study; the exit code is that of a study."""
+    from wayproof.harness.study.compare import compare
+
+    result = compare(
+        options.before, options.after, options.gate or DEFAULT_GATES, options.allow_plugins
+    )
+    print_study(console, result)
+    identical = [one.against for one in result.arms if one.against]
+    if identical and not any(one.changed for one in identical):
+        pairs = sum(one.pairs for one in identical)
+        console.print(f"every decision is the same in all {pairs} pairs", highlight=False)
+    document = {**asdict(result), "verdict": result.verdict}
+    return result.exit_code(options.allow_inconclusive), document
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("before", metavar="A", type=Path, help="folder of a study, the reference")
+    parser.add_argument("after", metavar="B", type=Path, help="folder of the same study")
+    parser.add_argument(
+        "--gate",
+        action="append",
+        metavar="GATE",
+        help=f"what B must keep against A, repeatable; by default {' and '.join(DEFAULT_GATES)}",
+    )
+    add_inconclusive(parser)
+    add_plugins(parser)
+
+
+VERB = Verb(
+    help="a paired comparison of two runs of a study; exit code 1 if a gate fails, 3 if undecided",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof compare logs/before logs/after --gate 'success.drop <= 0.05'",
+)

@@ -1,0 +1,291 @@
+"""`wayproof explain`: one decision as a card, or an episode's story and why it failed."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_plugins,
+    add_unchecked,
+    check_log,
+    warn_of_changed_plugins,
+)
+from wayproof.harness.errors import InputError
+
+if TYPE_CHECKING:
+    from wayproof.harness.attribution import Case, Finding, NearMiss
+    from wayproof.harness.attribution.check import Check, Verdict
+    from wayproof.harness.explain import Card
+    from wayproof.harness.logs.reader import Log
+
+SHOWN_MISSES = 5
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Explain a decision, or the episode."""
+    from wayproof.harness.logs.reader import open_log
+
+    if options.png is not None and not options.png.parent.is_dir():
+        raise InputError(f"--png: got '{options.png}', expected a file in a folder that exists")
+    if options.png is not None and options.png.suffix != ".png":
+        raise InputError(f"--png: got '{options.png}', expected a name that ends in .png")
+    if options.check and options.decision is not None:
+        raise InputError("--check: goes with the whole episode, expected no decision's number")
+    check_log(options.log, options)
+    log = open_log(options.log, options.allow_plugins)
+    if options.allow_plugins:
+        warn_of_changed_plugins(log)
+    if options.decision is not None:
+        return 0, _explain_decision(log, options, console)
+    return 0, _explain_episode(log, options, console)
+
+
+def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -> Document:
+    from wayproof.harness.attribution import read_case
+    from wayproof.harness.explain.card import make_card, moment_of
+
+    case = read_case(log)
+    moment_of(case, options.decision)
+    case = case.as_of(options.decision)
+    navigator = case.navigator_at(options.decision)
+    card = make_card(case, options.decision, navigator)
+    print_card(console, card)
+    if options.png is not None:
+        _draw(case, card, options.png, console)
+    return asdict(card)
+
+
+def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:
+    from wayproof.harness.attribution.record import read_check
+    from wayproof.harness.explain import make_card, phases
+
+    outcome, reason = log.result["outcome"], log.result.get("reason", "")
+    decisions = list(log.decisions())
+    told = phases(decisions, list(log.truth()))
+    console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True)
+    for phase in told:
+        console.print(f"  {phase}", soft_wrap=True, highlight=False)
+    for line in log.traceback.splitlines():
+        console.print(f"  {line}", soft_wrap=True, highlight=False)
+    case, finding, misses = _why(log) if decisions or not log.traceback else (None, None, [])
+    verdict = _check(log, finding) if options.check else read_check(log)
+    if verdict is not None:
+        finding = verdict.finding
+    if finding is not None:
+        print_finding(console, finding)
+    if verdict is not None:
+        print_verdict(console, verdict)
+    _print_misses(console, misses)
+    document: Document = {
+        "log": str(log.path),
+        "outcome": outcome,
+        "reason": reason,
+        "traceback": log.traceback,
+        "phases": [asdict(phase) for phase in told],
+        "cause": None if finding is None else asdict(finding),
+        "near_misses": [asdict(miss) for miss in misses],
+    }
+    if options.png is not None:
+        if case is None:
+            raise InputError(f"log '{log.path}': no sweeps in it, so there is no map")
+        last = len(case.moments) - 1
+        number = last if finding is None else finding.decision
+        _draw(case.as_of(number), make_card(case, number), options.png, console)
+    if verdict is not None:
+        document["check"] = asdict(verdict)
+    return document
+
+
+def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
+    """The cause and the near misses; of a log without sweeps what its result says."""
+    from wayproof.harness.attribution import find_cause, near_misses, read_case
+
+    if log.record == "decisions":
+        return None, _told_cause(log), []
+    case = read_case(log)
+    return case, find_cause(case), near_misses(case, SHOWN_MISSES)
+
+
+def _told_cause(log: Log) -> Finding | None:
+    """The cause that the run found, where what was touched is, or where the robot ended."""
+    from wayproof.harness.attribution import Finding
+    from wayproof.harness.result import Contact
+
+    if not log.result.get("cause"):
+        return None
+    contact = Contact.from_text(log.result.get("contact", ""))
+    places = [contact.position] if contact else [(*truth.position,) for truth in log.truth()]
+    if not places:
+        raise InputError(f"log '{log.path}': no decisions in it")
+    x, y, z = places[-1]
+    told = log.result["cause_evidence"], int(log.result["cause_decision"])
+    return Finding(log.result["cause"], *told, (x, y, z))
+
+
+def _check(log: Log, finding: Finding | None) -> Verdict:
+    from wayproof.harness.attribution.check import check, refuse_success
+
+    refuse_success(log)
+    assert finding is not None
+    return check(log, finding)
+
+
+def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
+    from wayproof.harness.explain.picture import draw
+
+    draw(case, card, case.navigator_at(card.sequence), target)
+    console.print(f"picture: {target}", soft_wrap=True, highlight=False)
+
+
+def print_finding(console: Console, finding: Finding) -> None:
+    """The cause and its evidence."""
+    told = Text.assemble("cause: ", (finding.cause, "bold red"), f": {finding.evidence}")
+    console.print(told, soft_wrap=True)
+    x, y, z = finding.place
+    console.print(
+        f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})",
+        soft_wrap=True,
+    )
+
+
+def _print_misses(console: Console, misses: list[NearMiss]) -> None:
+    for miss in misses:
+        finding = miss.finding
+        console.print(
+            f"near miss at {miss.time_s:.1f} s (decision {miss.decision}): {miss.clearance_m:.3f} m"
+            f"; {finding.cause}: {finding.evidence}",
+            soft_wrap=True,
+        )
+
+
+def print_verdict(console: Console, verdict: Verdict) -> None:
+    """What each change would have done, a line each, and what that answers."""
+    _print_checks(console, verdict.checks)
+    console.print(f"check: {in_words(verdict)}", soft_wrap=True, highlight=False)
+
+
+def in_words(verdict: Verdict) -> str:
+    """What a check answers to the cause."""
+    if verdict.answer == "inconclusive":
+        return "inconclusive: no remedy was tried, or nothing changed and it did not fail again"
+    saving = [one.remedy.replace("_", " ") for one in verdict.checks if one.saves]
+    by = f"; {', '.join(saving)} would have saved it" if saving else "; nothing saves it"
+    return f"{verdict.finding.cause} is {verdict.answer}{by}"
+
+
+def _print_checks(console: Console, checks: Sequence[Check]) -> None:
+    table = Table("with", "from decision", "outcome", "at, s", "saves the robot")
+    for one in checks:
+        saves = Text("yes", "bold green") if one.saves else "no"
+        remedy, begin = one.remedy.replace("_", " "), str(one.begin)
+        table.add_row(remedy, begin, one.outcome, f"{one.end_s:.1f}", saves)
+    console.print(table)
+
+
+def print_card(console: Console, card: Card) -> None:
+    """One decision in a table of two columns."""
+    label = "" if card.label == "none" else f" [{card.label}]"
+    table = Table(
+        title=f"decision {card.sequence} at {card.time_s:.1f} s: {card.action}{label}",
+        title_justify="left",
+        show_header=False,
+    )
+    table.add_column(style="dim")
+    table.add_column()
+    for name, text in _rows(card):
+        table.add_row(name, text)
+    console.print(table)
+
+
+def _rows(card: Card) -> list[tuple[str, str]]:
+    from wayproof.harness.clearance import in_metres, true_in_metres
+
+    stages = ", ".join(f"{name} {ms:.1f}" for name, ms in card.stages_ms.items())
+    missed = ": MISSED" if card.deadline_missed else ""
+    held = "" if card.version_holds else " (the replayed map differs)"
+    place = ", ".join(f"{value:.2f}" for value in card.position)
+    search = f"{card.planner}, {card.iterations} iterations" if card.planner else "path kept"
+    least = in_metres(card.least_clearance_m, card.least_clearance_is_bound)
+    rows = [
+        ("why", card.reason),
+        (
+            "map",
+            f"{card.representation}, {card.resolution_m:g} m cells, unknown: "
+            f"{card.unknown_policy}, version {card.version[:12]}{held}",
+        ),
+        (
+            "evidence on the path",
+            f"oldest {card.oldest_evidence_s:.1f} s, median {card.median_evidence_s:.1f} s; "
+            f"occupied with p at most {card.greatest_probability:.2f}; "
+            f"{card.mean_entropy_bits:.2f} bits open",
+        ),
+        (
+            "pose",
+            f"({place}) m, sigma {card.position_sigma_m:.3f} m; "
+            f"truly {card.pose_error_m:.3f} m off",
+        ),
+        (
+            "inflation",
+            f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin; "
+            f"true clearance {true_in_metres(card.true_clearance_m)}",
+        ),
+        ("stages", f"{stages} ms"),
+        (
+            "delay",
+            f"{card.delay_s * 1e3:.0f} ms, {card.expected_delay_s * 1e3:.0f} expected, deadline "
+            f"{card.deadline_s * 1e3:.0f}{missed}",
+        ),
+        (
+            "path",
+            f"{_way(card)}, {card.committed_m:.2f} m committed, least clearance there "
+            f"{least}; {search}",
+        ),
+    ]
+    if card.perturbation:
+        rows.append(("perturbed", card.perturbation))
+    for cell in card.blocking:
+        at = ", ".join(f"{value:.2f}" for value in cell.place)
+        age = "never looked at" if cell.age_s is None else f"looked at {cell.age_s:.1f} s ago"
+        text = f"{cell.state} ({at}), {cell.distance_m:.2f} m away, p {cell.probability:.2f}, {age}"
+        rows.append(("blocked by", text))
+    return rows
+
+
+def _way(card: Card) -> str:
+    """Where the path leads, and how far the goal is."""
+    straight = f"the goal is {card.goal_distance_m:.2f} m away"
+    if not card.path_leads_to:
+        return f"none; {straight}"
+    path = f"{card.path_length_m:.2f} m to {card.path_leads_to}"
+    return path if card.path_leads_to == "the goal" else f"{path}; {straight}"
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("log", metavar="LOG", type=Path)
+    parser.add_argument("decision", metavar="N", type=int, nargs="?", help="number of a decision")
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the moment")
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="simulate again with one thing put right at a time, and settle the cause by it",
+    )
+    add_unchecked(parser)
+    add_plugins(parser)
+
+
+VERB = Verb(
+    help="why a decision was made, or what became of an episode and why it failed",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof explain logs/warehouse-drone-3.mcap 42 --png moment.png",
+)

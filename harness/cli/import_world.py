@@ -1,0 +1,94 @@
+"""`wayproof import`: a world file from a file of another tool."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+
+from wayproof.harness.cli.verb import Document, Verb
+from wayproof.harness.errors import InputError
+from wayproof.harness.outputs import written_whole
+
+WORLDS = Path("worlds")
+
+LENGTHS = {
+    "height": "of what a flat map shows, and of white in a height image (default: 2)",
+    "resolution": "side of a cell where the file tells none (default: 0.1)",
+    "scale": "metres to a unit of a mesh (default: 1)",
+}
+"""Options of `models.imports.ImportOptions`, whose defaults they tell without loading it."""
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Read a file, write the world file, and tell what was left out."""
+    from wayproof.models.imports import ImportOptions, Unreadable, import_world
+
+    out = options.out or WORLDS / f"{options.file.stem}.xml"
+    if out.suffix != ".xml":
+        raise InputError(f"--out: got '{out}', expected a name that ends in .xml")
+    try:
+        names = (*LENGTHS, "unknown", "skip_missing")
+        given = {name: value for name in names if (value := getattr(options, name)) is not None}
+        told = ImportOptions(**given)
+        start, goal = (_point(name, getattr(options, name)) for name in ("start", "goal"))
+        world, notes = import_world(options.file, told, start, goal)
+    except Unreadable as error:
+        raise InputError(str(error)) from None
+    except ValueError as error:
+        raise InputError(f"import: {error}") from None
+    _write(out, world.text)
+    document: Document = {
+        "world": str(out), "name": world.identity, "solids": len(world.solids),
+        "low": world.low, "high": world.high, "start": world.start, "goal": world.goal,
+        "notes": notes,
+    }  # fmt: skip
+    console.print(f"{out}: {len(world.solids)} solids, {world.identity}", soft_wrap=True)
+    for note in notes:
+        console.print(f"  {note}", soft_wrap=True, highlight=False)
+    return 0, document
+
+
+def _point(name: str, text: str | None) -> tuple[float, float, float] | None:
+    """A point on the floor from x,y or x,y,z."""
+    if text is None:
+        return None
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (2, 3):
+        raise InputError(f"--{name}: got '{text}', expected X,Y or X,Y,Z in m")
+    x, y, z = [*values, 0.0][:3]
+    return x, y, z
+
+
+def _write(path: Path, text: str) -> None:
+    with written_whole(path, "--out") as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", type=Path, help="its ending says the format")
+    parser.add_argument("--out", type=Path, metavar="FILE.xml", help="default: worlds/NAME.xml")
+    parser.add_argument("--start", metavar="X,Y[,Z]", help="m; default: the file's, or chosen")
+    parser.add_argument("--goal", metavar="X,Y[,Z]", help="likewise")
+    for name, said in LENGTHS.items():
+        parser.add_argument(f"--{name}", type=float, metavar="M", help=said)
+    parser.add_argument(
+        "--unknown",
+        choices=("occupied", "free"),
+        help="what a flat map's unknown cells are (default: occupied)",
+    )
+    parser.add_argument(
+        "--skip-missing", action="store_true", help="leave out models that are not at hand"
+    )
+
+
+VERB = Verb(
+    help="make a world file from a Gazebo world, MJCF, map, table or mesh",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof import world_1.world --start=-2.25,3 --goal=-2.25,13",
+)

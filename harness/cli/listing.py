@@ -1,0 +1,42 @@
+"""`wayproof list`: what is registered."""
+
+from __future__ import annotations
+
+import argparse
+
+from rich.console import Console
+from rich.text import Text
+
+from wayproof.harness.cli.verb import Document, Verb
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Tell what is registered."""
+    from wayproof.harness.config import setting_names
+    from wayproof.harness.perturbations import PERTURBATIONS
+    from wayproof.maps import MAPS
+    from wayproof.models.devices import DEVICES
+    from wayproof.models.robots import ROBOTS
+    from wayproof.models.worlds import WORLDS
+    from wayproof.planners import PLANNERS
+
+    document = {
+        "worlds": sorted(WORLDS),
+        "robots": sorted(ROBOTS),
+        "sensors": sorted(DEVICES),
+        "maps": sorted(MAPS),
+        "planners": sorted(PLANNERS),
+        "perturbations": sorted(PERTURBATIONS),
+        "settings": setting_names(),
+    }
+    for kind, names in document.items():
+        console.print(Text.assemble((kind, "bold"), f": {', '.join(names)}"))
+    return 0, document
+
+
+VERB = Verb(
+    help="worlds, robots, maps, planners and settings",
+    add_arguments=lambda parser: None,
+    run=run,
+    example="wayproof list --json",
+)

@@ -1,0 +1,131 @@
+"""The command `wayproof`: its verbs are in `harness.cli`.
+
+Exit codes: 0 success (goal reached, replay identical, no rule broken), 1 failure, 2 bad input, 130
+Ctrl-C, 141 a reader of standard output that went away.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Container, Sequence
+from typing import NoReturn
+
+import msgspec
+from rich.console import Console
+
+from wayproof.harness.cli import VERBS, Document
+from wayproof.harness.cli.arguments import check_options
+from wayproof.harness.cli.stdout import CheckedStdout, OutputError
+from wayproof.harness.errors import InputError, Interrupted, unknown_name
+from wayproof.harness.supervision import ended, names_user_code, supervised
+
+EXAMPLE = """\
+  wayproof run warehouse --robot drone --seed 4 --perturb pose_jump:5 --log d.mcap
+  wayproof explain d.mcap"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    Args:
+        arguments: By default those of the process, which is the command's own: it may be forked.
+    """
+    own_process = arguments is None
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    as_json = "--json" in arguments
+    stdout = CheckedStdout(sys.stdout)
+    # What is told may be a stranger's: it is printed as it stands, and styles are set by `Text`.
+    console = Console(file=stdout, quiet=as_json, markup=False, emoji=False)  # type: ignore[arg-type]
+    document: Document
+    try:
+        try:
+            code, document = _run(arguments, console, own_process)
+        except InputError as error:
+            code, document = 2, {"error": str(error)}
+            print(f"wayproof: {error}", file=sys.stderr)
+        except KeyboardInterrupt as error:
+            told = f"interrupted; {error}" if isinstance(error, Interrupted) else "interrupted"
+            code, document = 130, {"error": told}
+            print(f"wayproof: {told}", file=sys.stderr)
+        if as_json and document:
+            stdout.write(f"{msgspec.json.encode(document).decode()}\n")
+        stdout.flush()
+    except OutputError as error:
+        return error.give_up()
+    finally:
+        ended()
+    return code
+
+
+def _run(arguments: Sequence[str], console: Console, own_process: bool) -> tuple[int, Document]:
+    """Run one command: its exit code, and the document that `--json` prints; empty for none."""
+    if not arguments:
+        parsers(())[0].print_help(sys.stderr)
+        return 2, {}
+    if not arguments[0].startswith("-") and arguments[0] not in VERBS:
+        raise unknown_name("verb", arguments[0], VERBS)
+    parser, verbs = parsers(arguments[:1])
+    if arguments[0] in VERBS:
+        check_options(verbs[arguments[0]], arguments[1:])
+    options = parser.parse_args(arguments)
+    if own_process and options.verb == "run" and names_user_code(options):
+        ended_as = supervised()
+        if ended_as is not None:
+            return ended_as, {}
+    return VERBS[options.verb].run(options, console)
+
+
+class _Version(argparse.Action):
+    """Print the version, which is looked up only then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print it and leave."""
+        from importlib.metadata import version
+
+        print(f"wayproof {version('wayproof')}")
+        parser.exit()
+
+
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are our one-line errors."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message} (see '{self.prog} --help')")
+
+
+def verb_parsers() -> dict[str, argparse.ArgumentParser]:
+    """The parser of each verb, by name."""
+    return parsers()[1]
+
+
+def parsers(
+    whole: Container[str] = VERBS,
+) -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
+    """The parser of the whole command, and those of its verbs, by name.
+
+    Args:
+        whole: Verbs that get their options; what these are checked against is imported for them.
+    """
+    parser = _Parser(
+        prog="wayproof",
+        description="Was the space that the robot entered proven safe, and if not, why did it go?",
+        epilog=f"example:\n{EXAMPLE}\n\n'wayproof VERB --help' has one for each verb.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB", dest="verb")
+    each: dict[str, argparse.ArgumentParser] = {}
+    for name, verb in VERBS.items():
+        one = verbs.add_parser(
+            name,
+            help=verb.help,
+            description=verb.help,
+            epilog=f"example:\n  {verb.example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,  # keeps the example in one line
+        )
+        if name in whole:
+            verb.add_arguments(one)
+        one.add_argument("--json", action="store_true", help="one JSON document on stdout")
+        each[name] = one
+    return parser, each

@@ -1,0 +1,51 @@
+"""`wayproof recover`: a valid log of what can be read of a broken one."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+
+from wayproof.harness.cli.verb import Document, Verb
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Write the readable part of a log."""
+    from wayproof.harness.logs.recover import recover
+
+    recovery = recover(options.broken, options.out, options.allow_plugins)
+    if recovery.written is None:
+        console.print(
+            f"nothing to recover: {recovery.log} is whole, {recovery.decisions} decisions",
+            soft_wrap=True,
+        )
+        return 0, asdict(recovery)
+    console.print(
+        f"recovered: {recovery.decisions} decisions, {recovery.sim_time_s:.1f} s simulated; "
+        f"{recovery.damage or 'the log ends without a result'}",
+        soft_wrap=True,
+    )
+    console.print(f"log: {recovery.written}", soft_wrap=True, highlight=False)
+    return 0, asdict(recovery)
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("broken", metavar="LOG", type=Path, help="a .partial or damaged log")
+    parser.add_argument(
+        "--allow-plugins",
+        action="store_true",
+        help="load the planner or controller that a log names as module:Class or FILE.py:Class",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="the new log's name, NAME-recovered.mcap else"
+    )
+
+
+VERB = Verb(
+    help="write the readable part of a killed or damaged log as a log of its own",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof recover logs/warehouse-drone-3.mcap.partial",
+)

@@ -1,0 +1,283 @@
+"""`wayproof replay`: every decision of a log, recomputed and compared bit by bit."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.text import Text
+
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_log_paths,
+    add_settings,
+    one_or_all,
+    warn_of_changed_plugins,
+)
+from wayproof.harness.errors import InputError
+
+if TYPE_CHECKING:
+    from wayproof.harness.evidence.closed_loop import ClosedLoop
+    from wayproof.harness.evidence.replay import Replay
+    from wayproof.harness.evidence.scope import Scope
+    from wayproof.harness.evidence.what_if import Answer, WhatIf
+    from wayproof.harness.stack.decision import Difference
+
+SHOWN_DIFFERENCES = 8
+SHOWN_CHANGES = 5
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Recompute the decisions of one or more logs, by the log's own settings or by others."""
+    from wayproof.harness.logs.reader import open_log
+
+    _check(options)
+    if options.at is not None:
+        return _fork(options, console)
+    one = {True: _simulate, False: _what_if if options.set else _replay}[options.closed_loop]
+    outcomes = []
+    for path in options.log:
+        changed = warn_of_changed_plugins(open_log(path, True)) if options.allow_plugins else []
+        good, document = one(path, options, console)
+        outcomes.append((good, {**document, "changed_plugins": changed}))
+    code = 0 if all(good for good, _ in outcomes) else 1
+    return code, one_or_all("replays", [document for _, document in outcomes])
+
+
+def _check(options: argparse.Namespace) -> None:
+    if options.closed_loop and (options.set or options.at is not None):
+        raise InputError(
+            "--closed-loop: simulates what was recorded, so it goes with neither --set nor --from"
+        )
+    single = options.at is not None or options.out is not None
+    if single and len(options.log) > 1:
+        raise InputError(f"--from, --log: got {len(options.log)} logs, expected one")
+    if options.out is not None and not (options.closed_loop or options.at is not None):
+        raise InputError("--log: nothing to write, expected --closed-loop or --from N with it")
+    if options.threads is not None and not 1 <= options.threads <= 64:
+        raise InputError(f"--threads: got {options.threads}, expected 1 to 64")
+    if options.threads is not None and (options.closed_loop or single or options.set):
+        raise InputError("--threads: goes with a plain replay, otherwise --set threads=N")
+    if options.at is not None and options.at < 0:
+        raise InputError(f"--from: got {options.at}, expected a decision's number, 0 or more")
+
+
+def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
+    from wayproof.harness.evidence.replay import replay
+
+    replayed = replay(path, options.allow_plugins, options.threads)
+    print_replay(console, replayed)
+    return replayed.identical, asdict(replayed)
+
+
+def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
+    from wayproof.harness.evidence.what_if import what_if
+
+    answer = what_if(path, options.set, options.allow_plugins)
+    print_what_if(console, answer)
+    return not answer.changes, asdict(answer)
+
+
+def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
+    from wayproof.harness.evidence.closed_loop import simulate_again
+
+    again = simulate_again(path, options.allow_plugins, options.out)
+    print_closed_loop(console, again)
+    return again.identical, asdict(again)
+
+
+def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    from wayproof.harness.cli.live import LiveLine
+    from wayproof.harness.cli.run import document_of, interrupted, print_verdict
+    from wayproof.harness.config import override
+    from wayproof.harness.evidence.fork import fork, fork_name
+    from wayproof.harness.logs.reader import open_log
+
+    path = options.log[0]
+    log = open_log(path, options.allow_plugins)
+    if options.allow_plugins:
+        warn_of_changed_plugins(log)
+    config = override(log.as_of(options.at).config, options.set)
+    target = options.out or fork_name(path, options.at, config)
+    line = LiveLine(console, config.robot)
+    try:
+        with line:
+            result = fork(path, options.at, options.set, target, options.allow_plugins, line)
+    except KeyboardInterrupt:
+        raise interrupted(target, line.decisions) from None
+    before = log.result["outcome"]
+    console.print(f"recorded: {before}; from decision {options.at} on: {result.outcome}")
+    print_verdict(console, result)
+    code = 0 if result.outcome == "success" else 1
+    return code, {**document_of(result), "recorded_outcome": before, "from": options.at}
+
+
+def print_replay(console: Console, replayed: Replay) -> None:
+    """One replay's verdict in a line, what differs first, and what the verdict covers."""
+    if replayed.identical:
+        text = Text.assemble(
+            ("identical", "bold green"), f": {replayed.decisions} of {replayed.decisions} decisions"
+        )
+    else:
+        first = replayed.first_difference
+        where = "" if first is None else f", first {first}"
+        if first is None and not replayed.contradictions:
+            where = ", only the log's own chain"
+        text = Text.assemble(
+            ("differs", "bold red"),
+            f": {replayed.differing} of {replayed.decisions} decisions{where}",
+        )
+    text.append(_not_compared(replayed.not_compared))
+    text.append(f"; {replayed.wall_time_s:.1f} s; chain {replayed.chain}; {replayed.log}")
+    console.print(text, soft_wrap=True)
+    print_differences(console, [*replayed.differences, *replayed.contradictions])
+    print_scope(console, replayed.scope)
+
+
+def print_scope(console: Console, scope: Scope) -> None:
+    """What a verdict covers, and what not, a line each."""
+    for title, parts in (
+        ("recomputed", scope.recomputed),
+        ("only --closed-loop shows", scope.simulation),
+        ("claims", scope.claims),
+    ):
+        if parts:
+            console.print(f"  {title}: {', '.join(parts)}", soft_wrap=True, highlight=False)
+
+
+def _not_compared(fields: Sequence[str]) -> str:
+    """What of a log of an older format is not compared."""
+    return f" ({', '.join(fields)} not compared: an older format)" if fields else ""
+
+
+def print_what_if(console: Console, answer: WhatIf) -> None:
+    """Which decisions change, from which on, and how."""
+    changes, settings = answer.changes, ", ".join(answer.settings)
+    if not answer.faithful:
+        console.print("the log's own settings no longer decide what is recorded: see replay")
+    if not changes:
+        console.print(
+            f"nothing changes: {answer.decisions} of {answer.decisions} decisions by {settings}; "
+            f"{answer.wall_time_s:.1f} s; {answer.log}",
+            soft_wrap=True,
+        )
+        return
+    first = changes[0]
+    console.print(
+        Text.assemble(
+            (f"{len(changes)} of {answer.decisions} decisions change", "bold yellow"),
+            f" by {settings}, from {first.sequence} ({first.time_s:.1f} s) on; "
+            f"{answer.wall_time_s:.1f} s; {answer.log}",
+        ),
+        soft_wrap=True,
+    )
+    if answer.first_action is not None:
+        console.print(f"  {answer.actions} change the action, from {answer.first_action} on")
+    shown = changes[:SHOWN_CHANGES]
+    shown += tuple(one for one in changes[SHOWN_CHANGES:] if one.sequence == answer.first_action)
+    for change in shown:
+        route = change.route_difference_m
+        apart = "only one has a route" if route is None else f"routes {route:.2f} m apart"
+        console.print(
+            f"  {change.sequence} ({change.time_s:.1f} s): trajectories {change.departure_m:.2f} m "
+            f"apart, {apart}",
+            soft_wrap=True,
+        )
+        console.print(f"    was {_answer(change.recorded)}", soft_wrap=True)
+        console.print(f"    now {_answer(change.changed)}", soft_wrap=True)
+    if len(changes) > len(shown):
+        console.print(f"  and {len(changes) - len(shown)} more")
+
+
+def print_closed_loop(console: Console, again: ClosedLoop) -> None:
+    """Whether the simulated episode is the recorded one, and where it leaves it."""
+    verdict = ("identical", "bold green") if again.identical else ("differs", "bold red")
+    kept = "all but sweeps and states" if again.regenerated else "all"
+    ended = f"{again.outcome} now, {again.recorded_outcome} then"
+    if again.outcome == again.recorded_outcome:
+        ended = again.outcome
+    console.print(
+        Text.assemble(
+            verdict,
+            f": {kept} of {again.decisions} decisions, {ended}{_not_compared(again.not_compared)}; "
+            f"{again.wall_time_s:.1f} s; chain {again.chain}; {again.log}",
+        ),
+        soft_wrap=True,
+    )
+    if again.made_otherwise:
+        console.print("  the seed makes another episode in this version; the log's was simulated:")
+        print_differences(console, again.made_otherwise)
+    for kind, place in (("input", again.first_input), ("record", again.first_record)):
+        if place is not None:
+            console.print(
+                f"  first {kind} that differs: {place.stream} of decision {place.sequence} "
+                f"({place.time_s:.1f} s)",
+                soft_wrap=True,
+            )
+            print_differences(console, place.differences)
+    if again.first_difference is not None:
+        console.print(f"  first decision that differs: {again.first_difference}")
+    print_differences(console, [*again.differences, *again.result])
+    if not again.identical and again.elsewhere:
+        print_elsewhere(console, again.elsewhere)
+    if again.written:
+        console.print(f"log: {again.written}", soft_wrap=True, highlight=False)
+
+
+def print_elsewhere(console: Console, elsewhere: Sequence[Difference]) -> None:
+    """What a log was recorded with that is different here, in a line."""
+    names = ", ".join(one.field for one in elsewhere)
+    console.print(
+        f"  recorded with another {names}: a simulation is repeated to the bit only on like "
+        "machines, with the same versions",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def print_differences(console: Console, differences: Sequence[Difference]) -> None:
+    """The first few of some differences, a line each."""
+    for one in differences[:SHOWN_DIFFERENCES]:
+        console.print(f"  {one.field}: {one.recorded} -> {one.recomputed}", soft_wrap=True)
+    if len(differences) > SHOWN_DIFFERENCES:
+        console.print(f"  and {len(differences) - SHOWN_DIFFERENCES} more")
+
+
+def _answer(answer: Answer) -> str:
+    label = "" if answer.label == "none" else f" [{answer.label}]"
+    route = f", {answer.path_length_m:.2f} m to go" if answer.path_length_m else ", no route"
+    return f"{answer.action}{label}: {answer.reason}{route}"
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_log_paths(parser)
+    parser.add_argument(
+        "--closed-loop",
+        action="store_true",
+        help="simulate the episode anew and compare what was sensed as well",
+    )
+    add_settings(parser)
+    parser.add_argument(
+        "--from",
+        dest="at",
+        type=int,
+        metavar="N",
+        help="simulate on from decision N with these settings, and write a new log",
+    )
+    parser.add_argument(
+        "--threads", type=int, metavar="N", help="recompute on so many; the log's own by default"
+    )
+    parser.add_argument("--log", dest="out", type=Path, metavar="FILE", help="the new log's name")
+
+
+VERB = Verb(
+    help="recompute every decision of a log and compare bit by bit, or ask what if",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof replay logs/warehouse-drone-3.mcap --set map.inflation_margin=0.15",
+)

@@ -1,0 +1,37 @@
+"""`wayproof report`: a study as one HTML page."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+
+from wayproof.harness.cli.study import print_foreign
+from wayproof.harness.cli.verb import Document, Verb, add_plugins
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Write the report of a study's folder; exit code 0 once it is written, whatever it says."""
+    from wayproof.harness.study.report import write_report
+    from wayproof.harness.study.study import verdict_in_words
+
+    path, result = write_report(options.folder, options.allow_plugins)
+    print_foreign(console, result)
+    console.print(verdict_in_words(result), highlight=False, soft_wrap=True)
+    console.print(f"report: {path}", highlight=False, soft_wrap=True)
+    return 0, {**asdict(result), "verdict": result.verdict, "report": str(path)}
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="of a study")
+    add_plugins(parser)
+
+
+VERB = Verb(
+    help="a study as one self-contained HTML page",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof report logs/smoke",
+)

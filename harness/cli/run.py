@@ -1,0 +1,218 @@
+"""`wayproof run`: one episode."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import hashlib
+import math
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.text import Text
+
+from wayproof.harness.cli.render import check_render, render
+from wayproof.harness.cli.verb import Document, Verb, add_check, add_log_folder, add_settings
+from wayproof.harness.errors import InputError, Interrupted
+
+if TYPE_CHECKING:
+    from wayproof.harness.config import Config
+    from wayproof.harness.outputs import Draft
+    from wayproof.harness.result import Result
+
+SHOWN_LINES = 8
+"""Of a traceback on the terminal: its end."""
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Run one episode."""
+    if options.render is not None:  # before anything loads the simulator
+        from wayproof.harness.viewer.driver import choose_driver
+
+        choose_driver()
+    from wayproof.harness.config import from_document, override
+    from wayproof.harness.perturbations import perturbation_from
+    from wayproof.harness.scenario.robots import refuse_unused
+
+    named = {"world": options.world, "robot": options.robot, "seed": options.seed}
+    config = override(from_document(named), options.set)
+    refuse_unused(config, [one.partition("=")[0] for one in options.set])
+    if options.goal is not None:
+        config = replace(config, goal=_point("goal", options.goal))
+    if options.start is not None:
+        config = replace(config, start=_point("start", options.start))
+    if options.perturb is not None:
+        config = replace(config, perturbation=perturbation_from(options.perturb))
+    path = options.log or options.logs / f"{episode_name(config)}.mcap"
+    if options.render is not None:
+        check_render(config, options.render)
+    result = run_one(config, path, console)
+    print_verdict(console, result)
+    checked = _check(result, options, console)
+    code, document = (0 if result.outcome == "success" else 1), document_of(result)
+    if checked is not None:
+        document["check"] = checked
+    if options.render is not None:
+        document["render"] = render(Path(result.log), options.render, console)
+    return code, document
+
+
+def _check(result: Result, options: argparse.Namespace, console: Console) -> Document | None:
+    """Check the cause of a failure within the bound, and keep the verdict in its log."""
+    if options.check is None or result.outcome == "success":
+        return None
+    from wayproof.harness.attribution.case import read_case
+    from wayproof.harness.attribution.check import check, refuse_success
+    from wayproof.harness.attribution.procedure import find_cause
+    from wayproof.harness.attribution.record import record_check
+    from wayproof.harness.cli.explain import print_verdict as print_checked
+    from wayproof.harness.logs.reader import open_log
+
+    log = open_log(Path(result.log), allow_plugins=True)
+    refuse_success(log)
+    finding = find_cause(read_case(log))
+    assert finding is not None
+    verdict = check(log, finding, thorough=False, most_s=options.check)
+    record_check(log.path, verdict)
+    print_checked(console, verdict)
+    return asdict(verdict)
+
+
+def _point(name: str, text: str) -> tuple[float, ...]:
+    """Read `X,Y` or `X,Y,Z`."""
+    try:
+        point = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        point = ()
+    if len(point) not in (2, 3) or not all(map(math.isfinite, point)):
+        raise InputError(f"--{name} {text}: expected X,Y or X,Y,Z, finite numbers in m")
+    return point
+
+
+def episode_name(config: Config) -> str:
+    """`world-robot-seed`, and eight digits of the config's hash where anything was set."""
+    from wayproof.harness.config import Config, to_json
+
+    stem, robot = Path(config.world).stem, Path(config.robot).stem  # of files' paths
+    name = f"{stem}-{robot}-{config.seed}"
+    if config == Config(stem, robot, config.seed):
+        return name
+    return f"{name}-{hashlib.sha256(to_json(config)).hexdigest()[:8]}"
+
+
+def run_one(config: Config, path: Path, console: Console) -> Result:
+    """Build, compile, run with a live line; a disk that fills up is told as such.
+
+    Raises:
+        InputError: The config cannot be run, or its log cannot be written.
+    """
+    from wayproof.harness.cli.live import LiveLine
+    from wayproof.harness.logs.log import hold_log
+    from wayproof.harness.runner import run_episode
+    from wayproof.harness.scenario.scenario import build
+    from wayproof.harness.supervision import bound_memory
+    from wayproof.harness.warm_up import warm_up
+
+    bound_memory(config.plugins.memory_mib)
+    scenario = build(config)
+    for warning in scenario.warnings:
+        print(f"wayproof: warning: {warning}", file=sys.stderr)
+    line = LiveLine(console, config.robot)
+    with hold_log(path) as draft:
+        warn_of_kept(draft)
+        try:
+            with console.status("compiling kernels (a minute the first time, then cached)"):
+                warm_up(config)
+            with line:
+                return run_episode(scenario, draft, line)
+        except KeyboardInterrupt:
+            raise interrupted(path, line.decisions) from None
+        except OSError as error:
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG):
+                raise
+            text = f"log '{path}': {error.strerror}; what fitted is in .partial"
+            raise InputError(text) from None
+
+
+def warn_of_kept(draft: Draft) -> None:
+    """Print where the unfinished log of an earlier run of the same name was moved to."""
+    if draft.kept is not None:
+        text = f"an unfinished log of an earlier run is kept as '{draft.kept}'"
+        print(f"wayproof: warning: {text}; 'wayproof recover' reads it", file=sys.stderr)
+
+
+def interrupted(log: Path, decisions: int) -> Interrupted:
+    """What is left of an episode that Ctrl-C ended after some decisions."""
+    partial = log.with_name(f"{log.name}.partial")
+    if decisions == 0:
+        partial.unlink(missing_ok=True)
+        return Interrupted("nothing was decided yet, and no log is left")
+    return Interrupted(f"the log so far: wayproof recover {partial}")
+
+
+def document_of(result: Result) -> Document:
+    """What `--json` prints of an episode."""
+    from wayproof.harness.clearance import true_clearance_is_bound
+
+    is_bound = true_clearance_is_bound(result.min_clearance_m)
+    return {**asdict(result), "min_clearance_is_bound": is_bound}
+
+
+def print_verdict(console: Console, result: Result) -> None:
+    """One episode's verdict, and the cause of a failure."""
+    from wayproof.harness.clearance import true_in_metres
+
+    style = "bold green" if result.outcome == "success" else "bold red"
+    told = f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s"
+    if result.decisions:
+        told += (
+            f", {result.decisions} decisions, {result.collisions} collisions,"
+            f" least clearance {true_in_metres(result.min_clearance_m)},"
+            f" log {result.log_mb_per_min:.1f} MB/min"
+        )
+    console.print(Text.assemble((result.outcome, style), told), soft_wrap=True)
+    if result.traceback:
+        for line in result.traceback.splitlines()[-SHOWN_LINES:]:
+            console.print(f"  {line}", soft_wrap=True, highlight=False)
+    if result.cause:
+        line = f"cause: {result.cause}: {result.cause_evidence}"
+        console.print(line, soft_wrap=True)
+    if result.cause or result.traceback:
+        allowed = " --allow-plugins" if result.traceback else ""
+        line = f"explain: wayproof explain {result.log}{allowed}"
+        console.print(line, soft_wrap=True, highlight=False)
+    console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
+    if not result.cause:
+        verb = "view" if result.outcome == "success" else "explain"
+        console.print(f"next: wayproof {verb} {result.log}", soft_wrap=True, highlight=False)
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("world", metavar="WORLD", help="see 'wayproof list'; or a world file")
+    parser.add_argument("--robot", required=True, help="see 'wayproof list'; or a spec file")
+    parser.add_argument("--seed", required=True, type=int, help="of the world and all randomness")
+    parser.add_argument("--goal", metavar="X,Y[,Z]", help="in place of the world's own, m")
+    parser.add_argument("--start", metavar="X,Y[,Z]", help="in place of the world's own, m")
+    add_settings(parser)
+    parser.add_argument(
+        "--perturb",
+        metavar="KIND:SEVERITY[:MODE]",
+        help="make one assumption wrong; 1 to 5, or between",
+    )
+    parser.add_argument("--log", type=Path, metavar="FILE", help="the log's name")
+    parser.add_argument(
+        "--render", type=Path, metavar="FILE", help="then draw it, moving: a .gif or .mp4"
+    )
+    add_check(parser)
+    add_log_folder(parser)
+
+
+VERB = Verb(
+    help="run one episode and write its log",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof run warehouse --robot drone --seed 3 --set map.resolution=0.05",
+)

@@ -1,0 +1,76 @@
+"""`wayproof score`: an episode's metrics again, from its log alone."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_log_paths,
+    add_unchecked,
+    check_log,
+    one_or_all,
+)
+
+if TYPE_CHECKING:
+    from wayproof.harness.metrics import Metric
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Score one or more logs."""
+    from wayproof.harness.clearance import true_clearance_is_bound
+    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.metrics import METRICS, least_clearance, read_trace, score
+
+    documents: list[Document] = []
+    for path in options.log:
+        check_log(path, options)
+        log = open_log(path, options.allow_plugins)
+        trace = read_trace(log)
+        scores, is_bound = score(trace), true_clearance_is_bound(least_clearance(trace))
+        documents.append(
+            {
+                "log": str(path),
+                "outcome": log.result["outcome"],
+                "metrics": scores,
+                "least_clearance_is_bound": is_bound,
+            }
+        )
+        table = Table(title=f"{path}: {log.result['outcome']}", title_justify="left")
+        table.add_column("metric")
+        table.add_column("value", justify="right")
+        table.add_column("unit")
+        if options.long:
+            table.add_column("formula and source")
+        for name, value in scores.items():
+            text = "-" if value is None else f"{value:.3f}"
+            if name == "least_clearance" and is_bound:
+                text = f">= {text}"
+            about = [summary_of(METRICS[name])] if options.long else []
+            table.add_row(name, text, METRICS[name].unit, *about)
+        console.print(table)
+    return 0, one_or_all("scores", documents)
+
+
+def summary_of(metric: Metric) -> str:
+    """What a metric's docstring says of its formula and its source."""
+    return " ".join((metric.function.__doc__ or "").split())
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_log_paths(parser)
+    parser.add_argument("--long", action="store_true", help="each metric's formula and source, too")
+    add_unchecked(parser)
+
+
+VERB = Verb(
+    help="an episode's metrics again, from its log alone",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof score logs/warehouse-drone-3.mcap",
+)

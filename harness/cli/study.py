@@ -1,0 +1,236 @@
+"""`wayproof study`: many episodes, paired, judged by gates."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.text import Text
+
+from wayproof.harness.cli.pool import Watch, add_engine, check_engine, open_engine
+from wayproof.harness.cli.verb import LOGS, Document, Verb, add_check, add_plugins
+from wayproof.harness.errors import InputError, Interrupted
+
+if TYPE_CHECKING:
+    from wayproof.harness.study.analysis import ArmSummary
+    from wayproof.harness.study.determinism import Certificate
+    from wayproof.harness.study.file import Planned, StudyFile
+    from wayproof.harness.study.store import Store
+    from wayproof.harness.study.study import StudyResult
+
+SHOWN_FOREIGN = 10
+"""Lines for logs of other episodes; `--json` has all."""
+
+VERDICT_STYLES = {
+    "complete": "green",
+    "held": "green",
+    "failed": "bold red",
+    "inconclusive": "yellow",
+    "incomplete": "bold red",
+}
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Run a study, or go on with it."""
+    if options.worlds is not None:
+        return _published(options, console)
+    from wayproof.harness.study.file import plan_episodes, read_study
+    from wayproof.harness.study.store import Store, merge
+    from wayproof.harness.study.study import count_missing, run_study, shard
+
+    check_engine(options)
+    if options.sample < 1:
+        raise InputError(f"--sample {options.sample}: expected at least 1")
+    study = read_study(options.file, options.allow_plugins)
+    whole = plan_episodes(study)
+    planned = shard(whole, options.shard) if options.shard else whole
+    store = Store(options.out or LOGS / study.name)
+    if options.merge:
+        with store.open():
+            copied = merge(store, options.merge, whole, options.allow_plugins)
+        console.print(f"{copied} episodes copied to {store.folder}")
+    if options.retry_errors:
+        store.forget_errors()
+    missing = count_missing(planned, store)
+    console.print(
+        f"study {study.name}: {len(planned)} episodes, {missing} to run, {options.jobs} at a time;"
+        f" logs in {store.folder}"
+    )
+    with open_engine(options, study.bounds) as engine:
+        with Watch(console, len(planned), missing) as watch:
+            checks = _checks(options, planned, store)
+            try:
+                result = run_study(study, planned, store, engine, watch.finished, checks)
+            except KeyboardInterrupt:
+                raise kept(len(planned) - count_missing(planned, store), len(planned)) from None
+    print_study(console, result)
+    if options.check is not None:
+        console.print(f"causes checked: {options.tally}", highlight=False, soft_wrap=True)
+    console.print(f"next: wayproof report {store.folder}", highlight=False, soft_wrap=True)
+    document = {**asdict(result), "verdict": result.verdict, "folder": str(store.folder)}
+    code = result.exit_code(options.allow_inconclusive)
+    if not options.check_determinism:
+        return code, document
+    certificate = _certify(options, console, study, planned, store)
+    code = code if certificate.identical else 1
+    return code, {**document, "determinism": asdict(certificate)}
+
+
+def kept(done: int, episodes: int) -> Interrupted:
+    """What a study has when Ctrl-C ends it."""
+    return Interrupted(
+        f"{done} of {episodes} episodes are kept, and the same command goes on with the others"
+    )
+
+
+def _checks(
+    options: argparse.Namespace, planned: Sequence[Planned], store: Store
+) -> Callable[[], None] | None:
+    """What checks the causes of failures, if it was asked for."""
+    if options.check is None:
+        return None
+    from wayproof.harness.study.checks import check_failures
+
+    def run_checks() -> None:
+        options.tally = check_failures(planned, store, options.check, allow_plugins=True)
+
+    return run_checks
+
+
+def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """A published benchmark by its own protocol and scores: every world, so many seeds of each."""
+    from wayproof.harness.bench.stages import print_rows, run_stage
+    from wayproof.harness.benchmarks import Files
+
+    files = Files("--worlds", options.worlds, options.out or LOGS)
+    rows = run_stage(options.file, options.repeats, seed=0, files=files)
+    print_rows(console, f"study {options.file}", rows)
+    return 0, {"rows": rows}
+
+
+def _certify(
+    options: argparse.Namespace,
+    console: Console,
+    study: StudyFile,
+    planned: Sequence[Planned],
+    store: Store,
+) -> Certificate:
+    """Run a sample again in other ways."""
+    from wayproof.harness.study.determinism import ARRANGEMENTS, FILE, certify
+
+    with Watch(console, None) as watch:
+        certificate = certify(
+            study.name, planned, store, study.bounds, watch.finished, options.sample
+        )
+    differing = [one for one in certificate.reruns if not one.identical]
+    for one in differing:
+        told = f": {one.key}, {one.arrangement}: {one.error or f'chain {one.chain}'}"
+        console.print(Text.assemble(("differs", "bold red"), told))
+    verdict = f"{len(differing)} differ" if differing else "all are identical"
+    console.print(
+        f"determinism: {len(certificate.sample)} episodes run again in {len(ARRANGEMENTS)} other "
+        f"ways: {verdict}; certificate {store.folder / FILE}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    return certificate
+
+
+def print_study(console: Console, result: StudyResult) -> None:
+    """Each arm in two lines, then the gates, then the verdict."""
+    from wayproof.harness.study.file import name_of
+    from wayproof.harness.study.gates import gate_in_words
+    from wayproof.harness.study.study import verdict_in_words
+
+    for one in result.arms:
+        console.print(name_of(one.arm), style="bold", highlight=False, soft_wrap=True)
+        console.print(f"  {_arm_in_words(one)}", highlight=False, soft_wrap=True)
+    for gate in result.gates:
+        line = Text.assemble(
+            (gate.verdict, VERDICT_STYLES[gate.verdict]), f": {gate_in_words(gate)}"
+        )
+        console.print(line, soft_wrap=True)
+    print_foreign(console, result)
+    verdict = (result.verdict, VERDICT_STYLES[result.verdict])
+    line = Text.assemble("verdict: ", verdict, f": {verdict_in_words(result)}")
+    console.print(line, soft_wrap=True)
+
+
+def print_foreign(console: Console, result: StudyResult) -> None:
+    """Name the logs that are not of the episodes planned."""
+    for line in result.foreign[:SHOWN_FOREIGN]:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if len(result.foreign) > SHOWN_FOREIGN:
+        console.print(f"and {len(result.foreign) - SHOWN_FOREIGN} more logs of other episodes")
+
+
+def _arm_in_words(one: ArmSummary) -> str:
+    from wayproof.harness.study.gates import interval_in_words
+
+    rate, against = one.success, one.against
+    failures = [f"{n} {name}" for name, n in one.outcomes.items() if name != "success"]
+    text = (
+        f"{one.episodes} episodes, success {interval_in_words(rate, '.2f')}, 95 %, "
+        f"{one.mean_time:.1f} s" + "".join(f", {failure}" for failure in failures)
+    )
+    if against is None:
+        return text
+    return (
+        f"{text}; drop {interval_in_words(against.drop, '+.2f')}, 95 %, "
+        f"p {against.p_adjusted:.3f}, lost {len(against.lost)}, won "
+        f"{len(against.won)}, acted otherwise in {against.changed} of {against.pairs}, "
+        f"inputs as declared in {against.proven}"
+    )
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "file",
+        metavar="FILE",
+        help="a study in TOML, or the name of a packaged one; with --worlds: barn, dodge",
+    )
+    parser.add_argument(
+        "--worlds", type=Path, metavar="DIR", help="a published benchmark's files, by its protocol"
+    )
+    parser.add_argument(
+        "--repeats", type=int, metavar="N", help="with --worlds: seeds of each world"
+    )
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: logs/NAME")
+    parser.add_argument("--shard", metavar="I/N", help="run the I-th of N parts alone")
+    parser.add_argument(
+        "--merge", type=Path, nargs="+", metavar="FOLDER", help="take over other folders' episodes"
+    )
+    parser.add_argument("--retry-errors", action="store_true", help="run episodes in error again")
+    parser.add_argument(
+        "--check-determinism",
+        action="store_true",
+        help="run a sample again in new processes, other orders and threads; write a certificate",
+    )
+    parser.add_argument(
+        "--sample", type=int, default=8, metavar="N", help="episodes for --check-determinism"
+    )
+    add_inconclusive(parser)
+    add_check(parser)
+    add_engine(parser)
+    add_plugins(parser)
+
+
+def add_inconclusive(parser: argparse.ArgumentParser) -> None:
+    """Let gates pass that nothing decides."""
+    parser.add_argument(
+        "--allow-inconclusive",
+        action="store_true",
+        help="exit code 0 where no gate failed and none that is 'proven' is inconclusive",
+    )
+
+
+VERB = Verb(
+    help="many episodes, each paired with its twin, judged by gates",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof study smoke",
+)

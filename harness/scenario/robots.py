@@ -1,0 +1,118 @@
+"""The robot of an episode: one of ours by name, read from a spec file, or the one of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.scenario.named import HASHED, find_named
+from wayproof.models.imports.reading import read_text
+from wayproof.models.robots import ROBOTS, Robot, brought
+from wayproof.models.robots.brought import (
+    CONTROLLERS,
+    BroughtRobot,
+    Unusable,
+    logged_robot,
+    parse_spec,
+    read_robot,
+)
+from wayproof.models.scene import PREFIX
+
+EXAMPLES = Path(brought.__file__).parent / "examples"
+"""Spec files of robots whose models are packages of their own."""
+
+ENDING = ".toml"
+"""Of a spec file, given in place of a robot's name."""
+
+MOST_BYTES = 2**20
+"""Of one that is looked into before it is read."""
+
+
+def find_robot(config: Config) -> Robot:
+    """The robot that a config names, or that a spec file describes.
+
+    Raises:
+        InputError: No such robot or file; or the robot of a file that only its log still has.
+    """
+    example = EXAMPLES / f"{Path(config.robot).name.lower()}{ENDING}"
+    if config.robot not in ROBOTS and example.is_file():
+        raise InputError(
+            f"unknown robot '{config.robot}'; its spec file is here: --robot {example} "
+            f"(available by name: {', '.join(sorted(ROBOTS))})"
+        )
+    return find_named("robot", config.robot, ROBOTS, ENDING, read_robot)
+
+
+UNUSED: dict[str, tuple[str, ...]] = {
+    "ground": ("motion.altitude_low", "motion.altitude_high"),
+    "air": ("behaviour.turn_first", "behaviour.backwards_speed", "map.max_slope"),
+}
+"""Settings that a robot of this motion does not use."""
+
+
+def refuse_unused(config: Config, settings: Iterable[str]) -> None:
+    """Refuse settings that the user gave and that would change nothing.
+
+    Raises:
+        InputError: The robot does not use one of them.
+    """
+    motion = find_robot(config).spec.motion
+    for name in settings:
+        if name in UNUSED[motion]:
+            kind = "walks" if motion == "ground" else "flies"
+            raise InputError(f"--set {name}: '{config.robot}' {kind} and does not use it")
+
+
+def controller_of(name: str) -> str:
+    """What the spec file of a robot names as its controller, without loading it; else empty."""
+    if not name.endswith(ENDING):
+        return ""
+    try:
+        return parse_spec(read_text(Path(name), MOST_BYTES)).controller
+    except ValueError:
+        return ""  # told when the robot is read
+
+
+def find_logged_robot(config: Config, scene: str) -> Robot:
+    """The robot of a log, which opens no file: its spec is in the config, its body in the scene.
+
+    Args:
+        config: Of the log.
+        scene: Its flattened MJCF, checked.
+
+    Raises:
+        InputError: No such robot, or no spec of it.
+    """
+    if config.robot in ROBOTS:
+        return ROBOTS[config.robot]
+    if HASHED not in config.robot or not config.robot_file:
+        raise unknown_name("robot", config.robot, ROBOTS)
+    try:
+        return logged_robot(config.robot_file, scene, PREFIX)
+    except (ValueError, KeyError) as error:
+        line = " ".join(str(error).split())[:200]
+        raise InputError(f"robot '{config.robot}': {line}") from None
+
+
+def told_robot(robot: Robot, config: Config) -> Config:
+    """What a log's config says of the robot: a file's with its hash and its text."""
+    if isinstance(robot, BroughtRobot):
+        return replace(config, robot=robot.identity, robot_file=robot.text)
+    return replace(config, robot_file="")
+
+
+def warm_up_robot(config: Config) -> None:
+    """Compile the kernels of the robot's controller, or load them from the cache."""
+    if config.robot in ROBOTS:
+        ROBOTS[config.robot].warm_up()
+        return
+    try:
+        text = config.robot_file or Path(config.robot).read_text(encoding="utf-8")
+        kind = CONTROLLERS.get(parse_spec(text).controller)
+    except (OSError, UnicodeDecodeError, Unusable):
+        return  # told when the episode is built
+    if kind is not None:
+        kind.warm_up()

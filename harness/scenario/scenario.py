@@ -1,0 +1,228 @@
+"""From a config to a scene and a mission, refusing what cannot be run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.mission import Mission
+from wayproof.harness.scenario.robots import find_robot, told_robot
+from wayproof.harness.scenario.worlds import find_world, perturbed, told_world
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.checks import check
+from wayproof.models.devices import DepthCamera, Device, Rangefinder
+from wayproof.models.robots import ROBOTS, Robot, RobotSpec
+from wayproof.models.scene import PREFIX, Scene, bind, compose, device_name, resolve
+from wayproof.models.sensors import Caster
+from wayproof.models.worlds import World, shortest_path_length
+from wayproof.models.worlds.solvability import AIR_BANDS
+
+Point = tuple[float, float, float]
+
+KINDS: dict[type[Device], str] = {DepthCamera: "depth_camera", Rangefinder: "rangefinder"}
+"""What a log calls a sort of device, where it is no lidar."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One episode, ready to run.
+
+    Attributes:
+        config: With start and goal resolved.
+        world: The generated world.
+        scene: World and robot, compiled.
+        mission: What the navigation stack is told.
+        spec: The robot's body.
+        warnings: What the model check says that does not keep the episode from running.
+    """
+
+    config: Config
+    world: World
+    scene: Scene
+    mission: Mission
+    spec: RobotSpec
+    warnings: tuple[str, ...]
+
+    def route_length(self) -> float | None:
+        """Length of the shortest way for this body by the truth without movers, m; None if none.
+
+        For a robot that flies, in the plane, at one of two altitudes. SPL (Anderson et al. 2018)
+        compares the way travelled with it.
+        """
+        if self.world.route_length is not None:
+            return self.world.route_length
+        spec, mission = self.spec, self.mission
+        bands = AIR_BANDS if spec.motion == "air" else ((spec.step_height, spec.height),)
+        ways = [
+            shortest_path_length(self.world, spec.radius, *band, mission.start, mission.goal)
+            for band in bands
+        ]
+        return min((way for way in ways if way is not None), default=None)
+
+
+def build(config: Config, world: World | None = None) -> Scenario:
+    """Generate the world, place start and goal, and compile the scene.
+
+    Args:
+        config: What to run.
+        world: In place of the one that the config names.
+
+    Raises:
+        InputError: Unknown world or robot; a start or goal outside the geofence or inside an
+            obstacle; a scene that cannot be compiled or cast, or whose sensors would see wrongly.
+    """
+    robot = find_robot(config)
+    spec = robot.spec
+    world = perturbed(find_world(config) if world is None else world, config)
+    start = _place(config.start, world.start, spec)
+    goal = _place(config.goal, world.goal, spec)
+    for name, point in (("start", start), ("goal", goal)):
+        _check_point(name, point, world, spec, config)
+    try:
+        sensors = resolve(spec.mounts, config.sensors)
+    except ValueError as error:
+        raise InputError(f"robot '{config.robot}': {error}") from None
+    config = replace(config, start=start, goal=goal, sensors=sensors)
+    config = told_robot(robot, told_world(world, config))
+    scene = _compose(world, robot, config)
+    return Scenario(
+        config=config,
+        world=world,
+        scene=scene,
+        mission=_mission(world, spec, start, goal),
+        spec=spec,
+        warnings=_inspect(scene, world, config),
+    )
+
+
+def edit_scene(scenario: Scenario, edit: Callable[[mujoco.MjSpec], None]) -> Scenario:
+    """The scenario of a registered robot with its scene changed and compiled anew.
+
+    The world keeps what it was generated from, so only the scene knows of the change.
+    """
+    spec = mujoco.MjSpec.from_string(scenario.scene.mjcf)
+    edit(spec)
+    spec.compile()
+    config = scenario.config
+    scene = bind(spec.to_xml(), ROBOTS[config.robot], config.sensors, config.threads)
+    return replace(scenario, scene=scene)
+
+
+def make_transparent(scenario: Scenario, is_glass: Callable[[str], bool]) -> Scenario:
+    """The scenario with the geoms of some names invisible to every beam, as glass is to a lidar."""
+
+    def clear(spec: mujoco.MjSpec) -> None:
+        for geom in spec.geoms:
+            if is_glass(geom.name):
+                geom.rgba = [0.8, 0.9, 1.0, 0.0]
+
+    return edit_scene(scenario, clear)
+
+
+def _compose(world: World, robot: Robot, config: Config) -> Scene:
+    try:
+        return compose(world, robot, config.sensors, config.threads)
+    except ValueError as error:  # a scene that the chosen ray engine cannot cast, for one
+        raise InputError(f"world '{config.world}' with robot '{config.robot}': {error}") from None
+
+
+def _inspect(scene: Scene, world: World, config: Config) -> tuple[str, ...]:
+    """Check the model with the robot at its start: refuse what is wrong, return the rest."""
+    data = mujoco.MjData(scene.model)
+    scene.controller.reset(data, np.array(config.start), world.start_heading)
+    mujoco.mj_kinematics(scene.model, data)
+    mounts = [caster.mount for caster in scene.casters]
+    findings = check(scene.model, data, mounts, scene.base, config.sensors.engine, PREFIX)
+    errors = [finding.text for finding in findings if finding.severity == "error"]
+    if errors:
+        raise InputError(f"world '{config.world}' with robot '{config.robot}': {errors[0]}")
+    return tuple(finding.text for finding in findings)
+
+
+def sensor_info(caster: Caster) -> pb.SensorInfo:
+    """The sensor's beam tables and where it sits on the base, as the log states them."""
+    device, table = caster.mount.device, caster.table
+    position, R = caster.mounting
+    return pb.SensorInfo(
+        name=caster.mount.name,
+        kind=KINDS.get(type(device), "lidar"),
+        device=device_name(device),
+        source=device.source,
+        range_m=device.range,
+        rate_hz=device.rate,
+        measures=table.measures,
+        order=table.order,
+        beams=table.beams,
+        row_step=table.row_step,
+        column_step=table.column_step,
+        moments=table.moments,
+        row_width=table.rows.shape[1],
+        rows=table.rows.ravel().tolist(),
+        columns=table.columns.ravel().tolist(),
+        position_base_sensor=position.tolist(),
+        rotation_base_sensor=R.ravel().tolist(),
+    )
+
+
+def _place(given: tuple[float, ...] | None, own: Point, spec: RobotSpec) -> Point:
+    """Base origin for a point given as x,y or x,y,z; without z the body's rest height."""
+    point = own[:2] if given is None else given
+    z = float(point[2]) if len(point) == 3 else spec.rest_height
+    return float(point[0]), float(point[1]), z
+
+
+def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config: Config) -> None:
+    text = ", ".join(f"{value:g}" for value in point)
+    low, high = np.array(world.low), np.array(world.high)
+    if not np.isfinite(point).all() or (point < low).any() or (point > high).any():
+        fence = " to ".join(
+            "(" + ", ".join(f"{v:g}" for v in corner) + ")" for corner in (low, high)
+        )
+        raise InputError(f"{name}: got ({text}), expected inside the geofence {fence} m")
+    if spec.motion == "air":
+        body = spec.radius + config.map.inflation_margin
+        window = (config.motion.altitude_low + body, config.motion.altitude_high - body)
+        if window[0] >= window[1]:
+            raise InputError(
+                f"motion.altitude_low, altitude_high: got {config.motion.altitude_low:g} and "
+                f"{config.motion.altitude_high:g} m, expected more than {2 * body:g} m between them"
+            )
+        if not window[0] <= point[2] <= window[1]:
+            raise InputError(
+                f"{name}: altitude {point[2]:g} m, expected {window[0]:g} to {window[1]:g} m"
+            )
+    obstacle = world.contains_obstacle(np.array(point), spec.radius)
+    if obstacle is not None:
+        raise InputError(
+            f"{name}: ({text}) is within the body's radius of {spec.radius:g} m of '{obstacle}', "
+            "expected free space"
+        )
+
+
+def _mission(world: World, spec: RobotSpec, start: Point, goal: Point) -> Mission:
+    return Mission(
+        motion=spec.motion,
+        radius=spec.radius,
+        height=spec.height,
+        step_height=spec.step_height,
+        max_speed=spec.max_speed,
+        max_acceleration=spec.max_acceleration,
+        max_jerk=spec.max_jerk,
+        max_yaw_rate=spec.max_yaw_rate,
+        low=world.low,
+        high=world.high,
+        start=start,
+        start_heading=world.start_heading,
+        goal=goal,
+        discs=spec.discs,
+    )
+
+
+def decision_period(scenario: Scenario) -> float:
+    """Decisions follow the first sensor's rate, s."""
+    return 1.0 / scenario.scene.casters[0].mount.device.rate

@@ -1,0 +1,131 @@
+"""Write what every decision leaves in an episode's log, and sum it up in the result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from google.protobuf.message import Message
+from numpy.typing import NDArray
+
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.logs.log_copy import topic_of
+from wayproof.harness.logs.streams import CONTROL, StreamHashes
+from wayproof.harness.result import figures
+from wayproof.harness.scenario.scenario import Scenario
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.sim.perturb import Interference
+from wayproof.harness.sim.simulation import Plant
+from wayproof.harness.sim.snapshot import Stateful, state_message
+from wayproof.models.sensors import ROBOT_GROUP
+
+
+class Recorder:
+    """The log of one episode, decision by decision.
+
+    Attributes:
+        parts: All that a fork must restore, by name, in this order.
+        positions: True positions of the base at each decision, (3,) m.
+    """
+
+    def __init__(
+        self, scenario: Scenario, log: LogWriter, plant: Plant, interference: Interference
+    ) -> None:
+        """Record an episode from its start."""
+        self._log, self._plant, self._interference = log, plant, interference
+        scene = scenario.scene
+        sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
+        self._streams = StreamHashes([*sensors, "pose", "latency", "world", CONTROL])
+        self._streams.update("world", scene.mjcf.encode())
+        self._world = np.flatnonzero(scene.model.geom_group != ROBOT_GROUP)
+        self.parts: dict[str, Stateful] = {
+            "simulation": plant.simulation,
+            "controller": scene.controller,
+            "truth": plant.truth,
+            "estimate": plant.estimate,
+            "streams": self._streams,
+        }
+        if plant.traffic is not None:
+            self.parts["traffic"] = plant.traffic
+        if plant.rolling:
+            self.parts["steps"] = plant.step_poses
+        self.positions: list[NDArray[np.float64]] = []
+        self._clearances: list[float] = []
+        self._misses = 0
+
+    def go_on(self, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> None:
+        """Take up decisions that are in the log already, each with its truth."""
+        self._misses = sum(decision.deadline_missed for decision in decisions)
+        self.positions = [np.array(truth.position) for truth in truths]
+        self._clearances = [truth.clearance_m for truth in truths]
+
+    def hash_control(self, setpoints: bytes) -> None:
+        """Count the setpoints that the body was given since the last decision as a stream."""
+        if setpoints:  # nothing at the start of a fork, whose state has it
+            self._streams.update(CONTROL, setpoints)
+
+    def record(
+        self, inputs: Sequence[tuple[Message, bytes]], decision: pb.Decision, time_ns: int
+    ) -> pb.Truth:
+        """Write one decision, what it was made on, and the simulator's truth.
+
+        Args:
+            inputs: Messages with their bytes: sweeps, pose, latency.
+            decision: What was decided.
+            time_ns: Simulated time of all of them.
+
+        Returns:
+            The truth.
+        """
+        sequence = decision.sequence
+        self._misses += decision.deadline_missed
+        self._write_state(sequence, time_ns)
+        for message, data in inputs:
+            topic = topic_of(message)
+            self._log.write(topic, message, time_ns, data)
+            self._streams.update(topic[1:], data)
+        self._log.write("/decision", decision, time_ns)
+        self._write_streams(sequence, time_ns)
+        return self._write_truth(sequence, time_ns)
+
+    def figures(self) -> dict[str, float]:
+        """Sum up the decisions so far, by the names of the result's fields."""
+        return figures(self.positions, self._clearances, self._misses)
+
+    def _write_state(self, sequence: int, time_ns: int) -> None:
+        """Save the simulator's state, from the second decision on: the first is the start."""
+        if sequence > 0:
+            message = state_message(self.parts, sequence)
+            message.timestamp.FromNanoseconds(time_ns)
+            self._log.write("/state", message, time_ns)
+
+    def _write_streams(self, sequence: int, time_ns: int) -> None:
+        """Write the hashes of all that reached the stack, and what the perturbation did to it."""
+        data = self._plant.data
+        moved = data.geom_xpos[self._world], data.geom_xmat[self._world]
+        self._streams.update("world", b"".join(part.tobytes() for part in moved))
+        self._log.write("/streams", self._streams.message(sequence, time_ns), time_ns)
+        added = self._plant.estimate.added
+        done = self._interference.message(sequence, time_ns, added)
+        if done is not None:
+            self._log.write("/perturbation", done, time_ns)
+
+    def _write_truth(self, sequence: int, time_ns: int) -> pb.Truth:
+        plant, truth = self._plant, self._plant.truth
+        clearance = truth.clearance(plant.data)
+        self.positions.append(plant.position.copy())
+        self._clearances.append(clearance)
+        message = pb.Truth(
+            sequence=sequence,
+            position=plant.position.tolist(),
+            quaternion=plant.quaternion.tolist(),
+            velocity=plant.data.qvel[:3].tolist(),
+            clearance_m=clearance,
+            collisions=truth.collisions,
+            struck=truth.struck,
+        )
+        for mover in plant.traffic.states() if plant.traffic else ():
+            message.movers.add(**mover._asdict())
+        message.timestamp.FromNanoseconds(time_ns)
+        self._log.write("/truth", message, time_ns)
+        return message
