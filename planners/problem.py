@@ -304,7 +304,7 @@ def _search_once(
     """One search and its shortcuts: the path if there is one, and the turns used."""
     if query.start == query.goal:
         return np.array([query.start, query.goal], dtype=np.float64), 1
-    budget = Budget(iterations, config.clearance_weight)
+    budget = Budget(iterations, config.clearance_weight, seed)
     poses, used = search(query, config.name, budget, seed, config.shortcuts)
     if poses is not None and config.grain > 0.0 and config.name not in UNSEEDED:
         poses[1:-1] = np.rint(poses[1:-1] / config.grain) * config.grain

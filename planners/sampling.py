@@ -23,16 +23,18 @@ from wayproof.planners.kernels import Floats, Pose
 from wayproof.planners.space import FreeSpace
 from wayproof.planners.state_spaces import StateSpace, sample_curve
 from wayproof.planners.validity import BodyValidity
+from wayproof.planners.waypoint_planner import WaypointPlanner
 
 # Reseeding a generator that was used before makes OMPL print an error, although it reseeds.
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
 
 class Budget(NamedTuple):
-    """What a planner is told when it is built."""
+    """What a planner is built with: turns of its loop, weight of the cell cost, and seed."""
 
     iterations: int
     clearance_weight: float
+    seed: int = 1
 
 
 Builder = Callable[[ob.SpaceInformation, Budget], ob.Planner]
@@ -69,7 +71,8 @@ def planner_builder(name: str) -> Builder:
     """The planner of a name in ``PLANNERS``, or of ``module:Class`` or ``file.py:Class``.
 
     Raises:
-        ValueError: If there is no such planner, or the class is no ``ompl.base.Planner``.
+        ValueError: If there is no such planner, or the class is no ``ompl.base.Planner`` and has
+            no ``plan``.
     """
     if name in PLANNERS:
         return PLANNERS[name]
@@ -83,9 +86,17 @@ def planner_builder(name: str) -> Builder:
         found = load_class(name)
     except ValueError as error:
         raise ValueError(f"planner.name: got {name!r}, which cannot be loaded: {error}") from None
-    if not issubclass(found, ob.Planner):
-        raise ValueError(f"planner.name: got {name!r}, expected a class made of ompl.base.Planner")
-    return lambda information, _: found(information)
+    if issubclass(found, ob.Planner):
+        return lambda information, _: found(information)
+    if not callable(getattr(found, "plan", None)):
+        raise ValueError(
+            f"planner.name: got {name!r}, expected a class made of ompl.base.Planner, or one with "
+            "a method plan(space, start, goal, seed, budget)"
+        )
+    who = f"planner '{name}'"
+    return lambda information, budget: WaypointPlanner(
+        information, found(), who, budget.seed, budget.iterations
+    )
 
 
 class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]
