@@ -16,12 +16,12 @@ from wayproof.harness.logs.log import TRACEBACK, LogWriter
 from wayproof.harness.result import Outcome, Result
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.sim.perturb import Interference
+from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.recorder import Recorder
 from wayproof.harness.sim.sensing import Sensors
 from wayproof.harness.sim.simulation import Plant
 from wayproof.harness.sim.snapshot import Stateful, restore_parts
-from wayproof.harness.sim.termination import Judge
+from wayproof.harness.sim.termination import TerminationMonitor
 from wayproof.harness.sim.touch import touched
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.supervision import bound_memory
@@ -50,10 +50,10 @@ class Episode:
         self._scenario, self._scene = scenario, scenario.scene
         self._navigator, self._log, self._observe = navigator, log, observe
         self._plant = plant = Plant(scenario, navigator.trajectory)
-        self._judge = Judge(scenario, plant.data, plant.truth)
-        self._interference = Interference(scenario.config, scenario.scene)
-        self._sensors = Sensors(scenario.scene, plant, self._interference)
-        self._recorder = Recorder(scenario, log, plant, self._interference)
+        self._judge = TerminationMonitor(scenario, plant.data, plant.truth)
+        self._injector = PerturbationInjector(scenario.config, scenario.scene)
+        self._sensors = Sensors(scenario.scene, plant, self._injector)
+        self._recorder = Recorder(scenario, log, plant, self._injector)
         self._watchdog = Watchdog(scenario.config)
         self.delays: dict[int, float] = {}
         self.fault: Exception | NeverReturned | None = None
@@ -121,7 +121,7 @@ class Episode:
         """Sense, decide and log; the trajectory takes effect when its start time comes."""
         self._following = False
         time_ns = self._plant.now_ns
-        self._recorder.hash_control(self._plant.take_asked())
+        self._recorder.hash_control(self._plant.drain_setpoints())
         sweeps, pose, sense_ms = self._sensors.sense(self._sequence, time_ns)
         written = [serialized(message) for message in (*sweeps, pose)]
         inputs = inputs_from_messages(pose, sweeps, written)
@@ -163,7 +163,7 @@ class Episode:
         config = self._scenario.config.latency
         delay_s = self.delays.get(self._sequence)
         if delay_s is None:
-            delay_s = _delay(config, decision.stages) + self._interference.delay
+            delay_s = _delay(config, decision.stages) + self._injector.delay
         message = pb.Latency(sequence=self._sequence, mode=config.mode, delay_s=delay_s)
         message.timestamp.FromNanoseconds(time_ns)
         return message

@@ -7,7 +7,7 @@ from dataclasses import replace
 from wayproof.harness.attribution.case import Case, moments_of
 from wayproof.harness.attribution.procedure import find_cause
 from wayproof.harness.attribution.true_space import TrueSpace
-from wayproof.harness.evidence.rebuild import stretch_of
+from wayproof.harness.evidence.rebuild import segment_of
 from wayproof.harness.logs.log import LogWriter
 from wayproof.harness.logs.messages import read_unfinished
 from wayproof.harness.result import Contact, Result
@@ -37,7 +37,7 @@ def with_cause(result: Result, scenario: Scenario, log: LogWriter) -> Result:
     case = Case(
         config=scenario.config,
         mission=scenario.mission,
-        runs=(stretch_of(scenario),),
+        runs=(segment_of(scenario),),
         outcome=result.outcome,
         reason=result.reason,
         end_s=result.sim_time_s,

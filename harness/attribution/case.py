@@ -14,7 +14,7 @@ from wayproof.harness.attribution.true_space import TrueSpace
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.audit import densely
-from wayproof.harness.evidence.relay import Relay, Stretch, stretches
+from wayproof.harness.evidence.segments import Segment, SegmentedStack, segments_of
 from wayproof.harness.inputs import Beams, Inputs, inputs_from_messages
 from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import Log
@@ -90,7 +90,7 @@ class Case:
 
     config: Config
     mission: Mission
-    runs: tuple[Stretch, ...]
+    runs: tuple[Segment, ...]
     outcome: str
     reason: str
     end_s: float
@@ -123,10 +123,10 @@ class Case:
 
     def navigator_at(self, number: int) -> Navigator:
         """The stack's map and costmap as they were for one decision."""
-        relay = Relay(self.as_of(number).runs)
+        stack = SegmentedStack(self.as_of(number).runs)
         for moment in self.moments[: number + 1]:
-            relay.watch(moment.inputs)
-        navigator = relay.navigator
+            stack.watch(moment.inputs)
+        navigator = stack.navigator
         navigator.costmap.update(self.moments[number].decision.localization_margin_m)
         return navigator
 
@@ -149,7 +149,7 @@ def read_case(log: Log) -> Case:
     return Case(
         config=log.config,
         mission=log.mission,
-        runs=tuple(stretches(log)),
+        runs=tuple(segments_of(log)),
         outcome=log.result["outcome"],
         reason=log.result.get("reason", ""),
         end_s=float(log.result.get("sim_time_s", moments[-1].time_ns * 1e-9)),

@@ -20,7 +20,7 @@ from wayproof.harness.attribution.grids import (
     true_occupancy,
     widest,
 )
-from wayproof.harness.evidence.relay import Relay
+from wayproof.harness.evidence.segments import SegmentedStack
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 from wayproof.harness.stack.pipeline import Navigator
@@ -215,9 +215,9 @@ def _evenly(numbers: Sequence[int]) -> list[int]:
 
 def _maps(case: Case, wanted: set[int]) -> Iterator[tuple[int, Navigator]]:
     """The stack as it was at some decisions."""
-    relay = Relay(case.runs)
+    stack = SegmentedStack(case.runs)
     for number, moment in enumerate(case.moments):
-        relay.watch(moment.inputs)
+        stack.watch(moment.inputs)
         if number in wanted:
-            relay.navigator.costmap.update(moment.decision.localization_margin_m)
-            yield number, relay.navigator
+            stack.navigator.costmap.update(moment.decision.localization_margin_m)
+            yield number, stack.navigator

@@ -15,7 +15,7 @@ from google.protobuf.message import Message
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.fork import fork_with
 from wayproof.harness.evidence.rebuild import is_made_from_seed, made_otherwise, rebuild
-from wayproof.harness.evidence.relay import stretches
+from wayproof.harness.evidence.segments import segments_of
 from wayproof.harness.logs.digest import CONTENT
 from wayproof.harness.logs.log import is_regenerated
 from wayproof.harness.logs.log_copy import topic_of
@@ -171,7 +171,7 @@ def simulate_again(
 def _simulate(log: Log, target: Path, folder: Path) -> None:
     """Write the episode anew: the first settings from the start, then each fork from its own."""
     delays = _delays(log)
-    forks = stretches(log)[1:]
+    forks = segments_of(log)[1:]
     steps = [folder / f"{number}.mcap" for number in range(len(forks))] + [target]
     run_episode(rebuild(log.as_of(BEFORE_ALL)), steps[0], delays=delays, record="full")
     for run, before, after in zip(forks, steps[:-1], steps[1:], strict=True):

@@ -18,7 +18,7 @@ import numpy as np
 from wayproof.harness.ending import BETWEEN_DECISIONS, Limits, goal_distance
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.content import Content, read_content
-from wayproof.harness.evidence.relay import Stretch, stretches
+from wayproof.harness.evidence.segments import Segment, segments_of
 from wayproof.harness.logs.digest import CONTENT
 from wayproof.harness.logs.log import FORMAT_VERSION
 from wayproof.harness.logs.reader import Log
@@ -49,9 +49,9 @@ class Subject:
 
     log: Log
     content: Content
-    runs: tuple[Stretch, ...]
+    runs: tuple[Segment, ...]
 
-    def run_of(self, number: int) -> Stretch:
+    def run_of(self, number: int) -> Segment:
         """The settings that a decision was made with."""
         return next(run for run in reversed(self.runs) if run.begin <= max(number, 0))
 
@@ -77,7 +77,7 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
         if ends_in_error(log.result):
             return altered  # a stack can fail before its first decision
         raise InputError(f"log '{log.path}': no decisions in it")
-    subject = Subject(log, content, tuple(stretches(log)))
+    subject = Subject(log, content, tuple(segments_of(log)))
     found = [*_format(subject), *_numbering(subject)]
     if not found:  # the checks take the messages by number
         found = [one for check in CHECKS for one in check(subject)]

@@ -9,8 +9,8 @@ from pathlib import Path
 from wayproof.harness.config import Config, override, to_json
 from wayproof.harness.episode import Episode, Observer, arrival_ns
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.rebuild import rebuild, stretch_of
-from wayproof.harness.evidence.relay import Relay, stretches
+from wayproof.harness.evidence.rebuild import rebuild, segment_of
+from wayproof.harness.evidence.segments import SegmentedStack, segments_of
 from wayproof.harness.evidence.what_if import refuse_sensed
 from wayproof.harness.logs.container import walk
 from wayproof.harness.logs.log import FORMAT_VERSION, PLUGINS, LogWriter, hold_log
@@ -128,21 +128,21 @@ def fork_with(
 
 def live_through(log: Log, at: int, scenario: Scenario) -> Past:
     """All stacks of a log, and one for a scenario, through every decision before the fork."""
-    relay = Relay([*stretches(log), stretch_of(scenario, at)])
+    stack = SegmentedStack([*segments_of(log), segment_of(scenario, at)])
     trajectories, decisions = [], []
     state, reached = None, False
     for record in log.records():
         if record.decision.sequence == at:
             state, reached = record.state, True
             break
-        recorded = relay.step(record)
+        recorded = stack.step(record)
         if recorded.chain != record.decision.chain:
             raise InputError(
                 f"log '{log.path}': decision {recorded.sequence} is recomputed otherwise, so no "
                 "fork would go on from it; expected a log that replays"
             )
         if not recorded.deadline_missed:
-            trajectory = relay.navigator.trajectory
+            trajectory = stack.navigator.trajectory
             trajectories.append((arrival_ns(recorded, trajectory), trajectory))
         decisions.append(recorded)
     if not reached:
@@ -155,12 +155,12 @@ def live_through(log: Log, at: int, scenario: Scenario) -> Past:
     truths = [truth for truth in log.truth() if truth.sequence < at]
     if len(truths) != len(decisions):
         raise InputError(f"log '{log.path}': {len(truths)} truths before decision {at}")
-    return Past(relay.go_to(at), tuple(trajectories), tuple(decisions), tuple(truths), state)
+    return Past(stack.go_to(at), tuple(trajectories), tuple(decisions), tuple(truths), state)
 
 
 def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> None:
     """The forks so far and this one, all sensors' tables, and every message before it."""
-    runs = stretches(log)
+    runs = segments_of(log)
     for number, (run, after) in enumerate(zip(runs, [*runs[1:], None], strict=True), 1):
         told = {
             "at": str(at if after is None else after.begin),

@@ -7,8 +7,8 @@ from dataclasses import asdict, replace
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.relay import Stretch
-from wayproof.harness.evidence.twin import changed_mission
+from wayproof.harness.evidence.segments import Segment
+from wayproof.harness.evidence.side_by_side import changed_mission
 from wayproof.harness.inputs import beams_from_info
 from wayproof.harness.logs.reader import Log
 from wayproof.harness.scenario.mujoco_warnings import tell_warnings
@@ -110,8 +110,8 @@ def _world(log: Log) -> World:
     )
 
 
-def stretch_of(scenario: Scenario, begin: int = 0) -> Stretch:
+def segment_of(scenario: Scenario, begin: int = 0) -> Segment:
     """What a scenario's stack decides, from a decision on."""
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
     beams = {info.name: beams_from_info(info) for info in infos}
-    return Stretch(begin, scenario.config, scenario.mission, beams)
+    return Segment(begin, scenario.config, scenario.mission, beams)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.consistency import contradictions
-from wayproof.harness.evidence.relay import Relay, stretches
 from wayproof.harness.evidence.scope import Scope, scope_of
+from wayproof.harness.evidence.segments import SegmentedStack, segments_of
 from wayproof.harness.logs.reader import Log, Record, open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, differences
@@ -108,9 +108,9 @@ def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
     Raises:
         InputError: The log is damaged, or cannot be recomputed.
     """
-    relay = Relay(stretches(log))
+    stack = SegmentedStack(segments_of(log))
     for record in log.records():
-        yield record, relay.step(record)
+        yield record, stack.step(record)
 
 
 def cause_differences(log: Log) -> list[Difference] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from wayproof.harness.ending import BETWEEN_DECISIONS
-from wayproof.harness.evidence.relay import stretches
+from wayproof.harness.evidence.segments import segments_of
 from wayproof.harness.logs.reader import Log
 from wayproof.harness.result import ends_in_error, is_recovered
 
@@ -43,7 +43,7 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
     if log.result.get("cause"):
         (result if with_cause else physics).append("cause")
     inputs = ["poses", "streams world and control", "scene, mission and config from the seed"]
-    perturbed = any(run.config.perturbation for run in stretches(log))
+    perturbed = any(run.config.perturbation for run in segments_of(log))
     if perturbed:
         result.append("perturbation's kind, amount and delay")
         inputs.append("perturbation's effect")
@@ -64,7 +64,7 @@ def _claims(log: Log) -> tuple[str, ...]:
     claims = ["stage latencies", "versions", "machine"]
     if log.not_compared:
         claims.append(f"{', '.join(log.not_compared)} of decisions, as an older format gave them")
-    runs = stretches(log)
+    runs = segments_of(log)
     if any(run.config.latency.mode == "measured" for run in runs):
         claims.append("measured delays")
     for name, value in (("world", log.config.world), ("robot", log.config.robot)):

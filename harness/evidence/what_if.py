@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.twin import Twin
+from wayproof.harness.evidence.side_by_side import SideBySide
 from wayproof.harness.logs.reader import Log, open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import differences, path_of
@@ -108,7 +108,7 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
     changed = changed_config(log, settings)
     refuse_sensed(log.config, changed, "these need the simulator: --from N forks the episode")
     began = time.perf_counter()
-    twin = Twin(log, log.config, changed)
+    twin = SideBySide(log, log.config, changed)
     changes = []
     decisions, faithful = 0, True
     for record in log.records():

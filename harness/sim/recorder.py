@@ -14,7 +14,7 @@ from wayproof.harness.logs.streams import CONTROL, StreamHashes
 from wayproof.harness.result import figures
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.sim.perturb import Interference
+from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.simulation import Plant
 from wayproof.harness.sim.snapshot import Stateful, state_message
 from wayproof.models.sensors import ROBOT_GROUP
@@ -29,10 +29,10 @@ class Recorder:
     """
 
     def __init__(
-        self, scenario: Scenario, log: LogWriter, plant: Plant, interference: Interference
+        self, scenario: Scenario, log: LogWriter, plant: Plant, injector: PerturbationInjector
     ) -> None:
         """Record an episode from its start."""
-        self._log, self._plant, self._interference = log, plant, interference
+        self._log, self._plant, self._injector = log, plant, injector
         scene = scenario.scene
         sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
         self._streams = StreamHashes([*sensors, "pose", "latency", "world", CONTROL])
@@ -106,7 +106,7 @@ class Recorder:
         self._streams.update("world", b"".join(part.tobytes() for part in moved))
         self._log.write("/streams", self._streams.message(sequence, time_ns), time_ns)
         added = self._plant.estimate.added
-        done = self._interference.message(sequence, time_ns, added)
+        done = self._injector.message(sequence, time_ns, added)
         if done is not None:
             self._log.write("/perturbation", done, time_ns)
 

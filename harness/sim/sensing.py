@@ -8,7 +8,7 @@ import mujoco
 
 from wayproof.harness.inputs import CODEC
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.sim.perturb import Interference
+from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.simulation import Plant
 from wayproof.models import range_codec
 from wayproof.models.poses import Trail
@@ -19,9 +19,9 @@ from wayproof.models.sensors import Caster
 class Sensors:
     """One scene's ray sensors and pose estimate, with the episode's perturbation applied."""
 
-    def __init__(self, scene: Scene, plant: Plant, interference: Interference) -> None:
+    def __init__(self, scene: Scene, plant: Plant, injector: PerturbationInjector) -> None:
         """Cast into what `plant` simulates."""
-        self._scene, self._plant, self._interference = scene, plant, interference
+        self._scene, self._plant, self._injector = scene, plant, injector
 
     def sense(self, sequence: int, time_ns: int) -> tuple[list[pb.Sweep], pb.Pose, float]:
         """Cast the sweeps that arrive and estimate the pose.
@@ -36,7 +36,7 @@ class Sensors:
         mujoco.mj_kinematics(self._scene.model, self._plant.data)
         began = time.perf_counter()
         trail, estimate = self._plant.trail(), self._plant.estimate
-        arriving = self._interference.arriving(self._scene.casters, sequence)
+        arriving = self._injector.arriving(self._scene.casters, sequence)
         sweeps = [self._sweep(caster, trail, sequence, time_ns) for caster in arriving]
         sense_ms = (time.perf_counter() - began) * 1e3
         estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
@@ -48,7 +48,7 @@ class Sensors:
     def _sweep(self, caster: Caster, trail: Trail, sequence: int, time_ns: int) -> pb.Sweep:
         table = caster.table
         rows = len(table.rows) if table.order == "grid" else 1
-        ranges, classes = self._interference.cast(caster, self._plant.data, trail, sequence)
+        ranges, classes = self._injector.cast(caster, self._plant.data, trail, sequence)
         message = pb.Sweep(
             sequence=sequence,
             sensor=caster.mount.name,

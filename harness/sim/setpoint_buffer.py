@@ -11,7 +11,7 @@ from wayproof.planners import Trajectory
 Array = NDArray[np.float64]
 
 
-class SetpointsAhead:
+class SetpointBuffer:
     """What a trajectory asks for, step by step; sampled anew when the trajectory changes.
 
     Attributes:
@@ -51,7 +51,7 @@ class SetpointsAhead:
         self.row += 1
         return Setpoint.of(self.asked[self.row - 1])
 
-    def take_asked(self) -> bytes:
+    def drain_setpoints(self) -> bytes:
         """All that `next` has told since this was called last.
 
         All of it: where two trajectories begin alike, they may ask for other speeds already.

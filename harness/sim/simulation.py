@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from wayproof.harness.scenario.scenario import Scenario, decision_period
 from wayproof.harness.sim.pose_estimate import Estimate
-from wayproof.harness.sim.setpoint_buffer import SetpointsAhead
+from wayproof.harness.sim.setpoint_buffer import SetpointBuffer
 from wayproof.harness.sim.snapshot import Simulation, StepPoses
-from wayproof.harness.sim.termination import limits_of
+from wayproof.harness.sim.termination import safe_limits
 from wayproof.models.between_steps import ask, look_and_ask
 from wayproof.models.poses import Trail
 from wayproof.models.truth import Truth
@@ -62,13 +62,13 @@ class Plant:
         self.step_poses = StepPoses(steps)
         self._following = trajectory
         self._on_the_way: deque[tuple[int, Trajectory]] = deque()  # ns of their arrival
-        self._ahead = SetpointsAhead(round(timestep * 1e9), steps)
+        self._ahead = SetpointBuffer(round(timestep * 1e9), steps)
         self._looked_at: tuple[Any, ...] = (
             self.truth.is_robot,
             self.truth.is_obstacle,
             self.data.xpos[scene.base],
             self.data.xmat[scene.base],
-            limits_of(scenario),
+            safe_limits(scenario),
             self.truth.places,
             self.estimate.error_row,
             self.estimate.tracked,
@@ -127,9 +127,9 @@ class Plant:
         self._move_others(now_ns)
         return left or truth.collisions > 0 or truth.struck > 0
 
-    def take_asked(self) -> bytes:
+    def drain_setpoints(self) -> bytes:
         """All that the body was asked for since this was called last."""
-        return self._ahead.take_asked()
+        return self._ahead.drain_setpoints()
 
     def trail(self) -> Trail:
         """True poses of the base since the sweeps began; the last alone if no shutter rolls."""

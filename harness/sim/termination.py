@@ -19,7 +19,7 @@ LYING = 0.5
 """A walking robot whose base is below this share of its standing height has fallen."""
 
 
-class Judge:
+class TerminationMonitor:
     """Holds one episode's decisions and physics against its goal, its limits and the truth."""
 
     def __init__(self, scenario: Scenario, data: mujoco.MjData, truth: Truth) -> None:
@@ -39,7 +39,7 @@ class Judge:
         return self._limits.ending_at(decision, positions)
 
     def of_physics(self) -> Verdict | None:
-        """What a physics step ends; asked wherever `limits_of` are left or something is touched."""
+        """What a physics step ends; called beyond `safe_limits` or where something is touched."""
         mission, truth = self._scenario.mission, self._truth
         if truth.collisions:
             return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
@@ -66,7 +66,7 @@ class Judge:
         return "(" + ", ".join(f"{value:.2f}" for value in self._position) + ")"
 
 
-def limits_of(scenario: Scenario) -> NDArray[np.float64]:
+def safe_limits(scenario: Scenario) -> NDArray[np.float64]:
     """Inside them no place of the base ends an episode: (7,) as `models.between_steps` takes them.
 
     Least and greatest x, y and z, m, and the least cosine of the tilt.

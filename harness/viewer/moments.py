@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.evidence.relay import Relay, stretches
-from wayproof.harness.evidence.twin import guarded
+from wayproof.harness.evidence.segments import SegmentedStack, segments_of
+from wayproof.harness.evidence.side_by_side import guarded
 from wayproof.harness.inputs import Beams
 from wayproof.harness.logs.reader import Log, Record
 from wayproof.harness.mission import Mission
@@ -95,10 +95,10 @@ def moments(log: Log) -> Iterator[Moment]:
         InputError: The log is damaged, or its sweeps were left out.
     """
     with closing(Ahead(log.records_with_truth(), RECORDS_AHEAD)) as records:
-        relay = Relay(stretches(log.on_threads(max(log.config.threads, THREADS))))
+        stack = SegmentedStack(segments_of(log.on_threads(max(log.config.threads, THREADS))))
         for record, truth in records:
-            navigator = relay.watch(record.inputs)
-            yield Moment(record, truth, relay.stretch.beams, navigator)
+            navigator = stack.watch(record.inputs)
+            yield Moment(record, truth, stack.segment.beams, navigator)
 
 
 def standing_low(mission: Mission) -> tuple[float, float, float]:

@@ -19,7 +19,7 @@ from PIL import Image
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.rebuild import rebuild
-from wayproof.harness.evidence.twin import guarded
+from wayproof.harness.evidence.side_by_side import guarded
 from wayproof.harness.logs.reader import Log, open_log
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.scenario.scenario import Scenario

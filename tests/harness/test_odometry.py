@@ -245,7 +245,7 @@ def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():
         "wayproof.models.truth",
         "wayproof.models.robots",
         "wayproof.harness.sim.pose_estimate",
-        "wayproof.harness.sim.perturb",
+        "wayproof.harness.sim.injector",
     }
     assert not hidden & set(loaded)
 

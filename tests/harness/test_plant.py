@@ -9,7 +9,7 @@ import pytest
 from wayproof.harness.config import Config, override
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.sim.simulation import Plant
-from wayproof.harness.sim.termination import Judge, limits_of
+from wayproof.harness.sim.termination import TerminationMonitor, safe_limits
 from wayproof.models.robots import Setpoint
 from wayproof.planners import MotionLimits, follow_path, hold
 
@@ -78,8 +78,8 @@ def test_steps_are_their_parts_one_by_one_bit_by_bit(scenario):
         poses.append(plant.data.qpos.tobytes())
         assert not ended
         if step % 70 == 0:
-            asked += plant.take_asked()
-    asked += plant.take_asked()
+            asked += plant.drain_setpoints()
+    asked += plant.drain_setpoints()
     state = scenario.scene.controller.state()
     naive = Naive(scenario, at_rest)
     for pose in poses:
@@ -99,12 +99,12 @@ def test_a_step_tells_where_the_base_leaves_what_the_judge_lets_it(robot):
     scenario = build(Config("empty", robot, 3))
     # Walls stand where the geofence ends: what touches one would be told for that.
     scenario.scene.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    low, high = limits_of(scenario)[:3], limits_of(scenario)[3:6]
+    low, high = safe_limits(scenario)[:3], safe_limits(scenario)[3:6]
     at_rest, *_ = trajectories(scenario)
     for axis, side in ((0, low), (1, low), (2, low), (0, high), (1, high), (2, high)):
         for off, left in ((1e-6, False), (-1e-6, True)):
             plant = Plant(scenario, at_rest)
-            judge = Judge(scenario, plant.data, plant.truth)
+            judge = TerminationMonitor(scenario, plant.data, plant.truth)
             plant.data.qpos[:3] = 0.5 * (low + high)
             inwards = 1.0 if side is low else -1.0
             plant.data.qpos[axis] = side[axis] + inwards * off
@@ -117,7 +117,7 @@ def test_a_step_tells_where_the_base_leaves_what_the_judge_lets_it(robot):
 def test_touching_an_obstacle_is_told_at_every_step(scenario):
     at_rest, *_ = trajectories(scenario)
     plant = Plant(scenario, at_rest)
-    judge = Judge(scenario, plant.data, plant.truth)
+    judge = TerminationMonitor(scenario, plant.data, plant.truth)
     obstacle = int(np.flatnonzero(plant.truth.is_obstacle)[-1])
     axes = 2 if scenario.spec.motion == "ground" else 3
     plant.data.qpos[:axes] = scenario.scene.model.geom_pos[obstacle, :axes]

@@ -366,7 +366,7 @@ def test_the_two_loaders_are_one_text():
 
 
 def test_a_replay_in_which_the_users_class_fails_is_one_line():
-    from wayproof.harness.evidence.twin import guarded
+    from wayproof.harness.evidence.side_by_side import guarded
 
     def fails():
         raise UserCodeError("planner 'a.py:B'", "raised ValueError")

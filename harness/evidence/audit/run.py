@@ -27,7 +27,7 @@ from wayproof.harness.evidence.audit.record import (
 from wayproof.harness.evidence.audit.volumes import Volumes, measure, together
 from wayproof.harness.evidence.audit.way import judge_way
 from wayproof.harness.evidence.reasons import ReasonCheck
-from wayproof.harness.evidence.relay import Relay, stretches
+from wayproof.harness.evidence.segments import SegmentedStack, segments_of
 from wayproof.harness.logs.reader import Log, open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.labels import bound_version
@@ -151,16 +151,16 @@ def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
     Raises:
         InputError: The log is damaged.
     """
-    runs = stretches(log)
-    relay = Relay(runs)
+    runs = segments_of(log)
+    stack = SegmentedStack(runs)
     bodies = {
         run.begin: Body(run.config, run.mission, policy or run.config.map.unknown_policy)
         for run in runs
     }
     before: tuple[pb.Trajectory, ...] = (standing_at_start(runs[0].mission),)
     for record in log.records():
-        navigator = relay.watch(record.inputs)
-        run = relay.stretch
+        navigator = stack.watch(record.inputs)
+        run = stack.segment
         moment = Moment(
             record=record,
             config=run.config,

@@ -40,7 +40,7 @@ def recompute(navigator: Navigator, record: Record) -> pb.Decision:
     )
 
 
-class Twin:
+class SideBySide:
     """Both stacks; one `step` for each record, then `part` to go on with the changed one."""
 
     def __init__(
@@ -75,7 +75,7 @@ class Twin:
         """What each decides on one record: recorded, changed."""
         memory, chain = self.recorded.memory, self.recorded.chain
         recorded = recompute(self.recorded, record)
-        self.changed.resume(lifted(memory, self._layer), chain)
+        self.changed.resume(shift_height(memory, self._layer), chain)
         if self._delay is not None:
             latency = pb.Latency(sequence=record.latency.sequence, delay_s=self._delay)
             record = replace(record, latency=latency)
@@ -83,12 +83,12 @@ class Twin:
 
     def part(self, beams: Mapping[str, Beams]) -> Navigator:
         """The changed stack, with the recorded one's past and these sensors, to go on by itself."""
-        self.changed.resume(lifted(self.recorded.memory, self._layer), self.recorded.chain)
+        self.changed.resume(shift_height(self.recorded.memory, self._layer), self.recorded.chain)
         self.changed.mapper.set_sensors(beams)
         return self.changed
 
 
-def lifted(memory: Memory, height: float) -> Memory:
+def shift_height(memory: Memory, height: float) -> Memory:
     """A memory in a costmap whose one layer lies this much higher, m."""
     if height == 0.0:
         return memory

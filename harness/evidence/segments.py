@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from wayproof.harness.config import Config
-from wayproof.harness.evidence.twin import guarded, layer_of, lifted, recompute
+from wayproof.harness.evidence.side_by_side import guarded, layer_of, recompute, shift_height
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.logs.reader import Log, Record
 from wayproof.harness.mission import Mission
@@ -20,7 +20,7 @@ from wayproof.harness.stack.pipeline import Navigator, build_navigator
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Segment:
     """Decisions that were made with the same settings.
 
     Attributes:
@@ -41,23 +41,23 @@ class Stretch:
         return 1.0 / next(iter(self.beams.values())).rate
 
 
-def stretches(log: Log) -> list[Stretch]:
+def segments_of(log: Log) -> list[Segment]:
     """A log's, in order; one if it was never forked."""
     begins = [0, *(fork.at for fork in log.forks)]
     parts = [(fork.config, fork.mission, fork.beams) for fork in log.forks]
     parts.append((log.config, log.mission, log.beams))
-    return [Stretch(begin, *part) for begin, part in zip(begins, parts, strict=True)]
+    return [Segment(begin, *part) for begin, part in zip(begins, parts, strict=True)]
 
 
-class Relay:
+class SegmentedStack:
     """One `step` or `watch` for each record, by the stack whose turn it is.
 
     Attributes:
-        stretch: Of the decision that comes next or was made last.
+        segment: Of the decision that comes next or was made last.
         navigator: Its stack.
     """
 
-    def __init__(self, runs: Sequence[Stretch]) -> None:
+    def __init__(self, runs: Sequence[Segment]) -> None:
         """Start all stacks.
 
         Raises:
@@ -65,7 +65,7 @@ class Relay:
         """
         beams = runs[0].beams
         stacks = [guarded("the log's stack", partial(_build, run, beams)) for run in runs]
-        self.stretch, *self._later = runs
+        self.segment, *self._later = runs
         self.navigator, *self._waiting = stacks
 
     def step(self, record: Record) -> pb.Decision:
@@ -95,16 +95,16 @@ class Relay:
         """The stack that makes a decision, with all that the ones before it decided."""
         while self._later and self._later[0].begin <= sequence:
             before = self.navigator
-            self.stretch, *self._later = self._later
+            self.segment, *self._later = self._later
             self.navigator, *self._waiting = self._waiting
             higher = 0.0
-            if self.stretch.mission.motion == "ground":
+            if self.segment.mission.motion == "ground":
                 higher = layer_of(self.navigator) - layer_of(before)
-            self.navigator.resume(lifted(before.memory, higher), before.chain)
+            self.navigator.resume(shift_height(before.memory, higher), before.chain)
             for stack in (self.navigator, *self._waiting):
-                stack.mapper.set_sensors(self.stretch.beams)
+                stack.mapper.set_sensors(self.segment.beams)
         return self.navigator
 
 
-def _build(run: Stretch, beams: Mapping[str, Beams]) -> Navigator:
+def _build(run: Segment, beams: Mapping[str, Beams]) -> Navigator:
     return build_navigator(run.config, run.mission, beams)

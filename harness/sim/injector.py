@@ -19,7 +19,7 @@ from wayproof.models.scene import PREFIX, Scene
 from wayproof.models.sensors import Caster
 
 
-class Interference:
+class PerturbationInjector:
     """One episode's perturbation, or none, applied to one scene's sensors and delays."""
 
     def __init__(self, config: Config, scene: Scene) -> None:
