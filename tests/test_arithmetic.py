@@ -86,9 +86,8 @@ def imported(nodes):
         if isinstance(node, ast.Import):
             yield from (alias.name.removeprefix(PREFIX) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            module = node.module.removeprefix(PREFIX)
-            yield module
-            yield from (f"{module}.{alias.name}" for alias in node.names)
+            yield node.module.removeprefix(PREFIX)
+            yield from (f"{node.module}.{a.name}".removeprefix(PREFIX) for a in node.names)
 
 
 def nodes_at_import(tree):
