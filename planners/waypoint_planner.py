@@ -36,7 +36,7 @@ class PlansWaypoints(Protocol):
 
 
 class WaypointPlanner(ob.Planner):  # type: ignore[misc]
-    """Asks a `PlansWaypoints` for a path and adds it to the problem definition."""
+    """Adapter: adds the waypoints of a `PlansWaypoints` to the problem definition."""
 
     def __init__(
         self,

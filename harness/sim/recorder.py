@@ -54,13 +54,13 @@ class Recorder:
         self._misses = 0
 
     def go_on(self, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> None:
-        """Take up decisions that are in the log already, each with its truth."""
+        """Continue after decisions that are in the log already, each with its truth."""
         self._misses = sum(decision.deadline_missed for decision in decisions)
         self.positions = [np.array(truth.position) for truth in truths]
         self._clearances = [truth.clearance_m for truth in truths]
 
     def hash_control(self, setpoints: bytes) -> None:
-        """Count the setpoints that the body was given since the last decision as a stream."""
+        """Hash the setpoints that the controller followed since the last decision, as a stream."""
         if setpoints:  # nothing at the start of a fork, whose state has it
             self._streams.update(CONTROL, setpoints)
 

@@ -25,11 +25,11 @@ class InputMaker:
     def __init__(
         self, config: Config, mission: Mission, mapper: Mapper, spaces: FreeSpaces
     ) -> None:
-        """Look at one map and its free space, for the memory of which is asked here."""
+        """Read one map and its free space, whose arrays are allocated here."""
         self._config, self._mission = config, mission
         self._mapper, self._spaces = mapper, spaces
         self._goal = mapper.planning_point(np.array(mission.goal))
-        spaces.circumscribed()  # the system gives memory here, not in a decision
+        spaces.circumscribed()  # allocates its arrays now, so that no decision waits for it
 
     def circumscribed(self, inputs: Inputs) -> View:
         """The input for the disc about the body."""
@@ -69,7 +69,7 @@ class InputMaker:
 
 
 def planned_once() -> PlanPath:
-    """The planner, which answers what it was given before from memory.
+    """Memoize the planner for one decision.
 
     Paths rest on distances that hold until the next update of the costmap. So a decision that is
     made again, as some distances that it read were out of date, need not search again.

@@ -39,7 +39,7 @@ class FreeSpaces:
     """
 
     def __init__(self, config: Config, mission: Mission, costmap: Costmap) -> None:
-        """Look at one costmap."""
+        """Read one costmap."""
         self._config, self._costmap = config, costmap
         self._body = body_of(mission)
         self._oriented = bool(mission.discs)
@@ -67,7 +67,7 @@ class FreeSpaces:
         return Spaces(admitted, known, self._passable(wide))
 
     def _space(self, distances: Distances, wide: bool, table: Array | None = None) -> FreeSpace:
-        """Free space for the body as it lies, or for the disc about it, by default at its costs."""
+        """Free space for the circumscribed disc (wide) or the oriented discs, with a cost table."""
         costmap = self._costmap
         return FreeSpace(
             distances=distances,
@@ -80,7 +80,7 @@ class FreeSpaces:
         )
 
     def _costs(self) -> Array:
-        """By squared distance; worked out anew when the costmap's own have changed."""
+        """Costs by squared distance; recomputed when the costmap's own have changed."""
         if self._costs_of is not self._costmap.cost_table:
             self._costs_of = self._costmap.cost_table
             self._cost_by_distance = costs(self._costmap, self._body)

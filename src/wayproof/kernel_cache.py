@@ -29,7 +29,10 @@ KEPT_S = 14 * 24 * 3600.0
 
 
 def use_kernel_cache() -> None:
-    """Name numba's cache folder for this process and its children, unless it is named already."""
+    """Name numba's cache folder for this process and its children, unless it is named already.
+
+    Where it cannot be written, numba caches beside the sources, by their own times alone.
+    """
     if "NUMBA_CACHE_DIR" in os.environ:
         return
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
@@ -37,7 +40,7 @@ def use_kernel_cache() -> None:
     os.environ["NUMBA_CACHE_DIR"] = folder
     if "numba" in sys.modules:  # it has read its environment
         sys.modules["numba"].config.CACHE_DIR = folder
-    with contextlib.suppress(OSError):  # numba then looks for a place of its own
+    with contextlib.suppress(OSError):  # numba then takes its own place
         if not os.path.isdir(folder):
             os.makedirs(folder, exist_ok=True)
             delete_unused(os.path.dirname(folder))
