@@ -1,4 +1,4 @@
-"""Threads that share a piece of work."""
+"""A team of threads that run loops of compiled kernels side by side."""
 
 from __future__ import annotations
 
@@ -7,24 +7,31 @@ import threading
 import weakref
 from collections.abc import Callable
 
-PARTS = 6
-"""Parts of a piece of work to each thread: the beams of one part may take longer than others."""
+PARTS_PER_THREAD = 6
+"""Parts of a loop per thread; more than one, because some parts take longer than others."""
 
 WORTH_SHARING_US = 250
-"""A piece of work that takes less is done before a second thread has woken up and taken its part:
-some 100 us, as measured with the sweeps of an episode on two cores."""
+"""Shortest run time of work that is shared, us.
 
-Work = Callable[[int, tuple[int, int]], None]
+Shorter work is done before a second thread has woken up and started: some 100 us, as measured with
+the sweeps of an episode on two cores.
+"""
+
+LoopBody = Callable[[int, tuple[int, int]], None]
+"""`body(worker, (first, end))`: the items first <= i < end, run by thread number `worker`."""
 
 
-class Team:
-    """A fixed number of threads; with one there is none but the caller's.
+class ThreadTeam:
+    """A fixed number of threads: the caller's own, as worker 0, and `size - 1` more.
 
-    Which thread does which part is left to chance: what they do must not depend on it.
+    Which thread runs which part is left to chance, so results must not depend on it.
     """
 
     def __init__(self, threads: int) -> None:
-        """Know how many; they start with the first work that is worth it, and end with the team.
+        """Make a team. Its threads start with the first work worth sharing, and end with the team.
+
+        Args:
+            threads: Number of threads, with the caller's own.
 
         Raises:
             ValueError: Not 1 to 64 threads.
@@ -32,115 +39,120 @@ class Team:
         if not 1 <= threads <= 64:
             raise ValueError(f"threads: got {threads}, expected 1 to 64")
         self.size = threads
-        self._helpers: list[_Helper] = []
+        self._workers: list[_WorkerThread] = []
 
-    def helps(self, count: int, item_us: float) -> bool:
-        """Whether so many items, microseconds each, are worth sharing."""
+    def worth_sharing(self, count: int, item_us: float) -> bool:
+        """Return whether `count` items of `item_us` microseconds each are worth sharing."""
         return self.size > 1 and count * item_us >= WORTH_SHARING_US
 
-    def share(
-        self, work: Work, count: int, parts_each: int = PARTS, item_us: float = WORTH_SHARING_US
+    def parallel_for(
+        self,
+        body: LoopBody,
+        count: int,
+        parts_per_thread: int = PARTS_PER_THREAD,
+        item_us: float = WORTH_SHARING_US,
     ) -> None:
-        """Call `work(member, (first, end))` for all parts of `count` items, and wait.
+        """Run a loop in parts: call `body(worker, (first, end))` until all items are done.
 
         Args:
-            work: What to do for the items from one index up to another, as one of the members.
+            body: Loop body over the items from `first` up to `end`.
             count: Number of items.
-            parts_each: Parts to each thread; 1 where all items take equally long.
-            item_us: About what an item takes one thread, microseconds: where all of them are not
-                worth sharing, the caller does them alone.
+            parts_per_thread: 1 where all items take equally long.
+            item_us: Rough time of one item in one thread, us. The caller runs the loop alone if
+                the whole is not worth sharing.
 
         Raises:
             ValueError: The system starts no more threads.
-            Exception: The first one that any part raised, once no thread works any more.
+            Exception: The first one raised by any part, once no thread works any more.
         """
-        if not self.helps(count, item_us):
-            work(0, (0, count))
+        if not self.worth_sharing(count, item_us):
+            body(0, (0, count))
             return
-        parts = parts_each * self.size
+        parts = parts_per_thread * self.size
         edges = [count * part // parts for part in range(parts + 1)]
         queue = itertools.count()
 
-        def help_out(member: int) -> None:
+        def run_parts(worker: int) -> None:
             while (part := next(queue)) < parts:
-                work(member, (edges[part], edges[part + 1]))
+                body(worker, (edges[part], edges[part + 1]))
 
-        self.together(help_out)
+        self.run_all(run_parts)
 
-    def together(self, work: Callable[[int], None], us: float = WORTH_SHARING_US) -> None:
-        """Call `work(member)` in all members at once, and wait.
+    def run_all(self, work: Callable[[int], None], us: float = WORTH_SHARING_US) -> None:
+        """Call `work(worker)` in all threads at once, and wait for them.
 
         Args:
-            work: What to do as one of the members, until nothing is left to do.
-            us: About what it takes one thread, microseconds: where that is not worth sharing, only
-                the caller works.
+            work: Takes items from a common queue, say, until none is left.
+            us: Rough time of the whole in one thread, us. The caller works alone if that is not
+                worth sharing.
 
         Raises:
             ValueError: The system starts no more threads.
-            Exception: The first one that any member raised, once none works any more.
+            Exception: The first one raised by any thread, once none works any more.
         """
-        if not self.helps(1, us):
+        if not self.worth_sharing(1, us):
             work(0)
             return
-        while len(self._helpers) < self.size - 1:
-            self._helpers.append(self._start_helper())
-        for helper in self._helpers:
-            helper.begin(work)
+        while len(self._workers) < self.size - 1:
+            self._workers.append(self._start_worker())
+        for worker in self._workers:
+            worker.begin(work)
         try:
             work(0)
         finally:
-            errors = [helper.wait() for helper in self._helpers]
+            errors = [worker.wait() for worker in self._workers]
         for error in errors:
             if error is not None:
                 raise error
 
-    def _start_helper(self) -> _Helper:
-        member = len(self._helpers) + 1
+    def _start_worker(self) -> _WorkerThread:
+        number = len(self._workers) + 1
         try:
-            helper = _Helper(member)
+            worker = _WorkerThread(number)
         except RuntimeError:
-            here = f"expected at most {member}, more are refused here"
-            raise ValueError(f"threads: got {self.size}, {here}") from None
-        weakref.finalize(self, helper.dismiss)
-        return helper
+            expected = f"expected at most {number}, more are refused here"
+            raise ValueError(f"threads: got {self.size}, {expected}") from None
+        weakref.finalize(self, worker.dismiss)
+        return worker
 
 
-class _Helper:
-    """One more thread. Handing over by bare locks takes half as long as by an executor."""
+class _WorkerThread:
+    """A thread that waits for work. Bare locks hand work over in half the time of an executor."""
 
-    def __init__(self, member: int) -> None:
-        self._member = member
+    def __init__(self, number: int) -> None:
+        """Start worker `number` of a team."""
+        self._number = number
         self._begun, self._done = threading.Lock(), threading.Lock()
         self._begun.acquire()
         self._done.acquire()
-        self._help_out: Callable[[int], None] | None = None
+        self._work: Callable[[int], None] | None = None
         self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._serve, name=f"maps-{member}", daemon=True)
+        self._thread = threading.Thread(target=self._serve, name=f"maps-{number}", daemon=True)
         self._thread.start()
 
-    def begin(self, help_out: Callable[[int], None]) -> None:
-        """Have it called in the thread."""
-        self._help_out = help_out
+    def begin(self, work: Callable[[int], None]) -> None:
+        """Start `work` in the thread."""
+        self._work = work
         self._begun.release()
 
     def wait(self) -> BaseException | None:
-        """Until the thread is done; what it raised, if anything."""
+        """Wait until the work is done; return what it raised, if anything."""
         self._done.acquire()
-        error, self._error, self._help_out = self._error, None, None
+        error, self._error, self._work = self._error, None, None
         return error
 
     def dismiss(self) -> None:
         """End the thread."""
-        self._help_out = None
+        self._work = None
         self._begun.release()
 
     def _serve(self) -> None:
         while True:
             self._begun.acquire()
-            if self._help_out is None:
+            if self._work is None:
                 return
             try:
-                self._help_out(self._member)
-            except BaseException as error:  # raised again where the work was shared
+                self._work(self._number)
+            except BaseException as error:  # raised again by `run_all`
                 self._error = error
             self._done.release()

@@ -16,7 +16,7 @@ from wayproof.harness.bench.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
 from wayproof.maps import MapConfig, VoxelMap, inflate
 from wayproof.maps.columns import Window, unpack
 from wayproof.maps.costmap.distance_field import ALL_ONES, DistanceField, News, update_together
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 REACH = 1.0  # m, of the distances
 BALL = 0.35  # m, radius of the inflation
@@ -57,7 +57,7 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
     window = Window.covering((0.0, 0.0, 0.0), ROOM - [0.0, 0.0, resolution], resolution)
     voxel_map = VoxelMap(MapConfig(resolution=resolution, half_life=0.0))
     reach, ball = round(REACH / resolution), round(BALL / resolution)
-    teams = {threads: Team(threads) for threads in (1, 2)}
+    teams = {threads: ThreadTeam(threads) for threads in (1, 2)}
     kept = {n: DistanceField(window.shape, reach, team) for n, team in teams.items()}
     for field in kept.values():  # all is unknown
         field.update(np.full((*window.shape[:2], 1), ~np.uint64(0)))

@@ -17,7 +17,7 @@ from wayproof.maps.costmap.terrain import walked
 from wayproof.maps.elementary import exponentials
 from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.kernels.distance_field import MAX_REACH
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED
 
 T = TypeVar("T")
@@ -98,7 +98,7 @@ class Costmap:
         self.resolution = voxel_map.resolution
         self._map = voxel_map
         # A plane is done before a second thread has woken up.
-        self._team = Team(threads if motion == "air" else 1)
+        self._team = ThreadTeam(threads if motion == "air" else 1)
         window = Window.covering(low, high, self.resolution)
         self._cells = (
             walked(window, height, step_height, config.max_slope)

@@ -13,7 +13,7 @@ from wayproof.maps.kernels import distance_field as kernels
 from wayproof.maps.kernels.distance_field import MAX_REACH, UNIT
 from wayproof.maps.kernels.intrinsics import Queue, new_queue
 from wayproof.maps.kernels.lazy_distances import find_needed
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 BLOCK_ROWS = 8
 """Rows along y that are recomputed together; fewer cost more calls, more cost idle work."""
@@ -81,7 +81,9 @@ class DistanceField:
         pending: (blocks, nx) the same of the sections, the distances within planes.
     """
 
-    def __init__(self, shape: tuple[int, int, int], reach: int, team: Team | None = None) -> None:
+    def __init__(
+        self, shape: tuple[int, int, int], reach: int, team: ThreadTeam | None = None
+    ) -> None:
         """Make the field of a window without blocked cells; all of it is stale.
 
         Args:
@@ -99,7 +101,7 @@ class DistanceField:
             raise ValueError(f"reach: got {reach} cells, expected 1 to {MAX_REACH}")
         nx, ny, nz = self.shape = shape
         self.reach = reach
-        self.team = team or Team(1)
+        self.team = team or ThreadTeam(1)
         self._block_rows = min(BLOCK_ROWS, ny)
         self._blocks, most = -(-ny // self._block_rows), reach * reach
         blocks, cells = self._blocks, self._block_rows * nz
@@ -341,8 +343,8 @@ def _in_turn(
     """
     queues = [new_queue() for _ in fields]
 
-    def member_works(_: int) -> None:
+    def run_worker(_: int) -> None:
         for number, (field, queue) in enumerate(zip(fields, queues, strict=True)):
             work(field, number, queue)
 
-    fields[0].team.together(member_works, us)
+    fields[0].team.run_all(run_worker, us)

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps.kernels import inflation as kernels
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 MAX_SQUARED_RADIUS = 181 * 181  # cells^2, as far as the distance field tells
 
 
 def inflate(
-    blocked: NDArray[np.uint64], squared_radius: int, team: Team | None = None
+    blocked: NDArray[np.uint64], squared_radius: int, team: ThreadTeam | None = None
 ) -> NDArray[np.uint64]:
     """The cells whose squared distance to a blocked one is at most `squared_radius`.
 
@@ -45,7 +45,7 @@ def inflate(
     def work(_: int, planes: tuple[int, int]) -> None:
         kernels.inflate_planes(blocked, heights, *planes, inflated)
 
-    (team or Team(1)).share(work, len(blocked))
+    (team or ThreadTeam(1)).parallel_for(work, len(blocked))
     return inflated
 
 

@@ -17,7 +17,7 @@ from wayproof.maps.costmap.distance_field import (
     take_over,
 )
 from wayproof.maps.kernels.lazy_distances import presume, widen
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 Cells = NDArray[np.uint16]
 Blocks = NDArray[np.bool_]
@@ -224,7 +224,7 @@ class Presumed:
             presume(part, shape, BLOCK_ROWS, blocks, told, others, *self._limits, flat)
 
         item_us = PRESUME_US * np.count_nonzero(blocks) / len(blocks)
-        team.share(work, len(blocks), item_us=item_us)
+        team.parallel_for(work, len(blocks), item_us=item_us)
 
 
 class Clearances:
@@ -235,7 +235,7 @@ class Clearances:
     """
 
     def __init__(
-        self, rows: tuple[int, int, int], shape: tuple[int, int, int], reach: int, team: Team
+        self, rows: tuple[int, int, int], shape: tuple[int, int, int], reach: int, team: ThreadTeam
     ) -> None:
         """Tell the distances of a window (nx, ny, nz), laid out in rows of a shape, as that one."""
         self.reach = reach

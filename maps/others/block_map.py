@@ -15,7 +15,7 @@ from wayproof.maps.grid import cells_at
 from wayproof.maps.kernels import blocks as kernels
 from wayproof.maps.kernels import decay
 from wayproof.maps.others.blocks import Blocks
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import Sweep, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import Ends
@@ -51,7 +51,7 @@ class BlockMap(ColumnMap):
         """Make an unknown map of blocks of a shape, with these layers besides `fresh`."""
         self.config = config
         self.resolution = config.resolution
-        self._team = Team(threads)
+        self._team = ThreadTeam(threads)
         self._region = _region(low, high, config.resolution)
         self._blocks = Blocks(config.memory_mib, shape, {**layers, "fresh": np.bool_})
         self._losses = tick_losses(config)
@@ -171,7 +171,7 @@ class BlockMap(ColumnMap):
         def fade(_: int, part: tuple[int, int]) -> None:
             kernels.fade_blocks(live, part, rest, spared, evidence, fresh, changed, passed, alive)
 
-        self._team.share(fade, len(live), parts_each=1)
+        self._team.parallel_for(fade, len(live), parts_per_thread=1)
         self._stamp += 1
         blocks.dirty[live[changed]] = True
         blocks.stamps[live[passed]] = self._stamp

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from wayproof.maps.kernels import update as kernels
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 MEBIBYTE = 1 << 20
 HEAD_BYTES = 128  # of a block, besides its cells
@@ -127,7 +127,7 @@ class Blocks:
         keys = np.concatenate([now, np.array(gone, np.int64).reshape(-1, 3)])
         return np.hstack([keys * self.shape, (keys + 1) * self.shape])
 
-    def digest(self, told: tuple[str, ...], team: Team) -> int:
+    def digest(self, told: tuple[str, ...], team: ThreadTeam) -> int:
         """Sum over the blocks of the 128-bit digests of some of their layers, modulo 2^128.
 
         Only dirty blocks are hashed, as `Bricks.digest` hashes bricks; one of nothing but unknown
@@ -142,7 +142,7 @@ class Blocks:
             for layer, sums, any_held in zip(words, lanes, held, strict=True):
                 kernels.digest_bricks(slots, part, layer, sums, any_held)
 
-        team.share(digest, len(slots), parts_each=1)
+        team.parallel_for(digest, len(slots), parts_per_thread=1)
         for i, slot in enumerate(slots.tolist()):
             new = 0
             if held[:, i].any():

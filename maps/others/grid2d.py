@@ -122,10 +122,10 @@ class Grid2D(BlockMap):
         shift = np.array([*(tile * TILE), 0]) << beams.SUBCELL_BITS
         first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
 
-        def trace(member: int, part: tuple[int, int]) -> None:
-            kernels.trace_all(first, last, ends.returned, part, self._band, inside, marks[member])
+        def trace(worker: int, part: tuple[int, int]) -> None:
+            kernels.trace_all(first, last, ends.returned, part, self._band, inside, marks[worker])
 
-        self._team.share(trace, len(starts))
+        self._team.parallel_for(trace, len(starts))
         merged: NDArray[np.uint8] = np.bitwise_or.reduce(marks)
         self._update(tile, merged, False, time_ns)
         return int(np.count_nonzero(merged))

@@ -133,7 +133,7 @@ class TsdfMap(BlockMap):
         first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
         inside = np.stack(box) - low
 
-        def trace(member: int, part: tuple[int, int]) -> None:
+        def trace(worker: int, part: tuple[int, int]) -> None:
             kernels.trace_all(
                 first,
                 last,
@@ -142,11 +142,11 @@ class TsdfMap(BlockMap):
                 guard,
                 shape,
                 inside,
-                self._scores[member],
-                touched[member],
+                self._scores[worker],
+                touched[worker],
             )
 
-        self._team.share(trace, len(starts))
+        self._team.parallel_for(trace, len(starts))
         return self._update(corner, shape, np.bitwise_or.reduce(touched), time_ns)
 
     def _units(self) -> bytes:
@@ -235,7 +235,7 @@ class TsdfMap(BlockMap):
         def update(_: int, part: tuple[int, int]) -> None:
             kernels.update_blocks(slots, places, part, self._scores, *layers, changes, updated)
 
-        self._team.share(update, len(places), parts_each=1)
+        self._team.parallel_for(update, len(places), parts_per_thread=1)
         known = slots >= 0
         held = slots[known]
         blocks.observed_ns[held] = np.maximum(blocks.observed_ns[held], time_ns)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wayproof.maps.kernels import bricks as kernels
 from wayproof.maps.kernels import update
 from wayproof.maps.kernels.decay import NEVER
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.voxel.update_mask import brick_cells
 
 CELLS_IN_BRICK = kernels.COLUMNS * kernels.HEIGHT
@@ -156,7 +156,7 @@ class Bricks:
         of_gone = np.hstack([brick_cells(keys), brick_cells(keys + np.int32(1))])
         return np.concatenate([boxes[:count], of_gone])
 
-    def digest(self, team: Team) -> int:
+    def digest(self, team: ThreadTeam) -> int:
         """Sum over the bricks of their 128-bit digests, modulo 2^128; only dirty ones are hashed.
 
         A sum does not depend on the order in which bricks were made, and a brick of nothing but
@@ -170,7 +170,7 @@ class Bricks:
         def digest(_: int, part: tuple[int, int]) -> None:
             update.digest_bricks(slots, part, self.eights, lanes, held)
 
-        team.share(digest, len(slots), 1, DIGEST_US)
+        team.parallel_for(digest, len(slots), 1, DIGEST_US)
         records = np.empty(len(slots), RECORD)
         records["key"], records["ticks"] = self.keys[slots], self.ticks[slots]
         records["lanes"] = lanes

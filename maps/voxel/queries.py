@@ -13,7 +13,7 @@ from wayproof.maps.elementary import norm
 from wayproof.maps.grid import cell_box, cells_at, centres, finite_vector
 from wayproof.maps.kernels import beams, decay
 from wayproof.maps.kernels import bricks as kernels
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.voxel.bricks import Bricks
 from wayproof.maps.voxel.log_odds import Evidence
@@ -49,7 +49,7 @@ class VoxelQueries:
     config: MapConfig
     resolution: float
     evidence: Evidence
-    _team: Team
+    _team: ThreadTeam
     _bricks: Bricks
     _losses: NDArray[np.uint64]
     _ticks: int
@@ -128,7 +128,7 @@ class VoxelQueries:
                 free,
             )
 
-        self._team.share(write, count, 3, BLOCK_US)
+        self._team.parallel_for(write, count, 3, BLOCK_US)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call.

@@ -15,7 +15,7 @@ from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.kernels import beams, bricks, update
 from wayproof.maps.kernels import carve as carving
 from wayproof.maps.kernels.intrinsics import new_queue
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.sweep import Sweep
 
 MAX_WINDOW_WORDS = 1 << 26
@@ -106,7 +106,7 @@ class SweepWindow:
     does not depend on the order: the marks are the same for any number of threads.
     """
 
-    def __init__(self, team: Team, bounds: NDArray[np.int64] | None = None) -> None:
+    def __init__(self, team: ThreadTeam, bounds: NDArray[np.int64] | None = None) -> None:
         """Make one without extent.
 
         Args:
@@ -136,7 +136,7 @@ class SweepWindow:
             ValueError: A direction is not of unit length, or the beams span too much space.
         """
         count, size = len(sweep.ranges_mm), self._team.size
-        stripes = 2 if self._team.helps(count, END_US) else 1  # even and odd ones, or all
+        stripes = 2 if self._team.worth_sharing(count, END_US) else 1  # even and odd ones, or all
         each = -(-count // size)
         if len(self._ends) < size * stripes * each:
             self._ends = np.empty(size * stripes * each, np.int64)
@@ -164,7 +164,7 @@ class SweepWindow:
                     np.empty(beams.CHUNK, np.int64),
                 )
 
-        self._team.share(place, size, 1, BEAM_US * count / size)
+        self._team.parallel_for(place, size, 1, BEAM_US * count / size)
         if not all(whole):
             squared = np.square(sweep.directions).sum(axis=1)
             strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
@@ -181,8 +181,8 @@ class SweepWindow:
                 f"expected at most {64 * MAX_WINDOW_WORDS}: a shorter range or coarser cells"
             )
         parts: list[list[tuple[int, int]]] = [[] for _ in range(stripes)]
-        for member, until in enumerate(listed.tolist()):
-            begin = each * stripes * member  # of the thread's ends; `until` counts from there
+        for worker, until in enumerate(listed.tolist()):
+            begin = each * stripes * worker  # of the thread's ends; `until` counts from there
             for stripe, end in enumerate(until):
                 parts[stripe].append((begin + each * stripe, begin + end))
         fates = [sum(fate) for fate in zip(*counts.tolist(), strict=True)]
@@ -236,14 +236,14 @@ class SweepWindow:
                     groups[k],
                 )
 
-        self._team.share(list_targets, len(most), 1, END_US * edges[-1] / len(most))
+        self._team.parallel_for(list_targets, len(most), 1, END_US * edges[-1] / len(most))
         count = int(groups[:, -1].sum())
         wedges = np.empty((min(count, beams.WEDGES * len(sensors)), 3), np.int64)
         starts, firsts = np.empty(beams.SECTORS + 1, np.int64), np.array(edges[:-1])
         used = beams.order_targets(self._ranks, firsts, groups, starts, order, wedges)
         queue = new_queue()
 
-        def carve(member: int) -> None:
+        def carve(worker: int) -> None:
             # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
             steps = carving.MAX_STEPS + 1
             carving.carve(
@@ -259,10 +259,10 @@ class SweepWindow:
                 tuple(np.empty(steps, np.int64) for _ in range(5)),
                 np.empty(steps, np.uint64),
                 np.empty((carving.MAX_RUNS * words, 3), np.int64),
-                self._free[member],
+                self._free[worker],
             )
 
-        self._team.together(carve, TARGET_US * count)
+        self._team.run_all(carve, TARGET_US * count)
         return self._collect(placed.frame)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:
@@ -313,7 +313,7 @@ class SweepWindow:
         def gather(_: int, rows: tuple[int, int]) -> None:
             update.gather(self._hits, self._free, shape, rows, touched)
 
-        self._team.share(gather, len(touched), 1, WORD_US * words * ny * bricks.EDGE)
+        self._team.parallel_for(gather, len(touched), 1, WORD_US * words * ny * bricks.EDGE)
         keys, places = np.empty((touched.size, 3), np.int32), np.empty(touched.size, np.int64)
         count = update.list_touched(touched, frame.first, keys, places)
         return Marks(keys[:count], places[:count], (ny * words, words), self._hits, self._free[0])

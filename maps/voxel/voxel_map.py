@@ -15,7 +15,7 @@ from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
 from wayproof.maps.kernels import decay
 from wayproof.maps.kernels import update as updates
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
@@ -73,7 +73,7 @@ class VoxelMap(VoxelQueries):
         self.config = config
         self.resolution = config.resolution
         self.evidence = Evidence.of(config)
-        self._team = Team(threads)
+        self._team = ThreadTeam(threads)
         self._window = SweepWindow(self._team, _region(low, high, config.resolution))
         self._bricks = Bricks(config.memory_mib)
         self._losses = tick_losses(config)
@@ -329,7 +329,7 @@ class VoxelMap(VoxelQueries):
             )
             updated.append(cells)
 
-        self._team.share(update, count, 2, UPDATE_US)
+        self._team.parallel_for(update, count, 2, UPDATE_US)
         return sum(updated)
 
     def _fade(self, slots: NDArray[np.int64], to_now: bool) -> None:
@@ -359,7 +359,7 @@ class VoxelMap(VoxelQueries):
                 (np.empty(64, np.uint8), eights.view(np.uint8), eights),
             )
 
-        self._team.share(fade, len(behind), 2, FADE_US)
+        self._team.parallel_for(fade, len(behind), 2, FADE_US)
         bricks.dirty[behind] = True
         bricks.stamps[behind[turned]] = self._stamp
         if not to_now:

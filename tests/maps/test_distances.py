@@ -4,7 +4,7 @@ import pytest
 from tests.maps.test_field import packed, scipy_squared
 from wayproof.maps.costmap.distance_field import BLOCK_ROWS, DistanceField, boxes, take_over
 from wayproof.maps.costmap.lazy_distances import ROUNDS, Clearances, Distances
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 SHAPE = (40, 30, 12)
 REACH = 6
@@ -27,7 +27,7 @@ def expected(free, occupied, edge, most):
 @pytest.mark.parametrize("threads", [1, 2])
 def test_wherever_a_reader_caught_up_the_distances_are_true(threads, most):
     rng = np.random.default_rng(threads)
-    clearances = Clearances(SHAPE, SHAPE, REACH, Team(threads))
+    clearances = Clearances(SHAPE, SHAPE, REACH, ThreadTeam(threads))
     free, occupied = ~drawn(rng, 0.01), drawn(rng, 0.005)
     for step in range(25):
         free ^= drawn(rng, 0.0005)
@@ -88,7 +88,7 @@ def window_with_news(searched=None):
     Args:
         searched: Block in which the last search looked, if there was one.
     """
-    clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
+    clearances = Clearances(SHAPE, SHAPE, REACH, ThreadTeam(1))
     free = np.ones(SHAPE, np.bool_)
     clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
     clearances.begin(whole=True)
@@ -114,7 +114,7 @@ def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_
 def test_limits_that_nobody_asks_for_give_their_memory_to_others_and_nothing_else():
     """As the edge moves with the margin."""
     rng = np.random.default_rng(0)
-    clearances = Clearances(SHAPE, SHAPE, REACH, Team(1))
+    clearances = Clearances(SHAPE, SHAPE, REACH, ThreadTeam(1))
     free, occupied = ~drawn(rng, 0.01), drawn(rng, 0.005)
     clearances.take_over(packed(free), packed(occupied), *EVERYWHERE)
     clearances.begin(whole=True)

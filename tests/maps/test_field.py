@@ -13,7 +13,7 @@ from wayproof.maps.costmap.distance_field import (
     update_together,
 )
 from wayproof.maps.kernels import distance_field as kernels
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
 
@@ -85,7 +85,7 @@ def test_the_distances_around_one_cell():
 def test_a_field_kept_up_to_date_equals_a_new_one(reach, threads):
     shape = (60, 45, 50)
     rng = np.random.default_rng(reach)
-    field = DistanceField(shape, reach, Team(threads))
+    field = DistanceField(shape, reach, ThreadTeam(threads))
     blocked = np.zeros(shape, np.bool_)
     for step in range(12):
         x, y, z = (rng.integers(0, n) for n in shape)
@@ -101,7 +101,7 @@ def test_a_field_kept_up_to_date_equals_a_new_one(reach, threads):
 def test_fields_updated_together_equal_those_updated_alone(threads):
     shape = (33, 21, 40)
     rng = np.random.default_rng(threads)
-    team = Team(threads)
+    team = ThreadTeam(threads)
     together = [DistanceField(shape, 9, team) for _ in range(2)]
     for density in (0.02, 0.001, 0.3):
         both = rng.random((2, *shape)) < density
@@ -235,7 +235,7 @@ def test_what_is_not_stale_is_true_whatever_was_worked_out(threads):
     """Cells come and go, and only some blocks are brought up to date in between."""
     shape, reach = (70, 50, 30), 7
     rng = np.random.default_rng(threads)
-    field = DistanceField(shape, reach, Team(threads))
+    field = DistanceField(shape, reach, ThreadTeam(threads))
     blocked = rng.random(shape) < 0.002
     field.update(packed(blocked))
     rows = np.arange(shape[1]) // BLOCK_ROWS

@@ -5,7 +5,7 @@ from scipy.ndimage import distance_transform_edt
 from wayproof.maps.columns import layer_bits, unpack
 from wayproof.maps.costmap.inflation import inflate
 from wayproof.maps.kernels import inflation as kernels
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 
 def packed(cells):
@@ -25,7 +25,7 @@ def test_inflation_equals_a_threshold_on_exact_distances(shape, squared_radius):
         expected = np.rint(distance_transform_edt(~cells) ** 2) <= squared_radius
         inflated = inflate(words, squared_radius)
         np.testing.assert_array_equal(unpack(inflated, shape[2]), expected)
-        np.testing.assert_array_equal(inflate(words, squared_radius, Team(3)), inflated)
+        np.testing.assert_array_equal(inflate(words, squared_radius, ThreadTeam(3)), inflated)
     assert not inflate(np.zeros_like(words), squared_radius).any()
 
 

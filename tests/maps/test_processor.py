@@ -7,7 +7,7 @@ import pytest
 
 from wayproof.maps.kernels import distance_field as kernels
 from wayproof.maps.kernels.intrinsics import new_queue, prefetch, take
-from wayproof.maps.parallel import Team
+from wayproof.maps.parallel import ThreadTeam
 
 
 def test_a_prefetch_is_compiled_into_a_kernel_and_changes_nothing():
@@ -47,7 +47,7 @@ def test_threads_that_take_at_once_never_get_the_same(way, items):
         way(queue, taken)
 
     try:
-        Team(3).together(work)
+        ThreadTeam(3).run_all(work)
     finally:
         sys.setswitchinterval(before)
     assert (taken == 1).all()
