@@ -14,7 +14,7 @@ import msgspec
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.stack.labels import check_margins
-from wayproof.harness.stack.view import BehaviourConfig
+from wayproof.harness.stack.types import BehaviourConfig
 from wayproof.maps import MAPS, MapConfig
 from wayproof.models.devices import DEVICES, OWN, SensorConfig
 from wayproof.models.odometry import OdometryConfig

@@ -9,7 +9,7 @@ import numpy as np
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.spaces import FreeSpaces
-from wayproof.harness.stack.view import Array, Choice, Memory, View, length
+from wayproof.harness.stack.types import Array, Choice, Memory, View, length
 from wayproof.planners import Disc, follow_path
 
 

@@ -21,7 +21,7 @@ from wayproof.harness.logs.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator, build_navigator
-from wayproof.harness.stack.view import Memory
+from wayproof.harness.stack.types import Memory
 from wayproof.harness.user_code import USER_CODE_ERRORS
 from wayproof.planners import Trajectory
 

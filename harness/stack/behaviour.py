@@ -11,8 +11,21 @@ from dataclasses import replace
 import numpy as np
 
 from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.backtrack import trodden, way_back
 from wayproof.harness.stack.decision import Action, Label
-from wayproof.harness.stack.fit import (
+from wayproof.harness.stack.diagnosis import (
+    BRAKES,
+    WAITS,
+    ahead,
+    errand_reason,
+    inside,
+    why_it_drives,
+    why_no_path,
+    why_no_room,
+    why_without_path,
+)
+from wayproof.harness.stack.evasive_stop import clearest_stop
+from wayproof.harness.stack.footprint_checks import (
     LEAST_STEP,
     as_it_faces,
     fits,
@@ -24,18 +37,7 @@ from wayproof.harness.stack.fit import (
     ways_to_face,
     wrapped,
 )
-from wayproof.harness.stack.grounds import (
-    BRAKES,
-    WAITS,
-    ahead,
-    errand_reason,
-    inside,
-    why_it_drives,
-    why_no_path,
-    why_no_room,
-    why_without_path,
-)
-from wayproof.harness.stack.guide import (
+from wayproof.harness.stack.global_path import (
     ARRIVED,
     HEADINGS,
     apart,
@@ -44,9 +46,7 @@ from wayproof.harness.stack.guide import (
     place_for_goal,
 )
 from wayproof.harness.stack.reasons import Reason
-from wayproof.harness.stack.stopping import clearest_stop
-from wayproof.harness.stack.trail import trodden, way_back
-from wayproof.harness.stack.view import (
+from wayproof.harness.stack.types import (
     Array,
     Choice,
     Errand,

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.stack.decision import GRAIN
-from wayproof.harness.stack.fit import wrapped
-from wayproof.harness.stack.guide import heading_at
-from wayproof.harness.stack.view import Array, View, length
+from wayproof.harness.stack.footprint_checks import wrapped
+from wayproof.harness.stack.global_path import heading_at
+from wayproof.harness.stack.types import Array, View, length
 from wayproof.maps.elementary import sines_cosines
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import arc_lengths, point_at

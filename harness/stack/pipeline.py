@@ -17,12 +17,12 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.behaviour import decide
 from wayproof.harness.stack.decision import seal
+from wayproof.harness.stack.footprint_mode import decide_by_width
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import InputMaker
 from wayproof.harness.stack.record import StageClock, record, record_missed_deadline
 from wayproof.harness.stack.spaces import FreeSpaces
-from wayproof.harness.stack.view import Choice, Memory, View
-from wayproof.harness.stack.width import decide_by_width
+from wayproof.harness.stack.types import Choice, Memory, View
 from wayproof.planners import Trajectory, hold, state_space_for
 
 

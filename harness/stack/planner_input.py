@@ -12,7 +12,7 @@ from wayproof.harness.inputs import Inputs
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.spaces import FreeSpaces
-from wayproof.harness.stack.view import PlanPath, View
+from wayproof.harness.stack.types import PlanPath, View
 from wayproof.planners import FreeSpace, MotionLimits, Plan, PlannerConfig, plan
 
 GOAL_SHARE = 0.8

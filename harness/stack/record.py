@@ -12,7 +12,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import add_points, thinned, trajectory_message
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.reasons import Reason, reason_message, sentence
-from wayproof.harness.stack.view import Choice, View
+from wayproof.harness.stack.types import Choice, View
 from wayproof.planners import Trajectory
 
 Array = NDArray[np.float64]

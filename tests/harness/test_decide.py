@@ -23,7 +23,7 @@ from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.behaviour import decide
 from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.reasons import MEANINGS
-from wayproof.harness.stack.view import BehaviourConfig, Memory, View
+from wayproof.harness.stack.types import BehaviourConfig, Memory, View
 
 WALL = (4.0, 4.3, 0.0, 4.0)
 """From one side of the room to the other, between start and goal."""

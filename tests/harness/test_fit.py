@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from wayproof.harness.stack.fit import fits_along, to_where_it_turns, ways_to_face
+from wayproof.harness.stack.footprint_checks import fits_along, to_where_it_turns, ways_to_face
 from wayproof.planners import Body, FreeSpace, MotionLimits, follow_path, hold, turn_in_place
 
 LIMITS = MotionLimits(

@@ -10,7 +10,7 @@ from tests.maps.test_field import scipy_squared
 from tests.planners.garbage import told
 from wayproof.harness.stack import planner_input
 from wayproof.harness.stack.behaviour import decide
-from wayproof.harness.stack.view import BehaviourConfig, Memory, View
+from wayproof.harness.stack.types import BehaviourConfig, Memory, View
 from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold, plan
 
 SHAPE = (110, 70, 16)

@@ -77,7 +77,7 @@ def test_logs_replay_to_the_same_bits(logs, emulation):
 BENDS = """
 import hashlib, types
 import numpy as np
-from wayproof.harness.stack.stopping import _bends
+from wayproof.harness.stack.evasive_stop import _bends
 from wayproof.planners import MotionLimits
 
 limits = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)

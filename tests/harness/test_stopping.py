@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wayproof.harness.stack.stopping import clearest_stop
-from wayproof.harness.stack.view import BehaviourConfig, View
+from wayproof.harness.stack.evasive_stop import clearest_stop
+from wayproof.harness.stack.types import BehaviourConfig, View
 from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold
 
 LIMITS = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)

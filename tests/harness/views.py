@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.maps.test_field import scipy_squared
 from wayproof.harness.stack.behaviour import decide
-from wayproof.harness.stack.view import BehaviourConfig, Memory, View
+from wayproof.harness.stack.types import BehaviourConfig, Memory, View
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from wayproof.harness.inputs import heading_of
-from wayproof.harness.stack.view import Array, Memory, View, distance, length, standing
+from wayproof.harness.stack.types import Array, Memory, View, distance, length, standing
 from wayproof.planners import (
     Plan,
     TrajectorySample,

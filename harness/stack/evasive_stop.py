@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.harness.stack.view import Array, View, length
+from wayproof.harness.stack.types import Array, View, length
 from wayproof.maps.elementary import norm, sines_cosines
 from wayproof.planners import TrajectorySample, stopping_distance, tangent_at, truncate
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE
-from wayproof.harness.stack.guide import heading_at
-from wayproof.harness.stack.view import Array, View, length
+from wayproof.harness.stack.global_path import heading_at
+from wayproof.harness.stack.types import Array, View, length
 from wayproof.maps.elementary import sines_cosines
 from wayproof.planners import FreeSpace, Trajectory, TrajectorySample, arc_lengths, truncate
 

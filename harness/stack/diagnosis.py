@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.decision import Action, Label
-from wayproof.harness.stack.fit import CHECK_STEP, wrapped
-from wayproof.harness.stack.guide import ARRIVED
+from wayproof.harness.stack.footprint_checks import CHECK_STEP, wrapped
+from wayproof.harness.stack.global_path import ARRIVED
 from wayproof.harness.stack.obstruction import Obstruction
 from wayproof.harness.stack.reasons import Kind, Reason
-from wayproof.harness.stack.view import Array, Memory, View, distance, length, standing
+from wayproof.harness.stack.types import Array, Memory, View, distance, length, standing
 from wayproof.planners import (
     Plan,
     Trajectory,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayproof.harness.stack.view import Array, Memory, View, distance, length
+from wayproof.harness.stack.types import Array, Memory, View, distance, length
 from wayproof.planners import TrajectorySample, truncate
 
 STEP = 0.1

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from wayproof.harness.stack.behaviour import decide
-from wayproof.harness.stack.guide import heading_at
+from wayproof.harness.stack.global_path import heading_at
 from wayproof.harness.stack.reasons import STUCK_INSIDE
-from wayproof.harness.stack.view import Choice, Memory, View, length
+from wayproof.harness.stack.types import Choice, Memory, View, length
 from wayproof.maps.elementary import cosine
 from wayproof.planners import remaining
 
