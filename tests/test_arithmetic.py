@@ -44,7 +44,7 @@ FOREIGN = {"scipy", "cmath", "statistics", "torch", "jax"}
 SUMS_OF_WHOLE_NUMBERS = (
     *("harness.evidence.consistency", "harness.result"),
     *(
-        "maps.kernels.distance_field",
+        "maps.kernels.edt_sections",
         "maps.kernels.update",
         "maps.others.block_map",
         "maps.others.blocks",
@@ -64,7 +64,7 @@ ALLOWED = {
     ("models.devices.*", "*"): "makes the sweeps that are logged, and the tables of their beams",
     ("harness.perturbations.*", "*"): "makes the inputs that are logged",
     ("maps.kernels.carve", "**"): "a whole power of two",
-    ("maps.kernels.distance_field", "**"): "the square of a whole number",
+    ("maps.kernels.edt_field", "**"): "the square of a whole number",
     ("maps.kernels.labels", "**"): "squares of whole numbers",
     ("maps.costmap.lazy_distances", "sum"): "of wall times, for the record",
     ("planners.frontier", "scipy"): "ndimage.label: whole numbers",

@@ -16,7 +16,7 @@ from wayproof.maps.costmap.projection import Airspace
 from wayproof.maps.costmap.terrain import walked
 from wayproof.maps.elementary import exponentials
 from wayproof.maps.kernels import columns as kernels
-from wayproof.maps.kernels.distance_field import MAX_REACH
+from wayproof.maps.kernels.edt import MAX_REACH
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED
 

@@ -9,10 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps.columns import layer_bits
-from wayproof.maps.kernels import distance_field as kernels
-from wayproof.maps.kernels.distance_field import MAX_REACH, UNIT
-from wayproof.maps.kernels.intrinsics import Queue, new_queue
+from wayproof.maps.kernels import edt_changes, edt_field, edt_sections
+from wayproof.maps.kernels.edt import (
+    FAR,
+    MAX_REACH,
+    UNIT,
+    FieldLayout,
+    NewCells,
+    Sections,
+    planes_around,
+)
 from wayproof.maps.kernels.lazy_distances import find_needed
+from wayproof.maps.kernels.work_queue import Queue, new_queue
 from wayproof.maps.parallel import ThreadTeam
 
 BLOCK_ROWS = 8
@@ -109,23 +117,30 @@ class DistanceField:
         self.squared = np.full(shape, most, np.uint16)
         self.stale = np.ones((blocks, nx), np.bool_)
         inside = layer_bits(0, nz, nz)  # of a column
-        self._words = len(inside)
-        self._inside = np.tile(inside, self._block_rows)
-        self._blocked = np.zeros((nx, ny * self._words), np.uint64)
-        self._along_z = np.full(nx * blocks * cells, reach, np.uint8)
-        self._unmeasured = np.zeros((nx, blocks), np.bool_)
-        self._holds_any = np.zeros((nx, blocks), np.bool_)
+        words = len(inside)
+        self._layout = FieldLayout(self.shape, reach, self._block_rows, words)
         # More planes than there are: those outside hold nothing.
-        planes = nx + 2 * kernels.planes_around(reach)
-        self._sections = _on_cache_lines(blocks * units * planes * UNIT)
-        self._sections[:] = most
-        last = self._sections.reshape(blocks, units, planes, UNIT)[:, -1, :, cells % UNIT or UNIT :]
+        planes = nx + 2 * planes_around(reach)
+        squared = _on_cache_lines(blocks * units * planes * UNIT)
+        squared[:] = most
+        last = squared.reshape(blocks, units, planes, UNIT)[:, -1, :, cells % UNIT or UNIT :]
         last[:] = 0  # no cells: never the farthest
-        self._nearest_in_section = np.full((blocks, units, planes), most, np.uint16)
-        self._farthest_in_section = np.full((nx, blocks), most, np.uint16)
-        self._farthest = np.full((blocks, nx), most, np.uint16)
         self.pending = np.zeros((blocks, nx), np.bool_)
-        self._least_bound = np.full((blocks, nx), kernels.FAR, np.uint16)
+        self._sections = Sections(
+            blocked=np.zeros((nx, ny * words), np.uint64),
+            inside=np.tile(inside, self._block_rows),
+            along_z=np.full(nx * blocks * cells, reach, np.uint8),
+            unmeasured=np.zeros((nx, blocks), np.bool_),
+            holds_any=np.zeros((nx, blocks), np.bool_),
+            squared=squared,
+            nearest=np.full((blocks, units, planes), most, np.uint16),
+            farthest=np.full((nx, blocks), most, np.uint16),
+            pending=self.pending,
+            least_bound=np.full((blocks, nx), FAR, np.uint16),
+        )
+        farthest = np.full((blocks, nx), most, np.uint16)
+        self._field = edt_field.Field(self.squared.reshape(-1), farthest, self.stale)
+        self._none_needed = np.zeros((blocks, nx), np.bool_)
 
     def update(self, blocked: NDArray[np.uint64], x0: int = 0, y0: int = 0) -> None:
         """Take over the cells of a box of columns, and bring the distances up to date.
@@ -151,7 +166,7 @@ class DistanceField:
         Raises:
             ValueError: They are not.
         """
-        (nx, ny, _), words, (x0, y0) = self.shape, self._words, news.corner
+        (nx, ny, _), words, (x0, y0) = self.shape, self._layout.words, news.corner
         kx, ky, got_words = got = news.cells[number].shape
         inside = x0 >= 0 and y0 >= 0 and x0 + kx <= nx and y0 + ky <= ny and got_words == words
         parts = (news.planes, kx), (news.rows, ky)
@@ -169,8 +184,9 @@ class DistanceField:
 
     def find_stale(self) -> None:
         """Note which blocks the cells taken over may change."""
-        scratch = np.empty(self.shape[0], np.uint16)
-        kernels.find_stale(self.reach, self._farthest, self._least_bound, self.stale, scratch)
+        reached = np.empty(self.shape[0], np.uint16)
+        least_bound, farthest = self._sections.least_bound, self._field.farthest
+        edt_changes.find_stale(self.reach, farthest, least_bound, self.stale, reached)
 
     def update_sections(
         self,
@@ -185,39 +201,28 @@ class DistanceField:
         One of the threads that take planes from the queue.
         """
         blocks, block_rows, nz = self._blocks, self._block_rows, self.shape[2]
-        around, cells = kernels.blocks_around(self.reach, block_rows), block_rows * nz
+        around, cells = edt_sections.blocks_around(self.reach, block_rows), block_rows * nz
         pitch = -(-(nz + self.reach) // 8) * 8  # cells, in whole words
-        work = np.empty((2, 2 * kernels.LONGEST_STEP + block_rows * pitch), np.uint8)
-        new = news.cells[number]
-        kernels.update_sections(
+        lines = np.empty((2, 2 * edt_sections.LONGEST_STEP + block_rows * pitch), np.uint8)
+        scratch = edt_sections.SectionScratch(
+            changes=np.empty((blocks, 2), np.int64),
+            lines=lines,
+            eights=lines.view(np.uint64),
+            along_z=np.empty((blocks + 2 * around) * cells, np.uint16),
+            plane_of=np.empty(blocks, np.int64),
+            block=np.empty(cells, np.uint16),
+        )
+        cells_new, flip = news.cells[number], np.uint64(news.flips[number])
+        new = NewCells(cells_new.reshape(len(cells_new), -1), news.rows, news.corner, flip)
+        edt_sections.update_sections(
             queue,
             self.team.size,
             planes,
-            (news is not NO_NEWS, needed is not None),
-            new.reshape(len(new), -1),
-            news.rows,
-            news.corner,
-            np.uint64(news.flips[number]),
-            self._inside,
-            self.pending if needed is None else needed,
-            self.reach,
-            nz,
-            block_rows,
-            self._blocked,
-            self._unmeasured,
-            self._along_z,
-            self._holds_any,
+            new,
+            self._none_needed if needed is None else needed,
+            self._layout,
             self._sections,
-            self._farthest_in_section,
-            self._nearest_in_section,
-            self.pending,
-            self._least_bound,
-            np.empty((blocks, 2), np.int64),
-            np.empty((blocks + 2 * around) * cells, np.uint16),
-            work,
-            work.view(np.uint64),
-            np.empty(cells, np.uint16),
-            np.empty(blocks, np.int64),
+            scratch,
         )
 
     def update_rows(self, queue: Queue, wanted: NDArray[np.bool_]) -> None:
@@ -225,21 +230,13 @@ class DistanceField:
 
         One of the threads that take rows of blocks from the queue.
         """
-        kernels.update_field(
-            queue,
-            self.team.size,
-            wanted,
-            self.shape,
-            self._sections,
-            self._nearest_in_section,
-            self.reach,
-            self._block_rows,
-            self._farthest,
-            self.stale,
-            self.squared.reshape(-1),
-            _on_cache_lines(4 * self._units * UNIT),
-            _on_cache_lines(self._units * UNIT),
-            np.empty(4, np.uint16),
+        scratch = edt_field.FieldScratch(
+            block=_on_cache_lines(edt_field.PLANES * self._units * UNIT),
+            bounds=_on_cache_lines(self._units * UNIT),
+            limits=np.empty(edt_field.PLANES, np.uint16),
+        )
+        edt_field.update_field(
+            queue, self.team.size, wanted, self._layout, self._sections, self._field, scratch
         )
 
 

@@ -19,7 +19,7 @@ from wayproof.maps.kernels.beams import (
     SPARING,
     SUBCELLS,
 )
-from wayproof.maps.kernels.intrinsics import Queue, take
+from wayproof.maps.kernels.work_queue import Queue, take_item
 
 WAY_BITS = 40  # a fraction of the way times a height of 2^21 stays below 2^63
 WHOLE_WAY = 1 << WAY_BITS
@@ -433,10 +433,10 @@ def carve(
     """
     _, ny, words = shape
     ways, places, lower, upper, marked = scratch
-    wedge = take(queue, 1)
+    wedge = take_item(queue)
     while wedge < wedges.shape[0]:
         at, end, k = wedges[wedge]
-        wedge = take(queue, 1)
+        wedge = take_item(queue)
         sensor = (sensors[k, 0], sensors[k, 1], sensors[k, 2])
         span = slope_range(targets, order[at:end], sensor)
         first_target, surveyed, next_survey = at, False, at + max((end - at) // SHARE, SCOUTS)

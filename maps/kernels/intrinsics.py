@@ -1,4 +1,9 @@
-"""Instructions of the processor that kernels need and numba does not offer."""
+"""Two processor instructions that numba does not offer: an atomic add, and a memory prefetch.
+
+Each is a plain Python function with an `overload` that numba compiles in its place. The overload
+emits one LLVM instruction through `numba.extending.intrinsic`, the interface that numba documents
+for this; the names follow the LLVM Language Reference Manual.
+"""
 
 from __future__ import annotations
 
@@ -13,87 +18,75 @@ from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
-FOR_WRITING, KEPT, OF_DATA = 1, 3, 1
+FOR_WRITING, KEEP_IN_ALL_CACHES, DATA_CACHE = 1, 3, 1
+"""Arguments rw, locality and cache type of `llvm.prefetch`."""
 
-_ONE_AT_A_TIME = threading.Lock()
-
-Queue = NDArray[np.int64]
-"""(1,) how many items have been taken by all threads."""
+_INTERPRETER_LOCK = threading.Lock()
 
 
-def new_queue() -> Queue:
-    """One of which nothing has been taken."""
-    return np.zeros(1, np.int64)
+def fetch_add(counter: NDArray[np.int64], amount: int) -> int:
+    """Add to a counter (1,) that threads share, and return its value before.
+
+    Atomic: of threads that add at once each gets another value. Threads in compiled kernels hand
+    out work by it without waiting for each other or for Python. Compiled it is LLVM's
+    `atomicrmw add`; interpreted it takes a lock.
+    """
+    with _INTERPRETER_LOCK:
+        before = int(counter[0])
+        counter[0] += amount
+    return before
 
 
-def prefetch(array: NDArray[Any], place: np.uint64) -> None:
-    """Ask for the cache line of an element of a flat array, to be written soon.
+def prefetch_for_write(array: NDArray[Any], index: np.uint64) -> None:
+    """Begin to load the cache line of an element of a flat array that will be written soon.
 
     A kernel that writes blocks here and there waits some 100 ns for each, as the processor foresees
-    only memory that is met in order. It goes on meanwhile if the memory was asked for before.
-    Nothing else changes: a place beyond the array does no harm, and interpreted it does nothing.
-    What is compiled is LLVM's `llvm.prefetch` (LLVM Language Reference Manual).
+    only memory that is met in order; loaded ahead, it is there when the kernel gets to it. No value
+    changes by it, and an index beyond the array does no harm. Compiled it is LLVM's
+    `llvm.prefetch`; interpreted it does nothing.
     """
-
-
-def take(queue: Queue, count: int) -> int:
-    """Take the next items of work; of threads that take at once none gets the same.
-
-    What is compiled is LLVM's `atomicrmw add` (LLVM Language Reference Manual). Interpreted it
-    takes a lock.
-
-    Args:
-        queue: Of the work.
-        count: How many to take.
-
-    Returns:
-        The first of them.
-    """
-    with _ONE_AT_A_TIME:
-        first = int(queue[0])
-        queue[0] += count
-    return first
 
 
 @intrinsic
-def _prefetch(_typing: Any, array: Any, place: Any) -> Any:
+def _fetch_add(_typing: Any, counter: Any, amount: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = make_array(signature.args[0])(context, builder, arguments[0]).data
+        # Nothing else is handed over between threads, so no other memory need be ordered.
+        return builder.atomic_rmw("add", data, arguments[1], "monotonic")
+
+    return types.int64(counter, types.int64), generate
+
+
+@overload(fetch_add)
+def _compiled_fetch_add(counter: Any, amount: Any) -> Any:
+    emit: Any = _fetch_add  # numba supplies the typing context
+
+    def fetch_add(counter: Any, amount: Any) -> Any:
+        return emit(counter, amount)
+
+    return fetch_add
+
+
+@intrinsic
+def _prefetch_for_write(_typing: Any, array: Any, index: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         data = make_array(signature.args[0])(context, builder, arguments[0]).data
         address = builder.gep(data, [arguments[1]])
         number, pointer = ir.IntType(32), ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
-        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-        how = [number(value) for value in (FOR_WRITING, KEPT, OF_DATA)]
-        builder.call(function, [builder.bitcast(address, pointer), *how])
+        prototype = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
+        function = cgutils.get_or_insert_function(builder.module, prototype, "llvm.prefetch.p0")
+        hints = [number(hint) for hint in (FOR_WRITING, KEEP_IN_ALL_CACHES, DATA_CACHE)]
+        builder.call(function, [builder.bitcast(address, pointer), *hints])
         return context.get_dummy_value()
 
-    return types.void(array, place), generate
+    return types.void(array, index), generate
 
 
-@overload(prefetch)
-def _compiled_prefetch(array: Any, place: Any) -> Any:
-    ask: Any = _prefetch  # numba gives the typing context
+@overload(prefetch_for_write)
+def _compiled_prefetch_for_write(array: Any, index: Any) -> Any:
+    emit: Any = _prefetch_for_write
 
-    def prefetch(array: Any, place: Any) -> Any:
-        return ask(array, place)
+    def prefetch_for_write(array: Any, index: Any) -> Any:
+        return emit(array, index)
 
-    return prefetch
-
-
-@intrinsic
-def _take(_typing: Any, queue: Any, count: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        data = make_array(signature.args[0])(context, builder, arguments[0]).data
-        return builder.atomic_rmw("add", data, arguments[1], "monotonic")
-
-    return types.int64(queue, types.int64), generate
-
-
-@overload(take)
-def _compiled_take(queue: Any, count: Any) -> Any:
-    add: Any = _take
-
-    def take(queue: Any, count: Any) -> Any:
-        return add(queue, count)
-
-    return take
+    return prefetch_for_write

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.kernels import beams, bricks, update
 from wayproof.maps.kernels import carve as carving
-from wayproof.maps.kernels.intrinsics import new_queue
+from wayproof.maps.kernels.work_queue import new_queue
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.sweep import Sweep
 

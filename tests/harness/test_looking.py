@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from tests.maps.test_field import scipy_squared
+from tests.maps.test_distance_field import scipy_squared
 from tests.planners.garbage import told
 from wayproof.harness.stack import planner_input
 from wayproof.harness.stack.behaviour import decide

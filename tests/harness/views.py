@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.maps.test_field import scipy_squared
+from tests.maps.test_distance_field import scipy_squared
 from wayproof.harness.stack.behaviour import decide
 from wayproof.harness.stack.types import BehaviourConfig, Memory, View
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN

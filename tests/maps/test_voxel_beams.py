@@ -8,7 +8,7 @@ import pytest
 from wayproof.maps import MapConfig, VoxelMap
 from wayproof.maps.kernels import beams as kernels
 from wayproof.maps.kernels import carve as carving
-from wayproof.maps.kernels.intrinsics import new_queue
+from wayproof.maps.kernels.work_queue import new_queue
 from wayproof.maps.voxel.update_mask import SPREAD
 
 HALVES = 1024

@@ -12,7 +12,7 @@ from wayproof.maps.costmap.distance_field import (
     take_over,
     update_together,
 )
-from wayproof.maps.kernels import distance_field as kernels
+from wayproof.maps.kernels import edt, edt_changes, edt_field, edt_sections, work_queue
 from wayproof.maps.parallel import ThreadTeam
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
@@ -153,9 +153,10 @@ def test_compiled_kernels_equal_their_python(monkeypatch):
     compiled = DistanceField(shape, 6)
     compiled.update(packed(blocked))
     compiled.update(packed(later))
-    for name in vars(kernels):
-        if hasattr(getattr(kernels, name), "py_func"):
-            monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
+    for module in (edt, edt_changes, edt_field, edt_sections, work_queue):
+        for name, kernel in list(vars(module).items()):
+            if hasattr(kernel, "py_func"):
+                monkeypatch.setattr(module, name, kernel.py_func)
     interpreted = DistanceField(shape, 6)
     interpreted.update(packed(blocked))
     interpreted.update(packed(later))
@@ -165,11 +166,11 @@ def test_compiled_kernels_equal_their_python(monkeypatch):
 
 @pytest.mark.parametrize("j", [1, 5, 17])
 def test_planes_are_lowered_to_what_leads_through_those_around(j):
-    reach, unit, planes = 19, kernels.UNIT, 60
+    reach, unit, planes = 19, edt.UNIT, 60
     rng = np.random.default_rng(j)
     sources = rng.integers(0, reach * reach, (planes, unit)).astype(np.uint16)
     before = rng.integers(0, reach * reach, (6, unit)).astype(np.uint16)
-    for way in (kernels.lower_planes, kernels.lower_planes.py_func):
+    for way in (edt_field.lower_planes, edt_field.lower_planes.py_func):
         target = before.copy()
         greatest = way(target.ravel(), unit, sources.ravel(), 28 * unit, j, reach)
         expected = before.astype(int)
@@ -226,7 +227,7 @@ def test_no_kernel_is_compiled_again_for_another_part_of_the_window():
     blocked[12, 20, 9] = True
     field.update(packed(blocked)[10:15, 18:25], 10, 18)  # no contiguous array
     np.testing.assert_array_equal(field.squared, scipy_squared(blocked, 4))
-    for kernel in (kernels.update_sections, kernels.update_field):
+    for kernel in (edt_sections.update_sections, edt_field.update_field):
         assert len(kernel.signatures) == 1
 
 
