@@ -76,7 +76,7 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
     Costmap(config, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
     flown = Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)
-    flown.presumed(1).begin_search()
+    flown.optimistic(1).begin_search()
     if labels:
         layer = SemanticLayer(config.resolution, 1, memory_mib=1)
         told = np.zeros(2, np.uint8)

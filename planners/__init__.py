@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from wayproof.maps import DistanceField, Distances
-from wayproof.planners.body import Body, Disc, blocked_at_or_below
+from wayproof.planners.body import Body, Disc, collision_distance_sq
 from wayproof.planners.frontier import best_frontier
 from wayproof.planners.goal_field import GoalField
 from wayproof.planners.headings import turning_path
@@ -59,7 +59,7 @@ __all__ = [
     "arc_lengths",
     "best_frontier",
     "blend_corners",
-    "blocked_at_or_below",
+    "collision_distance_sq",
     "first_stop",
     "follow_path",
     "hold",

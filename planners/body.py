@@ -13,7 +13,7 @@ class Disc(NamedTuple):
     """A disc (in the plane) or ball (in space) of a body, as a distance field sees it."""
 
     offset: float  # of its centre along the body's x axis [m]
-    blocked_at_or_below: int  # largest squared cell distance that its centre may not have
+    collision_distance_sq: int  # largest squared cell distance that its centre may not have
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,12 @@ class Body:
             flat: Whether the cells are those of a plane.
         """
         return tuple(
-            Disc(offset, blocked_at_or_below(radius + margin, resolution, flat))
+            Disc(offset, collision_distance_sq(radius + margin, resolution, flat))
             for offset, radius in zip(self.offsets, self.radii, strict=True)
         )
 
 
-def blocked_at_or_below(radius: float, resolution: float, flat: bool) -> int:
+def collision_distance_sq(radius: float, resolution: float, flat: bool) -> int:
     """Largest squared cell distance to a blocked cell's centre that a disc may not have.
 
     Distances are between centres, but a surface may lie anywhere in its cell: half of a cell's

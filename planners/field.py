@@ -159,7 +159,7 @@ def lattice_path(
             return None
         if entered >= 0:
             path = lattice.way_down(grid, space, a, b, entered)
-            return kernels.prune(space.grid, space.blocked_at_or_below, weight, path), grid
+            return kernels.prune(space.grid, space.collision_distance_sq, weight, path), grid
     return None
 
 

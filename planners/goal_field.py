@@ -77,7 +77,7 @@ class GoalField:
             return plan(space, start, self.goal, self.config, seed, heading)
         spent = int(grid.now[_lattice_kernels.EXPANDED]) - before
         path = lattice.way_down(grid, space, start, self.goal, entered)
-        path = kernels.prune(costs.grid, space.blocked_at_or_below, weight, path)
+        path = kernels.prune(costs.grid, space.collision_distance_sq, weight, path)
         poses: Floats | None = np.column_stack((path, np.zeros(len(path))))
         if kind.oriented:
             begin, end = (*start.tolist(), float(kernels.wrap(heading))), (*self.goal.tolist(), 0.0)
@@ -93,7 +93,7 @@ class GoalField:
         """The lattice as the space is now, without the costs-to-go that a change may alter."""
         rates = lattice.rates(space, weight)
         geometry = (space.grid.field.shape, space.grid.origin.tobytes(), space.grid.resolution)
-        known = (*geometry, space.blocked_at_or_below, rates.tobytes())
+        known = (*geometry, space.collision_distance_sq, rates.tobytes())
         if self._lattice is None or known != self._known:
             return self._begin(space, weight, known)
         grid = self._lattice._replace(field=space.grid.field, cells=space.grid.field.reshape(-1))

@@ -121,8 +121,8 @@ def head_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:
 def reversible(space: FreeSpace) -> bool:
     """Whether a body that is free at one heading is free at the opposite one."""
     discs = sorted(space.discs)
-    turned = sorted((-disc.offset, disc.blocked_at_or_below) for disc in discs)
-    return [(disc.offset, disc.blocked_at_or_below) for disc in discs] == turned
+    turned = sorted((-disc.offset, disc.collision_distance_sq) for disc in discs)
+    return [(disc.offset, disc.collision_distance_sq) for disc in discs] == turned
 
 
 class _Found(NamedTuple):
@@ -146,7 +146,7 @@ def _path_on(
 ) -> Floats | None:
     plane = Plane(
         space.grid.field[:, :, 0],
-        space.blocked_at_or_below,
+        space.collision_distance_sq,
         lattice.rates(space, 1.0),
         factor,
         (space.grid.field.shape[0] // factor, space.grid.field.shape[1] // factor),
@@ -250,7 +250,7 @@ def _through(found: _Found, gear: float, straight: bool) -> Floats:
                 points.append(goal[:3])
             track = np.array(list(dict.fromkeys(points)))
             if straight:
-                walked = space.grid, space.blocked_at_or_below, 1.0
+                walked = space.grid, space.collision_distance_sq, 1.0
                 track = kernels.fewest_corners(*walked, BEND_PRICE, kernels.prune(*walked, track))
             poses += head_along(track, poses.pop(), None).tolist()
             poses.append((*points[-1], angles[last % WAYS]))

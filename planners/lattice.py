@@ -57,7 +57,7 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
     return Lattice(
         field=field,
         cells=field.reshape(-1),
-        threshold=space.blocked_at_or_below,
+        threshold=space.collision_distance_sq,
         factor=along,
         shape=shape,
         rate_by_distance=rate_by_distance,
@@ -167,7 +167,7 @@ def _strides(lattice: Lattice) -> NDArray[np.int64]:
 def rates(space: FreeSpace, weight: float) -> NDArray[np.int32]:
     """Integer cost per length by squared distance, shape (t,)."""
     table = np.full(len(space.grid.cost_by_distance), FREE_RATE, np.int32)
-    free = slice(space.blocked_at_or_below + 1, None)
+    free = slice(space.collision_distance_sq + 1, None)
     costs = np.minimum(weight * space.grid.cost_by_distance[free], LARGEST_RATE / FREE_RATE)
     table[free] = np.rint(FREE_RATE * (1.0 + costs)).astype(np.int32)
     return table

@@ -245,7 +245,7 @@ def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> F
         return kernels.shortcut_poses(space.grid, space.shape, weight, poses, draws)
     points = np.ascontiguousarray(poses[:, :3])
     price = float(config.corner_price)
-    path = kernels.shortcut(space.grid, space.blocked_at_or_below, weight, price, points, draws)
+    path = kernels.shortcut(space.grid, space.collision_distance_sq, weight, price, points, draws)
     return np.column_stack((path, np.zeros(len(path))))
 
 

@@ -256,7 +256,7 @@ def _problem(query: Query) -> tuple[ob.SpaceInformation, ob.ProblemDefinition]:
 def _edge_check(query: Query, state_space: ob.StateSpace) -> Callable[..., bool]:
     """The one compiled check of an edge that this kind of state needs."""
     space, kind, z = query.space, query.kind, query.start[2]
-    grid, threshold, shape, read = space.grid, space.blocked_at_or_below, space.shape, kind.read
+    grid, threshold, shape, read = space.grid, space.collision_distance_sq, space.shape, kind.read
     if kind.curved:
         radius = query.turning_radius
         return lambda a, b: bool(

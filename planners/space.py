@@ -21,7 +21,7 @@ CLEARANCE_WEIGHT = 2.0
 class FreeSpace:
     """A distance field, the threshold that makes it free space, and the cost of coming near.
 
-    A cell is forbidden if its field value is at or below ``blocked_at_or_below``, and everywhere
+    A cell is forbidden if its field value is at or below ``collision_distance_sq``, and everywhere
     outside the array. Cells are half-open boxes. Ground robots have nz == 1 and all their points
     carry the height of that layer's centre. All points are in the world frame [m].
 
@@ -31,11 +31,11 @@ class FreeSpace:
             the cells around it are taken for free without a look.
         origin: Low corner of the grid [m], shape (3,).
         resolution: Cell size [m].
-        blocked_at_or_below: Largest forbidden squared cell distance.
+        collision_distance_sq: Largest forbidden squared cell distance.
         cost_by_distance: Cost of a cell by its squared cell distance, shape (t,): 1 at the border
             of the forbidden cells, falling to 0; the last entry holds for all beyond.
         discs: Of a body that is checked at its heading, each with a threshold of its own, the
-            least of which is ``blocked_at_or_below``. Empty for a body that is one disc or ball.
+            least of which is ``collision_distance_sq``. Empty for a body that is one disc or ball.
         sparing: Whether a search in space is to look at few distances rather than search few cells:
             for distances that are worked out where somebody looks.
         shape: The discs, as the kernels take them.
@@ -49,7 +49,7 @@ class FreeSpace:
     distances: NDArray[np.uint16] | Distances
     origin: Floats
     resolution: float
-    blocked_at_or_below: int
+    collision_distance_sq: int
     cost_by_distance: Floats
     discs: tuple[Disc, ...] = ()
     sparing: bool = False
@@ -68,10 +68,10 @@ class FreeSpace:
             np.array(self.cost_by_distance, dtype=np.float64),
         )
         object.__setattr__(self, "grid", grid)
-        discs = self.discs or (Disc(0.0, self.blocked_at_or_below),)
+        discs = self.discs or (Disc(0.0, self.collision_distance_sq),)
         shape = Discs(
             np.array([disc.offset for disc in discs]),
-            np.array([disc.blocked_at_or_below for disc in discs]),
+            np.array([disc.collision_distance_sq for disc in discs]),
         )
         object.__setattr__(self, "shape", shape)
 
@@ -83,20 +83,20 @@ class FreeSpace:
             raise ValueError(f"space.origin: got shape {np.shape(self.origin)}, expected (3,)")
         if not self.resolution > 0.0:
             raise ValueError(f"space.resolution: got {self.resolution}, expected above 0")
-        if self.blocked_at_or_below < 0:
-            got = f"{self.blocked_at_or_below}"
-            raise ValueError(f"space.blocked_at_or_below: got {got}, expected 0 or more")
-        least = min((disc.blocked_at_or_below for disc in self.discs), default=None)
-        if least not in (None, self.blocked_at_or_below):
+        if self.collision_distance_sq < 0:
+            got = f"{self.collision_distance_sq}"
+            raise ValueError(f"space.collision_distance_sq: got {got}, expected 0 or more")
+        least = min((disc.collision_distance_sq for disc in self.discs), default=None)
+        if least not in (None, self.collision_distance_sq):
             raise ValueError(
                 f"space.discs: got a least threshold of {least}, "
-                f"expected blocked_at_or_below, {self.blocked_at_or_below}"
+                f"expected collision_distance_sq, {self.collision_distance_sq}"
             )
-        costs = self.cost_by_distance[self.blocked_at_or_below + 1 :]
+        costs = self.cost_by_distance[self.collision_distance_sq + 1 :]
         if len(costs) == 0 or not (costs.min() >= 0.0 and costs.max() < math.inf):
             raise ValueError(
                 f"space.cost_by_distance: got {costs} above squared distance "
-                f"{self.blocked_at_or_below}, expected finite costs of 0 or more"
+                f"{self.collision_distance_sq}, expected finite costs of 0 or more"
             )
 
     @property
@@ -161,7 +161,7 @@ class FreeSpace:
 
     def edge_free(self, a: Floats, b: Floats) -> bool:
         """Whether every cell that the segment from ``a`` to ``b`` touches is free."""
-        return bool(kernels.edge_free(self.grid, self.blocked_at_or_below, _point(a), _point(b)))
+        return bool(kernels.edge_free(self.grid, self.collision_distance_sq, _point(a), _point(b)))
 
     def free_length(self, path: Floats) -> float:
         """Arc length [m] along a polyline, shape (n, 3), before its first forbidden cell.
@@ -173,7 +173,7 @@ class FreeSpace:
         if self.discs:
             points = np.ascontiguousarray(path, dtype=np.float64)
             return float(kernels.headed_free_length(self.grid, self.shape, points))
-        return float(self._walk(path, self.blocked_at_or_below, 0.0)[0])
+        return float(self._walk(path, self.collision_distance_sq, 0.0)[0])
 
     def nearest_free(self, point: Floats, radius: float) -> Floats | None:
         """Centre of the nearest free cell, shape (3,), at most ``radius`` [m] away, or None.
@@ -181,7 +181,7 @@ class FreeSpace:
         Of several equally near the one of lowest index is taken.
         """
         found, *cell = kernels.nearest_free(
-            self.grid, self.blocked_at_or_below, _point(point), radius / self.resolution
+            self.grid, self.collision_distance_sq, _point(point), radius / self.resolution
         )
         if not found:
             return None
@@ -206,8 +206,8 @@ class FreeSpace:
         Returns:
             The cost, infinite if the path touches a forbidden cell.
         """
-        _, least, cost = self._walk(path, self.blocked_at_or_below, clearance_weight)
-        return float(cost) if least > self.blocked_at_or_below else math.inf
+        _, least, cost = self._walk(path, self.collision_distance_sq, clearance_weight)
+        return float(cost) if least > self.collision_distance_sq else math.inf
 
     def sweep_free(self, a: Floats, b: Floats) -> bool:
         """Whether the body is free all the way between two poses (x, y, z, heading).

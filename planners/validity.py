@@ -39,5 +39,5 @@ class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]
         pose = self.kind.read(state, self.z)
         if self.kind.oriented:
             return bool(kernels.sweep_free(self.space.grid, self.space.shape, pose, pose))
-        threshold = self.space.blocked_at_or_below
+        threshold = self.space.collision_distance_sq
         return bool(kernels.edge_free(self.space.grid, threshold, pose[:3], pose[:3]))

@@ -283,7 +283,7 @@ def _disregarded(case: Case, navigator: Navigator, moment: Moment) -> float:
     cells = np.floor((path - costmap.origin) / costmap.resolution).astype(int)
     cells = np.clip(cells, 0, np.array(costmap.shape) - 1)
     nearest = float(costmap.obstacle_clearance[tuple(cells.T)].min())
-    if nearest > costmap.blocked_at_or_below:
+    if nearest > costmap.collision_distance_sq:
         return 0.0
     return costmap.inflation_radius - float(np.sqrt(nearest)) * costmap.resolution
 

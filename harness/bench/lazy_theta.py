@@ -30,7 +30,7 @@ def reference_path(
     """Lazy Theta* from cell to cell, then shortcuts: (n, 3) m; None if there is no way."""
     cells = [np.floor((p - space.origin) / space.resolution).astype(int) for p in (start, goal)]
     first, last = (int(np.ravel_multi_index(tuple(cell), space.field.shape)) for cell in cells)
-    threshold = space.blocked_at_or_below
+    threshold = space.collision_distance_sq
     scratch[2][:] = 0
     if not _lazy_theta(space.grid, threshold, first, last, *scratch):
         return None

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from wayproof.harness.bench.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
 from wayproof.maps import MapConfig, VoxelMap, inflate
 from wayproof.maps.columns import Window, unpack
-from wayproof.maps.costmap.distance_field import ALL_ONES, DistanceField, News, update_together
+from wayproof.maps.costmap.distance_field import (
+    ALL_ONES,
+    CellUpdate,
+    DistanceField,
+    update_together,
+)
 from wayproof.maps.parallel import ThreadTeam
 
 REACH = 1.0  # m, of the distances
@@ -80,17 +85,18 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
         occupied, free = voxel_map.columns(window.first, (*window.shape[:2], 1))
         if changed is None:
             continue
-        news = News((free,), (ALL_ONES,), (0, 0), *((s.start, s.stop) for s in changed))
-        all_news = News((free,), (ALL_ONES,), (0, 0), *((0, count) for count in free.shape[:2]))
+        update = CellUpdate((free,), (ALL_ONES,), (0, 0), *((s.start, s.stop) for s in changed))
+        columns = ((0, count) for count in free.shape[:2])
+        all_cells = CellUpdate((free,), (ALL_ONES,), (0, 0), *columns)
         for threads, team in teams.items():
             began = time.perf_counter()
-            update_together([kept[threads]], news)
+            update_together([kept[threads]], update)
             if number < MAPPED:
                 continue
             timed("wayproof", f"{REACH:g} m field, after a sweep", threads, began)
             whole = DistanceField(window.shape, reach, team)
             began = time.perf_counter()
-            update_together([whole], all_news)
+            update_together([whole], all_cells)
             timed("wayproof", f"{REACH:g} m field, whole", threads, began)
             began = time.perf_counter()
             inflate(occupied, ball * ball, team)

@@ -27,7 +27,7 @@ from wayproof.planners import (
     Plan,
     PlannerConfig,
     blend_corners,
-    blocked_at_or_below,
+    collision_distance_sq,
     follow_path,
     kernels,
     plan,
@@ -164,7 +164,7 @@ def ground(blocked: NDArray[np.bool_]) -> Spaces:
 
 
 def _spaces(blocked: NDArray[np.bool_], body: Body, flat: bool) -> Spaces:
-    threshold = blocked_at_or_below(min(body.radii) + MARGIN, RESOLUTION, flat)
+    threshold = collision_distance_sq(min(body.radii) + MARGIN, RESOLUTION, flat)
     distances = np.sqrt(np.arange(REACH * REACH + 1)) - math.sqrt(threshold)  # cells beyond
     costs = np.exp(-COST_SCALE * RESOLUTION * np.maximum(distances, 0.0))
     costs[-1] = 0.0

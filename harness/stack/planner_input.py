@@ -84,7 +84,7 @@ def planned_once() -> PlanPath:
         seed: int,
         heading: float,
     ) -> Plan:
-        kind = id(space.distances), space.blocked_at_or_below, space.discs, space.sparing
+        kind = id(space.distances), space.collision_distance_sq, space.discs, space.sparing
         query = *kind, start.tobytes(), goal.tobytes(), heading, seed
         if query not in plans:
             plans[query] = plan(space, start, goal, config, seed, heading)

@@ -46,7 +46,7 @@ def record(
         unknown_policy=config.unknown_policy,
         inflation_radius_m=inflation_radius,
         localization_margin_m=mapper.costmap.margin,
-        blocked_at_or_below=view.admitted.blocked_at_or_below,
+        blocked_at_or_below=view.admitted.collision_distance_sq,
         position=inputs.pose.position.tolist(),
         quaternion=inputs.pose.quaternion.tolist(),
         position_sigma=inputs.pose.position_sigma,

@@ -12,7 +12,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.stack.footprint import NARROWEST, body_of, costs
 from wayproof.maps import Costmap, Distances
 from wayproof.planners import Disc, FreeSpace
-from wayproof.planners.body import blocked_at_or_below
+from wayproof.planners.body import collision_distance_sq
 
 Array = NDArray[np.float64]
 
@@ -61,9 +61,9 @@ class FreeSpaces:
 
     def _spaces(self, wide: bool) -> Spaces:
         costmap = self._costmap
-        admitted = known = self._space(costmap.admitted, wide)
-        if costmap.known is not costmap.admitted:
-            known = self._space(costmap.known, wide)
+        admitted = known = self._space(costmap.traversable, wide)
+        if costmap.known_free is not costmap.traversable:
+            known = self._space(costmap.known_free, wide)
         return Spaces(admitted, known, self._passable(wide))
 
     def _space(self, distances: Distances, wide: bool, table: Array | None = None) -> FreeSpace:
@@ -73,7 +73,7 @@ class FreeSpaces:
             distances=distances,
             origin=costmap.origin,
             resolution=costmap.resolution,
-            blocked_at_or_below=self._threshold(wide),
+            collision_distance_sq=self._threshold(wide),
             cost_by_distance=self._costs() if table is None else table,
             discs=() if wide else self._discs(),
             sparing=True,
@@ -90,9 +90,9 @@ class FreeSpaces:
         """The largest forbidden squared distance, cells^2."""
         costmap = self._costmap
         if not wide:
-            return costmap.blocked_at_or_below
+            return costmap.collision_distance_sq
         radius = self._body.circumscribed_radius + costmap.margin
-        return blocked_at_or_below(radius, costmap.resolution, flat=True)
+        return collision_distance_sq(radius, costmap.resolution, flat=True)
 
     def _discs(self) -> tuple[Disc, ...]:
         """The discs that are checked at the heading; none if the body is one."""
@@ -110,4 +110,4 @@ class FreeSpaces:
         slender = self._oriented and not wide
         table = self._costs().copy()
         table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if slender else 0.0)
-        return self._space(self._costmap.presumed(edge), wide, table)
+        return self._space(self._costmap.optimistic(edge), wide, table)

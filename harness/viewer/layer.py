@@ -27,17 +27,17 @@ def layer_at(costmap: Costmap, height: float) -> int:
     return min(max(index, 0), costmap.shape[2] - 1)
 
 
-def kinds(costmap: Costmap, layer: int, blocked_at_or_below: int) -> NDArray[np.uint8]:
+def kinds(costmap: Costmap, layer: int, collision_distance_sq: int) -> NDArray[np.uint8]:
     """The kind of each cell of a layer, (nx, ny).
 
     Args:
         costmap: The body's.
         layer: Index along z.
-        blocked_at_or_below: The squared distance that decided, cells^2: a long body's own, or that
-            of the disc about it.
+        collision_distance_sq: The squared distance that decided, cells^2: a long body's own, or
+            that of the disc about it.
     """
     states = costmap.state[:, :, layer]  # (nx, ny)
-    forbidden = costmap.obstacle_clearance[:, :, layer] <= blocked_at_or_below
+    forbidden = costmap.obstacle_clearance[:, :, layer] <= collision_distance_sq
     free = states == FREE
     told = states.copy()
     told[free & _beside(states == UNKNOWN)] = FRONTIER

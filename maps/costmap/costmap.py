@@ -51,7 +51,7 @@ class Costmap:
         margin: Localization margin of the last update, m.
         inflation_radius: Body's radius, margin and half a cell's diagonal, m.
         clearances: The distances as they are kept, up to the greatest reach that was ever needed.
-        blocked_at_or_below: A cell is forbidden where its squared distance is at most this.
+        collision_distance_sq: A cell is forbidden where its squared distance is at most this.
         truncation: Greatest squared distance that is told, cells^2.
         cost_table: (truncation + 1,) float64, cost by squared distance; inf where forbidden.
     """
@@ -175,7 +175,7 @@ class Costmap:
 
         To the nearest cell that is not free: occupied, unknown or outside.
         """
-        return self.known.whole()
+        return self.known_free.whole()
 
     @property
     def obstacle_clearance(self) -> NDArray[np.uint16]:
@@ -187,27 +187,27 @@ class Costmap:
 
         Under `forbid` those to anything not known to be free, otherwise those to obstacles.
         """
-        return self.admitted.whole()
+        return self.traversable.whole()
 
     @property
-    def known(self) -> Distances:
+    def known_free(self) -> Distances:
         """`clearance`, where somebody looks."""
         return self.clearances.to_not_free(self.truncation)
 
     @property
-    def admitted(self) -> Distances:
+    def traversable(self) -> Distances:
         """`field()`, where somebody looks."""
         if self.config.unknown_policy == "forbid":
-            return self.known
+            return self.known_free
         return self.clearances.to_obstacles(self.truncation)
 
-    def presumed(self, edge: int) -> Distances:
+    def optimistic(self, edge: int) -> Distances:
         """Distances to obstacles, where not all is known within `edge` at most that, cells^2."""
-        return self.clearances.presumed(edge, self.truncation)
+        return self.clearances.optimistic(edge, self.truncation)
 
     def admissible(self) -> NDArray[np.bool_]:
         """Where the body's centre may be under the policy, (nx, ny, nz)."""
-        return self.field() > self.blocked_at_or_below
+        return self.field() > self.collision_distance_sq
 
     def clearance_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Distance from points (n, 3), m, world, to what the policy fears: (n,) m.
@@ -277,7 +277,7 @@ class Costmap:
             )
         self.margin = margin
         self.inflation_radius = forbidden * self.resolution
-        self.blocked_at_or_below = math.floor(forbidden * forbidden + ROUNDING)
+        self.collision_distance_sq = math.floor(forbidden * forbidden + ROUNDING)
         self.truncation = reach * reach
         self.cost_table = self._costs(forbidden)
         self._distances = np.sqrt(np.arange(self.truncation + 1)) * self.resolution  # m
@@ -290,7 +290,7 @@ class Costmap:
         fall = exponentials(-self.config.cost_scaling_factor * np.maximum(beyond, 0.0))
         costs = INSCRIBED_COST * fall
         costs = np.rint(costs * COST_STEPS) / COST_STEPS
-        costs[squared <= self.blocked_at_or_below] = math.inf
+        costs[squared <= self.collision_distance_sq] = math.inf
         costs[-1] = 0.0  # that far or farther
         return costs
 

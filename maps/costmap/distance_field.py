@@ -36,7 +36,7 @@ ALL_ONES = (1 << 64) - 1
 """Flips of cells that are told as not blocked."""
 
 
-class News(NamedTuple):
+class CellUpdate(NamedTuple):
     """New cells of columns, for one field or several of a window.
 
     Attributes:
@@ -54,15 +54,15 @@ class News(NamedTuple):
     rows: tuple[int, int]
 
 
-NO_NEWS = News((np.zeros((1, 1, 1), np.uint64),), (0,), (0, 0), (0, 0), (0, 0))
+NO_UPDATE = CellUpdate((np.zeros((1, 1, 1), np.uint64),), (0,), (0, 0), (0, 0), (0, 0))
 """Where no cells are new."""
 
 
-def boxes(blocked: Sequence[NDArray[np.uint64]], x0: int = 0, y0: int = 0) -> News:
+def boxes(blocked: Sequence[NDArray[np.uint64]], x0: int = 0, y0: int = 0) -> CellUpdate:
     """Blocked cells of a box of columns (kx, ky, words) that begins at (x0, y0)."""
     cells = tuple(np.ascontiguousarray(one) for one in blocked)  # or all is compiled anew
     kx, ky = cells[0].shape[:2]
-    return News(cells, (0,) * len(cells), (x0, y0), (0, kx), (0, ky))
+    return CellUpdate(cells, (0,) * len(cells), (x0, y0), (0, kx), (0, ky))
 
 
 class DistanceField:
@@ -160,20 +160,20 @@ class DistanceField:
         """Work out the distances of some blocks (blocks, nx) where they are stale, or of all."""
         bring_up_to_date([self], wanted)
 
-    def check(self, news: News, number: int) -> None:
+    def check(self, update: CellUpdate, number: int) -> None:
         """Refuse new cells that are not all within the window.
 
         Raises:
             ValueError: They are not.
         """
-        (nx, ny, _), words, (x0, y0) = self.shape, self._layout.words, news.corner
-        kx, ky, got_words = got = news.cells[number].shape
+        (nx, ny, _), words, (x0, y0) = self.shape, self._layout.words, update.corner
+        kx, ky, got_words = got = update.cells[number].shape
         inside = x0 >= 0 and y0 >= 0 and x0 + kx <= nx and y0 + ky <= ny and got_words == words
-        parts = (news.planes, kx), (news.rows, ky)
+        parts = (update.planes, kx), (update.rows, ky)
         if not inside or not all(0 <= first <= end <= count for (first, end), count in parts):
             raise ValueError(
-                f"blocked: got {got} at ({x0}, {y0}), of these planes {news.planes} and rows "
-                f"{news.rows}, expected within {(nx, ny, words)}"
+                f"blocked: got {got} at ({x0}, {y0}), of these planes {update.planes} and rows "
+                f"{update.rows}, expected within {(nx, ny, words)}"
             )
 
     def sections_needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -193,7 +193,7 @@ class DistanceField:
         queue: Queue,
         planes: NDArray[np.int64],
         needed: NDArray[np.bool_] | None,
-        news: News = NO_NEWS,
+        update: CellUpdate = NO_UPDATE,
         number: int = 0,
     ) -> None:
         """Take over new cells of planes, recompute the needed blocks of their sections, or both.
@@ -212,8 +212,8 @@ class DistanceField:
             plane_of=np.empty(blocks, np.int64),
             block=np.empty(cells, np.uint16),
         )
-        cells_new, flip = news.cells[number], np.uint64(news.flips[number])
-        new = NewCells(cells_new.reshape(len(cells_new), -1), news.rows, news.corner, flip)
+        cells_new, flip = update.cells[number], np.uint64(update.flips[number])
+        new = NewCells(cells_new.reshape(len(cells_new), -1), update.rows, update.corner, flip)
         edt_sections.update_sections(
             queue,
             self.team.size,
@@ -251,12 +251,12 @@ def _on_cache_lines(cells: int) -> NDArray[np.uint16]:
     return array[first : first + cells]
 
 
-def take_over(fields: Sequence[DistanceField], news: News, whole: bool = False) -> None:
+def take_over(fields: Sequence[DistanceField], update: CellUpdate, whole: bool = False) -> None:
     """Take new cells over into fields of one window, and note which distances they may change.
 
     Args:
         fields: All of one shape; the first one's team shares the work.
-        news: The cells.
+        update: The cells.
         whole: Whether all will be brought up to date next: distances within the planes that change
             are then worked out at once, while these are at hand.
 
@@ -264,12 +264,12 @@ def take_over(fields: Sequence[DistanceField], news: News, whole: bool = False) 
         ValueError: They are not within the window.
     """
     for n, field in enumerate(fields):
-        field.check(news, n)
-    planes = news.corner[0] + np.arange(*news.planes)
+        field.check(update, n)
+    planes = update.corner[0] + np.arange(*update.planes)
 
     def take(field: DistanceField, number: int, queue: Queue) -> None:
         needed = field.pending if whole else None
-        field.update_sections(queue, planes, needed, news, number)
+        field.update_sections(queue, planes, needed, update, number)
 
     us = PLANE_US + len(fields[0].stale) * BLOCK_US * whole
     _in_turn(fields, take, len(fields) * len(planes) * us)
@@ -317,9 +317,9 @@ def _bring_sections_up_to_date(
     _in_turn(fields, update, BLOCK_US * count)
 
 
-def update_together(fields: Sequence[DistanceField], news: News) -> None:
+def update_together(fields: Sequence[DistanceField], update: CellUpdate) -> None:
     """Take over and bring up to date in common rounds of threads; see both."""
-    take_over(fields, news, whole=True)
+    take_over(fields, update, whole=True)
     bring_up_to_date(fields)
 
 

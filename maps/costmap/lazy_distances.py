@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from wayproof.maps.costmap.distance_field import (
     ALL_ONES,
     BLOCK_ROWS,
+    CellUpdate,
     DistanceField,
-    News,
     bring_up_to_date,
     take_over,
 )
@@ -172,7 +172,7 @@ class Distances:
         self.spent_s += time.perf_counter() - began
 
 
-class Presumed:
+class OptimisticDistances:
     """Distances to one kind of cells, at most an edge where the other kind is nearer than that.
 
     Attributes:
@@ -199,7 +199,7 @@ class Presumed:
         self._limits = edge, most
         field, other = self._fields
         np.logical_or(field.stale, other.stale, out=self.stale)
-        self._presume(np.ones_like(self.stale))
+        self._compute(np.ones_like(self.stale))
 
     def note_stale(self) -> None:
         """Note what is out of date because one of the fields is."""
@@ -211,10 +211,10 @@ class Presumed:
         blocks = self.stale.copy() if wanted is None else self.stale & wanted
         if blocks.any():
             bring_up_to_date(self._fields, blocks)
-            self._presume(blocks)
+            self._compute(blocks)
             self.stale &= ~blocks
 
-    def _presume(self, blocks: Blocks) -> None:
+    def _compute(self, blocks: Blocks) -> None:
         """From the fields as they are."""
         shape, team = self._fields[0].shape, self._fields[0].team
         told, others = (field.squared.reshape(-1) for field in self._fields)
@@ -245,7 +245,7 @@ class Clearances:
         self._readers: list[Reader] = []
         self._searched_before = np.zeros_like(self._fields[0].stale)
         self._plain = [self._distances(field) for field in self._fields]
-        self._presumed: dict[tuple[int, int, int], tuple[Presumed, Distances]] = {}
+        self._optimistic: dict[tuple[int, int, int], tuple[OptimisticDistances, Distances]] = {}
         self._asked_for: set[tuple[int, int, int]] = set()
 
     def take_over(
@@ -261,9 +261,9 @@ class Clearances:
             whole: Whether `begin` will bring all up to date.
         """
         box = (x.start, x.stop), (y.start, y.stop)
-        take_over(self._fields, News((free, occupied), (ALL_ONES, 0), (0, 0), *box), whole)
-        for presumed, _ in self._presumed.values():
-            presumed.note_stale()
+        take_over(self._fields, CellUpdate((free, occupied), (ALL_ONES, 0), (0, 0), *box), whole)
+        for optimistic, _ in self._optimistic.values():
+            optimistic.note_stale()
 
     def begin(self, whole: bool) -> None:
         """Bring up to date both distances, or only what was looked at of late.
@@ -275,8 +275,8 @@ class Clearances:
         searched = np.logical_or.reduce([distances.searched for distances in self._all])
         if searched.any():
             self._searched_before[:] = searched
-        self._presumed = {asked: self._presumed[asked] for asked in sorted(self._asked_for)}
-        self._all = [*(one for _, one in self._presumed.values()), *self._plain]
+        self._optimistic = {asked: self._optimistic[asked] for asked in sorted(self._asked_for)}
+        self._all = [*(one for _, one in self._optimistic.values()), *self._plain]
         self._readers[:] = [distances.reader for distances in self._all]
         self._asked_for.clear()
         for distances in self._all:
@@ -290,7 +290,7 @@ class Clearances:
         """To the nearest cell that is occupied, at most a squared distance, cells^2."""
         return self._told(1, 0, most)
 
-    def presumed(self, edge: int, most: int) -> Distances:
+    def optimistic(self, edge: int, most: int) -> Distances:
         """To obstacles, where something not free is nearer than an edge at most that, cells^2."""
         return self._told(1, edge, most)
 
@@ -313,21 +313,21 @@ class Clearances:
         if edge == 0 and most >= self.reach * self.reach:
             return self._plain[kind]
         asked = kind, edge, most
-        if asked not in self._presumed:
-            self._presumed[asked] = self._presume(*asked)
+        if asked not in self._optimistic:
+            self._optimistic[asked] = self._compute(*asked)
         self._asked_for.add(asked)
-        return self._presumed[asked][1]
+        return self._optimistic[asked][1]
 
-    def _presume(self, kind: int, edge: int, most: int) -> tuple[Presumed, Distances]:
+    def _compute(self, kind: int, edge: int, most: int) -> tuple[OptimisticDistances, Distances]:
         """Distances that nobody asked for since the last update, with these limits; or new ones."""
-        kept = (asked for asked in self._presumed if asked[0] == kind)
+        kept = (asked for asked in self._optimistic if asked[0] == kind)
         idle = min((asked for asked in kept if asked not in self._asked_for), default=None)
         if idle is None:
-            presumed = Presumed(self._fields[kind], self._fields[1 - kind], edge, most)
-            return presumed, self._distances(presumed)
-        presumed, distances = self._presumed.pop(idle)
-        presumed.limit(edge, most)
-        return presumed, distances
+            optimistic = OptimisticDistances(self._fields[kind], self._fields[1 - kind], edge, most)
+            return optimistic, self._distances(optimistic)
+        optimistic, distances = self._optimistic.pop(idle)
+        optimistic.limit(edge, most)
+        return optimistic, distances
 
     def _distances(self, source: Source) -> Distances:
         distances = Distances(source, self._shape, self._readers, self._searched_before)

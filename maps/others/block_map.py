@@ -18,8 +18,8 @@ from wayproof.maps.others.blocks import Blocks
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import Sweep, SweepStatistics, check_time, prepare_sweep
-from wayproof.maps.voxel.endpoints import Ends
-from wayproof.maps.voxel.log_odds import MOST, tick_losses
+from wayproof.maps.voxel.endpoints import BeamEndpoints
+from wayproof.maps.voxel.log_odds import MAX_UNITS, decay_per_tick
 
 CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Least cell (3,) of a box, and one past the greatest."""
@@ -54,7 +54,7 @@ class BlockMap(ColumnMap):
         self._team = ThreadTeam(threads)
         self._region = _region(low, high, config.resolution)
         self._blocks = Blocks(config.memory_mib, shape, {**layers, "fresh": np.bool_})
-        self._losses = tick_losses(config)
+        self._losses = decay_per_tick(config)
         self._tick_ns = round(config.decay_period * 1e9)
         self._ticks = 0
         self._stamp = 1
@@ -95,9 +95,9 @@ class BlockMap(ColumnMap):
         if self.config.half_life == 0.0 or time_ns // self._tick_ns <= self._ticks:
             return
         until = time_ns // self._tick_ns
-        rest, spared = (np.arange(MOST + 1).astype(np.int8) for _ in range(2))
+        rest, spared = (np.arange(MAX_UNITS + 1).astype(np.int8) for _ in range(2))
         for values, seen in ((rest, self._ticks), (spared, self._ticks + 1)):
-            decay.fade_values(values, np.full(MOST + 1, seen), until, self._losses)
+            decay.fade_values(values, np.full(MAX_UNITS + 1, seen), until, self._losses)
         self._ticks = until
         self._fade(rest, spared)
 
@@ -135,11 +135,11 @@ class BlockMap(ColumnMap):
         """Bytes of the blocks in use."""
         return self._blocks.nbytes
 
-    def _ends_of(self, sweep: Sweep) -> Ends:
+    def _ends_of(self, sweep: Sweep) -> BeamEndpoints:
         """Where the beams of a sweep end."""
-        return Ends.of(sweep)
+        return BeamEndpoints.of_sweep(sweep)
 
-    def _trace(self, starts: NDArray[np.int64], ends: Ends, time_ns: int) -> int:
+    def _trace(self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int) -> int:
         """Tell the cells between sub-cells (k, 3) and the ends; return how many were told."""
         raise NotImplementedError
 

@@ -17,12 +17,12 @@ from wayproof.maps.elementary import norm
 from wayproof.maps.grid import cells_at, centres, finite_vector
 from wayproof.maps.kernels import beams
 from wayproof.maps.kernels import tracking as kernels
-from wayproof.maps.others.ever_free import ConfidentSpace
+from wayproof.maps.others.ever_free import EverFreeSpace
 from wayproof.maps.others.tracking import NO_CELLS, Traffic
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
 from wayproof.maps.voxel.bricks import EVERYWHERE, MAX_GONE
-from wayproof.maps.voxel.endpoints import Ends
+from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.update_mask import brick_cells, brick_of
 from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
 
@@ -81,7 +81,7 @@ class DynamicMap(VoxelMap):
     """A voxel map with evidence of two time scales, and a look ahead.
 
     The lasting evidence is that of `VoxelMap`, update for update. On top, each cell that was
-    confidently free for `dynamic_after` (see `ConfidentSpace`) and is hit is *dynamic*: occupied
+    confidently free for `dynamic_after` (see `EverFreeSpace`) and is hit is *dynamic*: occupied
     with that hit, and free again once `vacated_after` sweeps in a row cross it. The clamp, which
     keeps a wall from flickering, makes a voxel map slower at both. A dynamic cell that is not left
     for `static_after` is one of the lasting ones from then on.
@@ -103,7 +103,7 @@ class DynamicMap(VoxelMap):
     ) -> None:
         """Make an unknown map, as `Maker` says."""
         super().__init__(config, threads, low, high)
-        self._space = ConfidentSpace()
+        self._space = EverFreeSpace()
         self._traffic = Traffic(config.resolution, round(config.look_ahead * 1e9))
         none = np.empty(0, np.int64)
         self._sightings = Sightings(NO_CELLS, none, none, none, np.empty(0, np.bool_))
@@ -134,7 +134,7 @@ class DynamicMap(VoxelMap):
             self.config.minimum_range,
             self.resolution,
         )
-        ends = Ends.of(sweep)
+        ends = BeamEndpoints.of_sweep(sweep)
         self.advance(time_ns)
         before = self._evidence()
         statistics = super().integrate(

@@ -21,7 +21,7 @@ MODULUS = 1 << 128
 NEAR = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(27, 3)
 
 
-class ConfidentSpace:
+class EverFreeSpace:
     """The cells that were free for a whole period, and with them all of their 26 neighbours.
 
     This is the "ever-free" space of Schmid et al. 2023, "Dynablox: Real-time Detection of Diverse

@@ -15,8 +15,8 @@ from wayproof.maps.kernels import beams
 from wayproof.maps.kernels import grid2d as kernels
 from wayproof.maps.others.block_map import BlockMap
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
-from wayproof.maps.voxel.endpoints import Ends
-from wayproof.maps.voxel.log_odds import Evidence
+from wayproof.maps.voxel.endpoints import BeamEndpoints
+from wayproof.maps.voxel.log_odds import LogOddsModel
 
 TILE = 64  # cells along a tile's edge
 MAX_WINDOW_CELLS = 1 << 26
@@ -53,7 +53,7 @@ class Grid2D(BlockMap):
     ) -> None:
         """Make an unknown map, as `Maker` says; of a region of interest x and y count."""
         super().__init__(config, threads, low, high, (TILE, TILE, 1), {"log_odds": np.int8})
-        self.units = Evidence.of(config)
+        self.units = LogOddsModel.from_config(config)
         scale = beams.SUBCELLS / config.resolution
         bottom, top = round(config.band_low * scale), round(config.band_high * scale)
         self._band = 2 * (bottom + beams.FLOOR_SUBCELLS), 2 * (top + beams.FLOOR_SUBCELLS)
@@ -115,7 +115,7 @@ class Grid2D(BlockMap):
         boxes[:, 2], boxes[:, 5] = FLOOR_LAYER, TOP
         return boxes, now
 
-    def _trace(self, starts: NDArray[np.int64], ends: Ends, time_ns: int) -> int:
+    def _trace(self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int) -> int:
         cells = np.concatenate([starts, ends.points])[:, :2] >> beams.SUBCELL_BITS
         tile, marks, inside = self._open(cells.min(axis=0), cells.max(axis=0) + 1)
         self.advance(time_ns)

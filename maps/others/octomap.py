@@ -18,7 +18,7 @@ from wayproof.maps.elementary import exponentials
 from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.sweep import SweepStatistics, check_time, prepare_sweep
-from wayproof.maps.voxel.endpoints import Lengths
+from wayproof.maps.voxel.endpoints import BeamRanges
 
 UNITS = 1000
 """Log-odds are told in thousandths; OctoMap holds them as single precision floats."""
@@ -103,7 +103,7 @@ class OctoMap(ColumnMap):
             self.config.minimum_range,
             self.resolution,
         )
-        lengths, sources = Lengths.of(sweep), sweep.sources
+        lengths, sources = BeamRanges.of_sweep(sweep), sweep.sources
         starts, told = sweep.origins[sources], lengths.told
         self._check_reach(sweep.origins, range_limit)
         self.advance(time_ns)

@@ -15,7 +15,7 @@ from wayproof.maps.kernels import tsdf as kernels
 from wayproof.maps.others.block_map import BlockMap, CellBox
 from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import Sweep, check_time
-from wayproof.maps.voxel.endpoints import Ends
+from wayproof.maps.voxel.endpoints import BeamEndpoints
 
 MAX_WINDOW_CELLS = 1 << 29
 NO_GUARD = -1
@@ -116,10 +116,10 @@ class TsdfMap(BlockMap):
         """
         return super().memory_bytes() + self._scores.nbytes
 
-    def _ends_of(self, sweep: Sweep) -> Ends:
-        return Ends.of(sweep).merged()
+    def _ends_of(self, sweep: Sweep) -> BeamEndpoints:
+        return BeamEndpoints.of_sweep(sweep).merged()
 
-    def _trace(self, starts: NDArray[np.int64], ends: Ends, time_ns: int) -> int:
+    def _trace(self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int) -> int:
         cells = np.concatenate([starts, ends.points]) >> beams.SUBCELL_BITS
         reach = kernels.TRUNCATION_CELLS
         box = self._clip(cells.min(axis=0) - reach, cells.max(axis=0) + reach + 1)

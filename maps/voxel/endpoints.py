@@ -13,7 +13,7 @@ from wayproof.maps.sweep import Sweep, SweepStatistics
 
 
 @dataclass(frozen=True)
-class Lengths:
+class BeamRanges:
     """How far the beams of a sweep went, and which of them met something.
 
     Attributes:
@@ -29,7 +29,7 @@ class Lengths:
     count: tuple[int, int, int, int]
 
     @classmethod
-    def of(cls, sweep: Sweep) -> Self:
+    def of_sweep(cls, sweep: Sweep) -> Self:
         """Find them.
 
         Raises:
@@ -55,7 +55,7 @@ class Lengths:
 
 
 @dataclass(frozen=True)
-class Ends:
+class BeamEndpoints:
     """What the beams of a sweep tell: those that were dropped or too near tell nothing.
 
     Attributes:
@@ -71,13 +71,13 @@ class Ends:
     count: tuple[int, int, int, int]
 
     @classmethod
-    def of(cls, sweep: Sweep) -> Self:
+    def of_sweep(cls, sweep: Sweep) -> Self:
         """Find the ends.
 
         Raises:
             ValueError: A direction is not of unit length.
         """
-        lengths = Lengths.of(sweep)
+        lengths = BeamRanges.of_sweep(sweep)
         told, sources = lengths.told, sweep.sources
         reached = sweep.origins[sources[told]]
         reached = reached + sweep.directions[told] * lengths.metres[told, None]
@@ -89,7 +89,7 @@ class Ends:
             lengths.count,
         )
 
-    def merged(self) -> Ends:
+    def merged(self) -> BeamEndpoints:
         """One beam for all that leave one origin and end in one cell, to the mean of their ends.
 
         Those with a return stay apart from those without (the merged integrator of Oleynikova et
@@ -111,7 +111,7 @@ class Ends:
         sums = [np.bincount(group, weights=inside[:, axis]) for axis in range(3)]
         means = np.stack(sums, axis=1).astype(np.int64) // members[:, None]
         points = means + (corner << beams.SUBCELL_BITS)
-        return Ends(points, self.moments[first], self.returned[first], self.count)
+        return BeamEndpoints(points, self.moments[first], self.returned[first], self.count)
 
     def statistics(self, cells_updated: int) -> SweepStatistics:
         """What became of the sweep."""

@@ -12,11 +12,11 @@ from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import LN_2, exponential_less_one, exponentials, logarithm
 from wayproof.maps.kernels import decay as kernels
 
-MOST = 127  # units that an int8 holds on either side of 0
+MAX_UNITS = 127  # units that an int8 holds on either side of 0
 
 
 @dataclass(frozen=True)
-class Evidence:
+class LogOddsModel:
     """A configuration's steps and clamps in whole units of log-odds.
 
     Attributes:
@@ -34,14 +34,14 @@ class Evidence:
     high: int
 
     @classmethod
-    def of(cls, config: MapConfig) -> Evidence:
+    def from_config(cls, config: MapConfig) -> LogOddsModel:
         """Choose the units that meet hit and miss best among those that still hold the clamps.
 
         Tried are the finer half of the possible ones; with equal errors the finest wins. The
         defaults come to 30 units, in which 0.9 and 0.4 are whole.
         """
         low, high = _log_odds(config.clamp_low), _log_odds(config.clamp_high)
-        finest = math.floor(MOST / max(-low, high))
+        finest = math.floor(MAX_UNITS / max(-low, high))
 
         def error(units: int) -> float:
             return max(
@@ -79,7 +79,7 @@ class Evidence:
         }
 
 
-def tick_losses(config: MapConfig) -> NDArray[np.uint64]:
+def decay_per_tick(config: MapConfig) -> NDArray[np.uint64]:
     """(128,) what a decay tick takes from each magnitude, in 2^-40 units.
 
     That is v (1 - 2^(-period / half-life)); nothing if the half-life is 0.
@@ -88,7 +88,7 @@ def tick_losses(config: MapConfig) -> NDArray[np.uint64]:
     if config.half_life > 0.0:
         share = -exponential_less_one(-LN_2[0] * config.decay_period / config.half_life)
     unit = float(1 << kernels.LOSS_BITS)
-    return np.array([round(v * share * unit) for v in range(MOST + 1)], np.uint64)
+    return np.array([round(v * share * unit) for v in range(MAX_UNITS + 1)], np.uint64)
 
 
 def _log_odds(probability: float) -> float:

@@ -16,7 +16,7 @@ from wayproof.maps.kernels import bricks as kernels
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.voxel.bricks import Bricks
-from wayproof.maps.voxel.log_odds import Evidence
+from wayproof.maps.voxel.log_odds import LogOddsModel
 from wayproof.maps.voxel.update_mask import brick_cells, unpack_bits
 
 BLOCK_US = 4.0  # about, to write the columns of a brick
@@ -48,7 +48,7 @@ class VoxelQueries:
 
     config: MapConfig
     resolution: float
-    evidence: Evidence
+    evidence: LogOddsModel
     _team: ThreadTeam
     _bricks: Bricks
     _losses: NDArray[np.uint64]

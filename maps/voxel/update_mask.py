@@ -35,30 +35,30 @@ SPREAD = np.argsort(
 
 
 @dataclass(frozen=True)
-class Marks:
+class UpdateMask:
     """The cells that a sweep or a shape marks, in a dense window of whole bricks.
 
     Attributes:
         bricks: (k, 3) indices of the bricks that hold any.
-        places: (k,) first word of each in the window.
+        offsets: (k,) first word of each in the window.
         strides: Words from column to column along x and y.
         hits: (words,) a bit for each cell to be raised.
-        free: (words,) a bit for each cell to be lowered, where it is not to be raised.
+        misses: (words,) a bit for each cell to be lowered, where it is not to be raised.
     """
 
     bricks: NDArray[np.int32]
-    places: NDArray[np.int64]
+    offsets: NDArray[np.int64]
     strides: tuple[int, int]
     hits: NDArray[np.uint64]
-    free: NDArray[np.uint64]
+    misses: NDArray[np.uint64]
 
-    def take_free(self) -> NDArray[np.uint64]:
-        """The cells to be lowered, (k, 256) words by brick and column; they are marked no more."""
+    def take_misses(self) -> NDArray[np.uint64]:
+        """Return the bits to be lowered, (k, 256) words by brick and column, and clear them."""
         row = np.arange(bricks.EDGE)
         columns = row[:, None] * self.strides[0] + row * self.strides[1]  # (16, 16)
-        words = self.places[:, None] + columns.reshape(-1)  # (k, 256)
-        bits = self.free[words]
-        self.free[words] = 0
+        words = self.offsets[:, None] + columns.reshape(-1)  # (k, 256)
+        bits = self.misses[words]
+        self.misses[words] = 0
         return bits
 
 
@@ -81,7 +81,7 @@ class Frame(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Placed:
+class SweepEndpoints:
     """Where the beams of a sweep end.
 
     Attributes:
@@ -99,7 +99,7 @@ class Placed:
     frame: Frame
 
 
-class SweepWindow:
+class SweepRasterizer:
     """A dense window of columns that follows the sensor; its memory is used again.
 
     Each thread carves its own share of the beams into its own mask. These are merged by OR, which
@@ -119,17 +119,17 @@ class SweepWindow:
         self._aims = np.zeros(0, np.uint64)
         self._flags = np.zeros(0, np.uint8)
         self._ends = np.empty(0, np.int64)
-        self._free = np.zeros((team.size, 0), np.uint64)
+        self._misses = np.zeros((team.size, 0), np.uint64)
         self._targets, self._bits = np.empty((0, 5), np.int32), np.empty(0, np.uint64)
         self._columns, self._ranks, self._order = np.empty((3, 0), np.int32)
 
     @property
     def nbytes(self) -> int:
         """Bytes that the masks hold."""
-        masks = (self._hits, self._aims, self._flags, self._free)
+        masks = (self._hits, self._aims, self._flags, self._misses)
         return sum(mask.nbytes for mask in masks)
 
-    def place(self, sweep: Sweep) -> Placed:
+    def endpoints(self, sweep: Sweep) -> SweepEndpoints:
         """Find where the beams end; nothing is marked.
 
         Raises:
@@ -145,7 +145,7 @@ class SweepWindow:
         boxes, counts = np.empty((size, 2, 3), np.int64), np.zeros((size, 4), np.int64)
         listed, whole = np.empty((size, stripes), np.int64), [True] * size
 
-        def place(_: int, some: tuple[int, int]) -> None:
+        def work(_: int, some: tuple[int, int]) -> None:
             for k in range(*some):
                 whole[k] = beams.place_ends(
                     sweep.origins,
@@ -164,7 +164,7 @@ class SweepWindow:
                     np.empty(beams.CHUNK, np.int64),
                 )
 
-        self._team.parallel_for(place, size, 1, BEAM_US * count / size)
+        self._team.parallel_for(work, size, 1, BEAM_US * count / size)
         if not all(whole):
             squared = np.square(sweep.directions).sum(axis=1)
             strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
@@ -186,28 +186,28 @@ class SweepWindow:
             for stripe, end in enumerate(until):
                 parts[stripe].append((begin + each * stripe, begin + end))
         fates = [sum(fate) for fate in zip(*counts.tolist(), strict=True)]
-        return Placed(self._ends, parts, fates, box, frame)
+        return SweepEndpoints(self._ends, parts, fates, box, frame)
 
-    def carve(self, sweep: Sweep, placed: Placed, guard: bool) -> Marks:
+    def trace(self, sweep: Sweep, endpoints: SweepEndpoints, guard: bool) -> UpdateMask:
         """Mark the cells that the beams hit and cross.
 
         Args:
             sweep: The beams.
-            placed: Where they end.
+            endpoints: Where they end.
             guard: Whether a beam that ends in the floor's layer spares that layer.
         """
-        (x, y, z), shape = placed.frame.corner, placed.frame.shape
+        (x, y, z), shape = endpoints.frame.corner, endpoints.frame.shape
         nx, ny, words = shape
         self._reserve(nx * ny, words)
         layer = FLOOR_LAYER - z
         guarded = layer if guard and 0 <= layer < 64 * words else NO_GUARD
         corner = [(2 * cell << beams.SUBCELL_BITS) - 1 for cell in (x, y, z)]
         sensors = 2 * sweep.sensors - np.array(corner)
-        (x0, y0, z0), (x1, y1, z1) = placed.box
+        (x0, y0, z0), (x1, y1, z1) = endpoints.box
         within = x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z
-        most = [sum(end - begin for begin, end in parts) for parts in placed.parts]
+        most = [sum(end - begin for begin, end in parts) for parts in endpoints.parts]
         edges = [0, *itertools.accumulate(most)]  # of the targets of each stripe
-        parts = np.array(placed.parts)  # (stripes, p, 2)
+        parts = np.array(endpoints.parts)  # (stripes, p, 2)
         if len(self._bits) < edges[-1]:  # new memory would be cleared anew by the system
             self._targets = np.empty((edges[-1], 5), np.int32)
             self._bits = np.empty(edges[-1], np.uint64)
@@ -219,7 +219,7 @@ class SweepWindow:
             for k in range(*stripes):
                 own = slice(edges[k], edges[k + 1])
                 beams.list_targets(
-                    placed.ends,
+                    endpoints.ends,
                     parts[k],
                     sensors,
                     within,
@@ -243,7 +243,7 @@ class SweepWindow:
         used = beams.order_targets(self._ranks, firsts, groups, starts, order, wedges)
         queue = new_queue()
 
-        def carve(worker: int) -> None:
+        def work(worker: int) -> None:
             # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
             steps = carving.MAX_STEPS + 1
             carving.carve(
@@ -259,13 +259,13 @@ class SweepWindow:
                 tuple(np.empty(steps, np.int64) for _ in range(5)),
                 np.empty(steps, np.uint64),
                 np.empty((carving.MAX_RUNS * words, 3), np.int64),
-                self._free[worker],
+                self._misses[worker],
             )
 
-        self._team.run_all(carve, TARGET_US * count)
-        return self._collect(placed.frame)
+        self._team.run_all(work, TARGET_US * count)
+        return self._collect(endpoints.frame)
 
-    def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> Marks:
+    def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> UpdateMask:
         """Mark cells of an array (nx, ny, nz), whose least one is `first`, as hit or as free."""
         first, cells = self._within(first, cells)
         last = first + np.maximum(cells.shape, 1) - 1
@@ -278,7 +278,7 @@ class SweepWindow:
             for a, n in zip(first - frame.corner, cells.shape, strict=True)
         )
         dense[inside] = cells
-        masks = self._hits if raised else self._free[0]
+        masks = self._hits if raised else self._misses[0]
         masks[: nx * ny * words] = pack_bits(dense).reshape(-1)
         return self._collect(frame)
 
@@ -301,22 +301,28 @@ class SweepWindow:
     def _reserve(self, columns: int, words: int) -> None:
         if len(self._hits) < columns * words:
             self._hits, self._aims = (np.zeros(columns * words, np.uint64) for _ in range(2))
-            self._free = np.zeros((self._team.size, columns * words), np.uint64)
+            self._misses = np.zeros((self._team.size, columns * words), np.uint64)
         if len(self._flags) < columns:
             self._flags = np.zeros(columns, np.uint8)
 
-    def _collect(self, frame: Frame) -> Marks:
+    def _collect(self, frame: Frame) -> UpdateMask:
         """Merge what the threads marked, and list the bricks that hold any."""
         nx, ny, words = shape = frame.shape
         touched = np.zeros((nx // bricks.EDGE, ny // bricks.EDGE, words), np.bool_)
 
         def gather(_: int, rows: tuple[int, int]) -> None:
-            update.gather(self._hits, self._free, shape, rows, touched)
+            update.gather(self._hits, self._misses, shape, rows, touched)
 
         self._team.parallel_for(gather, len(touched), 1, WORD_US * words * ny * bricks.EDGE)
-        keys, places = np.empty((touched.size, 3), np.int32), np.empty(touched.size, np.int64)
-        count = update.list_touched(touched, frame.first, keys, places)
-        return Marks(keys[:count], places[:count], (ny * words, words), self._hits, self._free[0])
+        keys, offsets = np.empty((touched.size, 3), np.int32), np.empty(touched.size, np.int64)
+        count = update.list_touched(touched, frame.first, keys, offsets)
+        return UpdateMask(
+            bricks=keys[:count],
+            offsets=offsets[:count],
+            strides=(ny * words, words),
+            hits=self._hits,
+            misses=self._misses[0],
+        )
 
 
 def brick_of(cells: NDArray[np.int64]) -> NDArray[np.int64]:

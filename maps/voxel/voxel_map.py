@@ -20,9 +20,9 @@ from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
 from wayproof.maps.voxel.bricks import Bricks
-from wayproof.maps.voxel.log_odds import Evidence, tick_losses
+from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick
 from wayproof.maps.voxel.queries import RayEnd, VoxelQueries
-from wayproof.maps.voxel.update_mask import Marks, SweepWindow, unpack_bits
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, unpack_bits
 
 __all__ = ["RayEnd", "VoxelMap"]
 
@@ -72,11 +72,11 @@ class VoxelMap(VoxelQueries):
         """
         self.config = config
         self.resolution = config.resolution
-        self.evidence = Evidence.of(config)
+        self.evidence = LogOddsModel.from_config(config)
         self._team = ThreadTeam(threads)
-        self._window = SweepWindow(self._team, _region(low, high, config.resolution))
+        self._rasterizer = SweepRasterizer(self._team, _region(low, high, config.resolution))
         self._bricks = Bricks(config.memory_mib)
-        self._losses = tick_losses(config)
+        self._losses = decay_per_tick(config)
         self._tick_ns = round(config.decay_period * 1e9)
         self._ticks = 0
         self._looked = -1  # tick at which all bricks were last looked at
@@ -122,11 +122,11 @@ class VoxelMap(VoxelQueries):
             config.minimum_range,
             self.resolution,
         )
-        placed = self._window.place(sweep)
+        endpoints = self._rasterizer.endpoints(sweep)
         self.advance(time_ns)
-        marks = self._window.carve(sweep, placed, config.surface_guard == "floor")
-        updated = self._apply(marks, time_ns)
-        hits, clears, dropped, too_near = placed.counts
+        mask = self._rasterizer.trace(sweep, endpoints, config.surface_guard == "floor")
+        updated = self._apply(mask, time_ns)
+        hits, clears, dropped, too_near = endpoints.counts
         return SweepStatistics(hits, clears, dropped, too_near, updated)
 
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
@@ -198,9 +198,9 @@ class VoxelMap(VoxelQueries):
         self.advance(time_ns)
         if self.config.half_life == 0.0 or np.any(end <= first):
             return
-        marks = self._window.fill(first, np.ones(end - first, np.bool_), raised=False)
-        bits = marks.take_free()
-        slots = self._bricks.find(marks.bricks)
+        mask = self._rasterizer.fill(first, np.ones(end - first, np.bool_), raised=False)
+        bits = mask.take_misses()
+        slots = self._bricks.find(mask.bricks)
         known = slots[slots >= 0]
         self._fade(known, to_now=True)
         self._bricks.fresh[known] |= bits[slots >= 0]
@@ -248,7 +248,7 @@ class VoxelMap(VoxelQueries):
 
     def memory_bytes(self) -> int:
         """Bytes of the bricks in use and of the masks of a sweep."""
-        return self._bricks.nbytes + self._window.nbytes
+        return self._bricks.nbytes + self._rasterizer.nbytes
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the map to a file, first under a temporary name.
@@ -296,14 +296,14 @@ class VoxelMap(VoxelQueries):
         nx, ny, nz = cells.shape
         occupied, free = self.columns(first, (nx, ny, -(-nz // 64)))
         spared = unpack_bits(occupied if except_for == OCCUPIED else free)[:, :, :nz]
-        marks = self._window.fill(first, cells & ~spared, raised=except_for == FREE)
-        self._apply(marks, time_ns)
+        mask = self._rasterizer.fill(first, cells & ~spared, raised=except_for == FREE)
+        self._apply(mask, time_ns)
 
-    def _apply(self, marks: Marks, time_ns: int) -> int:
+    def _apply(self, mask: UpdateMask, time_ns: int) -> int:
         """Update the marked cells; return their number."""
-        bricks, count = self._bricks, len(marks.bricks)
+        bricks, count = self._bricks, len(mask.bricks)
         self._stamp += 1
-        slots = bricks.reserve(marks.bricks, self._ticks, self._stamp)
+        slots = bricks.reserve(mask.bricks, self._ticks, self._stamp)
         self._fade(slots[slots >= 0], to_now=True)
         due = self._ticks + 1 if self.config.half_life > 0.0 else decay.NEVER
         updated: list[int] = []
@@ -311,11 +311,11 @@ class VoxelMap(VoxelQueries):
         def update(_: int, part: tuple[int, int]) -> None:
             cells = updates.update_bricks(
                 slots,
-                marks.places,
+                mask.offsets,
                 part,
-                marks.strides,
-                marks.hits,
-                marks.free,
+                mask.strides,
+                mask.hits,
+                mask.misses,
                 self.evidence.steps,
                 bricks.cells,
                 bricks.eights,

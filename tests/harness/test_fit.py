@@ -22,7 +22,7 @@ def lane() -> FreeSpace:
     blocked[:20] = True
     field = np.minimum(np.rint(distance_transform_edt(~blocked) ** 2), 900).astype(np.uint16)
     discs = BODY.discs(0.0, 0.05, flat=True)
-    return FreeSpace(field, np.zeros(3), 0.05, discs[0].blocked_at_or_below, np.zeros(901), discs)
+    return FreeSpace(field, np.zeros(3), 0.05, discs[0].collision_distance_sq, np.zeros(901), discs)
 
 
 def place(x: float, y: float = 2.0) -> np.ndarray:

@@ -62,7 +62,7 @@ def seen_map():
 @pytest.mark.parametrize("wider", [0, 9])
 def test_kinds_are_those_of_each_cell_alone(wider):
     _, costmap = seen_map()
-    layer, limit = layer_at(costmap, 0.55), costmap.blocked_at_or_below + wider
+    layer, limit = layer_at(costmap, 0.55), costmap.collision_distance_sq + wider
     told, states = kinds(costmap, layer, limit), costmap.state[:, :, layer]
     field = costmap.obstacle_clearance[:, :, layer]
     nx, ny = told.shape

@@ -50,7 +50,7 @@ def make_space(blocked, body=ROUND):
     """Where a body fits among blocked cells (nx, ny, 1); at its heading if it is long."""
     discs = body.discs(margin=0.0, resolution=CELL, flat=True)
     distances = scipy_squared(blocked, REACH).astype(np.uint16)
-    least = min(disc.blocked_at_or_below for disc in discs)
+    least = min(disc.collision_distance_sq for disc in discs)
     costs = np.zeros(REACH**2 + 1)
     return FreeSpace(distances, np.zeros(3), CELL, least, costs, discs if len(discs) > 1 else ())
 

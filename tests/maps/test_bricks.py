@@ -45,7 +45,7 @@ def test_memory_stays_below_its_bound_and_the_oldest_bricks_go_first():
     known = np.flatnonzero(voxel_map.state_at(at) == FREE)
     assert len(known) >= capacity * 0.9
     assert known.tolist() == list(range(3 * capacity - len(known), 3 * capacity))
-    bricks = voxel_map.memory_bytes() - voxel_map._window.nbytes
+    bricks = voxel_map.memory_bytes() - voxel_map._rasterizer.nbytes
     assert bricks <= 1.01 * 2**20
     assert voxel_map.counts() == {"free": 5 * len(known), "occupied": len(known)}
 

@@ -124,7 +124,7 @@ def test_the_body_is_forbidden_near_what_the_policy_fears(voxel_map):
     voxel_map.set(np.s_[20, 10, BODY], UNKNOWN)
     forbid, allow = ground(voxel_map), ground(voxel_map, unknown_policy="allow")
     # (0.2 + 0.1) m is 3 cells, and half a diagonal 0.707: 3.707^2 = 13.7.
-    assert forbid.blocked_at_or_below == allow.blocked_at_or_below == 13
+    assert forbid.collision_distance_sq == allow.collision_distance_sq == 13
     assert forbid.admissible()[[10, 10, 20, 20], [13, 14, 13, 14], 0].tolist() == [False, True] * 2
     assert allow.admissible()[[10, 20, 20], [13, 10, 13], 0].tolist() == [False, True, True]
     # The border is 3 cells from index 2, which is too near, and 4 from index 3.
@@ -197,7 +197,7 @@ def test_the_air_has_the_states_of_the_voxels_within_the_window(voxel_map):
 
 def test_the_ball_keeps_half_a_space_diagonal(voxel_map):
     # 0.2 m is 2 cells, and half a diagonal 0.866: 2.866^2 = 8.2.
-    assert air(voxel_map).blocked_at_or_below == 8
+    assert air(voxel_map).collision_distance_sq == 8
 
 
 def test_the_cost_falls_by_navs_law(voxel_map):
@@ -217,7 +217,7 @@ def test_the_margin_widens_what_is_forbidden(voxel_map):
     costmap = ground(voxel_map)
     before = costmap.admissible().sum()
     costmap.update(0.3)
-    assert costmap.blocked_at_or_below == 32  # (5 + 0.707)^2 = 32.6
+    assert costmap.collision_distance_sq == 32  # (5 + 0.707)^2 = 32.6
     assert costmap.margin == 0.3
     assert costmap.admissible().sum() < before
     costmap.update(0.1)
@@ -384,7 +384,7 @@ def assert_presumed(costmap, edge):
     expected = np.where(
         unsure, np.minimum(costmap.obstacle_clearance, edge), costmap.obstacle_clearance
     )
-    np.testing.assert_array_equal(costmap.presumed(edge).whole(), expected)
+    np.testing.assert_array_equal(costmap.optimistic(edge).whole(), expected)
 
 
 @pytest.mark.parametrize("make", [ground, air])

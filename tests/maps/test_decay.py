@@ -6,7 +6,7 @@ import pytest
 
 from wayproof.maps import OCCUPIED, UNKNOWN, MapConfig, VoxelMap
 from wayproof.maps.kernels import decay as kernels
-from wayproof.maps.voxel.log_odds import tick_losses
+from wayproof.maps.voxel.log_odds import decay_per_tick
 
 SECOND = 10**9
 EYE = (0.55, 0.55, 0.475)
@@ -47,7 +47,7 @@ def test_values_fade_as_tick_by_tick(half_life, period):
         for sign in (1, -1):
             values = (sign * np.arange(128)).astype(np.int8)
             ticks = np.full(128, start)
-            kernels.fade_values(values, ticks, start + 60, tick_losses(config))
+            kernels.fade_values(values, ticks, start + 60, decay_per_tick(config))
             assert (sign * values).tolist() == expected
 
 
@@ -55,7 +55,7 @@ def test_values_fade_as_tick_by_tick(half_life, period):
 def test_the_half_life_holds_for_every_value(value):
     """Averaged over when it starts: where a tick takes less than a unit, that decides when."""
     starts = np.arange(0, 3000, 7)
-    losses = tick_losses(MapConfig(half_life=30.0, decay_period=1.0))
+    losses = decay_per_tick(MapConfig(half_life=30.0, decay_period=1.0))
     left = np.concatenate([faded(value, start, start + 30, losses) for start in starts])
     # A loss of one unit comes early by half a unit on average: the first threshold is anywhere.
     assert left.mean() == pytest.approx(value / 2 - 0.25, rel=0.02, abs=0.25)
@@ -255,7 +255,7 @@ def faded_brick(ticks_seen, until):
     turned, alive = (np.zeros(1, np.bool_) for _ in range(2))
     eights = np.empty(8, np.uint64)
     scratch = np.empty(64, np.uint8), eights.view(np.uint8), eights
-    steps, losses = np.empty(kernels.MAGNITUDES, np.uint8), tick_losses(MapConfig(half_life=3.0))
+    steps, losses = np.empty(kernels.MAGNITUDES, np.uint8), decay_per_tick(MapConfig(half_life=3.0))
     slots, part = np.array([0]), (0, 1)
     state = cells, fresh, settled, ticks, dues
     kernels.fade_bricks(slots, part, until, True, *state, losses, turned, alive, steps, scratch)
@@ -266,7 +266,7 @@ def faded_brick(ticks_seen, until):
 def test_a_brick_fades_as_its_values_do(until, monkeypatch):
     before, cells, (settled, ticks, dues, turned, alive) = faded_brick(7, until)
     expected = before.reshape(-1).copy()
-    losses = tick_losses(MapConfig(half_life=3.0))
+    losses = decay_per_tick(MapConfig(half_life=3.0))
     kernels.fade_values(expected, np.full(expected.size, 7), until, losses)
     expected = expected.reshape(before.shape)
     passed_away = bool(np.any((before != 0) & (expected == 0)))

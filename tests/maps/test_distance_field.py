@@ -280,6 +280,6 @@ def test_only_what_is_wanted_is_worked_out():
     ("planes", "rows"), [((0, 6), (0, 2)), ((-1, 2), (0, 2)), ((0, 2), (1, 3))]
 )
 def test_planes_and_rows_beyond_the_new_cells_are_refused(planes, rows):
-    news = boxes([np.zeros((5, 2, 1), np.uint64)])._replace(planes=planes, rows=rows)
+    update = boxes([np.zeros((5, 2, 1), np.uint64)])._replace(planes=planes, rows=rows)
     with pytest.raises(ValueError, match=r"expected within \(5, 5, 1\)"):
-        take_over([DistanceField((5, 5, 5), 3)], news)
+        take_over([DistanceField((5, 5, 5), 3)], update)

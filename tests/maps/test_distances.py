@@ -37,7 +37,7 @@ def test_wherever_a_reader_caught_up_the_distances_are_true(threads, most):
         told = [
             clearances.to_not_free(most),
             clearances.to_obstacles(most),
-            clearances.presumed(9, most),
+            clearances.optimistic(9, most),
         ]
         truth = expected(free, occupied, 9, most)
         looked = [rng.random(SHAPE[:2]) < 0.02 for _ in told]
@@ -92,7 +92,7 @@ def window_with_news(searched=None):
     free = np.ones(SHAPE, np.bool_)
     clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
     clearances.begin(whole=True)
-    clearances.presumed(9, REACH**2)
+    clearances.optimistic(9, REACH**2)
     if searched is not None:
         clearances.to_obstacles(REACH**2).searched[searched] = True
     free[20, 15, 6] = False
@@ -118,11 +118,11 @@ def test_limits_that_nobody_asks_for_give_their_memory_to_others_and_nothing_els
     free, occupied = ~drawn(rng, 0.01), drawn(rng, 0.005)
     clearances.take_over(packed(free), packed(occupied), *EVERYWHERE)
     clearances.begin(whole=True)
-    nine = clearances.presumed(9, REACH**2)
+    nine = clearances.optimistic(9, REACH**2)
     clearances.begin(whole=False)
-    twelve = clearances.presumed(12, REACH**2)
+    twelve = clearances.optimistic(12, REACH**2)
     assert np.shares_memory(twelve.cells, nine.cells)
-    for distances, edge in ((twelve, 12), (clearances.presumed(9, REACH**2), 9)):
+    for distances, edge in ((twelve, 12), (clearances.optimistic(9, REACH**2), 9)):
         true = expected(free, occupied, edge, REACH**2)[2]
         np.testing.assert_array_equal(distances.whole(), true)
 
@@ -149,13 +149,13 @@ def search(distances):
 
 
 @pytest.mark.parametrize("work_out", [search, Distances.whole, Distances.begin_search])
-@pytest.mark.parametrize("kind", ["to_not_free", "to_obstacles", "presumed"])
-@pytest.mark.parametrize("other", ["to_not_free", "to_obstacles", "presumed"])
+@pytest.mark.parametrize("kind", ["to_not_free", "to_obstacles", "optimistic"])
+@pytest.mark.parametrize("other", ["to_not_free", "to_obstacles", "optimistic"])
 def test_what_was_read_while_it_was_stale_is_read_anew_whoever_worked_it_out_since(
     work_out, kind, other
 ):
     clearances = window_with_news()
-    limits = {"presumed": (9, REACH**2)}
+    limits = {"optimistic": (9, REACH**2)}
     reader, worker = (
         getattr(clearances, name)(*limits.get(name, (REACH**2,))) for name in (kind, other)
     )

@@ -7,7 +7,7 @@ import pytest
 
 from wayproof.maps import FREE, MAPS, OCCUPIED, DynamicMap, MapConfig, VoxelMap
 from wayproof.maps.kernels import tracking as kernels
-from wayproof.maps.others.ever_free import ConfidentSpace
+from wayproof.maps.others.ever_free import EverFreeSpace
 from wayproof.maps.others.tracking import POINTS, Traffic, clusters_of, way_ahead
 
 TENTH = 100_000_000  # ns
@@ -310,7 +310,7 @@ def test_laying_cells_over_a_window(run):
 
 
 def test_confidence_needs_a_period_and_every_neighbour():
-    space, key = ConfidentSpace(), np.zeros((1, 3), np.int64)
+    space, key = EverFreeSpace(), np.zeros((1, 3), np.int64)
     full = np.full((1, 256), np.uint64(2**64 - 1))
     none = np.empty((0, 3), np.int64)
     middle, edge = np.array([[8, 8, 8]]), np.array([[0, 8, 8]])
@@ -328,7 +328,7 @@ def test_confidence_needs_a_period_and_every_neighbour():
     space.narrow(key, np.zeros((1, 256), np.uint64), none)
     space.close_period(lambda keys: np.zeros((len(keys), 256), np.uint64))
     assert len(space.keys()) == 0
-    assert space.digest() == ConfidentSpace().digest()
+    assert space.digest() == EverFreeSpace().digest()
 
 
 @pytest.mark.parametrize(

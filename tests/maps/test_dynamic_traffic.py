@@ -82,7 +82,7 @@ class Judge:
         if k < 10 * WATCHED:
             return
         costmap, now, later = self.costmap, self.way(0.1 * k), self.way(0.1 * k + 0.2)
-        blocked = costmap.obstacle_clearance[:, :, 0] <= costmap.blocked_at_or_below
+        blocked = costmap.obstacle_clearance[:, :, 0] <= costmap.collision_distance_sq
         reach = costmap.radius + costmap.margin
         true = self.near(later, reach)
         # A cell's diagonal is what a map on a grid may be off.

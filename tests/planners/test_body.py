@@ -12,7 +12,7 @@ from wayproof.planners import (
     FreeSpace,
     GoalField,
     PlannerConfig,
-    blocked_at_or_below,
+    collision_distance_sq,
     kernels,
     plan,
     state_space_for,
@@ -24,8 +24,8 @@ LONG = Body(offsets=(-0.3, 0.0, 0.3), radii=(0.2, 0.2, 0.2))
 def body_space(blocked: np.ndarray, body: Body = LONG) -> FreeSpace:
     space = make_space(blocked)
     discs = body.discs(margin=0.0, resolution=space.resolution, flat=space.flat)
-    least = min(disc.blocked_at_or_below for disc in discs)
-    return dataclasses.replace(space, blocked_at_or_below=least, discs=discs)
+    least = min(disc.collision_distance_sq for disc in discs)
+    return dataclasses.replace(space, collision_distance_sq=least, discs=discs)
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +39,8 @@ def gap() -> FreeSpace:
 
 def test_thresholds_by_hand():
     # 0.25 m are 5 cells of 5 cm, and half a diagonal is 0.707 or 0.866 of one: 32.57 and 34.41.
-    assert blocked_at_or_below(0.25, 0.05, flat=True) == 32
-    assert blocked_at_or_below(0.25, 0.05, flat=False) == 34
+    assert collision_distance_sq(0.25, 0.05, flat=True) == 32
+    assert collision_distance_sq(0.25, 0.05, flat=False) == 34
     body = Body((0.0, 0.4), (0.2, 0.1))
     assert body.circumscribed_radius == pytest.approx(0.5)
     assert body.discs(0.05, 0.05, flat=True) == (Disc(0.0, 32), Disc(0.4, 13))
@@ -84,7 +84,7 @@ def naive_free(space: FreeSpace, a: np.ndarray, b: np.ndarray) -> bool:
         for disc in space.discs:
             centre = [x + disc.offset * math.cos(heading), y + disc.offset * math.sin(heading), z]
             alone = dataclasses.replace(
-                space, discs=(), blocked_at_or_below=disc.blocked_at_or_below
+                space, discs=(), collision_distance_sq=disc.collision_distance_sq
             )
             if not alone.is_free(np.array(centre)):
                 return False
@@ -132,8 +132,8 @@ def test_compiled_pose_kernels_equal_python():
 @pytest.mark.parametrize("name", ["field", "rrtconnect"])
 def test_a_long_body_fits_lengthwise_where_its_disc_does_not(gap, name):
     start, goal = point(gap, 15.5, 30.5), point(gap, 65.5, 30.5)
-    disc = blocked_at_or_below(LONG.circumscribed_radius, gap.resolution, flat=True)
-    round_body = dataclasses.replace(gap, discs=(), blocked_at_or_below=disc)
+    disc = collision_distance_sq(LONG.circumscribed_radius, gap.resolution, flat=True)
+    round_body = dataclasses.replace(gap, discs=(), collision_distance_sq=disc)
     config = PlannerConfig(name, iterations=20_000)
     assert plan(round_body, start, goal, config, seed=1).label == "no_path"
     found = plan(gap, start, goal, config, seed=1, heading=1.5)

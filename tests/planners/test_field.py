@@ -285,7 +285,7 @@ def test_a_long_body_is_replanned_for_as_anew():
     for step in range(30):
         space, _ = put_box(space, rng, boxes)
         both = make_space(walls | (space.field == 0))
-        long = dataclasses.replace(both, blocked_at_or_below=7, discs=body)
+        long = dataclasses.replace(both, collision_distance_sq=7, discs=body)
         start, heading = point(space, 5.5 + 0.3 * step, 44.9), 0.4 * (step % 2)
         again = kept.plan(long, start, seed=step + 1, heading=heading)
         fresh = GoalField(kept.goal, PlannerConfig()).plan(long, start, step + 1, heading)
@@ -319,6 +319,6 @@ def test_replanning_is_the_same_as_planning_anew(shape, told):
         plans.add(again.waypoints.tobytes())
         assert again.waypoints.tobytes() == fresh.waypoints.tobytes()
         assert again.cost == fresh.cost
-        _, least, _ = walk_path(space.grid, space.blocked_at_or_below, 0.0, again.waypoints)
-        assert least > space.blocked_at_or_below
+        _, least, _ = walk_path(space.grid, space.collision_distance_sq, 0.0, again.waypoints)
+        assert least > space.collision_distance_sq
     assert len(plans) > 25

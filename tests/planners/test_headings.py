@@ -19,8 +19,8 @@ BODY = Body((-0.3, 0.0, 0.3), (0.2, 0.2, 0.2))
 def long_space(blocked: np.ndarray, body: Body = BODY) -> FreeSpace:
     space = make_space(blocked)
     discs = body.discs(0.0, space.resolution, flat=True)
-    least = min(disc.blocked_at_or_below for disc in discs)
-    return dataclasses.replace(space, blocked_at_or_below=least, discs=discs)
+    least = min(disc.collision_distance_sq for disc in discs)
+    return dataclasses.replace(space, collision_distance_sq=least, discs=discs)
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_motions_are_free_where_all_their_cells_are():
     rng = np.random.default_rng(4)
     space = long_space(rng.random((40, 30, 1)) < 0.02)
     plane = heading_kernels.Plane(
-        space.field[:, :, 0], space.blocked_at_or_below, np.full(201, 8, np.int32), 2, (20, 15)
+        space.field[:, :, 0], space.collision_distance_sq, np.full(201, 8, np.int32), 2, (20, 15)
     )
     ways = _ways((-1.5, 0.0, 2.0), plane.threshold, plane.factor)
     shortened = 0
@@ -159,7 +159,7 @@ def search_problem():
     space = long_space(blocked)
     rates = np.full(201, 8, np.int32)
     plane = heading_kernels.Plane(
-        space.field[:, :, 0], space.blocked_at_or_below, rates, 1, (24, 20)
+        space.field[:, :, 0], space.collision_distance_sq, rates, 1, (24, 20)
     )
     ways = _ways(_offsets(space), plane.threshold, 1)
     ways = ways._replace(turn_price=40, reversal_price=900)

@@ -257,7 +257,7 @@ def test_nearest_free_takes_the_nearest_then_the_lowest_index():
         ),
         ({"origin": np.zeros(2)}, r"space\.origin: got shape \(2,\), expected \(3,\)"),
         ({"resolution": 0.0}, r"space\.resolution: got 0\.0, expected above 0"),
-        ({"blocked_at_or_below": -1}, r"blocked_at_or_below: got -1, expected 0 or more"),
+        ({"collision_distance_sq": -1}, r"collision_distance_sq: got -1, expected 0 or more"),
         ({"cost_by_distance": np.array([0.0, np.inf])}, r"space\.cost_by_distance: got \[inf\]"),
     ],
 )
@@ -266,7 +266,7 @@ def test_wrong_spaces_are_refused(change, message):
         "distances": np.ones((3, 3, 1), dtype=np.uint16),
         "origin": np.zeros(3),
         "resolution": 0.1,
-        "blocked_at_or_below": 0,
+        "collision_distance_sq": 0,
         "cost_by_distance": np.zeros(4),
     }
     with pytest.raises(ValueError, match=message):

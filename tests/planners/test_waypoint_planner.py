@@ -67,7 +67,7 @@ def space_of(shape, wall=False, discs=()):
     field = np.full(shape, 100, np.uint16)
     if wall:
         field[shape[0] // 2] = 0
-    threshold = min((disc.blocked_at_or_below for disc in discs), default=4)
+    threshold = min((disc.collision_distance_sq for disc in discs), default=4)
     return FreeSpace(field, np.zeros(3), 0.1, threshold, np.zeros(101), discs)
 
 
