@@ -12,9 +12,9 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
+from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.labels import decode_classes
-from wayproof.maps.elementary import arc_tangent
 from wayproof.models import range_codec
 from wayproof.models.beams import (
     DROPPED,
@@ -60,8 +60,7 @@ class Pose:
     @property
     def heading(self) -> float:
         """Yaw, rad."""
-        w, x, y, z = self.quaternion.tolist()
-        return heading_of(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        return yaw_of_quaternion(self.quaternion)
 
 
 @dataclass(frozen=True)
@@ -172,14 +171,6 @@ class Inputs:
     pose: Pose
     sweeps: tuple[SweepInput, ...]
     digest: str
-
-
-def heading_of(y: float, x: float) -> float:
-    """Angle of a direction in the plane, rad, in whole nanoradians.
-
-    A library's arc tangent varies in its last bits between processors; this one does not.
-    """
-    return round(arc_tangent(y, x), 9)
 
 
 def inputs_from_messages(

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.geometry import polyline_length
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 Outcome = Literal[
@@ -109,10 +110,9 @@ def figures(
         clearances: True ones there, m.
         misses: Decisions past their deadline.
     """
-    steps = np.diff(np.array(positions).reshape(-1, 3), axis=0)
     return {
         "min_clearance_m": min(clearances, default=math.nan),
-        "path_length_m": float(np.sqrt(np.square(steps).sum(axis=1)).sum()),
+        "path_length_m": polyline_length(np.array(positions).reshape(-1, 3)),
         "deadline_misses": misses,
     }
 

@@ -17,7 +17,8 @@ from wayproof.harness.outputs import Draft
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.mujoco_warnings import tell_warnings
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
-from wayproof.harness.stack.pipeline import Navigator, build_navigator
+from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.supervision import announce
 from wayproof.harness.user_code import plugin_digests
 

@@ -6,35 +6,45 @@ from dataclasses import replace
 
 import numpy as np
 
+from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.planner_input import FreeSpaceBuilder
 from wayproof.harness.stack.reasons import Reason
-from wayproof.harness.stack.spaces import FreeSpaces
-from wayproof.harness.stack.types import Array, Choice, Memory, View, length
+from wayproof.harness.stack.types import Array, Command, PlannerInput, arc_length
 from wayproof.planners import Disc, follow_path
 
 
 class Reckless(Navigator):
     """A stack that goes straight for its goal, whatever its map holds."""
 
-    def _decide(self, view: View) -> tuple[Choice, Memory, View]:
-        choice, memory, view = super()._decide(view)
-        if choice.action == "goal":
-            return choice, memory, view
-        if view.sequence == 0:
-            path = np.stack([view.position, view.goal])
-            start = path, view.effect_ns, 0.0, 0.0, 0.0, view.heading
-            self._straight = follow_path(*start, view.limits, view.limits.speed)
+    def _decide(self, planner_input: PlannerInput) -> FootprintDecision:
+        decided = super()._decide(planner_input)
+        if decided.command.action == "goal":
+            return decided
+        given = decided.input
+        if given.sequence == 0:
+            self._straight = follow_path(
+                np.stack([given.position, given.goal]),
+                given.effect_ns,
+                0.0,
+                0.0,
+                0.0,
+                given.heading,
+                given.limits,
+                given.limits.speed,
+            )
         straight = self._straight
         # It claims that all of it is admitted, which an audit finds false wherever it is not.
-        reason = Reason("path_to_goal", path_m=length(straight.path))
-        choice = Choice("follow", reason, "none", straight, straight.path)
-        return choice, replace(memory, trajectory=straight, guide=straight.path), view
+        reason = Reason("path_to_goal", path_m=arc_length(straight.path))
+        command = Command("follow", reason, "none", straight, straight.path)
+        state = replace(decided.state, trajectory=straight, global_path=straight.path)
+        return FootprintDecision(command, state, given)
 
 
-class PointSpaces(FreeSpaces):
+class PointSpaces(FreeSpaceBuilder):
     """Free space for a body without extent."""
 
-    def _threshold(self, wide: bool) -> int:
+    def _threshold(self, circumscribed: bool) -> int:
         return 1
 
     def _costs(self) -> Array:

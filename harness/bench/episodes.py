@@ -22,7 +22,7 @@ from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.warm_up import warm_up
 from wayproof.maps import UNKNOWN, states_in
 

@@ -25,7 +25,7 @@ from wayproof.harness.logs.reader import Log
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.result import ends_in_error, figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import Difference, seal
+from wayproof.harness.stack.decision import Difference, chain_hash
 
 SAME = 1e-9
 """Relative difference of figures that are the same, summed in another order."""
@@ -161,17 +161,15 @@ def _period(subject: Subject) -> Iterator[Difference]:
 def _chain(subject: Subject) -> Iterator[Difference]:
     """Each link is the hash of its record and the link before; the last one is the result's.
 
-    Of a log of decisions most guides were left out, and so nobody can seal these records again.
+    Of a log of decisions most guides were left out, and so their hashes cannot be computed again.
     """
     thinned = subject.log.record == "decisions"
     before = ""
     for decision in subject.content.decisions:
-        again = pb.Decision()
-        again.CopyFrom(decision)
-        seal(again, before)
+        again = chain_hash(decision, before)
         before = decision.chain
-        if again.chain != before and not (thinned and not decision.guide):
-            yield Difference(f"/decision[{decision.sequence}].chain", before, again.chain)
+        if again != before and not (thinned and not decision.guide):
+            yield Difference(f"/decision[{decision.sequence}].chain", before, again)
             return
     if subject.log.result["chain"] != before:
         yield Difference("result.chain", subject.log.result["chain"], before)

@@ -16,7 +16,8 @@ from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.logs.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.pipeline import Navigator, build_navigator
+from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.stack.pipeline import Navigator
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ class SegmentedStack:
             higher = 0.0
             if self.segment.mission.motion == "ground":
                 higher = layer_of(self.navigator) - layer_of(before)
-            self.navigator.resume(shift_height(before.memory, higher), before.chain)
+            self.navigator.load_state(shift_height(before.state, higher), before.chain)
             for stack in (self.navigator, *self._waiting):
                 stack.mapper.set_sensors(self.segment.beams)
         return self.navigator

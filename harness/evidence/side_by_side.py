@@ -20,8 +20,9 @@ from wayproof.harness.inputs import Beams
 from wayproof.harness.logs.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.pipeline import Navigator, build_navigator
-from wayproof.harness.stack.types import Memory
+from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.types import PlannerState
 from wayproof.harness.user_code import USER_CODE_ERRORS
 from wayproof.planners import Trajectory
 
@@ -73,9 +74,9 @@ class SideBySide:
 
     def step(self, record: Record) -> tuple[pb.Decision, pb.Decision]:
         """What each decides on one record: recorded, changed."""
-        memory, chain = self.recorded.memory, self.recorded.chain
+        state, chain = self.recorded.state, self.recorded.chain
         recorded = recompute(self.recorded, record)
-        self.changed.resume(shift_height(memory, self._layer), chain)
+        self.changed.load_state(shift_height(state, self._layer), chain)
         if self._delay is not None:
             latency = pb.Latency(sequence=record.latency.sequence, delay_s=self._delay)
             record = replace(record, latency=latency)
@@ -83,26 +84,26 @@ class SideBySide:
 
     def part(self, beams: Mapping[str, Beams]) -> Navigator:
         """The changed stack, with the recorded one's past and these sensors, to go on by itself."""
-        self.changed.resume(shift_height(self.recorded.memory, self._layer), self.recorded.chain)
+        self.changed.load_state(shift_height(self.recorded.state, self._layer), self.recorded.chain)
         self.changed.mapper.set_sensors(beams)
         return self.changed
 
 
-def shift_height(memory: Memory, height: float) -> Memory:
-    """A memory in a costmap whose one layer lies this much higher, m."""
+def shift_height(state: PlannerState, height: float) -> PlannerState:
+    """The planner state in a costmap whose one layer lies this much higher, m."""
     if height == 0.0:
-        return memory
+        return state
     offset = np.array([0.0, 0.0, height])
 
     def moved(trajectory: Trajectory) -> Trajectory:
         return replace(trajectory, path=trajectory.path + offset)
 
     return replace(
-        memory,
-        trajectory=moved(memory.trajectory),
-        earlier=tuple(moved(one) for one in memory.earlier),
-        guide=None if memory.guide is None else memory.guide + offset,
-        visited=memory.visited + offset,
+        state,
+        trajectory=moved(state.trajectory),
+        earlier=tuple(moved(one) for one in state.earlier),
+        global_path=None if state.global_path is None else state.global_path + offset,
+        viewpoints=state.viewpoints + offset,
     )
 
 

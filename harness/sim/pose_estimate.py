@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
-from wayproof.harness.inputs import heading_of
+from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.odometry import Odometry, PoseError, believed_trail
@@ -98,9 +98,7 @@ class Estimate:
         if time_ns < self._due_ns:
             return
         self._due_ns += self._period_ns
-        w, x, y, z = quaternion.tolist()
-        heading = heading_of(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        self._odometry.advance(position, heading)
+        self._odometry.advance(position, yaw_of_quaternion(quaternion))
         self._look(time_ns)
 
     def keep(self) -> None:

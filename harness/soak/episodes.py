@@ -25,7 +25,7 @@ from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.soak.child import scratch
 from wayproof.harness.soak.fresh import FreshReplays, replay_by_command
-from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.warm_up import warm_up
 from wayproof.maps import MAPS, MapConfig, UnknownPolicy
 from wayproof.models.robots import ROBOTS

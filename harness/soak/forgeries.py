@@ -35,7 +35,7 @@ from wayproof.harness.logs.reader import Head, open_log, read_head
 from wayproof.harness.mission import Mission
 from wayproof.harness.result import figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import seal
+from wayproof.harness.stack.decision import chain_hash
 
 Kind = TypeVar("Kind", bound=Message)
 
@@ -145,8 +145,7 @@ class Forgery:
     def _seal(self) -> str:
         chain = ""
         for decision in self.each(pb.Decision):
-            seal(decision, chain)
-            chain = decision.chain
+            chain = decision.chain = chain_hash(decision, chain)
         return chain
 
 

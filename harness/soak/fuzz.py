@@ -25,7 +25,7 @@ from wayproof.harness.logs.recover import recover
 from wayproof.harness.logs.small_log import COMMITTED, committed_name
 from wayproof.harness.soak.child import in_child, scratch
 from wayproof.harness.soak.mutate import forge, mutate, mutate_values
-from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.harness.stack.build import build_navigator
 
 LONGEST_S = 5
 """Processor time of one case."""

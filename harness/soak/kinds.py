@@ -13,7 +13,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.soak.episodes import random_config
-from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.harness.stack.build import build_navigator
 from wayproof.maps import MAPS, UnknownPolicy
 from wayproof.models.devices import DEVICES, Rangefinder
 from wayproof.models.robots import ROBOTS

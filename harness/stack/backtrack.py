@@ -1,4 +1,4 @@
-"""Where the robot came along, and the way back on it."""
+"""Breadcrumbs of the way travelled, and the path back along them."""
 
 from __future__ import annotations
 
@@ -6,37 +6,45 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayproof.harness.stack.types import Array, Memory, View, distance, length
+from wayproof.harness.stack.types import Array, PlannerInput, PlannerState, arc_length, distance
 from wayproof.planners import TrajectorySample, truncate
 
-STEP = 0.1
-"""Places of a trail are so far apart, m."""
+BREADCRUMB_SPACING = 0.1
+"""Minimum distance between breadcrumbs, m."""
 
-SPARE = 2
-"""Places kept beyond what the longest way back needs."""
-
-
-def trodden(memory: Memory, view: View) -> Memory:
-    """The memory with the place where the robot is, if that is a step from the last one."""
-    if len(memory.trail) and distance(memory.trail[-1], view.position) < STEP:
-        return memory
-    places = int(view.behaviour.backup_length / STEP) + SPARE
-    return replace(memory, trail=np.vstack([memory.trail, view.position])[-places:])
+SPARE_BREADCRUMBS = 2
+"""Number of breadcrumbs kept beyond what the longest path back needs."""
 
 
-def way_back(view: View, memory: Memory, now: TrajectorySample) -> Array | None:
-    """The trail from its end backwards, shape (n, 3), as far as it is still admitted.
+def record_breadcrumb(state: PlannerState, input: PlannerInput) -> PlannerState:
+    """The state with the position of the robot, if that is a spacing away from the last one."""
+    crumbs = state.breadcrumbs
+    if len(crumbs) and distance(crumbs[-1], input.position) < BREADCRUMB_SPACING:
+        return state
+    kept = int(input.behaviour.backup_length / BREADCRUMB_SPACING) + SPARE_BREADCRUMBS
+    return replace(state, breadcrumbs=np.vstack([crumbs, input.position])[-kept:])
 
-    None if it is too short to be worth it, or if the robot has gone back often enough.
+
+def backtrack_path(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample
+) -> Array | None:
+    """The breadcrumbs from the last one backwards, (n, 3), as far as they are traversable.
+
+    Returns:
+        None if that is too short to be worth it, or if the robot has backtracked often enough.
     """
-    if memory.backups >= view.behaviour.backups or len(memory.trail) == 0:
+    if state.backtracks >= input.behaviour.backups or len(state.breadcrumbs) == 0:
         return None
-    back = memory.trail[::-1]
-    # The way to a place right beside has no direction that a long body could lie in.
-    away = np.flatnonzero(np.sqrt(np.square(back - now.position).sum(axis=1)) >= STEP)
+    crumbs = state.breadcrumbs[::-1]
+    # The way to a place right beside has no direction that an elongated body could lie in.
+    away = np.flatnonzero(
+        np.sqrt(np.square(crumbs - start.position).sum(axis=1)) >= BREADCRUMB_SPACING
+    )
     if len(away) == 0:
         return None
-    path = np.vstack([now.position, back[away[0] :]])
+    path = np.vstack([start.position, crumbs[away[0] :]])
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
-    admitted = min(view.admitted.free_length(path), view.behaviour.backup_length, length(path))
-    return None if admitted < view.behaviour.least_advance else truncate(path, admitted)
+    length = min(
+        input.traversable.free_length(path), input.behaviour.backup_length, arc_length(path)
+    )
+    return None if length < input.behaviour.least_advance else truncate(path, length)

@@ -44,19 +44,19 @@ WIRE = np.dtype([
 """One point of a repeated field as protobuf encodes it: a message of three doubles."""
 
 
-def seal(decision: pb.Decision, previous_chain: str) -> None:
-    """Write the decision's chain: blake2b over the previous chain and this record.
+def chain_hash(decision: pb.Decision, previous_chain: str) -> str:
+    """Chain of a decision: blake2b over the previous chain and this record, 32 hex digits.
 
-    The measured stage latencies are left out: they are recorded, but two runs that decide alike
-    are the same run on a slower machine.
+    The measured stage latencies are left out: two runs that decide alike are the same run, on a
+    faster and a slower machine.
     """
-    decision.chain = ""
     identity = pb.Decision()
     identity.CopyFrom(decision)
     identity.ClearField("stages")
+    identity.ClearField("chain")
     digest = hashlib.blake2b(previous_chain.encode(), digest_size=16)
     digest.update(identity.SerializeToString(deterministic=True))
-    decision.chain = digest.hexdigest()
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True)

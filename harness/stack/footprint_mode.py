@@ -1,8 +1,8 @@
-"""How wide a long body is taken: as the disc about it where that leads on, else as it lies.
+"""Choice of footprint for an elongated body: circumscribed, or oriented discs at its heading.
 
-Where the disc about a body fits, it turns as it likes, and plans and motions are those of a disc:
-fast, and with room to spare. Only where no such way leads on, or only one back and around, is the
-body planned for by its discs at their heading, through gaps in which it cannot turn.
+Where the circumscribed disc fits, the body may turn as it likes, and search and motion are those
+of a disc: fast, and with room to spare. Only where no such path leads on, or only a long detour,
+is it planned for by its discs at their heading, through gaps in which it cannot turn.
 """
 
 from __future__ import annotations
@@ -10,74 +10,95 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
-from wayproof.harness.stack.behaviour import decide
+from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
 from wayproof.harness.stack.reasons import STUCK_INSIDE
-from wayproof.harness.stack.types import Choice, Memory, View, length
+from wayproof.harness.stack.types import Command, Decided, PlannerInput, PlannerState, arc_length
 from wayproof.maps.elementary import cosine
 from wayproof.planners import remaining
 
-DETOUR, WORTH = 2.0, 2.0
-"""A way for the disc about the body is a detour where it is so many times as long as the one that
-it replaces, and so many metres more. A gap that is too narrow for the disc looks wide enough from
-afar, where what bounds it is hardly seen: without this a robot went to and fro between two ways."""
+DETOUR_RATIO = 2.0
+"""Ratio of a path's length to that of the one it replaces beyond which it is a detour."""
+
+DETOUR_LENGTH = 2.0
+"""Length that a detour is longer besides, m.
+
+A gap that is too narrow for the circumscribed disc looks wide enough from afar, where what bounds
+it is hardly seen: without this rule a robot went to and fro between two ways.
+"""
 
 
-def decide_by_width(
-    wide: View, as_it_lies: Callable[[], View], memory: Memory
-) -> tuple[Choice, Memory, View]:
-    """Choose the next action as a disc, or if that leads nowhere or far as discs at their heading.
+class FootprintDecision(NamedTuple):
+    """A decision, and the footprint that it was made for.
+
+    Attributes:
+        command: What the robot does.
+        state: Planner state for the next decision.
+        input: Planner input of the footprint chosen.
+    """
+
+    command: Command
+    state: PlannerState
+    input: PlannerInput
+
+
+def decide_with_footprint(
+    circumscribed: PlannerInput, make_oriented: Callable[[], PlannerInput], state: PlannerState
+) -> FootprintDecision:
+    """Decide for the circumscribed footprint, or for the oriented one where that does not lead on.
 
     Args:
-        wide: The view for the disc about the body.
-        as_it_lies: Makes the same for the body as it lies, which is seldom asked for.
-        memory: Of the last decision.
-
-    Returns:
-        The choice, the memory that it leaves, and the view that it was made on.
+        circumscribed: Input for the disc about the body.
+        make_oriented: Makes the input for the discs at their heading; seldom called.
+        state: Before the decision.
     """
-    if memory.slender and not _widens(wide, memory):
-        slender = as_it_lies()
-        return *decide(slender, memory), slender
-    as_disc, after = decide(wide, replace(memory, slender=False))
-    farthest = DETOUR * _left(memory, wide) + WORTH
-    if _leads_on(as_disc) and _way(after) <= farthest:
-        return as_disc, after, wide
-    slender = as_it_lies()
-    as_discs, squeezed = decide(slender, replace(memory, slender=True))
-    if _leads_on(as_discs) and (not _leads_on(as_disc) or _way(squeezed) <= farthest):
-        return as_discs, squeezed, slender
-    return as_disc, after, wide
+    if state.oriented and not _can_widen(circumscribed, state):
+        oriented = make_oriented()
+        return FootprintDecision(*decide(oriented, state), oriented)
+    wide = decide(circumscribed, replace(state, oriented=False))
+    limit = DETOUR_RATIO * _length_left(state, circumscribed) + DETOUR_LENGTH
+    if _leads_on(wide) and _path_length(wide.state) <= limit:
+        return FootprintDecision(*wide, circumscribed)
+    oriented = make_oriented()
+    narrow = decide(oriented, replace(state, oriented=True))
+    if _leads_on(narrow) and (not _leads_on(wide) or _path_length(narrow.state) <= limit):
+        return FootprintDecision(*narrow, oriented)
+    return FootprintDecision(*wide, circumscribed)
 
 
-def _widens(wide: View, memory: Memory) -> bool:
-    """Whether the rest of a way begun as discs is one for the disc about the body, too."""
-    if memory.guide is None:
+def _can_widen(circumscribed: PlannerInput, state: PlannerState) -> bool:
+    """Whether the rest of a path for the oriented footprint has room for the circumscribed one."""
+    if state.global_path is None:
         return True
-    now = memory.trajectory.at(wide.effect_ns)
-    guide = remaining(memory.guide, now.arc_length)
-    if wide.passable.free_length(guide) < length(guide) - 1e-6:
+    start = state.trajectory.at(circumscribed.effect_ns)
+    path = remaining(state.global_path, start.arc_length)
+    if circumscribed.optimistic.free_length(path) < arc_length(path) - 1e-6:
         return False
-    if not wide.admitted.is_free(now.position):
+    if not circumscribed.traversable.is_free(start.position):
         return False
-    return cosine(heading_at(guide, 0.0) - now.heading) > 0.0  # not tail first
+    return cosine(heading_at(path, 0.0) - start.heading) > 0.0  # not tail first
 
 
-def _left(memory: Memory, view: View) -> float:
-    """Length of what is left of the way to the goal, as long as it was known, m."""
-    if memory.guide is None or memory.on_errand:
+def _length_left(state: PlannerState, input: PlannerInput) -> float:
+    """Length left of the known path to the goal, m; infinite without one."""
+    if state.global_path is None or state.exploring:
         return math.inf
-    return length(remaining(memory.guide, memory.trajectory.at(view.effect_ns).arc_length))
+    start = state.trajectory.at(input.effect_ns)
+    return arc_length(remaining(state.global_path, start.arc_length))
 
 
-def _way(memory: Memory) -> float:
-    """Length of the way to the goal that a decision leaves, m; without one it is endless."""
-    return math.inf if memory.guide is None or memory.on_errand else length(memory.guide)
+def _path_length(state: PlannerState) -> float:
+    """Length of the path to the goal after a decision, m; infinite without one."""
+    if state.global_path is None or state.exploring:
+        return math.inf
+    return arc_length(state.global_path)
 
 
-def _leads_on(choice: Choice) -> bool:
-    """Whether the robot moves, turns or has arrived; who brakes first has to come to rest."""
-    if choice.reason.kind in STUCK_INSIDE or choice.action == "abort":
+def _leads_on(decided: Decided) -> bool:
+    """Whether the robot moves, turns or has arrived; a robot that brakes has to come to rest."""
+    command = decided.command
+    if command.reason.kind in STUCK_INSIDE or command.action == "abort":
         return False
-    return choice.action != "stop_and_wait" or choice.trajectory.duration_s > 0.0
+    return command.action != "stop_and_wait" or command.trajectory.duration_s > 0.0

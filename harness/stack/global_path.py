@@ -1,13 +1,21 @@
-"""Keeping and renewing the guide: the path to the goal through what is not known to be blocked."""
+"""The global path: kept while it is valid, and replanned through space not known to be blocked."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from wayproof.harness.inputs import heading_of
-from wayproof.harness.stack.types import Array, Memory, View, distance, length, standing
+from wayproof.harness.geometry import atan2_rounded
+from wayproof.harness.stack.types import (
+    Array,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+    distance,
+    is_stationary,
+)
 from wayproof.planners import (
     Plan,
     TrajectorySample,
@@ -20,137 +28,177 @@ from wayproof.planners import (
 )
 
 ARRIVED = 0.05
-"""A path shorter than this is driven, m."""
+"""Length below which a path counts as driven, m."""
 
-MOVED = 3.0
-"""A goal's place that moves by more than so many cells is another one."""
+GOAL_MOVED = 3.0
+"""Distance beyond which a projected goal counts as another one, cells."""
 
 HEADINGS = np.linspace(0.0, np.pi, 8, endpoint=False)
-"""At which a goal is tried: a body that is free at one is free at the opposite one, rad."""
+"""Headings that a goal is tried at, rad; a body that is free at one is free at the opposite one."""
 
 
-def place_for_goal(view: View) -> Array:
-    """The goal, or where it lies inside the inflation the nearest place that does not."""
-    space, reach = view.passable, view.behaviour.goal_reach
-    if not space.discs:
-        nearest = view.goal if space.is_free(view.goal) else space.nearest_free(view.goal, reach)
-        return view.goal if nearest is None else nearest
-    if any(space.pose_free(view.goal, heading) for heading in HEADINGS):
-        return view.goal
-    pose = space.nearest_pose(view.goal, reach, HEADINGS)
-    return view.goal if pose is None else pose[:3]
+class GlobalPlan(NamedTuple):
+    """The result of keeping or replanning the global path.
 
-
-def keep_or_replan_guide(
-    view: View, memory: Memory, now: TrajectorySample
-) -> tuple[Memory, Plan | None, int]:
-    """The guide from where the robot will be: kept while it is valid and none is much cheaper.
-
-    Returns:
-        The memory with its guide, the search made if any, and its seed.
+    Attributes:
+        state: Planner state with the global path from the start of the new trajectory on, or none.
+        search: The search made, if any.
+        seed: Its seed, 0 if none.
     """
-    guide = None if memory.guide is None else remaining(memory.guide, now.arc_length)
-    if memory.on_errand and guide is not None and length(guide) < ARRIVED:
-        guide = None
-    valid = guide is not None and view.passable.free_length(guide) >= length(guide) - 1e-6
-    if guide is not None and not memory.on_errand:  # the goal has become free, or is no longer
-        valid = valid and distance(guide[-1], view.goal) <= MOVED * view.passable.resolution
-    improve_due = view.time_ns - memory.improved_ns >= view.behaviour.improve_period * 1e9
+
+    state: PlannerState
+    search: Plan | None = None
+    seed: int = 0
+
+
+def project_goal_to_free(input: PlannerInput) -> Array:
+    """The goal (3,), or the nearest position outside the inflation where the goal lies inside."""
+    space, reach = input.optimistic, input.behaviour.goal_reach
+    if not space.discs:
+        if space.is_free(input.goal):
+            return input.goal
+        nearest = space.nearest_free(input.goal, reach)
+        return input.goal if nearest is None else nearest
+    if any(space.pose_free(input.goal, heading) for heading in HEADINGS):
+        return input.goal
+    pose = space.nearest_pose(input.goal, reach, HEADINGS)
+    return input.goal if pose is None else pose[:3]
+
+
+def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> GlobalPlan:
+    """Keep the global path while it is valid and no other is much cheaper; else replan it."""
+    path = None if state.global_path is None else remaining(state.global_path, start.arc_length)
+    if state.exploring and path is not None and arc_length(path) < ARRIVED:
+        path = None
+    valid = path is not None and _is_valid(input, state, path)
+    improve_due = input.time_ns - state.improved_ns >= input.behaviour.improve_period * 1e9
     if valid and not improve_due:
-        return replace(memory, guide=guide), None, 0
-    prefix = _prefix_to_keep(view, now, guide)
+        return GlobalPlan(replace(state, global_path=path))
+    prefix = _prefix_to_keep(input, start, path)
     if prefix is None:
         if valid:  # it is too late to bend it, as where the robot brakes to its end
-            return replace(memory, guide=guide), None, 0
-        return replace(memory, guide=None, errand=None), None, 0
-    seed = plan_seed(view.seed, "guide", view.sequence)
-    only_known = valid and memory.on_errand
-    search, fresh = _search(view, prefix, now.heading, seed, only_known, anew=guide is None)
-    if valid and guide is not None and not _better(view, memory, fresh, guide):
-        return replace(memory, guide=guide, improved_ns=view.time_ns), search, seed
-    return replace(memory, guide=fresh, errand=None, improved_ns=view.time_ns), search, seed
+            return GlobalPlan(replace(state, global_path=path))
+        return GlobalPlan(replace(state, global_path=None, exploration=None))
+    seed = plan_seed(input.seed, "guide", input.sequence)
+    search, found = _replan(
+        input,
+        prefix,
+        start.heading,
+        seed,
+        only_known=valid and state.exploring,
+        exhaustive=path is None,
+    )
+    state = replace(state, improved_ns=input.time_ns)
+    if valid and path is not None and not _is_better(input, state, found, path):
+        return GlobalPlan(replace(state, global_path=path), search, seed)
+    return GlobalPlan(replace(state, global_path=found, exploration=None), search, seed)
 
 
-def _prefix_to_keep(view: View, now: TrajectorySample, guide: Array | None) -> Array | None:
-    """The stretch that the robot will drive before a new path can bend it; none if it is blocked.
+def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:
+    """Whether a path is not known to be blocked, and still leads to the goal or a viewpoint."""
+    valid = input.optimistic.free_length(path) >= arc_length(path) - 1e-6
+    if state.exploring:
+        return valid
+    return valid and distance(path[-1], input.goal) <= GOAL_MOVED * input.optimistic.resolution
+
+
+def _prefix_to_keep(
+    input: PlannerInput, start: TrajectorySample, path: Array | None
+) -> Array | None:
+    """The part (n, 3) that the robot drives before a new path can bend off; None if blocked.
 
     It is as long as the robot takes to stop, so that a stop on the old path always remains.
     """
-    if standing(now):
-        return now.position[None]
-    if guide is None:
+    if is_stationary(start):
+        return start.position[None]
+    if path is None:
         return None
-    admitted = view.admitted.free_length(guide)
-    braking = stopping_distance(now.speed, now.acceleration, view.limits)
-    if admitted < braking:
+    traversable = input.traversable.free_length(path)
+    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    if traversable < braking:
         return None
-    return truncate(guide, min(braking, length(guide)))
+    return truncate(path, min(braking, arc_length(path)))
 
 
-def _search(
-    view: View, prefix: Array, heading: float, seed: int, only_known: bool, anew: bool
+def _replan(
+    input: PlannerInput,
+    prefix: Array,
+    heading: float,
+    seed: int,
+    only_known: bool,
+    exhaustive: bool,
 ) -> tuple[Plan, Array | None]:
-    """Plan from the prefix's end: through known space if that reaches the goal, else beyond it.
+    """Plan from the prefix's end: through known space if that reaches the goal, else optimistic.
 
-    Beyond known space, with no guide to improve on, a way may lead anywhere: nothing is spared.
+    Args:
+        input: Of the decision.
+        prefix: (n, 3) of the path that is kept, m.
+        heading: Of the body at its beginning, rad.
+        seed: Of the search.
+        only_known: Whether only a path through known space is of use.
+        exhaustive: Whether all distances may be computed beyond known space: with no path to
+            improve on, a new one may lead anywhere.
+
+    Returns:
+        The search, and the path (m, 3) with the prefix, or None.
     """
-    straight = _straight_on(view, prefix)
+    straight = _straight_on(input, prefix)
     if len(straight) > 1:
-        heading = heading_at(straight, length(straight))
+        heading = heading_at(straight, arc_length(straight))
     elif len(prefix) > 1:
-        heading = heading_at(prefix, length(prefix))
-    space = view.known
-    search = view.plan(space, straight[-1], view.goal, view.planner, seed, heading)
+        heading = heading_at(prefix, arc_length(prefix))
+    space = input.known_free
+    search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
     if search.waypoints is None and not only_known:
-        space = replace(view.passable, sparing=not anew)
-        search = view.plan(space, straight[-1], view.goal, view.planner, seed, heading)
+        space = replace(input.optimistic, sparing=not exhaustive)
+        search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
     if search.waypoints is None:
         return search, None
-    waypoints = apart(np.concatenate([straight[:-1], search.waypoints]))
-    blended = blend_corners(space, waypoints, view.behaviour.blend_length)
+    waypoints = drop_duplicates(np.concatenate([straight[:-1], search.waypoints]))
+    blended = blend_corners(space, waypoints, input.behaviour.blend_length)
     return search, np.concatenate([prefix[:-1], blended])
 
 
-def _straight_on(view: View, prefix: Array) -> Array:
-    """From the prefix's end straight on for the length of a blend, as far as that is admitted.
+def _straight_on(input: PlannerInput, prefix: Array) -> Array:
+    """Straight on from the prefix's end for the length of a blend, as far as it is traversable.
 
     A new path that begins there leaves the prefix without a corner, and the corner that it makes
     with the straight piece has room to be blended.
     """
     end = prefix[-1]
-    tangent = tangent_at(prefix, length(prefix))
+    tangent = tangent_at(prefix, arc_length(prefix))
     for share in (1.0, 0.5, 0.25):
-        beyond = end + share * view.behaviour.blend_length * tangent
-        if len(prefix) > 1 and _straight_free(view, end, beyond):
+        beyond = end + share * input.behaviour.blend_length * tangent
+        if len(prefix) > 1 and _straight_free(input, end, beyond):
             return np.stack([end, beyond])
     return prefix[-1:]
 
 
-def _straight_free(view: View, a: Array, b: Array) -> bool:
-    if not view.admitted.discs:
-        return view.admitted.edge_free(a, b)
-    return view.admitted.free_length(np.stack([a, b])) > 0.0
+def _straight_free(input: PlannerInput, a: Array, b: Array) -> bool:
+    if not input.traversable.discs:
+        return input.traversable.edge_free(a, b)
+    return input.traversable.free_length(np.stack([a, b])) > 0.0
 
 
 def heading_at(path: Array, s: float) -> float:
     """Heading of a path at an arc length, rad."""
     tangent = tangent_at(path, s)
-    return heading_of(tangent[1], tangent[0])
+    return atan2_rounded(tangent[1], tangent[0])
 
 
-def apart(waypoints: Array) -> Array:
-    """Way points without those that repeat the one before: there the body turns."""
+def drop_duplicates(waypoints: Array) -> Array:
+    """Way points without those that repeat the one before, which is where the body turns."""
     moved = np.abs(np.diff(waypoints, axis=0)).max(axis=1) > 1e-9
     if not moved.any():
         return waypoints
-    kept: Array = waypoints[np.append(True, moved)]
-    return kept
+    distinct: Array = waypoints[np.append(True, moved)]
+    return distinct
 
 
-def _better(view: View, memory: Memory, fresh: Array | None, guide: Array) -> bool:
-    """Whether a new guide replaces a valid one; any way to the goal is better than an errand."""
-    if fresh is None or memory.on_errand:
-        return fresh is not None
-    weight = view.planner.clearance_weight
-    costs = (view.passable.path_cost(path, weight) for path in (fresh, guide))
-    return view.planner.replaces(*costs)
+def _is_better(input: PlannerInput, state: PlannerState, found: Array | None, path: Array) -> bool:
+    """Whether a new path replaces a valid one; any way to the goal is better than exploring."""
+    if found is None or state.exploring:
+        return found is not None
+    weight = input.planner.clearance_weight
+    found_cost, cost = (input.optimistic.path_cost(one, weight) for one in (found, path))
+    return input.planner.replaces(found_cost, cost)

@@ -37,12 +37,12 @@ class Mapper:
         self._config, self._mission = config, mission
         self._beams = dict(beams)
         self._body = body_of(mission)
-        self._slender = self._body.circumscribed_radius - min(self._body.radii)
+        self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
         self.map = MAPS[config.map.kind](config.map, config.threads, mission.low, mission.high)
         self.labels = make_layer(config.map, config.sensors.semantics)
         floor, ceiling = _altitude_window(config, mission)
         self.costmap = Costmap(
-            replace(config.map, cost_range=config.map.cost_range + self._slender),
+            replace(config.map, cost_range=config.map.cost_range + self._extra_radius),
             widened(self.map, self.labels, config.map.class_margins),
             mission.low,
             mission.high,
@@ -90,7 +90,7 @@ class Mapper:
         if self.informant is not None:
             self.informant(inputs)
 
-    def inflate(self, inputs: Inputs) -> None:
+    def update_costmap(self, inputs: Inputs) -> None:
         """Bring the costmap up to date with the map, for inputs that it has taken in."""
         # All distances of a plane are worked out sooner than some of them are looked for.
         self.costmap.update(self._margin(inputs), whole=self._mission.motion == "ground")
@@ -98,7 +98,7 @@ class Mapper:
     def update(self, inputs: Inputs) -> None:
         """Bring map and costmap to where a decision on these inputs would have them."""
         self.integrate(inputs)
-        self.inflate(inputs)
+        self.update_costmap(inputs)
 
     def planning_point(self, position: Array) -> Array:
         """The point (3,) in the costmap's frame: ground robots plan in the plane of its layer."""
@@ -119,7 +119,8 @@ class Mapper:
     def _declare_start_free(self) -> None:
         """No sensor sees what stands right beside the body: the operator vouches for that space."""
         mission, config = self._mission, self._config
-        radius = self.costmap.inflation_radius + self._slender + config.episode.start_clear_radius
+        body_radius = self.costmap.inflation_radius + self._extra_radius
+        radius = body_radius + config.episode.start_clear_radius
         x, y, z = mission.start
         if mission.motion == "air":
             self.map.mark_free_sphere((x, y, z), radius, 0)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack.decision import GRAIN
-from wayproof.harness.stack.footprint_checks import wrapped
 from wayproof.harness.stack.global_path import heading_at
-from wayproof.harness.stack.types import Array, View, length
+from wayproof.harness.stack.types import Array, PlannerInput, arc_length
 from wayproof.maps.elementary import sines_cosines
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import arc_lengths, point_at
@@ -60,54 +60,56 @@ class Obstruction(NamedTuple):
     place: tuple[float, float, float] | None = None
 
 
-def on_path(view: View, path: Array, free_m: float, unknown_blocks: bool) -> Obstruction:
+def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: bool) -> Obstruction:
     """What ends the free length of a path.
 
     Args:
-        view: Of the decision.
+        input: Of the decision.
         path: (n, 3) m.
         free_m: Its free length, m.
         unknown_blocks: Whether unknown space ends it, too.
     """
-    size = view.admitted.resolution
+    size = input.traversable.resolution
     reach, end = size, free_m
-    if view.admitted.discs:  # anything on the next edge, or in the turn at its end, may end it
+    if input.traversable.discs:  # anything on the next edge, or in the turn at its end, may end it
         arcs = arc_lengths(path)
         reach, end = REACH, float(np.append(arcs[arcs > free_m + SAME_EDGE], free_m)[0])
     for fineness, begin in itertools.product(
         FINENESS, np.arange(free_m, end + reach, reach).tolist()
     ):
         beyond = begin + JUST_BEYOND * size + np.arange(0.0, reach, fineness * STEP * size)
-        arcs = np.minimum(beyond, length(path))
-        poses = _headed(view, path, arcs, fineness * TURN_STEP)
-        found = _first(view, poses, np.full(len(poses), free_m), unknown_blocks)
+        arcs = np.minimum(beyond, arc_length(path))
+        poses = _headed(input, path, arcs, fineness * TURN_STEP)
+        found = _first(input, poses, np.full(len(poses), free_m), unknown_blocks)
         if found.cell is not None:
             break
     return found
 
 
-def on_poses(view: View, poses: Array, unknown_blocks: bool) -> Obstruction:
+def on_poses(input: PlannerInput, poses: Array, unknown_blocks: bool) -> Obstruction:
     """What first overlaps the body at poses (n, 4): x, y, z, m, and heading, rad."""
-    return _first(view, poses, arc_lengths(poses[:, :3]), unknown_blocks)
+    return _first(input, poses, arc_lengths(poses[:, :3]), unknown_blocks)
 
 
-def on_turn(view: View, position: Array, heading: float, target: float) -> Obstruction:
+def on_turn(input: PlannerInput, position: Array, heading: float, target: float) -> Obstruction:
     """What the body overlaps when it turns on the spot, the shorter way round."""
-    turn = wrapped(target - heading)
+    turn = wrap_angle(target - heading)
     headings = heading + np.linspace(0.0, turn, max(math.ceil(abs(turn) / TURN_STEP), 1) + 1)
-    return on_poses(view, _poses(position, headings), view.unknown_blocks)
+    return on_poses(input, _poses(position, headings), input.unknown_blocks)
 
 
-def at_place(view: View, position: Array, heading: float, unknown_blocks: bool) -> Obstruction:
+def at_place(
+    input: PlannerInput, position: Array, heading: float, unknown_blocks: bool
+) -> Obstruction:
     """What the body overlaps where it stands."""
-    return on_poses(view, _poses(position, np.array([heading])), unknown_blocks)
+    return on_poses(input, _poses(position, np.array([heading])), unknown_blocks)
 
 
 def _poses(position: Array, headings: Array) -> Array:
     return np.column_stack((np.tile(position, (len(headings), 1)), headings))
 
 
-def _headed(view: View, path: Array, arcs: Array, turn_step: float) -> Array:
+def _headed(input: PlannerInput, path: Array, arcs: Array, turn_step: float) -> Array:
     """Poses (m, 4) on a path; a long body heads along it, and turns at its points.
 
     Where it turns there are more than arcs, so far apart [rad].
@@ -116,8 +118,8 @@ def _headed(view: View, path: Array, arcs: Array, turn_step: float) -> Array:
     before = heading_at(path, max(float(arcs[0]) - SAME_EDGE, 0.0))
     for arc in arcs.tolist():
         point, heading = point_at(path, arc), heading_at(path, arc)
-        if view.admitted.discs:
-            turn = wrapped(heading - before)
+        if input.traversable.discs:
+            turn = wrap_angle(heading - before)
             steps = np.linspace(0.0, turn, max(math.ceil(abs(turn) / turn_step), 1) + 1)
             poses += [(*point, before + step) for step in steps.tolist()]
         else:
@@ -126,19 +128,19 @@ def _headed(view: View, path: Array, arcs: Array, turn_step: float) -> Array:
     return np.array(poses)
 
 
-def _first(view: View, poses: Array, along: Array, unknown_blocks: bool) -> Obstruction:
+def _first(input: PlannerInput, poses: Array, along: Array, unknown_blocks: bool) -> Obstruction:
     """The first pose with a cell in reach of a disc: the nearest one."""
-    offsets, thresholds = view.admitted.shape
-    size, origin = view.admitted.resolution, view.admitted.origin
+    offsets, thresholds = input.traversable.shape
+    size, origin = input.traversable.resolution, input.traversable.origin
     centres = np.repeat(poses[:, None, None, :3], len(offsets), axis=2)  # (n, 1, discs, 3)
     sines, cosines = sines_cosines(poses[:, 3])
     centres[:, 0, :, 0] += offsets * cosines[:, None]
     centres[:, 0, :, 1] += offsets * sines[:, None]
     # A way can touch the edge of a cell and no more of it: so places right beside it count, too.
-    places = centres + _beside(view)[:, None] * size  # (n, sides, discs, 3)
+    places = centres + _beside(input)[:, None] * size  # (n, sides, discs, 3)
     places = np.rint(places / GRAIN) * GRAIN
     cells = np.floor((places - origin) / size).astype(np.int64)
-    found, states = _wrong_cells(view, cells.reshape(-1, 3), int(thresholds.max()), unknown_blocks)
+    found, states = _wrong_cells(input, cells.reshape(-1, 3), int(thresholds.max()), unknown_blocks)
     seen: set[tuple[int, ...]] = set()
     order = np.ndindex(*cells.shape[:3]) if len(found) else ()
     for n, side, k in order:
@@ -155,9 +157,9 @@ def _first(view: View, poses: Array, along: Array, unknown_blocks: bool) -> Obst
     return Obstruction(float(along[-1]))
 
 
-def _beside(view: View) -> Array:
+def _beside(input: PlannerInput) -> Array:
     """Shifts (sides, 3) of a place, cells: none first, then all corners around it."""
-    flat = view.admitted.flat
+    flat = input.traversable.flat
     corners = itertools.product(
         (-BESIDE, BESIDE), (-BESIDE, BESIDE), (0,) if flat else (-BESIDE, BESIDE)
     )
@@ -165,16 +167,16 @@ def _beside(view: View) -> Array:
 
 
 def _wrong_cells(
-    view: View, cells: NDArray[np.int64], threshold: int, unknown_blocks: bool
+    input: PlannerInput, cells: NDArray[np.int64], threshold: int, unknown_blocks: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
     """Cells (m, 3) in reach of any of some, which the body may not overlap, and their states."""
     reach = math.isqrt(threshold) + 1
-    shape = np.array(view.admitted.grid.field.shape)
+    shape = np.array(input.traversable.grid.field.shape)
     pad = np.where(shape > 1, reach, 0)  # a plane has nothing above or below
     low, high = cells.min(axis=0) - pad, cells.max(axis=0) + pad + 1
     states = np.full(high - low, OUTSIDE, np.uint8)
     first, end = np.clip(low, 0, shape), np.clip(high, 0, shape)
     inner = tuple(slice(a, b) for a, b in zip(first - low, end - low, strict=True))
-    states[inner] = view.states(first, end)
+    states[inner] = input.cell_states(first, end)
     wrong = states != FREE if unknown_blocks else states >= OCCUPIED
     return np.argwhere(wrong) + low, states[wrong]

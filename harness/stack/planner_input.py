@@ -1,8 +1,9 @@
-"""What one decision sees, made from the costmap, the pose and the settings."""
+"""The planner input of each decision: free space of the costmap, pose and settings."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,20 +11,121 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.mission import Mission
+from wayproof.harness.stack.footprint import NARROWEST, body_of, costs
 from wayproof.harness.stack.mapping import Mapper
-from wayproof.harness.stack.spaces import FreeSpaces
-from wayproof.harness.stack.types import PlanPath, View
-from wayproof.planners import FreeSpace, MotionLimits, Plan, PlannerConfig, plan
+from wayproof.harness.stack.types import PlannerInput, PlanPath
+from wayproof.maps import Costmap, Distances
+from wayproof.planners import Disc, FreeSpace, MotionLimits, Plan, PlannerConfig, plan
+from wayproof.planners.body import collision_distance_sq
+
+Array = NDArray[np.float64]
 
 GOAL_SHARE = 0.8
-"""Share of `episode.goal_tolerance` within which the robot holds itself to have arrived."""
+"""Share of `episode.goal_tolerance` within which the robot claims to have arrived."""
 
 
-class InputMaker:
-    """Makes the input of each decision of one mission."""
+class FreeSpaces(NamedTuple):
+    """Free space under three readings of the unknown.
+
+    Attributes:
+        traversable: Space that the unknown policy lets the body enter.
+        known_free: Space known to be free.
+        optimistic: Space not known to be blocked; what is not known to be free costs most.
+    """
+
+    traversable: FreeSpace
+    known_free: FreeSpace
+    optimistic: FreeSpace
+
+
+class FreeSpaceBuilder:
+    """Builds the free space of one costmap for one mission's body.
+
+    An elongated body is several discs at its heading (oriented footprint), or one disc about all
+    of them (circumscribed footprint), which may turn as it likes.
+    """
+
+    def __init__(self, config: Config, mission: Mission, costmap: Costmap) -> None:
+        """Build from one costmap, whatever it is updated to."""
+        self._config, self._costmap = config, costmap
+        self._body = body_of(mission)
+        self._elongated = bool(mission.discs)
+        self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
+        self._costs_of: Array | None = None
+        self._cost_by_distance = np.empty(0)
+
+    def circumscribed(self) -> FreeSpaces:
+        """Free space for the disc about the body."""
+        return self._spaces(circumscribed=self._elongated)
+
+    def oriented(self) -> FreeSpaces:
+        """Free space for the body's discs at its heading; for the one disc of a round body."""
+        return self._spaces(circumscribed=False)
+
+    def inflation_radius(self, space: FreeSpace) -> float:
+        """Inflation radius of the footprint that a space is for, m."""
+        return self._costmap.inflation_radius + (0.0 if space.discs else self._extra_radius)
+
+    def _spaces(self, circumscribed: bool) -> FreeSpaces:
+        costmap = self._costmap
+        traversable = known_free = self._space(costmap.traversable, circumscribed)
+        if costmap.known_free is not costmap.traversable:
+            known_free = self._space(costmap.known_free, circumscribed)
+        return FreeSpaces(traversable, known_free, self._optimistic(circumscribed))
+
+    def _space(
+        self, distances: Distances, circumscribed: bool, cost_by_distance: Array | None = None
+    ) -> FreeSpace:
+        costmap = self._costmap
+        return FreeSpace(
+            distances=distances,
+            origin=costmap.origin,
+            resolution=costmap.resolution,
+            collision_distance_sq=self._threshold(circumscribed),
+            cost_by_distance=self._costs() if cost_by_distance is None else cost_by_distance,
+            discs=() if circumscribed else self._discs(),
+            sparing=True,
+        )
+
+    def _optimistic(self, circumscribed: bool) -> FreeSpace:
+        """Space not known to be blocked: distances to obstacles, an obstacle's edge where unknown.
+
+        So a global path may cross the unknown, at `behaviour.unknown_cost`, and takes known space
+        where it can.
+        """
+        edge = self._threshold(circumscribed) + 1
+        oriented = self._elongated and not circumscribed
+        table = self._costs().copy()
+        table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if oriented else 0.0)
+        return self._space(self._costmap.optimistic(edge), circumscribed, table)
+
+    def _costs(self) -> Array:
+        """Costs by squared distance; recomputed when the costmap's own have changed."""
+        if self._costs_of is not self._costmap.cost_table:
+            self._costs_of = self._costmap.cost_table
+            self._cost_by_distance = costs(self._costmap, self._body)
+        return self._cost_by_distance
+
+    def _threshold(self, circumscribed: bool) -> int:
+        """The largest squared distance at which a body collides, cells^2."""
+        costmap = self._costmap
+        if not circumscribed:
+            return costmap.collision_distance_sq
+        radius = self._body.circumscribed_radius + costmap.margin
+        return collision_distance_sq(radius, costmap.resolution, flat=True)
+
+    def _discs(self) -> tuple[Disc, ...]:
+        """The discs that are checked at the heading; none if the body is one."""
+        if not self._elongated:
+            return ()
+        return self._body.discs(self._costmap.margin, self._costmap.resolution, flat=True)
+
+
+class PlannerInputBuilder:
+    """Builds the planner input of each decision of one mission."""
 
     def __init__(
-        self, config: Config, mission: Mission, mapper: Mapper, spaces: FreeSpaces
+        self, config: Config, mission: Mission, mapper: Mapper, spaces: FreeSpaceBuilder
     ) -> None:
         """Read one map and its free space, whose arrays are allocated here."""
         self._config, self._mission = config, mission
@@ -31,11 +133,16 @@ class InputMaker:
         self._goal = mapper.planning_point(np.array(mission.goal))
         spaces.circumscribed()  # allocates its arrays now, so that no decision waits for it
 
-    def circumscribed(self, inputs: Inputs) -> View:
-        """The input for the disc about the body."""
+    @property
+    def elongated(self) -> bool:
+        """Whether the body is several discs."""
+        return bool(self._mission.discs)
+
+    def circumscribed(self, inputs: Inputs) -> PlannerInput:
+        """The planner input for the circumscribed footprint."""
         config, mission = self._config, self._mission
-        admitted, known, passable = self._spaces.circumscribed()
-        return View(
+        spaces = self._spaces.circumscribed()
+        return PlannerInput(
             time_ns=inputs.time_ns,
             effect_ns=inputs.time_ns + round(config.latency.expected * 1e9),
             sequence=inputs.sequence,
@@ -44,31 +151,31 @@ class InputMaker:
             heading=inputs.pose.heading,
             goal=self._goal,
             goal_tolerance=GOAL_SHARE * config.episode.goal_tolerance,
-            admitted=admitted,
-            known=known,
-            passable=passable,
-            states=self._mapper.costmap.states_between,
+            traversable=spaces.traversable,
+            known_free=spaces.known_free,
+            optimistic=spaces.optimistic,
+            cell_states=self._mapper.costmap.states_between,
             unknown_blocks=config.map.unknown_policy == "forbid",
             turns_in_place=mission.motion == "ground",
             penalize_unknown=config.map.unknown_policy == "penalize",
             limits=_limits(config, mission),
             planner=config.planner,
             behaviour=config.behaviour,
-            plan=planned_once(),
+            plan=memoized_planner(),
         )
 
-    @property
-    def elongated(self) -> bool:
-        """Whether the body is several discs."""
-        return bool(self._mission.discs)
+    def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
+        """The same for the oriented footprint."""
+        spaces = self._spaces.oriented()
+        return replace(
+            circumscribed,
+            traversable=spaces.traversable,
+            known_free=spaces.known_free,
+            optimistic=spaces.optimistic,
+        )
 
-    def oriented(self, view: View) -> View:
-        """The same for the discs of an elongated body at their heading."""
-        admitted, known, passable = self._spaces.oriented()
-        return replace(view, admitted=admitted, known=known, passable=passable)
 
-
-def planned_once() -> PlanPath:
+def memoized_planner() -> PlanPath:
     """Memoize the planner for one decision.
 
     Paths rest on distances that hold until the next update of the costmap. So a decision that is
@@ -78,8 +185,8 @@ def planned_once() -> PlanPath:
 
     def plan_path(
         space: FreeSpace,
-        start: NDArray[np.float64],
-        goal: NDArray[np.float64],
+        start: Array,
+        goal: Array,
         config: PlannerConfig,
         seed: int,
         heading: float,

@@ -1,4 +1,4 @@
-"""The record of a decision: what it rests on, what was chosen and why, and how long it took."""
+"""The record of a decision in the log: its inputs, the command and why, and stage latencies."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.geometry import polyline_length
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import add_points, thinned, trajectory_message
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.reasons import Reason, reason_message, sentence
-from wayproof.harness.stack.types import Choice, View
+from wayproof.harness.stack.types import Command, PlannerInput
 from wayproof.planners import Trajectory
 
 Array = NDArray[np.float64]
@@ -20,8 +21,8 @@ Array = NDArray[np.float64]
 
 def record(
     inputs: Inputs,
-    view: View,
-    choice: Choice,
+    planner_input: PlannerInput,
+    command: Command,
     mapper: Mapper,
     inflation_radius: float,
     version: str,
@@ -29,14 +30,14 @@ def record(
     """Write a decision down; delay and chain come when it is committed.
 
     Args:
-        inputs: What it was made on.
-        view: What of it the behaviour saw.
-        choice: What was decided.
-        mapper: Whose map and costmap it rests on.
-        inflation_radius: Of the body as it was planned for, m.
-        version: Of the map.
+        inputs: Sweeps and pose that it was made on.
+        planner_input: Input of the decision, for the footprint chosen.
+        command: What was decided.
+        mapper: Map and costmap that it rests on.
+        inflation_radius: Inflation radius of the footprint chosen, m.
+        version: Version of the map.
     """
-    path, search, config = choice.trajectory.path, choice.search, mapper.costmap.config
+    path, search, config = command.trajectory.path, command.search, mapper.costmap.config
     decision = pb.Decision(
         sequence=inputs.sequence,
         trigger=f"{inputs.sweeps[0].sensor} sweep" if inputs.sweeps else "pose",
@@ -46,32 +47,32 @@ def record(
         unknown_policy=config.unknown_policy,
         inflation_radius_m=inflation_radius,
         localization_margin_m=mapper.costmap.margin,
-        blocked_at_or_below=view.admitted.collision_distance_sq,
+        blocked_at_or_below=planner_input.traversable.collision_distance_sq,
         position=inputs.pose.position.tolist(),
         quaternion=inputs.pose.quaternion.tolist(),
         position_sigma=inputs.pose.position_sigma,
         input_digest=inputs.digest,
         evidence_age_s=mapper.evidence_age(path, inputs.time_ns),
-        planner=view.planner.name if search else "",
-        planner_seed=choice.search_seed,
+        planner=planner_input.planner.name if search else "",
+        planner_seed=command.search_seed,
         planner_iterations=search.iterations if search else 0,
-        path_cost=_path_cost(view, choice.guide),
-        path_length_m=_length(choice.guide),
-        least_clearance_m=view.known.least_clearance(path),
-        action=choice.action,
-        reason=sentence(choice.reason),
-        grounds=reason_message(choice.reason),
-        label=choice.label,
-        trajectory=trajectory_message(choice.trajectory),
+        path_cost=_path_cost(planner_input, command.global_path),
+        path_length_m=_length(command.global_path),
+        least_clearance_m=planner_input.known_free.least_clearance(path),
+        action=command.action,
+        reason=sentence(command.reason),
+        grounds=reason_message(command.reason),
+        label=command.label,
+        trajectory=trajectory_message(command.trajectory),
         committed_length_m=_length(path),
     )
-    add_points(decision, "guide", thinned(choice.guide))
+    add_points(decision, "guide", thinned(command.global_path))
     decision.timestamp.FromNanoseconds(inputs.time_ns)
     return decision
 
 
 def record_missed_deadline(decision: pb.Decision, standing: Trajectory) -> None:
-    """Change a decision that came too late to what the robot does instead: follow what stands."""
+    """Change a decision past its deadline to what the robot does instead: follow `standing`."""
     late_ns = decision.timestamp.ToNanoseconds() - standing.start_ns
     decision.action = "stop_and_wait" if late_ns >= standing.duration_s * 1e9 else "follow"
     decision.label = "deadline_missed"
@@ -88,7 +89,7 @@ class StageClock:
     """Wall time of each stage of one decision."""
 
     def __init__(self, sense_ms: float) -> None:
-        """Start the first stage; `sense_ms` is what the sweeps took before."""
+        """Start the first stage; `sense_ms` is the wall time of the sweeps before."""
         self._ms = {"sense": sense_ms}
         self._began = time.perf_counter()
 
@@ -99,19 +100,17 @@ class StageClock:
         self._began = now
 
     def write(self, stages: pb.StageLatency, within_plan_s: float) -> None:
-        """Write all of them; distances worked out while planning are the costmap's."""
-        caught_up_ms = within_plan_s * 1e3
+        """Write all latencies; distances computed while planning count as the costmap's."""
+        lazy_ms = within_plan_s * 1e3
         stages.sense_ms, stages.map_ms = self._ms["sense"], self._ms["map"]
-        stages.costmap_ms = self._ms["costmap"] + caught_up_ms
-        stages.plan_ms = self._ms["plan"] - caught_up_ms
+        stages.costmap_ms = self._ms["costmap"] + lazy_ms
+        stages.plan_ms = self._ms["plan"] - lazy_ms
 
 
-def _path_cost(view: View, guide: Array | None) -> float:
-    weight = view.planner.clearance_weight
-    return 0.0 if guide is None else view.passable.path_cost(guide, weight)
+def _path_cost(planner_input: PlannerInput, global_path: Array | None) -> float:
+    weight = planner_input.planner.clearance_weight
+    return 0.0 if global_path is None else planner_input.optimistic.path_cost(global_path, weight)
 
 
 def _length(path: Array | None) -> float:
-    if path is None or len(path) < 2:
-        return 0.0
-    return float(np.sqrt(np.square(np.diff(path, axis=0)).sum(axis=1)).sum())
+    return 0.0 if path is None else polyline_length(path)

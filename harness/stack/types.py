@@ -1,9 +1,10 @@
-"""What a decision sees, what it remembers, and what it chooses."""
+"""Data types of one decision: planner input, planner state, command."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +25,11 @@ from wayproof.planners import (
 
 Array = NDArray[np.float64]
 
-States = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.uint8]]
-"""States (nx, ny, nz) of the cells from one on up to another, both (3,) within the costmap."""
-
+CellStates = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.uint8]]
+"""States (nx, ny, nz) of the cells between two corners (3,) of the costmap, the upper excluded."""
 
 PlanPath = Callable[[FreeSpace, Array, Array, PlannerConfig, int, float], Plan]
-"""Plans in a space from a start (3,) to a goal (3,), with settings, a seed and a heading, rad."""
+"""Plan in a space from a start (3,) to a goal (3,), with settings, a seed and a heading, rad."""
 
 
 @dataclass(frozen=True)
@@ -84,30 +84,31 @@ class BehaviourConfig:
 
 
 @dataclass(frozen=True)
-class View:
-    """One decision's view of the world; points lie in the costmap's frame.
+class PlannerInput:
+    """All that one decision depends on besides the planner state; points in the costmap's frame.
 
     Attributes:
-        time_ns: When the sweep was taken.
-        effect_ns: When the decision reaches the robot.
+        time_ns: Time of the sweep.
+        effect_ns: Time at which the command reaches the robot.
         sequence: Number of the decision.
-        seed: The episode's.
-        position: (3,) believed, m.
-        heading: rad.
+        seed: Seed of the episode.
+        position: (3,) estimated position, m.
+        heading: Estimated yaw, rad.
         goal: (3,) m.
-        goal_tolerance: m.
-        admitted: Space that the unknown policy lets the body enter.
-        known: Space known to be free.
-        passable: Space not known to be blocked; what is not known to be free costs most.
-        states: Of the costmap's cells.
+        goal_tolerance: Distance from the goal within which it counts as reached, m.
+        traversable: Space that the unknown policy lets the body enter.
+        known_free: Space known to be free.
+        optimistic: Space not known to be blocked; the unknown costs most (freespace assumption,
+            Koenig and Smirnov 1997).
+        cell_states: States of the costmap's cells.
         unknown_blocks: Whether the unknown policy keeps the body out of unknown space.
         turns_in_place: Whether heading matters for motion (ground robots).
         penalize_unknown: Whether unknown space costs speed.
-        limits: What the body may be asked for.
-        planner: Search settings.
-        behaviour: Waiting and giving up.
-        mission_goal: (3,) what `goal` stands for where the mission's own is blocked, m; else none.
-        plan: Plans a path: space, start, goal, settings, seed, heading.
+        limits: Greatest speed, acceleration, jerk and yaw rate of a command.
+        planner: Settings of the search.
+        behaviour: Settings of the decision.
+        mission_goal: (3,) the mission's goal where `goal` is its projection to free space, m.
+        plan: Path planner: space, start, goal, settings, seed, heading.
     """
 
     time_ns: int
@@ -118,10 +119,10 @@ class View:
     heading: float
     goal: Array
     goal_tolerance: float
-    admitted: FreeSpace
-    known: FreeSpace
-    passable: FreeSpace
-    states: States
+    traversable: FreeSpace
+    known_free: FreeSpace
+    optimistic: FreeSpace
+    cell_states: CellStates
     unknown_blocks: bool
     turns_in_place: bool
     penalize_unknown: bool
@@ -133,25 +134,25 @@ class View:
 
 
 @dataclass(frozen=True)
-class Errand:
-    """A way to somewhere else than the goal, to look from there.
+class Exploration:
+    """A detour to a viewpoint, from which the sensors may find a way to the goal.
 
     Attributes:
-        since: Number of the decision that set out.
-        backing_up: Whether it leads back on the robot's own trail, and not to a frontier.
+        since: Number of the decision that began it.
+        backtracking: Whether it leads back along the breadcrumbs, and not to a frontier.
     """
 
     since: int
-    backing_up: bool = False
+    backtracking: bool = False
 
 
 @dataclass(frozen=True)
-class GivenUp:
-    """The decision after which the robot had no path any more.
+class PathLoss:
+    """The decision that dropped the global path without a new one.
 
     Attributes:
         sequence: Its number.
-        kind: Of its reason.
+        kind: Kind of its reason.
         label: Its label.
     """
 
@@ -161,52 +162,61 @@ class GivenUp:
 
 
 @dataclass(frozen=True)
-class Memory:
-    """What one decision hands to the next.
+class PlannerState:
+    """All that one decision carries over to the next.
 
     Attributes:
         trajectory: The last one committed; the robot follows it until the next takes effect.
         earlier: Those committed before it, from the one that the robot follows now.
-        guide: (n, 3) from the start of `trajectory` to the goal, or on an errand to a frontier.
-        errand: If the guide leads not to the goal, but to a place to look from.
-        given_up: Since when there is no guide; none if there is one.
-        rest_since_ns: Since when the robot has been waiting for the way to open; -1 if it is not.
-        improved_ns: When a cheaper guide was last looked for.
-        visited: (n, 3) places that it has looked from.
-        trail: (n, 3) where it came along, the latest last, no longer than a way back needs.
-        backups: How often it has gone back on its trail.
-        slender: Whether the guide is for a long body as it lies, not for the disc about it.
+        global_path: (n, 3) from the start of `trajectory` to the goal, or to a viewpoint while
+            exploring.
+        exploration: The detour that the global path belongs to; none if it leads to the goal.
+        path_loss: Since when there is no global path; none if there is one.
+        rest_since_ns: Time at which the robot began to wait for a way; -1 if it does not wait.
+        improved_ns: Time of the last search for a cheaper global path.
+        viewpoints: (n, 3) positions explored from, m.
+        breadcrumbs: (n, 3) positions travelled through, the latest last, as many as backtracking
+            needs, m.
+        backtracks: Number of times that the robot has backtracked.
+        oriented: Whether the global path is for the oriented footprint of an elongated body, not
+            for the circumscribed one.
     """
 
     trajectory: Trajectory
     earlier: tuple[Trajectory, ...] = ()
-    guide: Array | None = None
-    errand: Errand | None = None
-    given_up: GivenUp | None = None
+    global_path: Array | None = None
+    exploration: Exploration | None = None
+    path_loss: PathLoss | None = None
     rest_since_ns: int = -1
     improved_ns: int = 0
-    visited: Array = field(default_factory=lambda: np.empty((0, 3)))
-    trail: Array = field(default_factory=lambda: np.empty((0, 3)))
-    backups: int = 0
-    slender: bool = False
+    viewpoints: Array = field(default_factory=lambda: np.empty((0, 3)))
+    breadcrumbs: Array = field(default_factory=lambda: np.empty((0, 3)))
+    backtracks: int = 0
+    oriented: bool = False
 
     @property
-    def on_errand(self) -> bool:
-        """Whether the guide leads to a place to look from."""
-        return self.errand is not None
+    def exploring(self) -> bool:
+        """Whether the global path leads to a viewpoint."""
+        return self.exploration is not None
+
+    @property
+    def path(self) -> Array:
+        """The global path (n, 3), where there must be one."""
+        assert self.global_path is not None
+        return self.global_path
 
 
 @dataclass(frozen=True)
-class Choice:
-    """The action and what led to it.
+class Command:
+    """The action of one decision and what led to it.
 
     Attributes:
         action: What the robot does.
-        reason: Why.
-        label: What stood in the way.
-        trajectory: What it follows.
-        guide: (n, 3) path to the goal, or none.
-        search: The search made for this decision, or none if the guide was kept.
+        reason: Why, as a predicate with its figures.
+        label: What stands in the way.
+        trajectory: What the robot follows.
+        global_path: (n, 3) to the goal or to a viewpoint, or none.
+        search: The search made for this decision; none if the global path was kept.
         search_seed: Its seed, 0 if none.
     """
 
@@ -214,17 +224,29 @@ class Choice:
     reason: Reason
     label: Label
     trajectory: Trajectory
-    guide: Array | None = None
+    global_path: Array | None = None
     search: Plan | None = None
     search_seed: int = 0
 
 
-def standing(now: TrajectorySample) -> bool:
-    """Whether the robot is in one place, though it may still be turning."""
-    return now.speed < 1e-3
+class Decided(NamedTuple):
+    """The result of a manoeuvre or of a whole decision.
+
+    Attributes:
+        command: What the robot does.
+        state: The planner state for the next decision.
+    """
+
+    command: Command
+    state: PlannerState
 
 
-def length(path: Array) -> float:
+def is_stationary(sample: TrajectorySample) -> bool:
+    """Whether the robot does not translate; it may still be turning."""
+    return sample.speed < 1e-3
+
+
+def arc_length(path: Array) -> float:
     """Arc length of a path (n, 3), m."""
     return float(arc_lengths(path)[-1])
 

@@ -58,7 +58,7 @@ class Moment:
     def costmap(self) -> Costmap:
         """That the decision rests on; brought up to date when it is first asked for."""
         what = f"decision {self.decision.sequence}"
-        guarded(what, lambda: self.navigator.mapper.inflate(self.record.inputs))
+        guarded(what, lambda: self.navigator.mapper.update_costmap(self.record.inputs))
         return self.navigator.costmap
 
     @property

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from wayproof.harness.result import Result
     from wayproof.harness.runner import run_episode
     from wayproof.harness.scenario.scenario import Scenario, build
-    from wayproof.harness.stack.pipeline import Navigator, build_navigator
+    from wayproof.harness.stack.build import build_navigator
+    from wayproof.harness.stack.pipeline import Navigator
 
 # Small products on two BLAS threads are slower than on one, and their order of summation varies.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -41,7 +42,7 @@ WHERE = {
     "Scenario": "wayproof.harness.scenario.scenario",
     "build": "wayproof.harness.scenario.scenario",
     "Navigator": "wayproof.harness.stack.pipeline",
-    "build_navigator": "wayproof.harness.stack.pipeline",
+    "build_navigator": "wayproof.harness.stack.build",
 }
 """Public name -> the module that holds it."""
 

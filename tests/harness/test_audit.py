@@ -22,7 +22,7 @@ from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import Record, open_log, read_head
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import seal
+from wayproof.harness.stack.decision import chain_hash
 from wayproof.maps import VoxelMap
 
 SHORT = "episode.time_limit=8"
@@ -301,8 +301,7 @@ def forge(source, target, change):
     for message in read_messages(source):
         if isinstance(message, pb.Decision):
             change(message)
-            seal(message, chain)
-            chain = message.chain
+            chain = message.chain = chain_hash(message, chain)
         messages.append(message)
     head = read_head(walk(source, head_only=True), source, allow_plugins=False)
     write_copy(target, head, messages, {**open_log(source).result, "chain": chain})

@@ -3,7 +3,7 @@ import pytest
 from wayproof.harness.config import Config, from_json, override, setting_names, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.scenario.scenario import build
-from wayproof.harness.stack.pipeline import build_navigator
+from wayproof.harness.stack.build import build_navigator
 
 BASE = Config("warehouse", "drone", 3)
 

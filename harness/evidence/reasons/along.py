@@ -9,7 +9,7 @@ import numpy as np
 
 from wayproof.harness.evidence.paths import Array, arc_lengths, densely, length
 from wayproof.harness.evidence.reasons.scene import Scene
-from wayproof.harness.inputs import heading_of
+from wayproof.harness.geometry import atan2_rounded
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 NEAR = 1e-3
@@ -57,7 +57,7 @@ def direction(way: Array, begin: float, end: float) -> float:
     """Heading from one arc length of a way to another, rad."""
     arcs = arc_lengths(way)
     x, y = (np.interp(end, arcs, way[:, k]) - np.interp(begin, arcs, way[:, k]) for k in range(2))
-    return heading_of(float(y), float(x))
+    return atan2_rounded(float(y), float(x))
 
 
 def turn_at(way: Array, committed: Array, arc: float) -> float:
@@ -80,11 +80,6 @@ def _steps_near(way: Array, arc: float) -> Array:
     lengths = np.linalg.norm(steps, axis=1)
     directions: Array = steps[lengths > 1e-9] / lengths[lengths > 1e-9, None]
     return directions
-
-
-def wrapped(angle: float) -> float:
-    """An angle from -pi to pi, rad."""
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def heading_of_body(decision: pb.Decision) -> float:

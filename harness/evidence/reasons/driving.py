@@ -14,12 +14,12 @@ from wayproof.harness.evidence.reasons.along import (
     same,
     same_arc,
     turn_at,
-    wrapped,
 )
 from wayproof.harness.evidence.reasons.overlap import free_before, obstructed
 from wayproof.harness.evidence.reasons.past import STILL, Past
 from wayproof.harness.evidence.reasons.scene import Scene
 from wayproof.harness.evidence.reasons.stopping import stop_from, stops
+from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 FIRST_PIECES = (0.1, 0.2, 0.3)
@@ -98,7 +98,7 @@ def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
     towards = heading_of_body(scene.decision) + reason.turn_rad
     firsts = [direction(scene.guide, 0.0, reach) for reach in FIRST_PIECES]
     turns = [towards - first - tail for first in firsts for tail in (0.0, math.pi)]
-    off = min(abs(wrapped(turn)) for turn in turns)
+    off = min(abs(wrap_angle(turn)) for turn in turns)
     if off > TURNED_INTO:
         yield f"the path leads {off:.2f} rad off where it turns to"
 

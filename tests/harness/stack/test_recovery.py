@@ -2,8 +2,8 @@
 
 import pytest
 
-from tests.harness.views import at_rest, make_states, make_view
-from wayproof.harness.stack.behaviour import decide
+from tests.harness.stack.make_input import at_rest, make_input, make_states
+from wayproof.harness.stack.decide import decide
 
 START = (2.05, 2.05)
 LANE = [(0.0, 2.6, 0.0, 2.0), (0.0, 2.6, 2.3, 4.0)]
@@ -18,6 +18,6 @@ PILLAR = (2.3, 2.4, 2.1, 2.2)
 )
 def test_a_way_out_does_not_brush_an_obstacle(pillars, action, kind):
     """It stands in a lane, a cell from what is unknown; the way out leads past the pillar."""
-    view = make_view(make_states(unknown=LANE, occupied=pillars), position=START)
-    choice, _ = decide(view, at_rest(START))
-    assert (choice.action, choice.label, choice.reason.kind) == (action, "start_blocked", kind)
+    input = make_input(make_states(unknown=LANE, occupied=pillars), position=START)
+    command, _ = decide(input, at_rest(START))
+    assert (command.action, command.label, command.reason.kind) == (action, "start_blocked", kind)

@@ -5,7 +5,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from wayproof.harness.stack.footprint_checks import fits_along, to_where_it_turns, ways_to_face
+from wayproof.harness.stack.footprint_checks import (
+    first_misfit,
+    headings_to_start_at,
+    truncate_where_turnable,
+)
 from wayproof.planners import Body, FreeSpace, MotionLimits, follow_path, hold, turn_in_place
 
 LIMITS = MotionLimits(
@@ -36,35 +40,35 @@ def path(start: float, end: float) -> np.ndarray:
 def test_a_trajectory_fits_where_each_of_its_poses_does(lane):
     start = 0, 0.0, 0.0, 0.0
     along = follow_path(path(2.0, 5.5), *start, 0.0, LIMITS, 1.0)
-    assert fits_along(lane, along) is None
+    assert first_misfit(lane, along) is None
     askew = follow_path(path(2.0, 5.5), *start, 1.0, LIMITS, 1.0)
-    assert fits_along(lane, askew) == 0.0  # it stands across the lane
+    assert first_misfit(lane, askew) == 0.0  # it stands across the lane
     backwards = follow_path(path(3.5, 2.0), *start, 0.0, LIMITS, 0.4, reverse=True)
-    assert fits_along(lane, backwards) is None
+    assert first_misfit(lane, backwards) is None
     assert np.abs(backwards.poses(0.1)[:, 3]).max() < 1e-9
     into_the_wall = follow_path(path(2.5, 1.0), *start, math.pi, LIMITS, 1.0)
-    found = fits_along(lane, into_the_wall)
+    found = first_misfit(lane, into_the_wall)
     assert 0.9 < found < 1.1  # 0.25 m and 0.2 m of its front, half a diagonal, and whole cells
-    assert fits_along(dataclasses.replace(lane, discs=()), into_the_wall) is None
+    assert first_misfit(dataclasses.replace(lane, discs=()), into_the_wall) is None
 
 
 def test_a_turn_is_checked_all_the_way(lane):
-    assert fits_along(lane, turn_in_place(place(3.0), 0, 0.0, math.pi, LIMITS)) == 0.0
-    assert fits_along(lane, turn_in_place(place(5.5), 0, 0.0, math.pi, LIMITS)) is None
+    assert first_misfit(lane, turn_in_place(place(3.0), 0, 0.0, math.pi, LIMITS)) == 0.0
+    assert first_misfit(lane, turn_in_place(place(5.5), 0, 0.0, math.pi, LIMITS)) is None
 
 
 def test_nose_first_where_it_can_turn_about_and_the_nearer_way_elsewhere(lane):
     wide, narrow = hold(place(5.5), 0, 0.1).at(0), hold(place(3.0), 0, 0.1).at(0)
-    assert ways_to_face(lane, wide, math.pi) == [(math.pi, False)]
-    assert ways_to_face(lane, narrow, math.pi) == [(2.0 * math.pi, True)]
-    assert ways_to_face(lane, narrow, 0.0) == [(0.0, False)]
-    assert ways_to_face(lane, narrow, math.pi / 2) == []
+    assert headings_to_start_at(lane, wide, math.pi) == [(math.pi, False)]
+    assert headings_to_start_at(lane, narrow, math.pi) == [(2.0 * math.pi, True)]
+    assert headings_to_start_at(lane, narrow, 0.0) == [(0.0, False)]
+    assert headings_to_start_at(lane, narrow, math.pi / 2) == []
 
 
 def test_tail_first_to_the_first_place_where_it_turns(lane):
     way = path(2.0, 6.5)
-    end = to_where_it_turns(lane, way, 0.0)[-1, 0]
+    end = truncate_where_turnable(lane, way, 0.0)[-1, 0]
     assert 4.0 < end < 4.8
     assert lane.turnable(np.array([place(end)]))[0]
-    assert to_where_it_turns(lane, way, 3.5)[-1, 0] == pytest.approx(5.5, abs=0.12)
-    assert to_where_it_turns(lane, path(2.0, 3.0), 0.0)[-1, 0] == 3.0
+    assert truncate_where_turnable(lane, way, 3.5)[-1, 0] == pytest.approx(5.5, abs=0.12)
+    assert truncate_where_turnable(lane, path(2.0, 3.0), 0.0)[-1, 0] == 3.0

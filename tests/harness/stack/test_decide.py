@@ -6,24 +6,24 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from tests.harness.views import (
+from tests.harness.stack.make_input import (
     GOAL,
     LONG,
     PERIOD_NS,
     START,
     at_rest,
     drive,
+    make_input,
     make_states,
-    make_view,
-    next_view,
+    next_input,
     place,
     sample_at,
 )
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.behaviour import decide
+from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.reasons import MEANINGS
-from wayproof.harness.stack.types import BehaviourConfig, Memory, View
+from wayproof.harness.stack.types import BehaviourConfig, PlannerInput, PlannerState
 
 WALL = (4.0, 4.3, 0.0, 4.0)
 """From one side of the room to the other, between start and goal."""
@@ -36,24 +36,24 @@ NAVIGATORS_OWN = {"deadline_missed", "map_stale"}
 class Case:
     """What a decision is made on."""
 
-    view: View
-    memory: Memory
+    input: PlannerInput
+    state: PlannerState
 
 
 def seen_from_rest(**room):
-    return Case(make_view(**room), at_rest())
+    return Case(make_input(**room), at_rest())
 
 
 def seen_in_motion(states, decisions=8, **room):
     """It drives in a free room, and then sees another one."""
-    memory = drive(decisions, **room)
-    return Case(next_view(memory, decisions, states=states, **room), memory)
+    state = drive(decisions, **room)
+    return Case(next_input(state, decisions, states=states, **room), state)
 
 
-def waited(states, seconds, **memory):
+def waited(states, seconds, **state):
     """It has been at rest from the first decision on, before a way that is not open."""
     sequence = round(seconds * 1e9) // PERIOD_NS
-    return Case(make_view(states, sequence=sequence), at_rest(rest_since_ns=0, **memory))
+    return Case(make_input(states, sequence=sequence), at_rest(rest_since_ns=0, **state))
 
 
 def all_the_way_is_free():
@@ -61,14 +61,14 @@ def all_the_way_is_free():
 
 
 def what_is_left_takes_braking():
-    memory = drive(32)
-    return Case(next_view(memory, 32), memory)
+    state = drive(32)
+    return Case(next_input(state, 32), state)
 
 
 def a_sharp_corner_comes_first():
     bent = np.array([place(1.05, 2.05), place(3.05, 2.05), place(3.05, 3.55)])
-    view = make_view(goal=(3.05, 3.55))
-    return Case(view, at_rest(guide=bent))
+    input = make_input(goal=(3.05, 3.55))
+    return Case(input, at_rest(global_path=bent))
 
 
 def the_far_end_is_unknown():
@@ -88,8 +88,8 @@ def unknown_space_is_like_free():
 
 
 def the_goal_lies_behind_a_robot_on_the_ground():
-    view = make_view(position=(4.05, 2.05), goal=(1.05, 2.05), turns_in_place=True)
-    return Case(view, at_rest((4.05, 2.05)))
+    input = make_input(position=(4.05, 2.05), goal=(1.05, 2.05), turns_in_place=True)
+    return Case(input, at_rest((4.05, 2.05)))
 
 
 def the_unknown_begins_right_ahead():
@@ -108,10 +108,10 @@ def a_wall_comes_into_the_way_in_motion():
 
 def a_wall_came_into_the_way_before():
     case = a_wall_comes_into_the_way_in_motion()
-    _, memory = decide(case.view, case.memory)
+    _, state = decide(case.input, case.state)
     x = sample_at(drive(8), 8 * PERIOD_NS).position[0]
     wall = make_states(occupied=[(round(x, 1) + 0.9, 8.0, 0.0, 4.0)])
-    return Case(next_view(memory, 9, states=wall), memory)
+    return Case(next_input(state, 9, states=wall), state)
 
 
 def a_wall_shuts_off_the_goal():
@@ -124,30 +124,30 @@ def a_wall_shuts_off_the_goal_and_a_corner_was_not_seen():
 
 def a_wall_shuts_off_the_goal_and_it_came_from_behind():
     trail = np.array([place(x, 2.05) for x in np.arange(2.05, 3.1, 0.1)])
-    view = make_view(make_states(occupied=[WALL]), position=(3.05, 2.05), sequence=15)
-    return Case(view, at_rest((3.05, 2.05), rest_since_ns=0, trail=trail))
+    input = make_input(make_states(occupied=[WALL]), position=(3.05, 2.05), sequence=15)
+    return Case(input, at_rest((3.05, 2.05), rest_since_ns=0, breadcrumbs=trail))
 
 
 def it_has_looked_from_everywhere():
     tries = BehaviourConfig().tries
-    return waited(make_states(occupied=[WALL]), 1.5, visited=np.tile(place(*START), (tries, 1)))
+    return waited(make_states(occupied=[WALL]), 1.5, viewpoints=np.tile(place(*START), (tries, 1)))
 
 
 def the_goal_lies_deep_in_a_block():
     block = make_states(occupied=[(5.0, 8.0, 0.0, 4.0)])
-    return Case(make_view(block, goal=(7.05, 2.05)), at_rest())
+    return Case(make_input(block, goal=(7.05, 2.05)), at_rest())
 
 
 def it_stands_as_near_to_a_blocked_goal_as_it_can():
     block = make_states(occupied=[(6.5, 6.7, 2.0, 2.2)])
-    memory = drive(60, states=block)
-    return Case(next_view(memory, 60, states=block), memory)
+    state = drive(60, states=block)
+    return Case(next_input(state, 60, states=block), state)
 
 
 def a_blocked_goal_did_not_become_free():
     block = make_states(occupied=[(6.5, 6.7, 2.0, 2.2)])
-    memory = drive(110, states=block)
-    return Case(next_view(memory, 110, states=block), memory)
+    state = drive(110, states=block)
+    return Case(next_input(state, 110, states=block), state)
 
 
 def a_block_touches_its_inflation():
@@ -160,16 +160,16 @@ def all_about_it_is_occupied():
 
 def a_long_body_lies_askew_in_a_lane():
     lane = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])
-    view = make_view(lane, LONG, position=(3.05, 2.05), heading=0.7)
-    return Case(view, at_rest((3.05, 2.05), heading=0.7))
+    input = make_input(lane, LONG, position=(3.05, 2.05), heading=0.7)
+    return Case(input, at_rest((3.05, 2.05), heading=0.7))
 
 
 def it_stands_a_metre_beside_its_trajectory():
-    return Case(make_view(position=(1.05, 3.05)), at_rest())
+    return Case(make_input(position=(1.05, 3.05)), at_rest())
 
 
 def it_stands_at_the_goal():
-    return Case(make_view(position=GOAL), at_rest(GOAL))
+    return Case(make_input(position=GOAL), at_rest(GOAL))
 
 
 CASES = {
@@ -216,8 +216,8 @@ CASES = {
 @pytest.mark.parametrize("situation", CASES, ids=lambda one: one.__name__)
 def test_a_situation_has_its_action_label_and_reason(situation):
     case = situation()
-    choice, _ = decide(case.view, case.memory)
-    assert (choice.action, choice.label, choice.reason.kind) == CASES[situation]
+    command, _ = decide(case.input, case.state)
+    assert (command.action, command.label, command.reason.kind) == CASES[situation]
 
 
 @pytest.mark.parametrize("situation", CASES, ids=lambda one: one.__name__)
@@ -235,10 +235,10 @@ def test_every_action_and_every_label_has_its_situation():
 
 @pytest.mark.parametrize("face", [2.0, 3.0, 5.0])
 def test_what_ends_the_free_length_of_a_long_body_may_stand_far_along_an_edge(face):
-    view = make_view(make_states(occupied=[(face, 6.0, 0.0, 4.0)]), LONG)
+    input = make_input(make_states(occupied=[(face, 6.0, 0.0, 4.0)]), LONG)
     path = np.array([place(*START), place(*GOAL)])
-    free = view.admitted.free_length(path)
+    free = input.traversable.free_length(path)
     assert free == 0.0
-    found = obstruction.on_path(view, path, free, unknown_blocks=True)
+    found = obstruction.on_path(input, path, free, unknown_blocks=True)
     assert found.cell_state == "occupied"
     assert found.cell[0] == pytest.approx(face + 0.05)

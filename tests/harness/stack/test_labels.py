@@ -13,8 +13,8 @@ from wayproof.harness.evidence.replay import replay
 from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.labels import decode_classes
-from wayproof.harness.stack.pipeline import build_navigator
 from wayproof.maps.grid import centres
 from wayproof.models.classes import CLASSES, class_of_geoms
 from wayproof.models.worlds import WORLDS, Box

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from tests.maps.test_distance_field import scipy_squared
-from wayproof.harness.stack.behaviour import decide
-from wayproof.harness.stack.types import BehaviourConfig, Memory, View
+from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.types import BehaviourConfig, PlannerInput, PlannerState
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
 
@@ -55,7 +55,7 @@ def make_space(blocked, body=ROUND):
     return FreeSpace(distances, np.zeros(3), CELL, least, costs, discs if len(discs) > 1 else ())
 
 
-def make_view(
+def make_input(
     states=None, body=ROUND, policy="forbid", position=START, goal=GOAL, sequence=0, **others
 ):
     """What one decision sees.
@@ -67,11 +67,11 @@ def make_view(
         position: (2,) where the robot believes to be, m.
         goal: (2,) m.
         sequence: Number of the decision; the others follow from it.
-        others: Fields of the view in place of its own.
+        others: Fields of the input in place of its own.
     """
     states = make_states() if states is None else states
     known, passable = make_space(states != FREE, body), make_space(states == OCCUPIED, body)
-    view = View(
+    input = PlannerInput(
         time_ns=sequence * PERIOD_NS,
         effect_ns=(sequence + 1) * PERIOD_NS,
         sequence=sequence,
@@ -80,10 +80,10 @@ def make_view(
         heading=0.0,
         goal=place(*goal),
         goal_tolerance=0.2,
-        admitted=known if policy == "forbid" else passable,
-        known=known,
-        passable=passable,
-        states=lambda first, end: states[tuple(map(slice, first, end))],
+        traversable=known if policy == "forbid" else passable,
+        known_free=known,
+        optimistic=passable,
+        cell_states=lambda first, end: states[tuple(map(slice, first, end))],
         unknown_blocks=policy == "forbid",
         turns_in_place=False,
         penalize_unknown=policy == "penalize",
@@ -91,37 +91,37 @@ def make_view(
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(),
     )
-    return replace(view, **others)
+    return replace(input, **others)
 
 
 def at_rest(position=START, heading=0.0, **others):
-    """The memory of a robot that has stood in its place so far."""
-    return Memory(hold(place(*position), 0, heading), **others)
+    """The state of a robot that has stood in its place so far."""
+    return PlannerState(hold(place(*position), 0, heading), **others)
 
 
-def sample_at(memory, time_ns):
+def sample_at(state, time_ns):
     """Where a robot is that follows what was committed, as a `TrajectorySample`."""
-    flown = (*memory.earlier, memory.trajectory)
-    begun = [one for one in flown if one.start_ns <= time_ns]
-    return (begun or flown[:1])[-1].at(time_ns)
+    committed = (*state.earlier, state.trajectory)
+    begun = [one for one in committed if one.start_ns <= time_ns]
+    return (begun or committed[:1])[-1].at(time_ns)
 
 
-def next_view(memory, sequence, **room):
+def next_input(state, sequence, **room):
     """What the robot sees at a decision, having followed what it committed to before."""
-    now = sample_at(memory, sequence * PERIOD_NS)
+    now = sample_at(state, sequence * PERIOD_NS)
     x, y, _ = now.position
-    return make_view(position=(x, y), heading=now.heading, sequence=sequence, **room)
+    return make_input(position=(x, y), heading=now.heading, sequence=sequence, **room)
 
 
-def drive(decisions, memory=None, **room):
-    """The memory after so many decisions in a room, from rest at the start.
+def drive(decisions, state=None, **room):
+    """The state after so many decisions in a room, from rest at the start.
 
     Args:
         decisions: How many.
-        memory: Before them; that of a robot at rest by default.
-        room: Of `make_view`.
+        state: Before them; that of a robot at rest by default.
+        room: Of `make_input`.
     """
-    memory = at_rest() if memory is None else memory
+    state = at_rest() if state is None else state
     for sequence in range(decisions):
-        _, memory = decide(next_view(memory, sequence, **room), memory)
-    return memory
+        _, state = decide(next_input(state, sequence, **room), state)
+    return state

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wayproof.harness.stack.evasive_stop import clearest_stop
-from wayproof.harness.stack.types import BehaviourConfig, View
+from wayproof.harness.stack.types import BehaviourConfig, PlannerInput
 from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold
 
 LIMITS = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)
@@ -22,9 +22,9 @@ def space(*blocked):
     return FreeSpace(field.astype(np.uint16), np.zeros(3), CELL, 9, np.ones(REACH**2 + 1))
 
 
-def stop(view_space, speed=2.0, ground=False, path=AHEAD):
+def stop(free_space, speed=2.0, ground=False, path=AHEAD):
     now = hold(path[0], 0, 0.0).at(0)._replace(speed=speed)
-    view = View(
+    input = PlannerInput(
         time_ns=0,
         effect_ns=0,
         sequence=0,
@@ -33,10 +33,10 @@ def stop(view_space, speed=2.0, ground=False, path=AHEAD):
         heading=0.0,
         goal=path[-1],
         goal_tolerance=0.2,
-        admitted=view_space,
-        known=view_space,
-        passable=view_space,
-        states=lambda first, end: np.ones(end - first, np.uint8),
+        traversable=free_space,
+        known_free=free_space,
+        optimistic=free_space,
+        cell_states=lambda first, end: np.ones(end - first, np.uint8),
         unknown_blocks=True,
         turns_in_place=ground,
         penalize_unknown=False,
@@ -44,7 +44,7 @@ def stop(view_space, speed=2.0, ground=False, path=AHEAD):
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(),
     )
-    return clearest_stop(view, now, path)
+    return clearest_stop(input, now, path)
 
 
 def test_a_free_way_is_kept():

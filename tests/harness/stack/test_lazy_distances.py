@@ -9,8 +9,8 @@ import pytest
 from tests.maps.test_distance_field import scipy_squared
 from tests.planners.garbage import told
 from wayproof.harness.stack import planner_input
-from wayproof.harness.stack.behaviour import decide
-from wayproof.harness.stack.types import BehaviourConfig, Memory, View
+from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.types import BehaviourConfig, PlannerInput, PlannerState
 from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold, plan
 
 SHAPE = (110, 70, 16)
@@ -30,10 +30,10 @@ def costs(unknown=None):
     return table
 
 
-def make_view(known, passable, position, sequence):
+def make_input(known, passable, position, sequence):
     grid = np.zeros(3), CELL, THRESHOLD
     known = FreeSpace(known, *grid, costs())
-    return View(
+    return PlannerInput(
         time_ns=sequence * STEP_NS,
         effect_ns=(sequence + 1) * STEP_NS,
         sequence=sequence,
@@ -42,37 +42,37 @@ def make_view(known, passable, position, sequence):
         heading=0.0,
         goal=GOAL,
         goal_tolerance=0.4,
-        admitted=known,
-        known=known,
-        passable=FreeSpace(passable, *grid, costs(4.0)),
-        states=lambda first, end: np.ones(end - first, np.uint8),
+        traversable=known,
+        known_free=known,
+        optimistic=FreeSpace(passable, *grid, costs(4.0)),
+        cell_states=lambda first, end: np.ones(end - first, np.uint8),
         unknown_blocks=True,
         turns_in_place=False,
         penalize_unknown=False,
         limits=LIMITS,
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(),
-        plan=planner_input.planned_once(),
+        plan=planner_input.memoized_planner(),
     )
 
 
-def settle(window, view, memory):
+def settle(window, input, state):
     """As a navigator does: decide until nothing that was looked at had been out of date."""
     for rounds in itertools.count(1):
-        choice, after = decide(view, memory)
+        command, after = decide(input, state)
         outdated = [distances.outdated() for distances in window]
         if not any(outdated) and not any(distances.reader.missed for distances in window):
-            return choice, after, rounds
+            return command, after, rounds
         for distances in window:
             distances.catch_up()
         for distances in window:
             distances.reader.missed = False
 
 
-def content(choice, memory):
-    paths = choice.trajectory.path, choice.guide, memory.guide
+def content(command, state):
+    paths = command.trajectory.path, command.global_path, state.global_path
     kept = [None if path is None else path.tobytes() for path in paths]
-    return choice.action, choice.reason, choice.label, choice.trajectory.duration_s, *kept
+    return command.action, command.reason, command.label, command.trajectory.duration_s, *kept
 
 
 def count_plans(monkeypatch):
@@ -101,7 +101,7 @@ def test_decisions_among_spoilt_distances_are_those_among_true_ones(seed, monkey
         occupied[low[0] : low[0] + 5, low[1] : low[1] + 14] = True
     centres = (np.stack(np.meshgrid(*map(np.arange, SHAPE), indexing="ij"), -1) + 0.5) * CELL
     position = np.array([0.8, 3.5, 0.8])
-    memory, known, taken = Memory(hold(position, 0, 0.0)), np.zeros(SHAPE, np.bool_), 0
+    state, known, taken = PlannerState(hold(position, 0, 0.0)), np.zeros(SHAPE, np.bool_), 0
     for sequence in range(60):
         known |= np.square(centres - position).sum(axis=-1) < 3.0**2
         if sequence % 6 == 3:
@@ -111,18 +111,18 @@ def test_decisions_among_spoilt_distances_are_those_among_true_ones(seed, monkey
         to_obstacles = scipy_squared(known & occupied, REACH).astype(np.uint16)
         unsure = np.where(to_not_free < EDGE, np.minimum(to_obstacles, EDGE), to_obstacles)
         passable = unsure.astype(np.uint16)
-        true = decide(make_view(to_not_free, passable, position, sequence), memory)
+        true = decide(make_input(to_not_free, passable, position, sequence), state)
         counts.clear()
         window = told([to_not_free, passable], 100 * sequence, rng.choice([0.05, 0.4, 1.0]))
-        *again, needed = settle(window, make_view(*window, position, sequence), memory)
+        *again, needed = settle(window, make_input(*window, position, sequence), state)
         rounds += needed if counts else 0
         assert set(counts.values()) <= {1}
         assert content(*again) == content(*true)
         taken += 1
-        choice, memory = true
-        if choice.action in ("goal", "abort"):
+        command, state = true
+        if command.action in ("goal", "abort"):
             break
-        flown = [*memory.earlier, memory.trajectory]
+        flown = [*state.earlier, state.trajectory]
         now = [one for one in flown if one.start_ns <= (sequence + 1) * STEP_NS][-1]
         position = now.at((sequence + 1) * STEP_NS).position
     assert taken > 20

@@ -1,0 +1,91 @@
+"""The decision: which manoeuvre the robot makes, and in which order they are considered.
+
+The robot follows a *global path*: a path to the goal through space not known to be blocked. It
+commits only to the part that the unknown policy lets it traverse, by a trajectory that ends at
+rest. Each manoeuvre is a pure function of planner input, planner state and the start of the new
+trajectory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wayproof.harness.stack.backtrack import record_breadcrumb
+from wayproof.harness.stack.footprint_checks import compensate_yaw_lag, footprint_free
+from wayproof.harness.stack.global_path import ARRIVED, keep_or_replan, project_goal_to_free
+from wayproof.harness.stack.maneuvers import (
+    arrive,
+    hold_position,
+    stop_without_path,
+    wait_at_blocked_goal,
+)
+from wayproof.harness.stack.path_following import follow_global_path
+from wayproof.harness.stack.recovery import escape_inflation, recover_after_timeout
+from wayproof.harness.stack.types import (
+    Decided,
+    PathLoss,
+    PlannerInput,
+    PlannerState,
+    distance,
+    is_stationary,
+)
+from wayproof.planners import Trajectory
+
+
+def decide(input: PlannerInput, state: PlannerState) -> Decided:
+    """Choose the next command; the same input and state always give the same result.
+
+    Args:
+        input: What is known at this decision.
+        state: What the last decision left; not written to.
+
+    Returns:
+        The command, and the state for the next decision.
+    """
+    committed = _not_yet_superseded(input, state)
+    command, after = _choose_maneuver(input, record_breadcrumb(state, input), committed[0])
+    path_loss = None
+    if after.global_path is None:
+        path_loss = PathLoss(input.sequence, command.reason.kind, command.label)
+        if state.path_loss is not None and command.reason.since == state.path_loss.sequence:
+            path_loss = state.path_loss
+    return Decided(command, replace(after, earlier=committed, path_loss=path_loss))
+
+
+def _not_yet_superseded(input: PlannerInput, state: PlannerState) -> tuple[Trajectory, ...]:
+    """The committed trajectories from the one that the robot follows at the time of the sweep."""
+    committed = (*state.earlier, state.trajectory)
+    begun = [k for k, trajectory in enumerate(committed) if trajectory.start_ns <= input.time_ns]
+    return committed[begun[-1] if begun else 0 :]
+
+
+def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Trajectory) -> Decided:
+    """Take the first manoeuvre that applies.
+
+    Args:
+        input: What is known at this decision.
+        state: Before it.
+        followed: The trajectory that the robot follows at the time of the sweep.
+    """
+    setpoint = followed.at(input.time_ns)
+    if distance(input.position, setpoint.position) > input.behaviour.tracking_tolerance:
+        return hold_position(input, state, setpoint)
+    start = compensate_yaw_lag(input, setpoint, state.trajectory.at(input.effect_ns))
+    if setpoint.at_rest and distance(input.position, input.goal) <= input.goal_tolerance:
+        return arrive(input, state, start)
+    if is_stationary(start) and not footprint_free(input.traversable, start):
+        return recover_after_timeout(input, start, escape_inflation(input, state, start))
+    goal = project_goal_to_free(input)
+    projected = goal is not input.goal
+    if projected and setpoint.at_rest and distance(start.position, goal) < ARRIVED:
+        return wait_at_blocked_goal(input, state, start)
+    input = replace(input, goal=goal, mission_goal=input.goal)
+    planned = keep_or_replan(input, state, start)
+    if planned.state.global_path is None:
+        decided = stop_without_path(input, planned, start, previous=state)
+    else:
+        decided = follow_global_path(input, planned.state, start, previous=state)
+    command, after = recover_after_timeout(input, start, decided)
+    if command.search is None:  # a search for a frontier is the one that was acted on
+        command = replace(command, search=planned.search, search_seed=planned.seed)
+    return Decided(command, after)

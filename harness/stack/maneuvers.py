@@ -1,0 +1,139 @@
+"""Manoeuvres that end where the robot is: hold, arrive, wait, brake.
+
+All take the planner input, the planner state before the decision, and the start of the new
+trajectory: the commanded state of the robot at the time of effect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.stack.diagnosis import diagnose_lost_path, diagnose_no_path, inflation_reason
+from wayproof.harness.stack.evasive_stop import clearest_stop
+from wayproof.harness.stack.footprint_checks import moves_tail_first
+from wayproof.harness.stack.global_path import HEADINGS, GlobalPlan
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.types import (
+    Array,
+    Command,
+    Decided,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+    distance,
+    is_stationary,
+)
+from wayproof.planners import TrajectorySample, hold, remaining, stop_along, stopping_distance
+
+
+def hold_position(input: PlannerInput, state: PlannerState, setpoint: TrajectorySample) -> Decided:
+    """Hold the estimated pose: the robot is too far from its setpoint."""
+    trajectory = hold(input.position, input.effect_ns, input.heading)
+    reason = Reason(
+        "off_trajectory",
+        distance_m=distance(input.position, setpoint.position),
+        limit_m=input.behaviour.tracking_tolerance,
+    )
+    command = Command("recover", reason, "localization_lost", trajectory)
+    return Decided(command, replace(state, trajectory=trajectory, global_path=None))
+
+
+def arrive(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
+    """Stand at the goal, and claim it."""
+    trajectory = hold(start.position, input.effect_ns, start.heading)
+    left = distance(input.position, input.goal)
+    reason = Reason("at_goal", distance_m=left, limit_m=input.goal_tolerance)
+    command = Command("goal", reason, "none", trajectory)
+    return Decided(command, replace(state, trajectory=trajectory))
+
+
+def wait_at_blocked_goal(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample
+) -> Decided:
+    """Wait beside a goal inside the inflation for it to become free, then abort."""
+    trajectory = hold(start.position, input.effect_ns, start.heading)
+    state = _begin_to_wait(input, state)
+    waited = seconds_waited(input, state)
+    found = obstruction.at_place(input, input.goal, float(HEADINGS[0]), unknown_blocks=False)
+    away = distance(start.position, input.goal)
+    reason = inflation_reason("goal_inside_inflation", found, distance_m=away, waited_s=waited)
+    action: Action = "abort" if waited >= input.behaviour.goal_patience else "stop_and_wait"
+    command = Command(action, reason, "goal_blocked", trajectory)
+    return Decided(command, replace(state, trajectory=trajectory, global_path=None))
+
+
+def wait(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    label: Label,
+    reason: Reason,
+) -> Decided:
+    """Stay at rest until the map changes; the reason gets the time waited."""
+    trajectory = hold(start.position, input.effect_ns, start.heading)
+    state = replace(_begin_to_wait(input, state), trajectory=trajectory)
+    reason = replace(reason, waited_s=seconds_waited(input, state))
+    return Decided(Command("stop_and_wait", reason, label, trajectory, state.global_path), state)
+
+
+def seconds_waited(input: PlannerInput, state: PlannerState) -> float:
+    """Time for which the robot has waited at rest, s."""
+    return (input.time_ns - state.rest_since_ns) * 1e-9
+
+
+def _begin_to_wait(input: PlannerInput, state: PlannerState) -> PlannerState:
+    return replace(state, rest_since_ns=input.time_ns) if state.rest_since_ns < 0 else state
+
+
+def brake(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    path: Array,
+    reason: Reason,
+    label: Label,
+) -> Decided:
+    """Stop along a path (n, 3), or on a bend away from it where something has come into it."""
+    path = clearest_stop(input, start, path)
+    trajectory = stop_along(
+        path,
+        input.effect_ns,
+        0.0,
+        start.speed,
+        start.acceleration,
+        start.heading,
+        input.limits,
+        moves_tail_first(input, start, path),
+    )
+    command = Command("stop_and_wait", reason, label, trajectory)
+    return Decided(
+        command, replace(state, trajectory=trajectory, global_path=None, exploration=None)
+    )
+
+
+def stop_without_path(
+    input: PlannerInput, planned: GlobalPlan, start: TrajectorySample, previous: PlannerState
+) -> Decided:
+    """Brake along the last trajectory; at rest, wait for the map to change.
+
+    Args:
+        input: Of the decision.
+        planned: The planner state without a global path, and the search that found none.
+        start: Of the new trajectory.
+        previous: Planner state before the decision, whose global path was dropped.
+    """
+    state, search = planned.state, planned.search
+    if search is not None and is_stationary(start):
+        return wait(input, state, start, search.label, diagnose_no_path(input, search))
+    path = remaining(state.trajectory.path, start.arc_length)
+    if search is not None:
+        stop = stopping_distance(start.speed, start.acceleration, input.limits)
+        reason = replace(diagnose_no_path(input, search), stop_m=stop)
+        return brake(input, state, start, path, reason, search.label)
+    reason, label = diagnose_lost_path(input, previous, start)
+    command, state = brake(input, state, start, path, reason, label)
+    if reason.path_m is not None:
+        reason = replace(reason, path_m=arc_length(command.trajectory.path))
+    return Decided(replace(command, reason=reason), state)

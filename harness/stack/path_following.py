@@ -1,0 +1,256 @@
+"""Following the global path: commit to its traversable part, turn into it, brake where it ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.decision import Action
+from wayproof.harness.stack.diagnosis import (
+    BRAKES,
+    WAITS,
+    diagnose_driving,
+    diagnose_no_room,
+    exploration_reason,
+    way_ahead_reason,
+)
+from wayproof.harness.stack.footprint_checks import (
+    MIN_PATH,
+    first_misfit,
+    headings_to_start_at,
+    moves_tail_first,
+    poses_from,
+    truncate_where_turnable,
+)
+from wayproof.harness.stack.global_path import heading_at
+from wayproof.harness.stack.maneuvers import brake, wait
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.types import (
+    Array,
+    Command,
+    Decided,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+    is_stationary,
+)
+from wayproof.planners import (
+    Trajectory,
+    TrajectorySample,
+    first_stop,
+    follow_path,
+    remaining,
+    stopping_distance,
+    truncate,
+    turn_in_place,
+)
+
+ALIGNED = 0.05
+"""Maximum heading error at which the robot sets out without turning first, rad."""
+
+MAX_SHORTENINGS = 4
+"""Number of times that a path is shortened to make the footprint fit along it."""
+
+MISFIT_MARGIN = 0.02
+"""Distance kept before the first place where the footprint does not fit, m."""
+
+CORNER_OVERRUN = 0.03
+"""Distance beyond a corner within which an elongated body that stops still turns into it, m."""
+
+
+def follow_global_path(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
+) -> Decided:
+    """Commit to the traversable part of the global path, ending at rest.
+
+    Args:
+        input: Of the decision.
+        state: Planner state with the global path from `start` on.
+        start: Of the new trajectory.
+        previous: Planner state before the decision, with the last global path.
+    """
+    path = state.path
+    traversable = input.traversable.free_length(path)
+    corner = first_stop(path, 0.0, input.behaviour.stop_corner)
+    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
+    if corner < braking - overrun:  # too late to stop there: the profile slows down for it
+        corner = arc_length(path)
+    end = min(traversable, corner, arc_length(path))
+    blocked = end == traversable and traversable < arc_length(path)
+    if end < braking - 1e-3 - (overrun if end == corner else 0.0):
+        return brake_on_path(input, state, start, end, blocked)
+    if is_stationary(start) and blocked and end < input.behaviour.least_advance:
+        least = input.behaviour.least_advance
+        found = obstruction.on_path(input, path, end, input.unknown_blocks)
+        reason, label = way_ahead_reason(WAITS, found, limit_m=least)
+        return wait(input, state, start, label, reason)
+    if is_stationary(start) and input.traversable.discs:
+        return set_out(input, state, start, end, blocked)
+    if is_stationary(start) and input.turns_in_place:
+        target = heading_at(path, min(0.2, 0.5 * arc_length(path)))
+        if abs(wrap_angle(target - start.heading)) > input.behaviour.turn_first:
+            return turn_into_path(input, state, start, target)
+    tail_first = moves_tail_first(input, start, path)
+    driven = drive_along(input, state, start, end, blocked, tail_first)
+    return driven or keep_course(input, state, start, previous)
+
+
+def brake_on_path(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, end: float, blocked: bool
+) -> Decided:
+    """Brake: less of the global path is free, `end` m, than the robot needs to stop."""
+    path = state.path
+    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    kept = truncate(path, max(end, 1e-3))
+    if not blocked:
+        reason = Reason("path_too_short", path_m=end, stop_m=braking)
+        return brake(input, state, start, kept, reason, "none")
+    found = obstruction.on_path(input, path, end, input.unknown_blocks)
+    reason, label = way_ahead_reason(BRAKES, found, stop_m=braking)
+    return brake(input, state, start, kept, reason, label)
+
+
+def set_out(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, end: float, blocked: bool
+) -> Decided:
+    """Leave rest with an elongated body: nose first, or tail first where it cannot turn about."""
+    path = state.path
+    nose_first = heading_at(path, min(0.1, 0.5 * arc_length(path)))
+    for target, backwards in headings_to_start_at(input.traversable, start, nose_first):
+        error = abs(wrap_angle(target - start.heading))
+        if error <= input.behaviour.turn_first:
+            driven = drive_along(input, state, start, end, blocked, backwards)
+            if driven is not None:
+                return driven
+        if error > ALIGNED:
+            return turn_into_path(input, state, start, target)
+    along = plan_trajectory(input, start, truncate(path, end), speed_share=1.0)
+    reason = diagnose_no_room(input, start, along, nose_first)
+    return wait(input, replace(state, global_path=None), start, "no_path", reason)
+
+
+def turn_into_path(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, target: float
+) -> Decided:
+    """Turn in place to a heading, rad; a turn that leads there already goes on."""
+    path = state.path
+    trajectory = state.trajectory
+    if start.at_rest or abs(wrap_angle(target - _final_heading(trajectory))) > 0.2:
+        trajectory = turn_in_place(
+            start.position, input.effect_ns, start.heading, target, input.limits
+        )
+    action: Action = "follow"
+    reason = Reason("turning_into_path", turn_rad=wrap_angle(target - start.heading))
+    if state.exploration is not None:
+        action, reason = exploration_reason(state, path)
+    command = Command(action, reason, "none", trajectory, path)
+    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+
+
+def keep_course(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
+) -> Decided:
+    """Keep the last trajectory if the footprint fits along it, else stop on it.
+
+    For an elongated body in motion that does not fit along the new path.
+    """
+    trajectory = previous.trajectory
+    elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
+    if first_misfit(input.traversable, trajectory, elapsed) is None:
+        reason = Reason("keeping_course")
+        command = Command("follow", reason, "none", trajectory, previous.global_path)
+        return Decided(command, replace(previous, improved_ns=state.improved_ns))
+    poses = poses_from(trajectory, elapsed)
+    found = obstruction.on_poses(input, poses, input.unknown_blocks)
+    path = remaining(trajectory.path, start.arc_length)
+    stop = stopping_distance(start.speed, start.acceleration, input.limits)
+    reason, label = way_ahead_reason(BRAKES, found, stop_m=stop)
+    return brake(input, state, start, path, reason, label)
+
+
+def drive_along(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    end: float,
+    blocked: bool,
+    tail_first: bool,
+) -> Decided | None:
+    """Drive the global path up to an arc length.
+
+    Args:
+        input: Of the decision.
+        state: Planner state with the global path.
+        start: Of the new trajectory.
+        end: Arc length up to which it is driven, m.
+        blocked: Whether an obstruction ends it there.
+        tail_first: Whether an elongated body moves backwards.
+
+    Returns:
+        None if the footprint does not fit, or along too little of it.
+    """
+    global_path = state.path
+    path = truncate(global_path, end)
+    if tail_first:
+        braking = stopping_distance(start.speed, start.acceleration, input.limits)
+        path = truncate_where_turnable(input.traversable, path, braking)
+    unknown_ahead = input.penalize_unknown and input.known_free.free_length(path) < arc_length(path)
+    share = input.behaviour.penalized_speed if unknown_ahead else 1.0
+    trajectory = fit_trajectory(input, start, path, share, tail_first)
+    if trajectory is None:
+        return None
+    action, reason, label = diagnose_driving(
+        input, state, start, end, blocked=blocked, slowed=unknown_ahead
+    )
+    command = Command(action, reason, label, trajectory, global_path)
+    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+
+
+def fit_trajectory(
+    input: PlannerInput, start: TrajectorySample, path: Array, speed_share: float, tail_first: bool
+) -> Trajectory | None:
+    """Plan a trajectory along a path, shortened to where the footprint fits at each heading.
+
+    Returns:
+        None if that leaves less than the robot needs to stop.
+    """
+    if tail_first:
+        speed_share = min(speed_share, input.behaviour.backwards_speed)
+    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    for _ in range(MAX_SHORTENINGS):
+        trajectory = plan_trajectory(input, start, path, speed_share, tail_first)
+        misfit = first_misfit(input.traversable, trajectory)
+        if misfit is None:
+            return trajectory
+        end = misfit - MISFIT_MARGIN
+        if end < max(braking, MIN_PATH):
+            return None
+        path = truncate(path, end)
+    return None
+
+
+def plan_trajectory(
+    input: PlannerInput,
+    start: TrajectorySample,
+    path: Array,
+    speed_share: float,
+    tail_first: bool = False,
+) -> Trajectory:
+    """Time-parameterize a path (n, 3) at a share of full speed, ending at rest."""
+    return follow_path(
+        path,
+        input.effect_ns,
+        0.0,
+        start.speed,
+        start.acceleration,
+        start.heading,
+        input.limits,
+        speed_share * input.limits.speed,
+        tail_first,
+    )
+
+
+def _final_heading(trajectory: Trajectory) -> float:
+    return trajectory.at(trajectory.start_ns + round(trajectory.duration_s * 1e9)).heading
