@@ -16,8 +16,8 @@ from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.stack.labels import check_margins
 from wayproof.harness.stack.types import BehaviourConfig
 from wayproof.maps import MAPS, MapConfig
-from wayproof.models.devices import DEVICES, OWN, SensorConfig
 from wayproof.models.odometry import OdometryConfig
+from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
 from wayproof.planners import PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
@@ -280,11 +280,11 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
 def _check_controller(config: Config, allow_plugins: bool) -> None:
     if not config.robot_file:
         return
-    from wayproof.models.robots.brought import Unusable, parse_spec  # it loads the simulator
+    from wayproof.models.robots.custom import RobotSpecError, parse_spec  # it loads the simulator
 
     try:
         name = parse_spec(config.robot_file).controller
-    except Unusable as error:
+    except RobotSpecError as error:
         raise InputError(f"config: robot_file: {error}") from None
     if PLUGIN in name and not allow_plugins:
         raise InputError(

@@ -15,8 +15,8 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.labels import decode_classes
-from wayproof.models import range_codec
-from wayproof.models.beams import (
+from wayproof.models.sensors import range_codec
+from wayproof.models.sensors.beams import (
     DROPPED,
     LONGEST_RANGE,
     NO_RETURN,
@@ -27,7 +27,6 @@ from wayproof.models.beams import (
     ray_ranges,
     rotate,
 )
-from wayproof.models.poses import Trail, rotation_matrices
 
 CODEC = "u16-delta-planes"
 

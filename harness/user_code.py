@@ -60,9 +60,12 @@ def plugins_of(config: Config) -> list[str]:
     """The user's classes that a config names, as `module:Class` or `path/to/file.py:Class`."""
     names = [config.planner.name]
     if config.robot_file:
-        from wayproof.models.robots.brought import Unusable, parse_spec  # it loads the simulator
+        from wayproof.models.robots.custom import (  # it loads the simulator
+            RobotSpecError,
+            parse_spec,
+        )
 
-        with contextlib.suppress(Unusable):
+        with contextlib.suppress(RobotSpecError):
             names.append(parse_spec(config.robot_file).controller)
     return [name for name in names if PLUGIN in name]
 

@@ -15,8 +15,9 @@ from multiprocessing import get_context
 from wayproof import maps, planners
 from wayproof.harness.config import Config
 from wayproof.harness.scenario.robots import find_robot, warm_up_robot
-from wayproof.models import between_steps, devices, range_codec, rays, truth
+from wayproof.models import rays, step_kernels, truth
 from wayproof.models.robots import ROBOTS
+from wayproof.models.sensors import measure, range_codec
 from wayproof.models.worlds import solvability
 
 
@@ -35,7 +36,7 @@ def warm_up(config: Config) -> None:
 def perceive(config: Config) -> None:
     """Of these, what casts rays and makes maps."""
     maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
-    devices.warm_up()
+    measure.warm_up()
     range_codec.warm_up()
     rays.warm_up()
     truth.warm_up()
@@ -44,7 +45,7 @@ def perceive(config: Config) -> None:
 
 def act(config: Config) -> None:
     """And what plans and controls."""
-    between_steps.warm_up()
+    step_kernels.warm_up()
     planners.warm_up(config.planner, oriented=bool(find_robot(config).spec.discs))
     warm_up_robot(config)
 

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.beams import directions
-from wayproof.models.devices import Mount, Rangefinder
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.beams import directions
+from wayproof.models.sensors.caster import ROBOT_GROUP
+from wayproof.models.sensors.devices import Mount, Rangefinder
 from wayproof.models.solids import distance_to, holds
 
 OLDEST_MUJOCO = (4, 0)

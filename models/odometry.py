@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.devices import stream
 from wayproof.models.poses import Trail
+from wayproof.models.random_streams import stream
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from wayproof.models.classes import CLASSES
-from wayproof.models.devices import DEVICES, OWN, Device, Mount, Rangefinder, SensorConfig
 from wayproof.models.robots import Controller, Robot
-from wayproof.models.sensors import Caster, make_caster
+from wayproof.models.sensors.caster import Caster, make_caster
+from wayproof.models.sensors.devices import DEVICES, OWN, Device, Mount, Rangefinder, SensorConfig
 from wayproof.models.worlds import World
 
 FLOOR = CLASSES.index("floor")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 REST_SPEED = 0.05
 """Slower than this a robot is at rest, m/s."""

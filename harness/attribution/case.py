@@ -24,7 +24,7 @@ from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
+from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]
 

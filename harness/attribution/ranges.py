@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from wayproof.harness.attribution.case import Case, Moment
 from wayproof.harness.inputs import Beams, Pose, SweepInput
-from wayproof.models.beams import DROPPED, MILLIMETRES, NO_RETURN
-from wayproof.models.devices import DEVICES, Device, RangeNoise
 from wayproof.models.poses import Trail
 from wayproof.models.robots import ROBOTS
+from wayproof.models.sensors.beams import DROPPED, MILLIMETRES, NO_RETURN
+from wayproof.models.sensors.devices import DEVICES, Device, RangeNoise
 
 Array = NDArray[np.float64]
 

@@ -26,11 +26,11 @@ from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.models.devices import Mount, RangeNoise
 from wayproof.models.odometry import OdometryConfig
 from wayproof.models.robots import Controller, Setpoint
 from wayproof.models.scene import PREFIX
-from wayproof.models.sensors import make_caster
+from wayproof.models.sensors.caster import make_caster
+from wayproof.models.sensors.devices import Mount, RangeNoise
 from wayproof.models.worlds.traffic import MoverState, Traffic
 from wayproof.planners import PlannerConfig
 

@@ -13,7 +13,7 @@ from wayproof.harness.inputs import Inputs
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Representation
 from wayproof.maps.states import FREE, OCCUPIED
-from wayproof.models.beams import NO_RETURN
+from wayproof.models.sensors.beams import NO_RETURN
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.classes import CLASSES
 from wayproof.models.scene import PREFIX
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.worlds.traffic import AWAY
 
 Array = NDArray[np.float64]

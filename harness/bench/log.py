@@ -26,8 +26,8 @@ from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.warm_up import warm_up
-from wayproof.models import range_codec
-from wayproof.models.beams import NO_RETURN
+from wayproof.models.sensors import range_codec
+from wayproof.models.sensors.beams import NO_RETURN
 
 ROBOTS = ("quadruped", "drone")
 LOADS = ("own", "ideal-lidar-dense")

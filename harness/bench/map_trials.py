@@ -20,7 +20,7 @@ from wayproof.harness.bench.map_workload import (
 )
 from wayproof.maps import FREE, MAPS, OCCUPIED, UNKNOWN, MapConfig
 from wayproof.maps.config import SurfaceGuard
-from wayproof.models.beams import DROPPED, NO_RETURN
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 FLOOR_HEIGHT_IN_CELL = 0.75
 """Where maps hold the plane z = 0 in its layer of cells, from the layer's bottom, in cells."""

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.beams import beam_directions, quantise, rotate
 from wayproof.models.rays import TileCaster, cut_grid
+from wayproof.models.sensors.beams import beam_directions, quantise, rotate
 
 RANGE = 10.0  # m
 NOISE = 0.01  # m, standard deviation of a measured range

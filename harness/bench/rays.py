@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from wayproof.harness.bench.ray_peers import Cast, Hits, installed_peers
 from wayproof.models import rays
-from wayproof.models.beams import beam_directions, rotate
 from wayproof.models.rays import RayCaster, TileCaster, cut_grid
 from wayproof.models.rays.scenes import clutter, field_terrain, mesh_terrain
+from wayproof.models.sensors.beams import beam_directions, rotate
 
 ORIGIN = np.array([0.0, 0.0, 1.0])  # m, in the clearing of the clutter
 TILT = np.array([0.98, 0.05, -0.03, 0.2])  # q_world_sensor, not unit: no beam along an axis

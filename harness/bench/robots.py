@@ -25,7 +25,7 @@ from wayproof.models.robots.quadrotor.parameters import Parameters, Smoothing
 from wayproof.models.robots.quadruped import Quadruped
 from wayproof.models.robots.quadruped import trials as walks
 from wayproof.models.robots.quadruped import warm_up as warm_up_quadruped
-from wayproof.models.robots.quadruped.ride import TIMESTEP, Plant, Ride
+from wayproof.models.robots.quadruped.trial_sim import TIMESTEP, Plant, Ride
 
 NOISE = EstimateNoise()
 GUSTS = 6.0  # m/s, mean

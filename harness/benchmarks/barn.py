@@ -21,10 +21,16 @@ from wayproof.harness.benchmarks.files import Files, Progress, files_named
 from wayproof.harness.benchmarks.trials import Finished, Trial, run_trials
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.models.imports import FileWorld, ImportOptions, Unreadable, world_of, world_text
-from wayproof.models.imports.importer import complete
-from wayproof.models.imports.sdf import read_sdf
 from wayproof.models.robots import ROBOTS, RobotSpec
+from wayproof.models.world_files import (
+    FileWorld,
+    ImportOptions,
+    WorldFileError,
+    world_of,
+    world_text,
+)
+from wayproof.models.world_files.importer import complete
+from wayproof.models.world_files.sdf import read_sdf
 from wayproof.models.worlds import shortest_path_length
 
 ROBOT = "quadruped"
@@ -149,7 +155,7 @@ def read_barn(path: Path) -> FileWorld:
     try:
         found = read_sdf(path, ImportOptions())
         cells = np.load(route, allow_pickle=False)
-    except Unreadable as error:
+    except WorldFileError as error:
         raise InputError(str(error)) from None
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{route}: {' '.join(str(error).split())[:100]}") from None

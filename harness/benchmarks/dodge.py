@@ -20,10 +20,16 @@ from wayproof.harness.benchmarks.files import Files, Progress, files_named
 from wayproof.harness.benchmarks.trials import Finished, Trial, run_trials
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.models.imports import FileWorld, ImportOptions, Unreadable, world_of, world_text
-from wayproof.models.imports.importer import complete
-from wayproof.models.imports.tables import read_table
 from wayproof.models.robots import ROBOTS
+from wayproof.models.world_files import (
+    FileWorld,
+    ImportOptions,
+    WorldFileError,
+    world_of,
+    world_text,
+)
+from wayproof.models.world_files.importer import complete
+from wayproof.models.world_files.tables import read_table
 
 ROBOT = "drone"
 LOW = (-5.0, -15.0, 0.0)
@@ -132,7 +138,7 @@ def read_field(path: Path) -> FileWorld:
         found.protocol = json.dumps({"name": "dodge", **limits})
         text = world_text(found, complete(found), path.stem)
         return world_of(text, path)
-    except Unreadable as error:
+    except WorldFileError as error:
         raise InputError(str(error)) from None
 
 

@@ -17,7 +17,7 @@ from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.warm_up import warm_up
-from wayproof.models.imports import FileWorld
+from wayproof.models.world_files import FileWorld
 
 PROCESSES = 2
 

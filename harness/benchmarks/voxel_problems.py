@@ -19,8 +19,8 @@ from wayproof.harness.bench.plan import REACH, squared_distances
 from wayproof.harness.benchmarks.files import Files, Progress
 from wayproof.harness.benchmarks.voxel_search import Moves, VoxelSearch
 from wayproof.harness.errors import InputError
-from wayproof.models.imports.reading import Unreadable, beside, read_text
-from wayproof.models.imports.voxel_maps import read_voxels
+from wayproof.models.world_files.reading import WorldFileError, beside, read_text
+from wayproof.models.world_files.voxel_maps import read_voxels
 from wayproof.planners import FreeSpace, PlannerConfig, plan, plan_seed, warm_up
 
 Cell = tuple[int, int, int]
@@ -104,12 +104,14 @@ def read_problems(path: Path) -> tuple[str, NDArray[np.bool_], list[Problem]]:
     try:
         lines = read_text(path).splitlines()
         if lines[0].strip() != VERSION or len(lines) < 3:
-            raise Unreadable(path, f"got '{lines[0][:60]}', expected '{VERSION}', a map, problems")
+            raise WorldFileError(
+                path, f"got '{lines[0][:60]}', expected '{VERSION}', a map, problems"
+            )
         name = lines[1].strip()
         occupied = read_voxels(beside(path, name))
         numbered = [(n, line) for n, line in enumerate(lines[2:], start=3) if line.strip()]
         return name, occupied, [_problem(path, n, line, occupied) for n, line in numbered]
-    except Unreadable as error:
+    except WorldFileError as error:
         raise InputError(str(error)) from None
 
 
@@ -119,13 +121,15 @@ def _problem(path: Path, number: int, line: str, occupied: NDArray[np.bool_]) ->
         x, y, z, u, v, w = (int(word) for word in words[:6])
         problem = Problem((x, y, z), (u, v, w), float(words[6]))
     except (ValueError, IndexError):
-        raise Unreadable(path, "expected start x y z, goal x y z and a length", number) from None
+        raise WorldFileError(
+            path, "expected start x y z, goal x y z and a length", number
+        ) from None
     for cell in (problem.start, problem.goal):
         inside = all(0 <= at < size for at, size in zip(cell, occupied.shape, strict=True))
         if not inside or occupied[cell]:
-            raise Unreadable(path, f"cell {cell} is occupied or outside the map", number)
+            raise WorldFileError(path, f"cell {cell} is occupied or outside the map", number)
     if not 0.0 < problem.length < np.inf:
-        raise Unreadable(path, f"length {problem.length}, expected above 0", number)
+        raise WorldFileError(path, f"length {problem.length}, expected above 0", number)
     return problem
 
 

@@ -18,12 +18,12 @@ LENGTHS = {
     "resolution": "side of a cell where the file tells none (default: 0.1)",
     "scale": "metres to a unit of a mesh (default: 1)",
 }
-"""Options of `models.imports.ImportOptions`, whose defaults they tell without loading it."""
+"""Options of `models.world_files.ImportOptions`, whose defaults they tell without loading it."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Read a file, write the world file, and tell what was left out."""
-    from wayproof.models.imports import ImportOptions, Unreadable, import_world
+    from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
 
     out = options.out or WORLDS / f"{options.file.stem}.xml"
     if out.suffix != ".xml":
@@ -34,7 +34,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         told = ImportOptions(**given)
         start, goal = (_point(name, getattr(options, name)) for name in ("start", "goal"))
         world, notes = import_world(options.file, told, start, goal)
-    except Unreadable as error:
+    except WorldFileError as error:
         raise InputError(str(error)) from None
     except ValueError as error:
         raise InputError(f"import: {error}") from None

@@ -15,8 +15,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.config import setting_names
     from wayproof.harness.perturbations import PERTURBATIONS
     from wayproof.maps import MAPS
-    from wayproof.models.devices import DEVICES
     from wayproof.models.robots import ROBOTS
+    from wayproof.models.sensors.devices import DEVICES
     from wayproof.models.worlds import WORLDS
     from wayproof.planners import PLANNERS
 

@@ -17,9 +17,9 @@ from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.scenario.worlds import perturbed
 from wayproof.harness.stack.decision import Difference
-from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import bind, resolve
+from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 from wayproof.models.worlds import WORLDS, World
 
 

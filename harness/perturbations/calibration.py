@@ -10,7 +10,7 @@ import numpy as np
 
 from wayproof.harness.perturbations.displacement import Displacement
 from wayproof.harness.perturbations.perturbation import Perturbation
-from wayproof.models.devices import stream
+from wayproof.models.random_streams import stream
 
 
 class Calibration(Perturbation, frozen=True, tag="calibration"):

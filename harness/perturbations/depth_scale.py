@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from wayproof.harness.perturbations.perturbation import Perturbation, Ranges, Report
-from wayproof.models.beams import MILLIMETRES
+from wayproof.models.sensors.beams import MILLIMETRES
 
 
 class DepthScale(Perturbation, frozen=True, tag="depth_scale"):

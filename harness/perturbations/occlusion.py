@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.perturbations.perturbation import Perturbation, Ranges, Report
-from wayproof.models.beams import DROPPED, directions
-from wayproof.models.devices import stream
+from wayproof.models.random_streams import stream
+from wayproof.models.sensors.beams import DROPPED, directions
 
 
 class Occlusion(Perturbation, frozen=True, tag="occlusion"):

@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.perturbations.displacement import Displacement
-from wayproof.models.beams import DROPPED, NO_RETURN, BeamTable
-from wayproof.models.devices import Device, stream
 from wayproof.models.odometry import PoseError
+from wayproof.models.random_streams import stream
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN, BeamTable
+from wayproof.models.sensors.devices import Device
 
 if TYPE_CHECKING:
     from wayproof.models.worlds import World  # it loads the simulator

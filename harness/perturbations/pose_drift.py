@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from wayproof.harness.perturbations.perturbation import Perturbation
-from wayproof.models.devices import stream
 from wayproof.models.odometry import PoseError
+from wayproof.models.random_streams import stream
 
 
 class PoseDrift(Perturbation, frozen=True, tag="pose_drift"):

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from wayproof.harness.perturbations.perturbation import UNCHANGED, Perturbation
 from wayproof.harness.perturbations.pose_drift import along, direction
-from wayproof.models.devices import stream
 from wayproof.models.odometry import PoseError
+from wayproof.models.random_streams import stream
 
 EARLIEST, LATEST = 2.0, 10.0
 """Span of the seeded time, s: the robots are on their way, and in most worlds not yet there."""

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.models.imports import Unreadable
-from wayproof.models.robots.brought import Unusable
+from wayproof.models.robots.custom import RobotSpecError
+from wayproof.models.world_files import WorldFileError
 
 HASHED = "@"
 """In a log's config, of what was read from a file: between its name and its hash."""
@@ -39,7 +39,7 @@ def find_named(
     if name.endswith(ending):
         try:
             return read(Path(name))
-        except (Unreadable, Unusable) as error:
+        except (WorldFileError, RobotSpecError) as error:
             raise InputError(f"{kind} '{name}': {error}") from None
     if HASHED in name:
         raise InputError(

@@ -9,19 +9,19 @@ from pathlib import Path
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.scenario.named import HASHED, find_named
-from wayproof.models.imports.reading import read_text
-from wayproof.models.robots import ROBOTS, Robot, brought
-from wayproof.models.robots.brought import (
+from wayproof.models.robots import ROBOTS, Robot, custom
+from wayproof.models.robots.custom import (
     CONTROLLERS,
-    BroughtRobot,
-    Unusable,
+    CustomRobot,
+    RobotSpecError,
     logged_robot,
     parse_spec,
     read_robot,
 )
 from wayproof.models.scene import PREFIX
+from wayproof.models.world_files.reading import read_text
 
-EXAMPLES = Path(brought.__file__).parent / "examples"
+EXAMPLES = Path(custom.__file__).parent / "examples"
 """Spec files of robots whose models are packages of their own."""
 
 ENDING = ".toml"
@@ -99,7 +99,7 @@ def find_logged_robot(config: Config, scene: str) -> Robot:
 
 def told_robot(robot: Robot, config: Config) -> Config:
     """What a log's config says of the robot: a file's with its hash and its text."""
-    if isinstance(robot, BroughtRobot):
+    if isinstance(robot, CustomRobot):
         return replace(config, robot=robot.identity, robot_file=robot.text)
     return replace(config, robot_file="")
 
@@ -112,7 +112,7 @@ def warm_up_robot(config: Config) -> None:
     try:
         text = config.robot_file or Path(config.robot).read_text(encoding="utf-8")
         kind = CONTROLLERS.get(parse_spec(text).controller)
-    except (OSError, UnicodeDecodeError, Unusable):
+    except (OSError, UnicodeDecodeError, RobotSpecError):
         return  # told when the episode is built
     if kind is not None:
         kind.warm_up()

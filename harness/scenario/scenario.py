@@ -15,10 +15,10 @@ from wayproof.harness.scenario.robots import find_robot, told_robot
 from wayproof.harness.scenario.worlds import find_world, perturbed, told_world
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.checks import check
-from wayproof.models.devices import DepthCamera, Device, Rangefinder
 from wayproof.models.robots import ROBOTS, Robot, RobotSpec
 from wayproof.models.scene import PREFIX, Scene, bind, compose, device_name, resolve
-from wayproof.models.sensors import Caster
+from wayproof.models.sensors.caster import Caster
+from wayproof.models.sensors.devices import DepthCamera, Device, Rangefinder
 from wayproof.models.worlds import World, shortest_path_length
 from wayproof.models.worlds.solvability import AIR_BANDS
 

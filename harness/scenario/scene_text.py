@@ -13,9 +13,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from wayproof.harness.errors import InputError
-from wayproof.models.imports.mjcf_bounds import Bounds
-from wayproof.models.imports.reading import Unreadable
-from wayproof.models.imports.xml_tree import Element
+from wayproof.models.world_files.mjcf_bounds import Bounds
+from wayproof.models.world_files.reading import WorldFileError
+from wayproof.models.world_files.xml_tree import Element
 
 GREATEST_TEXT = 16 * 2**20
 
@@ -86,7 +86,7 @@ def _check_bounds(bounds: Bounds, element: ElementTree.Element) -> None:
     """As for a scene that is imported: sizes and counts by the numbers written."""
     try:
         bounds.check(Path("scene"), Element(str(element.tag), element.attrib, 0))
-    except Unreadable as error:
+    except WorldFileError as error:
         raise InputError(str(error).replace("scene:0: ", "scene: ")) from None
 
 

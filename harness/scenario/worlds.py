@@ -8,7 +8,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.scenario.named import find_named
-from wayproof.models.imports import FileWorld, read_world_file
+from wayproof.models.world_files import FileWorld, read_world_file
 from wayproof.models.worlds import WORLDS, World
 
 ENDING = ".xml"

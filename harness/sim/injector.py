@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.perturbations import UNPERTURBED, Report
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.models.beams import DROPPED, NO_RETURN
 from wayproof.models.classes import UNKNOWN_CLASS
 from wayproof.models.odometry import PoseError
 from wayproof.models.poses import Trail
 from wayproof.models.scene import PREFIX, Scene
-from wayproof.models.sensors import Caster
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN
+from wayproof.models.sensors.caster import Caster
 
 
 class PerturbationInjector:

@@ -1,6 +1,6 @@
 """What the body believes of its own pose, between the simulator's truth and stack and controller.
 
-The stack gets each estimate as it is, controllers get it smoothed: see `models.between_steps`.
+The stack gets each estimate as it is, controllers get it smoothed: see `models.step_kernels`.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.simulation import Plant
 from wayproof.harness.sim.snapshot import Stateful, state_message
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 
 class Recorder:

@@ -10,10 +10,10 @@ from wayproof.harness.inputs import CODEC
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.simulation import Plant
-from wayproof.models import range_codec
 from wayproof.models.poses import Trail
 from wayproof.models.scene import Scene
-from wayproof.models.sensors import Caster
+from wayproof.models.sensors import range_codec
+from wayproof.models.sensors.caster import Caster
 
 
 class Sensors:

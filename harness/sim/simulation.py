@@ -15,8 +15,8 @@ from wayproof.harness.sim.pose_estimate import Estimate
 from wayproof.harness.sim.setpoint_buffer import SetpointBuffer
 from wayproof.harness.sim.snapshot import Simulation, StepPoses
 from wayproof.harness.sim.termination import safe_limits
-from wayproof.models.between_steps import ask, look_and_ask
 from wayproof.models.poses import Trail
+from wayproof.models.step_kernels import ask, look_and_ask
 from wayproof.models.truth import Truth
 from wayproof.models.worlds import Traffic
 from wayproof.planners import Trajectory

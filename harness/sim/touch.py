@@ -6,7 +6,7 @@ import mujoco
 
 from wayproof.harness.result import Contact
 from wayproof.models.scene import Scene
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 
 def touched(scene: Scene, data: mujoco.MjData) -> Contact | None:

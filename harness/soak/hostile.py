@@ -32,7 +32,7 @@ LOADED = (
     "wayproof.harness.explain",
     "wayproof.harness.study.report",
     "wayproof.harness.cli.score",
-    "wayproof.models.imports",
+    "wayproof.models.world_files",
     "pyoctomap",
     "trimesh",
 )

@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-from wayproof.models.robots import brought
+from wayproof.models.robots import custom
 
 Maker = Callable[[Path], list[str]]
 
@@ -264,7 +264,7 @@ def _doubled_models(folder: Path) -> list[str]:
 
 @_maker("robot: a model with nuser_geom 4e8")
 def _robot(folder: Path) -> list[str]:
-    spec = Path(brought.__file__).parent / "examples" / "spot.toml"
+    spec = Path(custom.__file__).parent / "examples" / "spot.toml"
     lines = [
         'mjcf = "hostile.xml"' if line.startswith("mjcf") else line
         for line in spec.read_text().splitlines()

@@ -15,8 +15,8 @@ from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.soak.episodes import random_config
 from wayproof.harness.stack.build import build_navigator
 from wayproof.maps import MAPS, UnknownPolicy
-from wayproof.models.devices import DEVICES, Rangefinder
 from wayproof.models.robots import ROBOTS
+from wayproof.models.sensors.devices import DEVICES, Rangefinder
 from wayproof.models.worlds import WORLDS
 from wayproof.planners import PLANNERS
 

@@ -9,8 +9,8 @@ from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
 from wayproof.harness.scenario.robots import find_robot
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
 from wayproof.harness.scenario.worlds import find_world
-from wayproof.models.imports import FileWorld
-from wayproof.models.robots.brought import BroughtRobot
+from wayproof.models.robots.custom import CustomRobot
+from wayproof.models.world_files import FileWorld
 from wayproof.planners._plugin import source_digest
 
 Contents = dict[str, str]
@@ -46,7 +46,7 @@ def _identity(name: str) -> str:
     if not name.endswith(ROBOT_FILE):
         return class_identity(name, source_digest(name))
     robot = find_robot(Config("", name, 0))
-    assert isinstance(robot, BroughtRobot)
+    assert isinstance(robot, CustomRobot)
     controller = robot.file.controller
     own = (
         f" {class_identity(controller, source_digest(controller))}" if PLUGIN in controller else ""

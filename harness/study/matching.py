@@ -24,7 +24,7 @@ from wayproof.harness.study.contents import class_identity
 from wayproof.harness.study.file import Planned
 from wayproof.harness.study.job import key_of
 from wayproof.models.robots import ROBOTS
-from wayproof.models.robots.brought import parse_spec
+from wayproof.models.robots.custom import parse_spec
 from wayproof.models.scene import resolve
 from wayproof.models.worlds import WORLDS
 

@@ -17,7 +17,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.metrics import Trace
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.study.statistics import Interval
-from wayproof.models.imports.mjcf_scenes import NOT_COMPILED
+from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 STYLE: Any = {
     "svg.hashsalt": "wayproof",  # else ids are drawn at random

@@ -31,7 +31,7 @@ from wayproof.harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, la
 from wayproof.harness.viewer.moments import Moment, moments, standing_low
 from wayproof.harness.viewer.sight import geoms_in_front
 from wayproof.maps import UNKNOWN
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 SIZE = (960, 640)
 """Width and height of a picture, pixels."""

@@ -11,11 +11,11 @@ Rays that share nothing have a caster of their own.
 import mujoco
 import numpy as np
 
-from wayproof.models.beams import rotate
 from wayproof.models.rays.caster import TileCaster
 from wayproof.models.rays.kernels import Pattern
 from wayproof.models.rays.ray_caster import RayCaster
 from wayproof.models.rays.tiles import cut_grid, cut_scattered
+from wayproof.models.sensors.beams import rotate
 
 __all__ = ["Pattern", "RayCaster", "TileCaster", "cut_grid", "cut_scattered", "warm_up"]
 

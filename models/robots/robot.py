@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.devices import Mount
+from wayproof.models.sensors.devices import Mount
 
 
 class Setpoint:

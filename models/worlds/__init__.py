@@ -14,7 +14,7 @@ from wayproof.models.worlds.ghosts import ghosts
 from wayproof.models.worlds.maze import maze
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.office import office
-from wayproof.models.worlds.passers_by import with_traffic
+from wayproof.models.worlds.pedestrians import with_traffic
 from wayproof.models.worlds.solids import (
     Box,
     Capsule,

@@ -39,7 +39,7 @@ from wayproof.harness.config import from_document, override
 from wayproof.harness.evidence.signature import new_key
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.study.file import PACKAGED, plan_episodes, read_study
-from wayproof.models.robots.brought import parse_spec
+from wayproof.models.robots.custom import parse_spec
 from wayproof.models.worlds import WORLDS
 
 ROOT = Path(__file__).parents[2]

@@ -25,7 +25,7 @@ from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.models.imports import ImportOptions
+from wayproof.models.world_files import ImportOptions
 
 PILLAR = """<model name='p{n}'><static>1</static><pose frame=''>{x} {y} 0 0 0 0</pose>
 <link name='l'><collision name='c'><geometry><cylinder><radius>0.075</radius><length>1</length>

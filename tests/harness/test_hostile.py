@@ -8,11 +8,11 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.soak.hostile import MOST_MEMORY_MIB, Taken, breaches
 from wayproof.harness.soak.hostile_files import FILES, attached, with_mesh
 from wayproof.harness.soak.hostile_logs import SCENES, study_with_log, with_scene
-from wayproof.models.imports.mjcf_files import check_scene
-from wayproof.models.imports.occupancy_maps import read_occupancy_map
-from wayproof.models.imports.options import ImportOptions
-from wayproof.models.imports.reading import Unreadable
-from wayproof.models.imports.sdf import read_sdf
+from wayproof.models.world_files.mjcf_files import check_scene
+from wayproof.models.world_files.occupancy_maps import read_occupancy_map
+from wayproof.models.world_files.options import ImportOptions
+from wayproof.models.world_files.reading import WorldFileError
+from wayproof.models.world_files.sdf import read_sdf
 
 SCENE_BOUNDS = {
     "scene: nuser_body 4e8": "nuser_body 4e+08, expected at most 100",
@@ -43,19 +43,19 @@ def made(name, folder):
 
 @pytest.mark.parametrize("name", SCENE_BOUNDS)
 def test_a_scene_is_refused_before_mujoco_sees_it(name, tmp_path):
-    with pytest.raises(Unreadable, match=re.escape(SCENE_BOUNDS[name])):
+    with pytest.raises(WorldFileError, match=re.escape(SCENE_BOUNDS[name])):
         check_scene(made(name, tmp_path))
 
 
 @pytest.mark.parametrize("name", ["map: PNG of 13000 x 13000", "map: PNG of 16384 x 16384"])
 def test_an_image_is_refused_by_its_header(name, tmp_path):
-    with pytest.raises(Unreadable, match="pixels, expected 1 to 67108864"):
+    with pytest.raises(WorldFileError, match="pixels, expected 1 to 67108864"):
         read_occupancy_map(made(name, tmp_path), ImportOptions())
 
 
 def test_models_that_include_the_next_one_twice_are_refused(tmp_path):
     path = made("SDF: 18 models that include the next one twice", tmp_path)
-    with pytest.raises(Unreadable, match="<include>: more than 2000"):
+    with pytest.raises(WorldFileError, match="<include>: more than 2000"):
         read_sdf(path, ImportOptions())
 
 

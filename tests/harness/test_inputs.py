@@ -15,9 +15,9 @@ from wayproof.harness.inputs import (
     inputs_from_messages,
 )
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.models import range_codec
-from wayproof.models.beams import BeamTable, quantise
 from wayproof.models.poses import Trail
+from wayproof.models.sensors import range_codec
+from wayproof.models.sensors.beams import BeamTable, quantise
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -17,9 +17,9 @@ from wayproof.harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.models.beams import DROPPED, NO_RETURN
-from wayproof.models.devices import DEVICES
 from wayproof.models.poses import Trail, rotation_matrices
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN
+from wayproof.models.sensors.devices import DEVICES
 from wayproof.models.worlds import WORLDS
 
 JUMPS_AT_2_S = next(seed for seed in range(1000) if jump_time_ns(seed) < 2.5e9)

@@ -25,8 +25,8 @@ from wayproof.harness.soak.processors import (
 from wayproof.harness.soak.replays import arithmetic, differing
 from wayproof.harness.stack.decision import Difference
 from wayproof.maps import MAPS
-from wayproof.models.devices import DEVICES, Rangefinder
 from wayproof.models.robots import ROBOTS
+from wayproof.models.sensors.devices import DEVICES, Rangefinder
 from wayproof.planners import PLANNERS
 
 ALL = {one.name: one for one in emulations(Path(os.devnull), compiled=False)}

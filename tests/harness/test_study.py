@@ -25,8 +25,8 @@ from wayproof.harness.study.job import Done, Job, run_job
 from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store, merge
 from wayproof.harness.study.study import StudyResult, count_missing, read_rows, run_study, shard
-from wayproof.models.imports.options import Ends, Found
-from wayproof.models.imports.world_file import world_text
+from wayproof.models.world_files.options import Ends, Found
+from wayproof.models.world_files.world_file import world_text
 
 ENDS = Ends((-3.0, -3.0, -0.5), (3.0, 3.0, 3.0), (-2.0, 0.0, 0.0), 0.0, (2.0, 0.0, 0.0))
 

@@ -12,7 +12,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.study.file import plan_episodes, read_study
 from wayproof.harness.study.store import Store, merge
 from wayproof.harness.study.study import read_own_rows, read_rows
-from wayproof.models.robots import brought
+from wayproof.models.robots import custom
 
 HEAD = 'name = "outside"\nworlds = ["empty"]\nrobots = ["drone"]\n'
 
@@ -65,7 +65,7 @@ def test_the_folder_of_a_study_is_bounded_too(tmp_path):
         store.read_study()
 
 
-SPEC = (Path(brought.__file__).parent / "examples" / "spot.toml").read_text()
+SPEC = (Path(custom.__file__).parent / "examples" / "spot.toml").read_text()
 
 CODE = {
     "set": 'seeds = 1\n[set]\n"planner.name" = "planted:Planner"\n',

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.beams import directions
 from wayproof.models.checks import Finding, check
-from wayproof.models.devices import DEVICES, DepthCamera, Mount, SpinningLidar, evenly
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import PREFIX, compose
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.beams import directions
+from wayproof.models.sensors.caster import ROBOT_GROUP
+from wayproof.models.sensors.devices import DEVICES, DepthCamera, Mount, SpinningLidar, evenly
 from wayproof.models.solids import distance_to, holds
 from wayproof.models.worlds import WORLDS
 

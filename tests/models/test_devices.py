@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayproof.models.beams import (
+from wayproof.models.random_streams import stream
+from wayproof.models.sensors.beams import (
     DROPPED,
     NO_RETURN,
     BeamTable,
@@ -22,7 +23,7 @@ from wayproof.models.beams import (
     quantise,
     ray_ranges,
 )
-from wayproof.models.devices import (
+from wayproof.models.sensors.devices import (
     DEVICES,
     DepthCamera,
     Mount,
@@ -30,10 +31,8 @@ from wayproof.models.devices import (
     SolidStateLidar,
     SpinningLidar,
     evenly,
-    measure,
-    stream,
 )
-from wayproof.models.devices.measure import report
+from wayproof.models.sensors.measure import measure, report
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -353,7 +352,8 @@ def test_streams_differ_by_seed_name_and_sequence_alone():
     first = [stream(*key).integers(2**63) for key in keys]
     assert len(set(first)) == 4
     assert first == [stream(*key).integers(2**63) for key in keys]
-    code = "from wayproof.models.devices import stream; print(stream(0, 'b', 0).integers(2**63))"
+    load = "from wayproof.models.random_streams import stream"
+    code = f"{load}; print(stream(0, 'b', 0).integers(2**63))"
     printed = subprocess.run(
         [sys.executable, "-c", code],
         cwd=ROOT, capture_output=True, text=True, check=True, env={"PYTHONHASHSEED": "5"},
@@ -365,7 +365,7 @@ def test_streams_differ_by_seed_name_and_sequence_alone():
 
 
 def test_devices_need_no_simulator():
-    code = "import sys, wayproof.models.devices; print('mujoco' in sys.modules)"
+    code = "import sys, wayproof.models.sensors.devices; print('mujoco' in sys.modules)"
     printed = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )

@@ -21,7 +21,7 @@ from wayproof.models.worlds import (
     with_traffic,
 )
 from wayproof.models.worlds.movers import ASIDE
-from wayproof.models.worlds.passers_by import PERSON
+from wayproof.models.worlds.pedestrians import PERSON
 from wayproof.models.worlds.solvability import GROUND_BAND, shortest_path
 
 STEP_NS = 2_000_000

@@ -7,12 +7,12 @@ import ruckig
 from scipy.linalg import logm
 from scipy.spatial.transform import Rotation
 
-from wayproof.models.devices import SensorConfig
 from wayproof.models.poses import Trail
 from wayproof.models.robots.quadrotor import Quadrotor, kernels, warm_up
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing
 from wayproof.models.robots.robot import Setpoint
-from wayproof.models.sensors import ROBOT_GROUP, make_caster
+from wayproof.models.sensors.caster import ROBOT_GROUP, make_caster
+from wayproof.models.sensors.devices import SensorConfig
 
 SCENE = """<mujoco>
   <option timestep="0.002" integrator="implicitfast"/>

@@ -10,6 +10,7 @@ import pytest
 
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped import Quadruped, warm_up
+from wayproof.models.robots.quadruped.gait import advance, velocity_command
 from wayproof.models.robots.quadruped.parameters import (
     Actuators,
     Gait,
@@ -20,7 +21,6 @@ from wayproof.models.robots.quadruped.parameters import (
 )
 from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from wayproof.models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
-from wayproof.models.robots.quadruped.walking import advance, velocity_command
 from wayproof.models.robots.robot import Setpoint
 
 QUADRUPED = Quadruped()

@@ -8,6 +8,13 @@ import pytest
 
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped import Quadruped
+from wayproof.models.robots.quadruped.bindings import wire
+from wayproof.models.robots.quadruped.gait import (
+    foot_jacobian,
+    foot_position,
+    observe,
+    rotation_from_quaternion,
+)
 from wayproof.models.robots.quadruped.parameters import (
     JOINTS,
     LEGS,
@@ -16,14 +23,7 @@ from wayproof.models.robots.quadruped.parameters import (
     standing_joints,
 )
 from wayproof.models.robots.quadruped.state import OBSERVATION, record
-from wayproof.models.robots.quadruped.walking import (
-    foot_jacobian,
-    foot_position,
-    observe,
-    rotation_from_quaternion,
-)
-from wayproof.models.robots.quadruped.wiring import wire
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 QUADRUPED = Quadruped()
 GEOMETRY = Geometry()

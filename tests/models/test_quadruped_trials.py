@@ -11,12 +11,12 @@ from wayproof.models.robots.estimate import Error, Estimate, EstimateNoise
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped import Quadruped, warm_up
 from wayproof.models.robots.quadruped import trials as walks
-from wayproof.models.robots.quadruped.horizon import look_ahead
+from wayproof.models.robots.quadruped.gait import advance
 from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Prediction
-from wayproof.models.robots.quadruped.ride import TIMESTEP, Plant, Ride
+from wayproof.models.robots.quadruped.reference import look_ahead
 from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from wayproof.models.robots.quadruped.torque import limit_torque
-from wayproof.models.robots.quadruped.walking import advance
+from wayproof.models.robots.quadruped.trial_sim import TIMESTEP, Plant, Ride
 from wayproof.models.robots.terrain import COURSE_END, FIRST, TERRAINS, Block
 
 ROBOT = Quadruped()

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from wayproof.models import range_codec
+from wayproof.models.sensors import range_codec
 
 SWEEPS = arrays(np.uint16, st.tuples(st.integers(1, 5), st.integers(1, 9)))
 

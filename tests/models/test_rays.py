@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from wayproof.models import rays
-from wayproof.models.beams import directions as beams_of
-from wayproof.models.beams import rotate
-from wayproof.models.devices import DepthCamera, Device, SensorConfig, SpinningLidar, evenly
 from wayproof.models.poses import Trail
 from wayproof.models.rays import TileCaster, cut_grid, cut_scattered, kernels, tiles
 from wayproof.models.rays.geometry import Geometry
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import compose
-from wayproof.models.sensors import Firing, MujocoEngine, RangefinderCaster
+from wayproof.models.sensors.beams import directions as beams_of
+from wayproof.models.sensors.beams import rotate
+from wayproof.models.sensors.caster import Firing, MujocoEngine, RangefinderCaster
+from wayproof.models.sensors.devices import DepthCamera, Device, SensorConfig, SpinningLidar, evenly
 from wayproof.models.worlds import WORLDS
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)

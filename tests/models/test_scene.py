@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from tests.models.watching import watch
-from wayproof.models.beams import NO_RETURN, directions, moments
-from wayproof.models.devices import DEVICES, Mount, SensorConfig
 from wayproof.models.poses import Trail
 from wayproof.models.robots import ROBOTS, Setpoint
 from wayproof.models.scene import PREFIX, compose, equip, resolve
-from wayproof.models.sensors import ROBOT_GROUP, SweepCaster
+from wayproof.models.sensors.beams import NO_RETURN, directions, moments
+from wayproof.models.sensors.caster import ROBOT_GROUP, SweepCaster
+from wayproof.models.sensors.devices import DEVICES, Mount, SensorConfig
 from wayproof.models.truth import Truth
 from wayproof.models.worlds import WORLDS
 

@@ -4,13 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.beams import directions as beams_of
-from wayproof.models.devices import DepthCamera, SpinningLidar, evenly
 from wayproof.models.rays import surface_kernels, tree
 from wayproof.models.rays.surface_kernels import WIDTH
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tiles import cut_grid
 from wayproof.models.rays.tree import LEAF, MAX_SORTED_DEPTH, build_tree
+from wayproof.models.sensors.beams import directions as beams_of
+from wayproof.models.sensors.devices import DepthCamera, SpinningLidar, evenly
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
 KEPT = {"range": 30.0, "rate": 10.0, "no_return_is_free": True, "source": "test"}

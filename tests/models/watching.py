@@ -1,6 +1,6 @@
 """What a plant does with the truth after every physics step, for tests without one."""
 
-from wayproof.models.between_steps import touched
+from wayproof.models.step_kernels import touched
 
 
 def watch(truth, data, base):

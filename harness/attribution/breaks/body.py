@@ -10,7 +10,7 @@ from wayproof.harness.attribution.breaks.broken import Broken, Edit, Kind, Rng
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.models.scene import PREFIX
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 
 def _slim(sound: Scenario, result: Result, rng: Rng) -> Broken:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import ceil, hypot
 
 from wayproof.models.robots.quadrotor.parameters import Airframe
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 ROTORS = (
     ("rear_right", -1, -1, -1),

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from wayproof.models.devices import Mount
-from wayproof.models.devices.ideal_altimeter import IDEAL_ALTIMETER
-from wayproof.models.devices.ideal_depth_camera import IDEAL_DEPTH_CAMERA
-from wayproof.models.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
 from wayproof.models.robots.quadrotor.controller import QuadrotorController
 from wayproof.models.robots.quadrotor.model import BOTTOM, TOP, circumscribed_radius, quadrotor_mjcf
 from wayproof.models.robots.quadrotor.parameters import Parameters
 from wayproof.models.robots.robot import RobotSpec, Setpoint
+from wayproof.models.sensors.devices import Mount
+from wayproof.models.sensors.devices.ideal_altimeter import IDEAL_ALTIMETER
+from wayproof.models.sensors.devices.ideal_depth_camera import IDEAL_DEPTH_CAMERA
+from wayproof.models.sensors.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
 
 
 def _spec(parameters: Parameters) -> RobotSpec:

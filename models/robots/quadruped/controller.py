@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped.admm import solve_forces
-from wayproof.models.robots.quadruped.horizon import look_ahead
+from wayproof.models.robots.quadruped.bindings import views_of, wire
+from wayproof.models.robots.quadruped.gait import advance, begin, follow, observe
 from wayproof.models.robots.quadruped.mpc import condense
 from wayproof.models.robots.quadruped.parameters import Parameters, standing_joints
+from wayproof.models.robots.quadruped.reference import look_ahead
 from wayproof.models.robots.quadruped.rigid_body import composite_rigid_body
 from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from wayproof.models.robots.quadruped.torque import joint_torques
-from wayproof.models.robots.quadruped.walking import advance, begin, follow, observe
-from wayproof.models.robots.quadruped.wiring import views_of, wire
 from wayproof.models.robots.robot import Setpoint
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from wayproof.models.robots.quadruped.parameters import JOINTS, LEGS, Actuators, Geometry
-from wayproof.models.sensors import ROBOT_GROUP
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 
 class Link(NamedTuple):

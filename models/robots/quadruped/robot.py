@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 import mujoco
 
-from wayproof.models.devices import Mount
-from wayproof.models.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 from wayproof.models.robots.quadruped.controller import QuadrupedController
 from wayproof.models.robots.quadruped.model import LIDAR_SITE, quadruped_mjcf
 from wayproof.models.robots.quadruped.parameters import Parameters
 from wayproof.models.robots.robot import RobotSpec, Setpoint
+from wayproof.models.sensors.devices import Mount
+from wayproof.models.sensors.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 
 
 def _spec(parameters: Parameters) -> RobotSpec:

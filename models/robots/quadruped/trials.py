@@ -15,8 +15,8 @@ from scipy.spatial import KDTree
 
 from wayproof.models.robots.estimate import EstimateNoise
 from wayproof.models.robots.quadruped.parameters import LEGS
-from wayproof.models.robots.quadruped.ride import PREFIX, TIMESTEP, Plant, Ride
 from wayproof.models.robots.quadruped.robot import Quadruped
+from wayproof.models.robots.quadruped.trial_sim import PREFIX, TIMESTEP, Plant, Ride
 from wayproof.models.robots.robot import Setpoint
 from wayproof.models.robots.terrain import COURSE_END, TERRAINS
 

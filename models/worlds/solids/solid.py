@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.models.worlds.kinds import class_of, colour_of
+from wayproof.models.worlds.materials import class_of, colour_of
 
 Vector3 = tuple[float, float, float]
 Band = tuple[float, float]

@@ -1,0 +1,16 @@
+"""Robots of the user's own, from a spec file and an MJCF."""
+
+from wayproof.models.robots.custom.robot import CONTROLLERS, CustomRobot, logged_robot, read_robot
+from wayproof.models.robots.custom.source import RobotSpecError
+from wayproof.models.robots.custom.spec_file import PLUGIN, SpecFile, parse_spec
+
+__all__ = [
+    "CONTROLLERS",
+    "PLUGIN",
+    "CustomRobot",
+    "RobotSpecError",
+    "SpecFile",
+    "logged_robot",
+    "parse_spec",
+    "read_robot",
+]

@@ -1,0 +1,214 @@
+"""A robot of the user's own, behind the same interface as ours."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import mujoco
+
+from wayproof.models.robots import quadrotor, quadruped
+from wayproof.models.robots.custom.legged import check_legged, legged_mjcf
+from wayproof.models.robots.custom.legged_parameters import legged_parameters
+from wayproof.models.robots.custom.own_controller import kept_mjcf, load_controller
+from wayproof.models.robots.custom.rotorcraft import (
+    check_rotorcraft,
+    rotorcraft_mjcf,
+    rotorcraft_parameters,
+)
+from wayproof.models.robots.custom.source import RobotSpecError, Source, find_mjcf, open_source
+from wayproof.models.robots.custom.spec_file import PLUGIN, SpecFile, parse_spec
+from wayproof.models.robots.quadrotor import QuadrotorController
+from wayproof.models.robots.quadruped import QuadrupedController
+from wayproof.models.robots.robot import Controller, RobotSpec
+
+MOST_BYTES = 2**20
+"""Of a spec file."""
+
+START_ALTITUDE = 1.0
+"""Of what flies, m."""
+
+DIGITS = 12
+"""Of the hash in a robot's name."""
+
+
+class Kind(NamedTuple):
+    """What a built-in controller makes of a robot.
+
+    Attributes:
+        motion: Ground or air.
+        mjcf: Writes the robot anew.
+        check: Refuses a spec that the written robot does not fit.
+        rest_height: Of the base when it starts, m.
+        controller: Binds to a compiled model.
+        warm_up: Compiles its kernels.
+    """
+
+    motion: Literal["ground", "air"]
+    mjcf: Callable[[Source, SpecFile], str]
+    check: Callable[[SpecFile, mujoco.MjModel], None]
+    rest_height: Callable[[SpecFile, mujoco.MjModel, str], float]
+    controller: Callable[[SpecFile, mujoco.MjModel, str], Controller]
+    warm_up: Callable[[], None]
+
+
+def _trot(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> Controller:
+    return QuadrupedController(model, prefix, legged_parameters(model, prefix, spec))
+
+
+def _geometric(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> Controller:
+    return QuadrotorController(model, prefix, rotorcraft_parameters(model, prefix, spec))
+
+
+def _stance(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> float:
+    return legged_parameters(model, prefix, spec).gait.height
+
+
+def _given(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> float:
+    return START_ALTITUDE if spec.stance is None else spec.stance
+
+
+CONTROLLERS: dict[str, Kind] = {
+    "geometric": Kind(
+        "air", rotorcraft_mjcf, check_rotorcraft, _given, _geometric, quadrotor.warm_up
+    ),
+    "trot": Kind("ground", legged_mjcf, check_legged, _stance, _trot, quadruped.warm_up),
+}
+"""Built-in controllers by the name that a spec gives."""
+
+
+@dataclass(frozen=True)
+class CustomRobot:
+    """A robot made of a spec file and an MJCF.
+
+    Attributes:
+        text: The spec file's.
+        file: The same, parsed.
+        rest_height: m.
+        mjcf_text: The robot alone; empty if it is the one in a log's scene.
+        spec: The body as the navigation stack knows it.
+    """
+
+    text: str
+    file: SpecFile
+    rest_height: float
+    mjcf_text: str = field(default="", repr=False)
+
+    @property
+    def identity(self) -> str:
+        """Name and a hash of the spec and the MJCF."""
+        both = f"{self.text}\0{self.mjcf_text}".encode()
+        return f"{self.file.name}@{hashlib.sha256(both).hexdigest()[:DIGITS]}"
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The body as the navigation stack knows it."""
+        file, limits = self.file, self.file.limits
+        kind = CONTROLLERS.get(file.controller)
+        return RobotSpec(
+            name=file.name,
+            motion=kind.motion if kind is not None else (file.motion or "ground"),
+            radius=file.radius,
+            height=file.height,
+            step_height=limits.step_height,
+            rest_height=self.rest_height,
+            max_speed=limits.speed,
+            max_acceleration=limits.acceleration,
+            max_jerk=limits.jerk,
+            max_yaw_rate=limits.yaw_rate,
+            max_tilt=limits.tilt,
+            mounts=file.mounts(),
+            discs=file.discs,
+        )
+
+    def mjcf(self) -> str:
+        """The robot alone, as MJCF: root body `base` with a free joint, geoms in ROBOT_GROUP.
+
+        Raises:
+            ValueError: It was read from a log, whose scene has it.
+        """
+        if not self.mjcf_text:
+            raise ValueError(f"robot '{self.file.name}': only its log's scene has it")
+        return self.mjcf_text
+
+    def controller(self, model: mujoco.MjModel, prefix: str) -> Controller:
+        """Bind to a compiled model in which every name of `mjcf()` carries `prefix`.
+
+        Raises:
+            ValueError: The user's own cannot be loaded.
+        """
+        kind = CONTROLLERS.get(self.file.controller)
+        if kind is None:
+            return load_controller(self.file.controller, model, prefix)
+        return kind.controller(self.file, model, prefix)
+
+    def warm_up(self) -> None:
+        """Compile the controller's kernels, or load them from the cache."""
+        kind = CONTROLLERS.get(self.file.controller)
+        if kind is not None:
+            kind.warm_up()
+
+
+def read_robot(path: Path) -> CustomRobot:
+    """A robot from its spec file and the MJCF that it names.
+
+    Raises:
+        RobotSpecError: One of them cannot be used; the message is one line.
+    """
+    if not path.is_file():
+        raise RobotSpecError("no such file")
+    if path.stat().st_size > MOST_BYTES:
+        raise RobotSpecError(f"{path.stat().st_size} bytes, expected at most {MOST_BYTES}")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise RobotSpecError(f"no UTF-8 text (byte {error.start})") from None
+    spec = _parse(text)
+    source = open_source(find_mjcf(spec.mjcf, path.parent), spec.base)
+    kind = CONTROLLERS.get(spec.controller)
+    mjcf = kept_mjcf(source, spec) if kind is None else kind.mjcf(source, spec)
+    return CustomRobot(text, spec, _rest_height(spec, mjcf), mjcf)
+
+
+def logged_robot(text: str, scene: str, prefix: str) -> CustomRobot:
+    """A robot from the spec and the scene in a log.
+
+    Args:
+        text: Of the spec file.
+        scene: Flattened MJCF with the robot in it.
+        prefix: Before the robot's names there.
+
+    Raises:
+        ValueError: The spec cannot be used, or the scene does not compile or is of another robot.
+        KeyError: The scene lacks one of the robot's names.
+    """
+    spec = _parse(text)
+    return CustomRobot(text, spec, _rest_height(spec, scene, prefix))
+
+
+def _parse(text: str) -> SpecFile:
+    spec = parse_spec(text)
+    if spec.controller not in CONTROLLERS and PLUGIN not in spec.controller:
+        known = ", ".join([*CONTROLLERS, "module:Class", "FILE.py:Class"])
+        raise RobotSpecError(f"controller: unknown '{spec.controller}' (available: {known})")
+    kind = CONTROLLERS.get(spec.controller)
+    motion = spec.motion if kind is None else kind.motion
+    if motion == "ground" and not spec.limits.step_height > 0.0:
+        raise RobotSpecError("limits.step_height: got 0, expected above 0 on the ground")
+    return spec
+
+
+def _rest_height(spec: SpecFile, mjcf: str, prefix: str = "") -> float:
+    try:
+        model = mujoco.MjModel.from_xml_string(mjcf)
+    except ValueError as error:
+        raise RobotSpecError(f"mjcf: {' '.join(str(error).split())[:300]}") from None
+    kind = CONTROLLERS.get(spec.controller)
+    if kind is None:
+        return _given(spec, model, prefix)
+    if not prefix:
+        kind.check(spec, model)
+    return kind.rest_height(spec, model, prefix)

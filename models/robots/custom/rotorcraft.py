@@ -1,0 +1,171 @@
+"""A craft with four rotors in an X, brought into the form that the geometric controller knows.
+
+It becomes one rigid body whose origin is its centre of mass; rotors are made of the spec's numbers,
+because an MJCF has no thrust limits, reaction torques or lags of its own that could be trusted.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.robots.custom.source import RobotSpecError, Source, find
+from wayproof.models.robots.custom.spec_file import SpecFile
+from wayproof.models.robots.custom.writing import (
+    HEAD,
+    Assets,
+    check_size,
+    geoms,
+    inertial,
+    numbers,
+    rangefinders,
+    rigid_body,
+    sensor_sites,
+    surface,
+)
+from wayproof.models.robots.quadrotor.model import DISC, ROTORS, rotor_motor
+from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Parameters
+
+Array = NDArray[np.float64]
+
+UNEQUAL = 0.05
+"""Rotors may be off a rectangle about the centre of mass by this share of their distance."""
+
+LAG_LEFT = 0.014
+"""What of the rotors' lag is left after its inversion, s: that of the craft gains were tuned on."""
+
+LEAST_LIFT = 1.3
+"""Largest thrust by weight below which there is nothing to steer with."""
+
+
+def rotorcraft_mjcf(source: Source, spec: SpecFile) -> str:
+    """The craft alone, as the geometric controller wants it.
+
+    Raises:
+        RobotSpecError: It is no X of four rotors, or the spec does not fit it.
+    """
+    if spec.rotors is None or spec.rotor is None:
+        raise RobotSpecError(
+            "rotors, rotor: got none, expected them for the controller 'geometric'"
+        )
+    bodies = _all_rigid(source)
+    mass, origin, _ = rigid_body(source, bodies)
+    trunk = inertial(source, bodies, origin)
+    places = [_place(source, name) - origin for name in spec.rotors]
+    arm_x, arm_y = _arms(places)
+    if 4.0 * spec.rotor.thrust < LEAST_LIFT * mass * GRAVITY:
+        weight = mass * GRAVITY
+        raise RobotSpecError(
+            f"rotor.thrust: four of {spec.rotor.thrust:g} N lift {weight:.3g} N, expected "
+            f"{LEAST_LIFT} times the weight"
+        )
+    assets = Assets()
+    moving = sorted({int(source.model.body_weldid[body]) for body in bodies})
+    trunk += "".join(geoms(source, body, origin, assets) for body in moving)
+    trunk += sensor_sites(spec, origin)
+    airframe = _airframe(spec, mass, (0.0, 0.0, 0.0), arm_x, arm_y)
+    discs = "".join(_rotor(airframe, *row, float(places[i][2])) for i, row in enumerate(ROTORS))
+    motors = "".join(rotor_motor(airframe, name, spin) for name, _, _, spin in ROTORS)
+    return f"""<mujoco model="{spec.name}">
+  {HEAD}
+  <asset>{assets.text}</asset>
+  <worldbody>
+    <body name="base"><freejoint name="root"/>{trunk}{discs}</body>
+  </worldbody>
+  <actuator>{motors}</actuator>
+  <sensor>{rangefinders(spec)}</sensor>
+</mujoco>"""
+
+
+def rotorcraft_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Parameters:
+    """What the geometric controller is tuned by; mass, inertia and arms off a compiled model.
+
+    Raises:
+        RobotSpecError: The spec says nothing of the rotors.
+        KeyError: A name is missing.
+    """
+    base = model.body(prefix + "base").id
+    R, inertia = np.empty(9), np.diag(model.body_inertia[base])
+    mujoco.mju_quat2Mat(R, model.body_iquat[base])
+    turn = R.reshape(3, 3)
+    xx, yy, zz = np.diag(turn @ inertia @ turn.T).tolist()
+    arm_x, arm_y = np.abs(model.site(prefix + ROTORS[0][0]).pos[:2]).tolist()
+    gains = Gains()
+    if spec.rotor is None:
+        raise RobotSpecError("rotor: got none, expected it for the controller 'geometric'")
+    lead = max(gains.lag_lead, 1.0 - LAG_LEFT / spec.rotor.lag)
+    airframe = _airframe(spec, float(model.body_mass[base]), (xx, yy, zz), arm_x, arm_y)
+    return Parameters(airframe=airframe, gains=gains._replace(lag_lead=lead))
+
+
+def check_rotorcraft(spec: SpecFile, model: mujoco.MjModel) -> None:
+    """Refuse a radius or height that the craft reaches beyond."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    check_size(spec, surface(model, data), flying=True)
+
+
+def _airframe(
+    spec: SpecFile, mass: float, inertia: tuple[float, float, float], arm_x: float, arm_y: float
+) -> Airframe:
+    assert spec.rotor is not None
+    rotor = spec.rotor
+    return Airframe(
+        mass=mass,
+        inertia=inertia,
+        arm_x=arm_x,
+        arm_y=arm_y,
+        rotor_radius=rotor.radius,
+        thrust_max=rotor.thrust,
+        yaw_ratio=rotor.yaw_ratio,
+        rotor_lag=rotor.lag,
+        drag=rotor.drag,
+        body_drag=rotor.body_drag,
+    )
+
+
+def _all_rigid(source: Source) -> list[int]:
+    """Every body of the craft; propellers that turn on joints count where they are at rest."""
+    model = source.model
+    bodies = np.flatnonzero(model.body_rootid == model.body_rootid[source.base]).tolist()
+    return [body for body in bodies if body >= source.base]
+
+
+def _place(source: Source, name: str) -> Array:
+    data, kinds = source.data, mujoco.mjtObj
+    for kind, places in (
+        (kinds.mjOBJ_SITE, data.site_xpos),
+        (kinds.mjOBJ_GEOM, data.geom_xpos),
+        (kinds.mjOBJ_BODY, data.xpos),
+    ):
+        found = find(source.model, kind, name)
+        if found is not None:
+            return source.place(places[found])
+    raise RobotSpecError(f"rotors: no site, geom or body '{name}' in the MJCF")
+
+
+def _arms(places: list[Array]) -> tuple[float, float]:
+    """Distances of the rotors ahead of and beside the centre of mass."""
+    arm_x, arm_y = (float(np.abs(np.array(places)[:, i]).mean()) for i in (0, 1))
+    for (name, x, y, _), place in zip(ROTORS, places, strict=True):
+        off = hypot(place[0] - x * arm_x, place[1] - y * arm_y)
+        if off > UNEQUAL * hypot(arm_x, arm_y):
+            raise RobotSpecError(
+                f"rotors: the {name.replace('_', ' ')} one is at ({place[0]:.4f}, {place[1]:.4f}) "
+                "from the centre of mass, expected an X: rear right, rear left, front left, front "
+                "right"
+            )
+    return arm_x, arm_y
+
+
+def _rotor(airframe: Airframe, name: str, x: int, y: int, spin: int, height: float) -> str:
+    at = numbers((x * airframe.arm_x, y * airframe.arm_y, height))
+    thickness = min(DISC, 0.2 * airframe.rotor_radius)
+    size = numbers((airframe.rotor_radius, thickness / 2.0))
+    return (
+        f'<geom name="{name}_disc" type="cylinder" size="{size}" pos="{at}"/>'
+        f'<site name="{name}" pos="{at}"/>'
+    )

@@ -1,0 +1,18 @@
+"""Worlds from files of other tools, and the world files that they become."""
+
+from wayproof.models.world_files.importer import FORMATS, import_world
+from wayproof.models.world_files.options import Found, ImportOptions
+from wayproof.models.world_files.reading import WorldFileError
+from wayproof.models.world_files.world_file import FileWorld, read_world_file, world_of, world_text
+
+__all__ = [
+    "FORMATS",
+    "FileWorld",
+    "Found",
+    "ImportOptions",
+    "WorldFileError",
+    "import_world",
+    "read_world_file",
+    "world_of",
+    "world_text",
+]

@@ -1,0 +1,65 @@
+"""Height fields: `.npy` arrays of heights in m, or `.png` images from black to white.
+
+Rows of an array run along y, the first at the least y; columns along x. Rows of an image run down.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.images import png_size, read_image
+from wayproof.models.world_files.options import Found, ImportOptions
+from wayproof.models.world_files.parts import Part
+from wayproof.models.world_files.reading import MOST_HEIGHTS, WorldFileError, check_file
+
+DEPTH = 0.5
+"""Of the ground below the least height, m."""
+
+FLAT = 1e-9
+
+
+def read_heights(path: Path, options: ImportOptions) -> Found:
+    """The field, its low corner at the origin and its heights above the floor.
+
+    Raises:
+        WorldFileError: No array or image of heights, or one without any rise.
+    """
+    if path.suffix.lower() == ".npy":
+        heights = _array(path)
+    else:
+        size = png_size(path)
+        if size is not None and size[0] * size[1] > MOST_HEIGHTS:
+            what = f"{size[0]} x {size[1]} heights, expected at most {MOST_HEIGHTS}"
+            raise WorldFileError(path, what)
+        image = read_image(path)
+        scale = options.height / np.iinfo(image.dtype).max
+        heights = np.asarray(image[::-1] * scale, np.float64)
+    low, rise = float(heights.min()), float(np.ptp(heights))
+    if min(heights.shape) < 2 or rise < FLAT:
+        raise WorldFileError(path, f"{heights.shape} heights that rise by {rise:g} m: no field")
+    half = [(n - 1) * options.resolution / 2.0 for n in heights.shape[::-1]]
+    part = Part(
+        "heights", (*half, rise, DEPTH), (half[0], half[1], low), kind="floor",
+        heights=(heights - low) / rise,
+    )  # fmt: skip
+    return Found(parts=[part])
+
+
+def _array(path: Path) -> NDArray[np.float64]:  # (ny, nx)
+    check_file(path)
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)  # a forged size takes no memory
+    except Exception as error:  # numpy parses the header as source text: any error of that
+        raise WorldFileError(path, f"no array ({' '.join(str(error).split())[:100]})") from None
+    if not isinstance(array, np.ndarray):
+        raise WorldFileError(path, "an archive, expected one array")
+    if array.ndim != 2 or array.dtype.kind not in "fiu" or array.size > MOST_HEIGHTS:
+        raise WorldFileError(
+            path, f"{array.dtype} {array.shape}, expected (ny, nx) numbers, at most {MOST_HEIGHTS}"
+        )
+    if not np.isfinite(array).all():
+        raise WorldFileError(path, "a height that is not finite")
+    return np.asarray(array, np.float64)

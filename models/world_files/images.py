@@ -1,0 +1,108 @@
+"""Grey images: PGM read here, PNG by Pillow."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.reading import WorldFileError, check_file
+
+MOST_PIXELS = 2**26
+"""Of one image: 8192 x 8192."""
+
+HEADER = struct.Struct(">8s4s4sII")
+"""Of a PNG: signature, length and name of its first chunk, width, height."""
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+Image = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+def read_image(path: Path) -> Image:
+    """Grey levels (rows, columns), the first row at the top: 8 or 16 bits, 0 is black.
+
+    Raises:
+        WorldFileError: Neither PGM nor PNG, broken, or too large.
+    """
+    check_file(path)
+    if path.suffix.lower() == ".pgm":
+        return _pgm(path)
+    if path.suffix.lower() != ".png":
+        raise WorldFileError(path, "expected an image in PGM or PNG")
+    return _png(path)
+
+
+def _check_size(path: Path, width: int, height: int) -> None:
+    if not 0 < width * height <= MOST_PIXELS:
+        raise WorldFileError(path, f"{width} x {height} pixels, expected 1 to {MOST_PIXELS}")
+
+
+def _pgm(path: Path) -> Image:
+    """Netpbm's grey format, plain (P2) or raw (P5)."""
+    data = path.read_bytes()
+    words: list[bytes] = []
+    at = 0
+    while len(words) < 4 and at < len(data):
+        if data[at : at + 1] == b"#":
+            at = data.find(b"\n", at) % (len(data) + 1)  # a comment without an end ends the file
+        elif data[at : at + 1].isspace():
+            at += 1
+        else:
+            end = at
+            while end < len(data) and not data[end : end + 1].isspace():
+                end += 1
+            words.append(data[at:end])
+            at = end
+    if len(words) < 4 or words[0] not in (b"P2", b"P5") or not all(map(bytes.isdigit, words[1:])):
+        raise WorldFileError(path, "no PGM image")
+    width, height, most = (int(word) for word in words[1:])
+    _check_size(path, width, height)
+    if not 0 < most < 65536:
+        raise WorldFileError(path, f"grey levels up to {most}, expected 1 to 65535")
+    kind = np.dtype(np.uint8 if most < 256 else ">u2")
+    if words[0] == b"P5":
+        body = data[at + 1 : at + 1 + width * height * kind.itemsize]
+    else:
+        try:
+            body = np.array(data[at:].split()[: width * height], np.int64).astype(kind).tobytes()
+        except ValueError:
+            raise WorldFileError(path, "a grey level that is no number") from None
+    if len(body) != width * height * kind.itemsize:
+        raise WorldFileError(path, f"ends early: expected {width} x {height} pixels")
+    levels = np.frombuffer(body, kind).reshape(height, width)
+    if most == 255:
+        return levels.astype(np.uint8)
+    shades = np.rint(np.arange(65536) * (65535.0 / most)).clip(0, 65535).astype(np.uint16)
+    grey: Image = shades[levels]
+    return grey
+
+
+def png_size(path: Path) -> tuple[int, int] | None:
+    """Width and height that a PNG's header says, before anything is unpacked; none of others."""
+    with path.open("rb") as file:
+        head = file.read(HEADER.size)
+    if len(head) < HEADER.size or not head.startswith(SIGNATURE):
+        return None
+    _, _, _, width, height = HEADER.unpack(head)
+    return width, height
+
+
+def _png(path: Path) -> Image:
+    try:
+        from PIL import Image as pillow
+    except ImportError:
+        raise WorldFileError(path, "PNG images need Pillow: pip install pillow") from None
+    width, height = png_size(path) or (0, 0)
+    _check_size(path, width, height)
+    try:
+        with warnings.catch_warnings(), pillow.open(path, formats=["PNG"]) as image:
+            warnings.simplefilter("error")  # of a picture that only seems to be small enough
+            deep = image.mode.startswith("I")
+            levels = np.array(image if deep else image.convert("L"))
+    except (OSError, ValueError, SyntaxError, Warning, pillow.DecompressionBombError) as error:
+        raise WorldFileError(path, f"no PNG image ({str(error)[:100]})") from None
+    return levels.astype(np.uint16) if deep else levels.astype(np.uint8)

@@ -1,0 +1,161 @@
+"""The files of an MJCF scene, before MuJoCo opens any of them.
+
+All that a scene names, and all that its includes and attached models name, has to lie in its folder
+or below, be a plain file of a bounded size, and load no code. What they ask for is counted over all
+of them, copies included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from wayproof.models.world_files.images import png_size
+from wayproof.models.world_files.mjcf_bounds import (
+    MOST_BODIES,
+    MOST_COPIES,
+    Bounds,
+    check_total,
+    copies,
+)
+from wayproof.models.world_files.reading import MOST_BYTES, MOST_SOLIDS, WorldFileError, beside
+from wayproof.models.world_files.xml_tree import Element, read_xml
+
+CODE = ("plugin", "extension")
+FOLDERS = ("assetdir", "meshdir", "texturedir")
+NAMES_MODEL = ("include", "model")
+"""Elements whose file is MJCF of its own."""
+
+MOST_NESTED = 20
+MOST_FILES = 200
+"""Of MJCF in one scene, each counted as often as it is named."""
+
+
+def check_scene(top: Path) -> None:
+    """Refuse a scene that reaches out of its folder, loads code or asks for too much.
+
+    Raises:
+        WorldFileError: Naming the file, the element and its line.
+    """
+    _Scene(top).check(top, [])
+
+
+class _Total:
+    """How much stands in a file or below an element, copies included."""
+
+    def __init__(self, geoms: float = 0.0, bodies: float = 0.0, copied: float = 0.0) -> None:
+        self.geoms, self.bodies, self.copied = geoms, bodies, copied
+
+    def add(self, other: _Total) -> None:
+        self.geoms += other.geoms
+        self.bodies += other.bodies
+        self.copied += other.copied
+
+    def repeated(self, times: float) -> _Total:
+        """All of it so many times; what is there more than once counts as copied."""
+        copied = self.copied if times <= 1.0 else (self.geoms + self.bodies)
+        return _Total(times * self.geoms, times * self.bodies, times * copied)
+
+
+class _Scene:
+    """One scene and every file that it leads to."""
+
+    def __init__(self, top: Path) -> None:
+        self._top = top
+        self._bounds = Bounds(top)
+        self._files = 0
+        self._bytes = 0
+        self._assets: set[tuple[Path, int, Path]] = set()
+
+    def check(self, path: Path, opened: list[Path]) -> _Total:
+        """One file of MJCF and all that it leads to."""
+        self._files += 1
+        if len(opened) >= MOST_NESTED or path in opened:
+            what = f"<include> or <model> of '{path.name}': in a circle, or too deep"
+            raise WorldFileError(self._top, what)
+        if self._files > MOST_FILES:
+            raise WorldFileError(self._top, f"names more than {MOST_FILES} files of MJCF")
+        tree = read_xml(path)
+        elements = list(_walk(tree))
+        folders = {
+            element.attributes[k]
+            for element in elements
+            for k in FOLDERS
+            if k in element.attributes
+        }
+        models: dict[str, _Total] = {}
+        for element in elements:
+            self._check_element(path, element, folders)
+            if element.tag == "model":
+                name = element.attributes.get("name", element.attributes.get("file", ""))
+                models[name] = self._named(path, element, opened)
+        return self._total(path, tree, models, opened)
+
+    def _total(
+        self, path: Path, element: Element, models: dict[str, _Total], opened: list[Path]
+    ) -> _Total:
+        own = _Total(float(element.tag == "geom"), float(element.tag == "body"))
+        if element.tag == "include":
+            own.add(self._named(path, element, opened))
+        if element.tag == "attach":
+            own.add(models.get(element.attributes.get("model", ""), _Total()))
+        for child in element.children:
+            own.add(self._total(path, child, models, opened))
+        total = own.repeated(copies(path, element))
+        check_total(path, element, "copies", total.copied, MOST_COPIES)
+        check_total(path, element, "bodies", total.bodies, MOST_BODIES)
+        check_total(path, element, "geoms", total.geoms, MOST_SOLIDS)
+        return total
+
+    def _check_element(self, path: Path, element: Element, folders: set[str]) -> None:
+        if element.tag in CODE:
+            what = f"<{element.tag}>: loads code, cannot be taken over"
+            raise WorldFileError(path, what, element.line)
+        self._bounds.check(path, element)
+        for key, name in element.attributes.items():
+            if key.startswith("file"):
+                for folder in ("", *sorted(folders)):
+                    self._check_named(path, element, str(Path(folder) / name))
+
+    def _check_named(self, path: Path, element: Element, name: str) -> None:
+        """A file has to lie inside, taken from the scene's folder and from the file's own."""
+        for base in (self._top, path):
+            file = base.parent / name
+            if not file.resolve().is_relative_to(self._top.parent.resolve()):
+                what = f"<{element.tag}>: '{name}' lies outside the scene's folder"
+                raise WorldFileError(path, what, element.line)
+            if not file.exists() or file.is_dir():
+                continue  # MuJoCo says what it misses
+            if not file.is_file():
+                raise WorldFileError(
+                    path, f"<{element.tag}>: '{name}' is no plain file", element.line
+                )
+            if element.tag not in NAMES_MODEL:
+                self._check_asset(path, element, file)
+
+    def _check_asset(self, path: Path, element: Element, file: Path) -> None:
+        known = (path, element.line, file.resolve())
+        if known in self._assets:
+            return
+        self._assets.add(known)
+        self._bytes += file.stat().st_size
+        check_total(path, element, "bytes of all assets", self._bytes, MOST_BYTES)
+        size = png_size(file)
+        if size is not None and element.tag == "hfield":
+            self._bounds.add_heights(path, element, *size)
+        elif size is not None:
+            self._bounds.add_pixels(path, element, *size)
+
+    def _named(self, path: Path, element: Element, opened: list[Path]) -> _Total:
+        name = element.attributes.get("file", "")
+        file = beside(self._top, name)
+        if not file.is_file():
+            what = f"<{element.tag}>: no file '{name}' in its folder"
+            raise WorldFileError(path, what, element.line)
+        return self.check(file, [*opened, path])
+
+
+def _walk(element: Element) -> Iterator[Element]:
+    yield element
+    for child in element.children:
+        yield from _walk(child)

@@ -1,0 +1,185 @@
+"""MuJoCo's own scenes (`.xml`, `.mjcf`): every solid geom where the scene starts, at rest for good.
+
+Includes, attached models and assets are those in the scene's folder or below; what would load code
+or ask for more memory than a scene needs is refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.mjcf_files import check_scene
+from wayproof.models.world_files.options import Found, ImportOptions
+from wayproof.models.world_files.parts import Mesh, Part, Shape, quaternion_of, vector
+from wayproof.models.world_files.reading import MOST_SOLIDS, WorldFileError
+from wayproof.models.world_files.xml_tree import Element
+
+CUSTOM = "wayproof_"
+"""Before the names of what a world file tells besides its geoms."""
+
+Geoms = mujoco.mjtGeom
+
+SHAPES: dict[int, tuple[Shape, int]] = {
+    int(Geoms.mjGEOM_BOX): ("box", 3),
+    int(Geoms.mjGEOM_CYLINDER): ("cylinder", 2),
+    int(Geoms.mjGEOM_CAPSULE): ("capsule", 2),
+    int(Geoms.mjGEOM_SPHERE): ("sphere", 1),
+    int(Geoms.mjGEOM_ELLIPSOID): ("ellipsoid", 3),
+}
+"""Geom type -> shape, and how many lengths it has."""
+
+FLAT = 1e-9
+
+NOT_COMPILED = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
+"""What MuJoCo raises for a scene that it does not take."""
+
+
+def read_mjcf(path: Path, options: ImportOptions) -> Found:
+    """Every solid geom of a scene.
+
+    Raises:
+        WorldFileError: No MJCF; a file outside the folder; a plugin; a count above its bound; a
+            plane that is not the floor.
+    """
+    check_scene(path)
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except NOT_COMPILED as error:
+        raise WorldFileError(path, " ".join(str(error).split())[:300]) from None
+    return found_in(model, path)
+
+
+def is_world_file(tree: Element) -> bool:
+    """Whether a scene tells what a mission needs, as `wayproof import` writes it."""
+    custom = [child for part in tree.all("custom") for child in part.all("text")]
+    return any(child.attributes.get("name") == f"{CUSTOM}format" for child in custom)
+
+
+def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
+    """The parts of a compiled scene, and what its `<custom>` tells.
+
+    Geoms that meet no contact are left out, unless none does.
+
+    Raises:
+        WorldFileError: A geom that cannot be taken over.
+    """
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_kinematics(model, data)
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    if not solid.any():
+        solid[:] = True
+    if solid.sum() > MOST_SOLIDS:
+        raise WorldFileError(path, f"{solid.sum()} geoms, expected at most {MOST_SOLIDS}")
+    found = Found(notes=list(_left_out(model, solid)))
+    for geom in np.flatnonzero(solid).tolist():
+        if model.geom_type[geom] == Geoms.mjGEOM_PLANE:
+            _check_floor(path, model, data, geom)
+            found.plane = True
+        else:
+            found.parts.append(_part(path, model, data, geom))
+    _take_custom(model, found)
+    return found
+
+
+def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_]) -> Iterator[str]:
+    silent = int((~solid).sum())
+    if silent:
+        yield f"{silent} geoms that nothing collides with: left out"
+    if model.njnt:
+        yield f"{model.njnt} joints: everything stands still here"
+    for count, what in (
+        (model.nu, "actuators"),
+        (model.neq, "equalities"),
+        (model.nflex, "flexes"),
+    ):
+        if count:
+            yield f"{count} {what}: left out"
+    if model.nmocap:
+        yield f"{model.nmocap} bodies that are moved from outside: they stand still here"
+
+
+def _check_floor(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> None:
+    height, up = data.geom_xpos[geom, 2], data.geom_xmat[geom, 8]
+    if abs(height) > FLAT or abs(up - 1.0) > FLAT:
+        what = f"plane '{_name(model, geom)}': expected one that is level at height 0, the floor"
+        raise WorldFileError(path, what)
+
+
+def _part(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Part:
+    kind = int(model.geom_type[geom])
+    position = vector(data.geom_xpos[geom])
+    R = data.geom_xmat[geom].reshape(3, 3)
+    if model.body_weldid[model.geom_bodyid[geom]] == 0 and model.geom_bodyid[geom] == 0:
+        w, x, y, z = model.geom_quat[geom].tolist()  # the same bits as written
+        turn = (w, x, y, z)
+    else:
+        turn = quaternion_of(R)
+    word = re.sub(r"_\d+$", "", _name(model, geom))
+    word = re.sub("[^a-z_]", "_", word.lower()) or "structure"
+    if kind in SHAPES:
+        shape, lengths = SHAPES[kind]
+        size = tuple(model.geom_size[geom, :lengths].tolist())
+        return Part(shape, size, position, turn, word)
+    if kind == Geoms.mjGEOM_MESH:
+        return Part("mesh", (), position, turn, word, mesh=_mesh(model, geom))
+    if kind == Geoms.mjGEOM_HFIELD:
+        field = model.geom_dataid[geom]
+        return Part(
+            "heights", tuple(model.hfield_size[field].tolist()), position, turn, word,
+            heights=_heights(model, field),
+        )  # fmt: skip
+    what = f"geom '{_name(model, geom)}' of type {Geoms(kind).name}: cannot be taken over"
+    raise WorldFileError(path, what)
+
+
+def _name(model: mujoco.MjModel, geom: int) -> str:
+    """The geom's name, or that of its body; empty if neither has one."""
+    body = model.geom_bodyid[geom]
+    return str(model.geom(geom).name or (model.body(body).name if body else ""))
+
+
+def _mesh(model: mujoco.MjModel, geom: int) -> Mesh:
+    mesh = model.geom_dataid[geom]
+    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    begin, number = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+    return Mesh(
+        model.mesh_vert[first : first + count].astype(np.float64),
+        model.mesh_face[begin : begin + number].astype(np.int64),
+    )
+
+
+def _heights(model: mujoco.MjModel, field: int) -> NDArray[np.float64]:  # (ny, nx)
+    rows, columns = model.hfield_nrow[field], model.hfield_ncol[field]
+    first = model.hfield_adr[field]
+    levels = model.hfield_data[first : first + rows * columns]
+    return np.asarray(levels.reshape(rows, columns), np.float64)
+
+
+def _take_custom(model: mujoco.MjModel, found: Found) -> None:
+    numbers, texts = {}, {}
+    for n in range(model.nnumeric):
+        first = model.numeric_adr[n]
+        numbers[model.numeric(n).name] = model.numeric_data[first : first + model.numeric_size[n]]
+    for n in range(model.ntext):
+        first, size = model.text_adr[n], model.text_size[n]
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, n)
+        texts[name] = bytes(model.text_data[first : first + size - 1]).decode()
+    for name in ("goal", "low", "high"):
+        if len(numbers.get(CUSTOM + name, ())) == 3:
+            setattr(found, name, vector(numbers[CUSTOM + name]))
+    start = numbers.get(f"{CUSTOM}start", np.empty(0))
+    if len(start) == 4:
+        found.start, found.start_heading = vector(start[:3]), float(start[3])
+    route = numbers.get(f"{CUSTOM}route_length", np.zeros(1))
+    found.route_length = float(route[0]) or None
+    found.format = texts.get(f"{CUSTOM}format", "")
+    found.protocol = texts.get(f"{CUSTOM}protocol", "")
+    found.source = texts.get(f"{CUSTOM}source", "")

@@ -1,0 +1,108 @@
+"""Flat occupancy maps as ROS saves them: a `.yaml` and the grey image that it names.
+
+Source: the documentation of ROS's map_server. A pixel's occupancy is (255 - grey) / 255, or
+grey / 255 where `negate` is set; above `occupied_thresh` it is occupied, below `free_thresh` free.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.images import read_image
+from wayproof.models.world_files.options import Found, ImportOptions
+from wayproof.models.world_files.parts import Part
+from wayproof.models.world_files.reading import WorldFileError, beside, read_text
+from wayproof.models.world_files.voxel_maps import cell_boxes
+
+NEEDED = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
+LARGEST_YAML = 64 * 2**10
+
+
+def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
+    """Occupied cells, extruded from the floor to `options.height`.
+
+    Raises:
+        WorldFileError: Naming the line or the entry.
+    """
+    entries = _entries(path)
+    origin = _list(path, entries, "origin", 3)
+    resolution = _number(path, entries, "resolution", 1e-4, 100.0)
+    most = _number(path, entries, "occupied_thresh", 0.0, 1.0)
+    least = _number(path, entries, "free_thresh", 0.0, 1.0)
+    negate = _number(path, entries, "negate", 0.0, 1.0) if "negate" in entries else 0.0
+    if entries.get("mode", ("trinary", 0))[0] not in ("trinary", "scale"):
+        raise WorldFileError(path, "mode: expected trinary or scale", entries["mode"][1])
+    image = read_image(beside(path, entries["image"][0]))
+    grey = np.arange(np.iinfo(image.dtype).max + 1) / np.iinfo(image.dtype).max
+    occupancy = grey if negate else 1.0 - grey  # of each level
+    rows = image[::-1]  # upwards
+    occupied = (occupancy > most)[rows]
+    unknown = ((occupancy <= most) & (occupancy >= least))[rows]
+    solid = occupied | unknown if options.unknown == "occupied" else occupied
+    found = Found(parts=_walls(path, solid, resolution, origin, options.height))
+    found.notes.append(
+        f"{occupied.sum()} cells occupied, {unknown.sum()} unknown, taken as {options.unknown}"
+    )
+    return found
+
+
+def _walls(
+    path: Path, solid: NDArray[np.bool_], resolution: float, origin: list[float], height: float
+) -> list[Part]:
+    """Merged cells (ny, nx) as boxes of the whole height, about the map's own low corner."""
+    x, y, yaw = origin
+    flat = cell_boxes(path, solid.T[:, :, None], resolution, (x, y, 0.0), yaw)
+    return [
+        replace(
+            part, size=(*part.size[:2], height / 2.0), position=(*part.position[:2], height / 2.0)
+        )
+        for part in flat
+    ]
+
+
+def _entries(path: Path) -> dict[str, tuple[str, int]]:
+    """`key: value` lines with their numbers: such a file has nothing deeper."""
+    entries: dict[str, tuple[str, int]] = {}
+    for number, line in enumerate(read_text(path, LARGEST_YAML).splitlines(), start=1):
+        bare = line.partition(" #")[0].strip()
+        if not bare or bare.startswith("#") or bare == "---":
+            continue
+        key, colon, value = bare.partition(":")
+        if not colon or line[0].isspace() or key in entries:
+            raise WorldFileError(
+                path, f"got '{bare[:60]}', expected one 'key: value' a line", number
+            )
+        entries[key.strip()] = (value.strip().strip("'\""), number)
+    missing = [key for key in NEEDED if key not in entries]
+    if missing:
+        raise WorldFileError(path, f"no {', '.join(missing)}")
+    return entries
+
+
+def _number(
+    path: Path, entries: dict[str, tuple[str, int]], key: str, low: float, high: float
+) -> float:
+    text, line = entries[key]
+    try:
+        value = float({"true": "1", "false": "0"}.get(text.lower(), text))
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise WorldFileError(path, f"{key}: got '{text}', expected {low:g} to {high:g}", line)
+    return value
+
+
+def _list(path: Path, entries: dict[str, tuple[str, int]], key: str, count: int) -> list[float]:
+    text, line = entries[key]
+    try:
+        values = [float(word) for word in text.strip("[]").split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count or not np.isfinite(values).all():
+        raise WorldFileError(path, f"{key}: got '{text}', expected [x, y, yaw]", line)
+    return values

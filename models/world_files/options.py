@@ -1,0 +1,102 @@
+"""What an importer is told besides the file, and what it gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+from wayproof.models.world_files.parts import Part, Vector3
+
+UnknownCells = Literal["occupied", "free"]
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """What a file does not say itself.
+
+    Attributes:
+        height: To which flat maps are extruded, and the rise of a height image from black to white,
+            m.
+        resolution: Side of a cell where the file tells none (`.3dmap`, height fields), m.
+        scale: Metres to a unit of a mesh.
+        unknown: What a flat map's cells are that nobody has seen.
+        skip_missing: Whether models that a file includes and that are not there are left out.
+    """
+
+    height: float = 2.0
+    resolution: float = 0.1
+    scale: float = 1.0
+    unknown: UnknownCells = "occupied"
+    skip_missing: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse lengths that no world has.
+
+        Raises:
+            ValueError: Naming the field.
+        """
+        for name, low, high in (
+            ("height", 0.01, 1000.0), ("resolution", 0.001, 1000.0), ("scale", 1e-6, 1e6)
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ValueError(f"{name}: got {value:g}, expected {low:g} to {high:g} m")
+
+
+class Ends(NamedTuple):
+    """What a mission needs besides the solids.
+
+    Attributes:
+        low: Lower corner of the operating area, m.
+        high: Upper corner, m.
+        start: On the floor, m.
+        start_heading: rad.
+        goal: On the floor, m.
+    """
+
+    low: Vector3
+    high: Vector3
+    start: Vector3
+    start_heading: float
+    goal: Vector3
+
+
+@dataclass
+class Found:
+    """What stands in a file.
+
+    Attributes:
+        parts: Everything solid but the floor.
+        plane: Whether the file has a level plane at height 0: the floor.
+        notes: What was left out or taken otherwise than written, a line each.
+        start: On the floor, if the file tells one, m.
+        start_heading: rad.
+        goal: Likewise, m.
+        low: Lower corner of the operating area, if the file tells one, m.
+        high: Upper corner.
+        route_length: Published length of a route from start to goal, m.
+        source: What it was made from.
+        protocol: Of a benchmark that the world is part of: limits and the constants of its score.
+        format: Of the world file that it was read from; empty for other files.
+    """
+
+    parts: list[Part] = field(default_factory=list)
+    plane: bool = False
+    notes: list[str] = field(default_factory=list)
+    start: Vector3 | None = None
+    start_heading: float | None = None
+    goal: Vector3 | None = None
+    low: Vector3 | None = None
+    high: Vector3 | None = None
+    route_length: float | None = None
+    source: str = ""
+    protocol: str = ""
+    format: str = ""
+
+    def ends(self) -> Ends | None:
+        """What the file tells of a mission, if it tells all."""
+        if self.low is None or self.high is None or self.start is None or self.goal is None:
+            return None
+        if self.start_heading is None:
+            return None
+        return Ends(self.low, self.high, self.start, self.start_heading, self.goal)

@@ -1,0 +1,67 @@
+"""Reading files that others wrote: sizes are bounded, and what cannot be read is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+MOST_BYTES = 256 * 2**20
+"""Of one file: larger ones are refused before they are read."""
+
+MOST_CELLS = 2**28
+"""Of one grid, for the same reason."""
+
+MOST_HEIGHTS = 2**21
+"""Of one world, which holds each as a number in text."""
+
+MOST_SOLIDS = 200_000
+"""Of one world: beyond this a scene takes minutes to compile."""
+
+
+class WorldFileError(ValueError):
+    """A file cannot be taken for a world; the message names the file, and the line if known."""
+
+    def __init__(self, path: Path | str, what: str, line: int | None = None) -> None:
+        """Say in one line where and what."""
+        place = f"{path}" if line is None else f"{path}:{line}"
+        super().__init__(f"{place}: {what}")
+
+
+def check_file(path: Path, most: int = MOST_BYTES) -> None:
+    """Refuse a path that is no file, an empty file and a huge one.
+
+    Raises:
+        WorldFileError: Saying which.
+    """
+    if not path.is_file():
+        raise WorldFileError(path, "no such file")
+    size = path.stat().st_size
+    if size == 0:
+        raise WorldFileError(path, "empty file")
+    if size > most:
+        raise WorldFileError(path, f"{size} bytes, expected at most {most}")
+
+
+def read_text(path: Path, most: int = MOST_BYTES) -> str:
+    """A whole text file.
+
+    Raises:
+        WorldFileError: No such file, empty, too large, or no UTF-8.
+    """
+    check_file(path, most)
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise WorldFileError(path, f"no UTF-8 text (byte {error.start})") from None
+
+
+def beside(path: Path, name: str) -> Path:
+    """A file that another one names, which has to lie in its folder or below.
+
+    Raises:
+        WorldFileError: The name leads out of the folder.
+    """
+    folder = path.parent.resolve()
+    found = (folder / name).resolve()
+    if not found.is_relative_to(folder):
+        raise WorldFileError(path, f"'{name}' lies outside the file's folder")
+    return found

@@ -1,0 +1,107 @@
+"""Poses in SDF: each is told relative to a frame, and frames are told relative to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.parts import turned_by
+from wayproof.models.world_files.reading import WorldFileError
+from wayproof.models.world_files.xml_tree import Element
+
+FRAMED = ("link", "frame", "model", "include")
+"""Elements whose name is that of a frame in the model or world that they stand in."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """T_outer_inner.
+
+    Attributes:
+        position: (3,) m.
+        R: (3, 3).
+    """
+
+    position: NDArray[np.float64]
+    R: NDArray[np.float64]
+
+    def __matmul__(self, inner: Placement) -> Placement:
+        """The inner frame's inner frame, in the outer frame."""
+        return Placement(self.position + self.R @ inner.position, self.R @ inner.R)
+
+
+ORIGIN = Placement(np.zeros(3), np.eye(3))
+
+
+def numbers(path: Path, element: Element, count: int) -> list[float]:
+    """The finite numbers that an element holds.
+
+    Raises:
+        WorldFileError: It holds something else, or not so many.
+    """
+    try:
+        values = [float(word) for word in element.text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not np.isfinite(values).all():
+        got, told = element.text.strip()[:60], f"{count} numbers" if count > 1 else "a number"
+        raise WorldFileError(path, f"<{element.tag}>: got '{got}', expected {told}", element.line)
+    return values
+
+
+class Frames:
+    """The frames of one model or of the world."""
+
+    def __init__(self, path: Path, scope: Element) -> None:
+        """Collect them; poses are read when they are asked for."""
+        self._path = path
+        self._framed = {
+            child.attributes["name"]: child
+            for child in scope.children
+            if child.tag in FRAMED and "name" in child.attributes
+        }
+        self._known: dict[str, Placement] = {"": ORIGIN, "world": ORIGIN, "__model__": ORIGIN}
+        self._asked: list[str] = []
+
+    def of(self, element: Element) -> Placement:
+        """Where an element of this scope stands in it.
+
+        Raises:
+            WorldFileError: No such frame, a circle of frames, or no pose of six numbers.
+        """
+        attached = element.attributes.get("attached_to", "")
+        pose = element.first("pose")
+        if pose is None:
+            return self._named(attached, element)
+        relative = pose.attributes.get("relative_to") or pose.attributes.get("frame") or attached
+        return self._named(relative, pose) @ self._read(pose)
+
+    def _named(self, name: str, user: Element) -> Placement:
+        if name in self._known:
+            return self._known[name]
+        if name not in self._framed:
+            what = f"<{user.tag}>: no frame '{name}' (available: {', '.join(self._framed)})"
+            raise WorldFileError(self._path, what[:200], user.line)
+        if name in self._asked:
+            circle = " -> ".join([*self._asked, name])
+            raise WorldFileError(self._path, f"frames in a circle: {circle}", user.line)
+        self._asked.append(name)
+        self._known[name] = self.of(self._framed[name])
+        self._asked.pop()
+        return self._known[name]
+
+    def _read(self, pose: Element) -> Placement:
+        if not pose.text.strip():
+            return ORIGIN
+        if pose.attributes.get("rotation_format", "euler_rpy") != "euler_rpy":
+            raise WorldFileError(
+                self._path, "<pose>: expected the angles roll pitch yaw", pose.line
+            )
+        values = numbers(self._path, pose, 6)
+        angles = values[3:]
+        if pose.attributes.get("degrees") in ("true", "1"):
+            angles = np.radians(angles).tolist()
+        return Placement(np.array(values[:3]), turned_by(*angles))

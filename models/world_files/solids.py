@@ -1,0 +1,82 @@
+"""The solid that a part is to everything that asks for distances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import asin, atan2
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.parts import Part, vector
+from wayproof.models.worlds.solids import (
+    Box,
+    Capsule,
+    Cylinder,
+    HeightField,
+    Solid,
+    Sphere,
+    TriangleMesh,
+)
+
+RINGS, SECTORS = 12, 24
+"""Of the triangles that stand for an ellipsoid."""
+
+
+def solid_of(part: Part) -> Solid:
+    """The part as a solid in the world; an ellipsoid by triangles that lie within it."""
+    if part.shape == "box":
+        yaw, pitch, roll = _angles(part.R_world_part)
+        return Box(part.position, vector(part.size), yaw, part.kind, pitch, roll)
+    if part.shape in ("cylinder", "capsule"):
+        radius, half = part.size
+        along = half * part.R_world_part[:, 2]
+        tail, head = vector(part.position - along), vector(part.position + along)
+        kind = Cylinder if part.shape == "cylinder" else Capsule
+        return kind(tail, head, radius, part.kind)
+    if part.shape == "sphere":
+        return Sphere(part.position, part.size[0], part.kind)
+    if part.shape == "heights":
+        return _ground(part)
+    if part.mesh is not None:
+        vertices, faces = part.mesh.vertices, part.mesh.faces
+    else:
+        vertices, faces = _globe(np.array(part.size))
+    placed = part.position + vertices @ part.R_world_part.T
+    return TriangleMesh.from_arrays(placed, faces, part.kind)
+
+
+def _angles(R: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Yaw, pitch and roll of R = Rz(yaw) Ry(pitch) Rx(roll), rad."""
+    if abs(R[2, 0]) > 1.0 - 1e-12:  # straight up or down: yaw takes all
+        return atan2(-R[0, 1], R[1, 1]), -asin(float(np.sign(R[2, 0]))), 0.0
+    return atan2(R[1, 0], R[0, 0]), -asin(R[2, 0]), atan2(R[2, 1], R[2, 2])
+
+
+def _ground(part: Part) -> Solid:
+    """A height field where it stands upright, its triangles where it is turned."""
+    assert part.heights is not None
+    half_x, half_y, rise, base = part.size
+    ny, nx = part.heights.shape
+    spacing = 2.0 * half_x / (nx - 1), 2.0 * half_y / (ny - 1)
+    heights, kind = part.heights.T * rise, part.kind
+    x, y, z = part.position
+    if np.array_equal(part.R_world_part, np.eye(3)):
+        corner = (x - half_x, y - half_y, z)
+        return replace(HeightField.from_array(corner, spacing, heights, kind), base=base)
+    own = HeightField.from_array((-half_x, -half_y, 0.0), spacing, heights, kind)
+    corners = own.triangles.reshape(-1, 3) @ part.R_world_part.T + part.position
+    return TriangleMesh.from_arrays(corners, np.arange(len(corners)).reshape(-1, 3), kind)
+
+
+def _globe(half_axes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    polar = np.linspace(0.0, np.pi, RINGS + 1)[:, None]
+    around = np.linspace(0.0, 2.0 * np.pi, SECTORS, endpoint=False)
+    x, y = np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around)
+    z = np.broadcast_to(np.cos(polar), x.shape)
+    vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3) * half_axes
+    i, j = np.indices((RINGS, SECTORS))
+    a, b = i * SECTORS + j, i * SECTORS + (j + 1) % SECTORS
+    c, d = a + SECTORS, b + SECTORS
+    faces = np.concatenate([np.stack([a, c, b], axis=-1), np.stack([b, c, d], axis=-1)])
+    return vertices, faces.reshape(-1, 3)

@@ -1,0 +1,125 @@
+"""Voxel maps as text (`.3dmap`): a line `voxel X Y Z`, then the occupied cells, one a line."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.options import Found, ImportOptions
+from wayproof.models.world_files.parts import Part, Vector3, moved, turned_by, vector
+from wayproof.models.world_files.reading import MOST_CELLS, MOST_SOLIDS, WorldFileError, read_text
+
+LONGEST_HEAD = 200
+"""Characters among which the first line ends."""
+
+
+def read_voxels(path: Path) -> NDArray[np.bool_]:  # (nx, ny, nz)
+    """Occupied cells of a `.3dmap`.
+
+    Source: Brewer and Sturtevant, "Benchmarks for Pathfinding in 3D Voxel Space", SoCS 2018.
+
+    Raises:
+        WorldFileError: Naming the line that is no cell of the map.
+    """
+    text = read_text(path)
+    first = text[:LONGEST_HEAD].partition("\n")[0]
+    head = first.split()
+    if len(head) != 4 or head[0] != "voxel" or not all(word.isdecimal() for word in head[1:]):
+        raise WorldFileError(path, f"got '{first[:60]}', expected 'voxel X Y Z'", 1)
+    shape = tuple(int(word) for word in head[1:])
+    if min(shape) < 1 or shape[0] * shape[1] * shape[2] > MOST_CELLS:
+        raise WorldFileError(path, f"{shape} cells, expected 1 to {MOST_CELLS}", 1)
+    occupied = np.zeros(shape, np.bool_)
+    lines = io.StringIO(text)
+    next(lines)
+    for number, line in enumerate(lines, start=2):
+        words = line.split()
+        if not words:
+            continue
+        cell = tuple(int(word) for word in words if word.isdecimal())
+        if len(words) != 3 or len(cell) != 3 or any(map(int.__ge__, cell, shape)):
+            raise WorldFileError(
+                path, f"got '{line[:60].strip()}', expected a cell within {shape}", number
+            )
+        occupied[cell] = True
+    return occupied
+
+
+def merged_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:  # (n, 2, 3)
+    """Few boxes that fill exactly the occupied cells: first cell, and the one past the last.
+
+    Each box begins at the first cell that is not covered yet and grows along z, then y, then x for
+    as long as all that it takes in is occupied and uncovered. Not the fewest, but disjoint.
+
+    Args:
+        occupied: (nx, ny, nz).
+
+    Raises:
+        TooMany: They are more than a world may hold.
+    """
+    left = occupied.copy()
+    boxes = []
+    for i in range(len(left)):
+        for j, k in np.argwhere(left[i]).tolist():
+            if not left[i, j, k]:
+                continue
+            z = k + _run(left[i, j, k:])
+            y = j + _run(np.asarray(left[i, j:, k:z].all(axis=1)))
+            x = i + _run(np.asarray(left[i:, j:y, k:z].all(axis=(1, 2))))
+            left[i:x, j:y, k:z] = False
+            boxes.append(((i, j, k), (x, y, z)))
+            if len(boxes) > MOST_SOLIDS:
+                raise TooMany(f"more than {MOST_SOLIDS} boxes")
+    return np.array(boxes, np.int64).reshape(-1, 2, 3)
+
+
+class TooMany(ValueError):
+    """A grid of more separate boxes than a world may hold."""
+
+
+def _run(taken: NDArray[np.bool_]) -> int:
+    """How many are true from the first on."""
+    return len(taken) if taken.all() else int(np.argmin(taken))
+
+
+def read_voxel_map(path: Path, options: ImportOptions) -> Found:
+    """The occupied cells as merged boxes; the map's low corner is the world's origin.
+
+    Raises:
+        WorldFileError: Naming the line that is no cell of the map.
+    """
+    return Found(parts=cell_boxes(path, read_voxels(path), options.resolution, (0.0, 0.0, 0.0)))
+
+
+def cell_boxes(
+    path: Path,
+    occupied: NDArray[np.bool_],
+    resolution: float,
+    origin: Vector3,
+    yaw: float = 0.0,
+) -> list[Part]:
+    """Merged boxes of a grid.
+
+    Args:
+        path: Of the file that it is from.
+        occupied: (nx, ny, nz).
+        resolution: Side of a cell, m.
+        origin: Low corner of the grid in the world, m.
+        yaw: Turn of the grid about that corner, rad.
+
+    Raises:
+        WorldFileError: They are more than a world may hold.
+    """
+    try:
+        boxes = merged_boxes(occupied)
+    except TooMany as error:
+        raise WorldFileError(path, str(error)) from None
+    R = turned_by(0.0, 0.0, yaw)
+    parts = []
+    for low, high in boxes:
+        size, centre = (high - low) * (resolution / 2.0), (low + high) * (resolution / 2.0)
+        parts.append(moved(Part("box", vector(size), vector(centre)), origin, R))
+    return parts

@@ -1,0 +1,261 @@
+"""World files: one MJCF that MuJoCo compiles as it is, with what a mission needs in `<custom>`.
+
+Numbers are written so that they read back as the same bits. A world of a file is named after the
+file and a hash of its text, so that a log tells which one it was.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wayproof.models.world_files.mjcf_scenes import CUSTOM, found_in, is_world_file
+from wayproof.models.world_files.options import Ends, Found
+from wayproof.models.world_files.parts import UPRIGHT, Part
+from wayproof.models.world_files.reading import WorldFileError, read_text
+from wayproof.models.world_files.solids import solid_of
+from wayproof.models.world_files.xml_tree import Element, read_xml
+from wayproof.models.worlds.materials import class_of, colour_of
+from wayproof.models.worlds.solids import FRICTION, Box
+from wayproof.models.worlds.world import World
+
+FORMAT = "1"
+"""Of world files; raised when those of the version before no longer read."""
+
+FLOOR = "floor"
+"""Kind of what may be stepped on."""
+
+DIGITS = 16
+"""Of the hash in a world's name."""
+
+TAGS = {
+    "mujoco", "compiler", "option", "visual", "map", "size", "custom", "numeric", "text", "asset",
+    "mesh", "hfield", "worldbody", "light", "geom",
+}  # fmt: skip
+"""All that a world file may hold: nothing that names another file or loads code."""
+
+_FILE = """\
+<mujoco model={name}>
+  <size nuser_geom="1"/>
+  <option timestep="0.002" integrator="implicitfast" cone="pyramidal" iterations="50" \
+gravity="0 0 -9.81"/>
+  <visual>
+    <map znear="0.001"/>
+  </visual>
+  <custom>
+{custom}
+  </custom>
+  <asset>
+{assets}
+  </asset>
+  <worldbody>
+    <light name="sun" pos="{centre} 10" dir="0 0 -1" directional="true" castshadow="false"/>
+{geoms}
+  </worldbody>
+</mujoco>
+"""
+# The head is that of the generated worlds: robots are tuned to its time step.
+
+
+@dataclass(frozen=True)
+class FileWorld(World):
+    """A world read from a world file.
+
+    Attributes:
+        text: The file's own.
+        source: What the file was made from.
+        protocol: Of a benchmark that it is part of: limits and the constants of its score.
+    """
+
+    text: str = field(default="", repr=False)
+    source: str = ""
+    protocol: str = ""
+
+    @property
+    def identity(self) -> str:
+        """Name and hash of the text, as a log tells them."""
+        return f"{self.name}@{hashlib.sha256(self.text.encode()).hexdigest()[:DIGITS]}"
+
+    def mjcf(self) -> str:
+        """The file's own text."""
+        return self.text
+
+    @cached_property
+    def _corners(self) -> NDArray[np.float64]:  # (2, n, 3)
+        ends = [[solid.low for solid in self.solids], [solid.high for solid in self.solids]]
+        return np.array(ends, np.float64).reshape(2, -1, 3)
+
+    def contains_obstacle(self, point: ArrayLike, radius: float) -> str | None:
+        """As for any world; only solids whose bounds are near are asked, for there may be many."""
+        at = np.asarray(point, np.float64)
+        outside = np.maximum(np.maximum(self._corners[0] - at, at - self._corners[1]), 0.0)
+        near = np.flatnonzero(np.linalg.norm(outside, axis=1) <= radius)
+        distances = [float(self.solids[i].distance(at[None])[0]) for i in near]
+        if not distances or min(distances) > radius:
+            return None
+        return self.solid_names[int(near[int(np.argmin(distances))])]
+
+
+def read_world_file(path: Path) -> FileWorld:
+    """Read a world file.
+
+    Raises:
+        WorldFileError: No world file, one of another format, or one that holds more than a world.
+    """
+    tree, text = read_xml(path), read_text(path)
+    if not is_world_file(tree):
+        raise WorldFileError(path, "not a world file; 'wayproof import' makes one of it")
+    _check_tags(path, tree)
+    return world_of(text, path)
+
+
+def world_of(text: str, path: Path | str = "world") -> FileWorld:
+    """The world that a world file's text describes.
+
+    Args:
+        text: The file's own.
+        path: For what is said if the text cannot be taken.
+
+    Raises:
+        WorldFileError: The text does not compile, or lacks what a mission needs.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+        found = found_in(model, path)
+    except ValueError as error:
+        raise (
+            error if isinstance(error, WorldFileError) else WorldFileError(path, _line(error))
+        ) from None
+    ends = found.ends()
+    if ends is None or found.format != FORMAT:
+        raise WorldFileError(path, f"world file of format '{found.format}', expected '{FORMAT}'")
+    solids = [(part, solid_of(part)) for part in found.parts]
+    slabs = tuple(solid for part, solid in solids if part.kind == FLOOR and isinstance(solid, Box))
+    try:
+        return FileWorld(
+            name=model.names.split(b"\0")[0].decode(), seed=0, low=ends.low, high=ends.high,
+            solids=tuple(solid for part, solid in solids if part.kind != FLOOR),
+            start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
+            floor=None if found.plane or not slabs else slabs, route_length=found.route_length,
+            text=text, source=found.source, protocol=found.protocol,
+        )  # fmt: skip
+    except ValueError as error:
+        raise WorldFileError(path, str(error)) from None
+
+
+def world_text(found: Found, ends: Ends, name: str) -> str:
+    """The world file of what an importer found; the same bytes for the same parts.
+
+    Args:
+        found: Its parts, and what it tells about them.
+        ends: Operating area, start and goal.
+        name: Of the model.
+    """
+    centre = [(a + b) / 2.0 for a, b in zip(ends.low[:2], ends.high[:2], strict=True)]
+    named = list(zip(part_names(found.parts), found.parts, strict=True))
+    geoms = [_geom(name, part) for name, part in named]
+    if found.plane or all(part.kind != FLOOR for part in found.parts):
+        geoms.insert(0, _floor(centre, ends))
+    return _FILE.format(
+        name=quoteattr(name),
+        custom="\n".join(_custom(found, ends)),
+        assets="\n".join(line for name, part in named for line in _asset(name, part)),
+        centre=_numbers(centre),
+        geoms="\n".join(geoms),
+    )
+
+
+def part_names(parts: Iterable[Part]) -> list[str]:
+    """Geom name of each part: its kind and its count within the kind."""
+    seen: Counter[str] = Counter()
+    names = []
+    for part in parts:
+        kind = re.sub("[^a-z_]", "_", part.kind.lower()) or "structure"
+        names.append(f"{kind}_{seen[kind]}")
+        seen[kind] += 1
+    return names
+
+
+def _custom(found: Found, ends: Ends) -> list[str]:
+    values: dict[str, Iterable[float]] = {
+        "start": [*ends.start, ends.start_heading],
+        "goal": ends.goal,
+        "low": ends.low,
+        "high": ends.high,
+        "route_length": [found.route_length or 0.0],
+    }
+    lines = [
+        f'    <numeric name="{CUSTOM}{name}" data="{_numbers(data)}"/>'
+        for name, data in values.items()
+    ]
+    texts = {"format": FORMAT, "source": found.source, "protocol": found.protocol}
+    return lines + [
+        f'    <text name="{CUSTOM}{name}" data={quoteattr(text)}/>'
+        for name, text in texts.items()
+        if text
+    ]
+
+
+def _asset(name: str, part: Part) -> list[str]:
+    if part.mesh is not None:
+        vertices, faces = _numbers(part.mesh.vertices.ravel()), part.mesh.faces.ravel().tolist()
+        indices = " ".join(map(str, faces))
+        return [f'    <mesh name="{name}" inertia="shell" vertex="{vertices}" face="{indices}"/>']
+    if part.heights is not None:
+        rows, columns = part.heights.shape
+        # MuJoCo reads the rows of `elevation` from the top of the picture, y downwards.
+        levels = _numbers(part.heights[::-1].ravel())
+        return [
+            f'    <hfield name="{name}" nrow="{rows}" ncol="{columns}" '
+            f'size="{_numbers(part.size)}" elevation="{levels}"/>'
+        ]
+    return []
+
+
+def _floor(centre: list[float], ends: Ends) -> str:
+    half = [(b - a) / 2.0 for a, b in zip(ends.low[:2], ends.high[:2], strict=True)]
+    place = f'type="plane" pos="{_numbers(centre)} 0" size="{_numbers(half)} 0.05"'
+    return _geom_of(FLOOR, place, FLOOR)
+
+
+def _geom(name: str, part: Part) -> str:
+    shape = {
+        "mesh": f'type="mesh" mesh="{name}"',
+        "heights": f'type="hfield" hfield="{name}"',
+    }.get(part.shape, f'type="{part.shape}" size="{_numbers(part.size)}"')
+    turn = "" if part.quaternion == UPRIGHT else f' quat="{_numbers(part.quaternion)}"'
+    return _geom_of(name, f'{shape} pos="{_numbers(part.position)}"{turn}', part.kind)
+
+
+def _geom_of(name: str, place: str, kind: str) -> str:
+    return (
+        f'    <geom name="{name}" {place} group="0" contype="1" conaffinity="1" '
+        f'friction="{FRICTION} 0.005 0.0001" rgba="{colour_of(kind)}" user="{class_of(kind)}"/>'
+    )
+
+
+def _numbers(values: Iterable[float]) -> str:
+    """Each as the shortest text that reads back as the same bits."""
+    return " ".join(repr(float(value)).removesuffix(".0") for value in values)
+
+
+def _check_tags(path: Path, element: Element) -> None:
+    if element.tag not in TAGS or any(key.startswith("file") for key in element.attributes):
+        what = f"<{element.tag}>: not of a world file; 'wayproof import' makes one of it"
+        raise WorldFileError(path, what, element.line)
+    for child in element.children:
+        _check_tags(path, child)
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]

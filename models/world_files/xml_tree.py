@@ -1,0 +1,97 @@
+"""XML from strangers: no document types, so no entities, and bounded depth and size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from wayproof.models.world_files.reading import WorldFileError, read_text
+
+MOST_BYTES = 64 * 2**20
+MOST_ELEMENTS = 1_000_000
+MOST_ATTRIBUTES = 4_000_000
+MOST_DEPTH = 100
+
+
+@dataclass(slots=True)
+class Element:
+    """One element.
+
+    Attributes:
+        tag: Its name.
+        attributes: By name.
+        line: Where it begins.
+        text: Between its tags and its children's.
+        children: In order.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    text: str = ""
+    children: list[Element] = field(default_factory=list)
+
+    def all(self, tag: str) -> Iterator[Element]:
+        """Children of that name."""
+        return (child for child in self.children if child.tag == tag)
+
+    def first(self, tag: str) -> Element | None:
+        """The first child of that name."""
+        return next(self.all(tag), None)
+
+
+def read_xml(path: Path) -> Element:
+    """Parse a file.
+
+    Raises:
+        WorldFileError: Naming the line: no XML, a document type, or more elements than allowed.
+    """
+    text = read_text(path, MOST_BYTES)
+    if text.count("=") > MOST_ATTRIBUTES:
+        raise WorldFileError(path, f"{text.count('=')} '=', expected at most {MOST_ATTRIBUTES}")
+    builder = _Builder(path)
+    try:
+        builder.parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise WorldFileError(
+            path, f"no XML ({expat.ErrorString(error.code)})", error.lineno
+        ) from None
+    return builder.root.children[0]
+
+
+class _Builder:
+    """Collects elements as expat tells them."""
+
+    def __init__(self, path: Path) -> None:
+        self.root = Element("", {}, 0)
+        self.parser = expat.ParserCreate()
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._text
+        self.parser.StartDoctypeDeclHandler = self._refuse
+        self._path = path
+        self._open = [self.root]
+        self._count = 0
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        line = self.parser.CurrentLineNumber
+        self._count += 1
+        if self._count > MOST_ELEMENTS or len(self._open) > MOST_DEPTH:
+            what = f"more than {MOST_ELEMENTS} elements or {MOST_DEPTH} levels"
+            raise WorldFileError(self._path, what, line)
+        element = Element(tag, attributes, line)
+        self._open[-1].children.append(element)
+        self._open.append(element)
+
+    def _end(self, tag: str) -> None:
+        self._open.pop()
+
+    def _text(self, text: str) -> None:
+        self._open[-1].text += text
+
+    def _refuse(self, name: str, *_: object) -> None:
+        line = self.parser.CurrentLineNumber
+        raise WorldFileError(self._path, f"document type '{name}', expected none", line)
