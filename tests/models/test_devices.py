@@ -1,6 +1,7 @@
 """Sensors as data: beams rebuilt from tables, moments of a sweep, and what errors do to ranges."""
 
 import dataclasses
+import os
 import subprocess
 import sys
 from math import asin, cos, isclose, lcm, pi, radians, sin, sqrt
@@ -356,7 +357,7 @@ def test_streams_differ_by_seed_name_and_sequence_alone():
     code = f"{load}; print(stream(0, 'b', 0).integers(2**63))"
     printed = subprocess.run(
         [sys.executable, "-c", code],
-        cwd=ROOT, capture_output=True, text=True, check=True, env={"PYTHONHASHSEED": "5"},
+        cwd=ROOT, capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": "5"},
     )  # fmt: skip
     assert int(printed.stdout) == first[2]
 
