@@ -357,8 +357,12 @@ def test_streams_differ_by_seed_name_and_sequence_alone():
     code = f"{load}; print(stream(0, 'b', 0).integers(2**63))"
     printed = subprocess.run(
         [sys.executable, "-c", code],
-        cwd=ROOT, capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": "5"},
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONHASHSEED": "5"},
+    )
     assert int(printed.stdout) == first[2]
 
 
