@@ -15,6 +15,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.labels import decode_classes
+from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors import range_codec
 from wayproof.models.sensors.beams import (
     DROPPED,
