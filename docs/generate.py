@@ -11,7 +11,7 @@ import inspect
 import math
 import re
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -65,12 +65,7 @@ def config() -> str:
     lines[-1] += "and in the `config.json` of a log, which holds all of them, resolved."
     set_two = "--set map.resolution=0.2 --set planner.name=rrtconnect"
     lines += ["", *_typed(f"wayproof run empty --robot drone --seed 1 {set_two}")]
-    lines += ["", "## The episode", "", *_settings(Config, "")]
-    for entry in dataclasses.fields(Config):
-        section = entry.default_factory
-        if isinstance(section, type) and dataclasses.is_dataclass(section):
-            lines += ["", f"## {entry.name}", "", summary(section), ""]
-            lines += _settings(section, f"{entry.name}.")
+    lines += ["", "## The episode", "", *_settings(Config, ""), *_sections(Config)]
     lines += [
         "",
         "## Perturbations",
@@ -135,16 +130,37 @@ def _argument(action: argparse.Action) -> str:
     return f"| `{cell(name)}` | {shown} | {cell(action.help or '')} |"
 
 
+def _sections(parent: type, prefix: str = "") -> list[str]:
+    """A heading and a table for each section nested in a dataclass."""
+    lines = []
+    for entry in dataclasses.fields(parent):
+        section = entry.default_factory
+        if isinstance(section, type) and dataclasses.is_dataclass(section):
+            name = f"{prefix}{entry.name}"
+            lines += ["", f"## {name}", "", summary(section), ""]
+            lines += [*_settings(section, f"{name}."), *_sections(section, f"{name}.")]
+    return lines
+
+
 def _settings(section: type, prefix: str) -> list[str]:
-    told = attributes(section)
+    descriptions, hints = attributes(section), get_type_hints(section, include_extras=True)
     rows = ["| setting | type | default | is |", "|---|---|---|---|"]
     for entry in dataclasses.fields(section):
-        if entry.default_factory is not dataclasses.MISSING and prefix == "":
+        if dataclasses.is_dataclass(entry.default_factory):
             continue  # a section of its own
-        default = _default(entry)
-        kind = f"`{cell(str(entry.type))}`"
-        rows.append(f"| `{prefix}{entry.name}` | {kind} | {default} | {cell(told[entry.name])} |")
+        kind, described = cell(_type_name(hints[entry.name])), cell(descriptions[entry.name])
+        rows.append(f"| `{prefix}{entry.name}` | {kind} | {_default(entry)} | {described} |")
     return rows
+
+
+def _type_name(hint: Any) -> str:
+    """A field's type: its choices, or its name with the bounds of its values."""
+    if get_origin(hint) is Literal:
+        return ", ".join(f"`{choice}`" for choice in get_args(hint))
+    if get_origin(hint) is not Annotated:
+        return f"`{hint.__name__ if isinstance(hint, type) and not get_args(hint) else hint}`"
+    kind, bounds = get_args(hint)
+    return f"`{kind.__name__}`, {bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
 
 
 def _default(entry: dataclasses.Field[Any]) -> str:

@@ -20,7 +20,7 @@ def map_clearance_is_bound(decision: pb.Decision, cost_range: float) -> bool:
 
     Args:
         decision: With the clearance and what it was inflated by.
-        cost_range: `map.cost_range` of its config, m.
+        cost_range: `costmap.cost_range` of its config, m.
     """
     size, clearance = decision.resolution_m, decision.least_clearance_m
     cells = round(clearance / size)

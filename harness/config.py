@@ -7,18 +7,20 @@ import functools
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.renamed import current_value, renamed, with_current_names
 from wayproof.harness.stack.labels import check_margins
 from wayproof.harness.stack.types import BehaviourConfig
-from wayproof.maps import MAPS, MapConfig
-from wayproof.models.odometry import OdometryConfig
+from wayproof.maps import MAPS, CostmapConfig, MapConfig
+from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
-from wayproof.planners import PLANNERS, PlannerConfig
+from wayproof.models.odometry import OdometryConfig
+from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
 
@@ -38,16 +40,14 @@ class LatencyConfig:
     """
 
     mode: Literal["modelled", "measured"] = "modelled"
-    sense: float = 0.01
-    map: float = 0.02
-    plan: float = 0.02
-    deadline: float = 0.25
+    sense: Annotated[float, Bounds(0.0, 10.0, "s")] = 0.01
+    map: Annotated[float, Bounds(0.0, 10.0, "s")] = 0.02
+    plan: Annotated[float, Bounds(0.0, 10.0, "s")] = 0.02
+    deadline: Annotated[float, Bounds(0.001, 10.0, "s")] = 0.25
 
     def __post_init__(self) -> None:
-        """Refuse delays that are not lengths of time."""
-        for name in ("sense", "map", "plan"):
-            _expect(f"latency.{name}", getattr(self, name), 0.0, 10.0, "s")
-        _expect("latency.deadline", self.deadline, 0.001, 10.0, "s")
+        """Check every field."""
+        check_fields(self, "latency.")
 
     @property
     def expected(self) -> float:
@@ -67,17 +67,14 @@ class EpisodeConfig:
             body's radius and the localization margin. Sensors look past what stands this near.
     """
 
-    time_limit: float = 120.0
-    goal_tolerance: float = 0.25
-    stuck_after: float = 30.0
-    start_clear_radius: float = 0.25
+    time_limit: Annotated[float, Bounds(0.1, 3600.0, "s")] = 120.0
+    goal_tolerance: Annotated[float, Bounds(0.05, 5.0, "m")] = 0.25
+    stuck_after: Annotated[float, Bounds(1.0, 3600.0, "s")] = 30.0
+    start_clear_radius: Annotated[float, Bounds(0.0, 5.0, "m")] = 0.25
 
     def __post_init__(self) -> None:
-        """Refuse limits that would end or never end every episode."""
-        _expect("episode.time_limit", self.time_limit, 0.1, 3600.0, "s")
-        _expect("episode.goal_tolerance", self.goal_tolerance, 0.05, 5.0, "m")
-        _expect("episode.stuck_after", self.stuck_after, 1.0, 3600.0, "s")
-        _expect("episode.start_clear_radius", self.start_clear_radius, 0.0, 5.0, "m")
+        """Check every field."""
+        check_fields(self, "episode.")
 
 
 @dataclass(frozen=True)
@@ -90,15 +87,18 @@ class MotionConfig:
         altitude_high: Highest, m.
     """
 
-    speed_fraction: float = 1.0
-    altitude_low: float = 0.2
-    altitude_high: float = 2.8
+    speed_fraction: Annotated[float, Bounds(0.05, 1.0)] = 1.0
+    altitude_low: Annotated[float, Bounds(0.0, 100.0, "m")] = 0.2
+    altitude_high: Annotated[float, Bounds(0.0, 100.0, "m")] = 2.8
 
     def __post_init__(self) -> None:
-        """Refuse a standstill and an empty altitude window."""
-        _expect("motion.speed_fraction", self.speed_fraction, 0.05, 1.0, "")
-        _expect("motion.altitude_low", self.altitude_low, 0.0, 100.0, "m")
-        _expect("motion.altitude_high", self.altitude_high, self.altitude_low, 100.0, "m")
+        """Check every field, and refuse an empty altitude band."""
+        check_fields(self, "motion.")
+        if self.altitude_high < self.altitude_low:
+            raise ValueError(
+                f"motion.altitude_high: got {self.altitude_high:g}, expected "
+                f"{self.altitude_low:g} to 100 m"
+            )
 
 
 @dataclass(frozen=True)
@@ -112,13 +112,12 @@ class PluginConfig:
         memory_mib: Memory of the whole process of `wayproof run`, MiB.
     """
 
-    wall_s: float = 60.0
-    memory_mib: int = 6144
+    wall_s: Annotated[float, Bounds(0.1, 86400.0, "s")] = 60.0
+    memory_mib: Annotated[int, Bounds(512, 2**24, "MiB")] = 6144
 
     def __post_init__(self) -> None:
-        """Refuse bounds that nothing could keep."""
-        _expect("plugins.wall_s", self.wall_s, 0.1, 86400.0, "s")
-        _expect("plugins.memory_mib", self.memory_mib, 512, 2**24, "MiB")
+        """Check every field."""
+        check_fields(self, "plugins.")
 
 
 @dataclass(frozen=True)
@@ -147,12 +146,13 @@ class Config:
     seed: int
     goal: tuple[float, ...] | None = None
     start: tuple[float, ...] | None = None
-    threads: int = 1
-    difficulty: float = 0.5
+    threads: Annotated[int, Bounds(1, MOST_THREADS)] = 1
+    difficulty: Annotated[float, Bounds(0.0, 1.0)] = 0.5
     record: Literal["full", "decisions", "failures"] = "full"
     sensors: SensorConfig = field(default_factory=SensorConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     map: MapConfig = field(default_factory=MapConfig)
+    costmap: CostmapConfig = field(default_factory=CostmapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     behaviour: BehaviourConfig = field(default_factory=BehaviourConfig)
@@ -170,15 +170,8 @@ class Config:
                 raise ValueError(f"{name}: got {len(point)} numbers, expected x,y or x,y,z in m")
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
-        _expect("difficulty", self.difficulty, 0.0, 1.0, "")
-        if not 1 <= self.threads <= MOST_THREADS:
-            raise ValueError(f"threads: got {self.threads}, expected 1 to {MOST_THREADS}")
-        check_margins(self.map.class_margins, self.sensors.semantics)
-
-
-def _expect(name: str, got: float, low: float, high: float, unit: str) -> None:
-    if not low <= got <= high:
-        raise ValueError(f"{name}: got {got:g}, expected {low:g} to {high:g} {unit}".rstrip())
+        check_fields(self, "")
+        check_margins(self.costmap.class_margins, self.sensors.semantics)
 
 
 NAMED: dict[str, Iterable[str]] = {
@@ -202,6 +195,8 @@ PLUGIN = ":"
 def override(config: Config, settings: Iterable[str]) -> Config:
     """Apply `section.field=value` settings, each checked for its name and its type.
 
+    A setting's former name, as in older studies, stands for its name.
+
     Raises:
         InputError: A setting has no '=', an unknown name, a wrong type or a refused value.
     """
@@ -209,10 +204,11 @@ def override(config: Config, settings: Iterable[str]) -> Config:
         key, separator, text = setting.partition("=")
         if not separator:
             raise InputError(f"--set {setting}: expected section.field=value")
+        key = renamed(key)
         document = msgspec.to_builtins(config)
         section, name = _locate(document, key)
         before: Any = functools.reduce(getattr, key.split("."), config)
-        section[name] = value = _parse(text)
+        section[name] = value = current_value(key, _parse(text))
         if isinstance(value, str) and type(before).__name__ in NUMBERS:
             number = "a whole number" if isinstance(before, int) else "a finite number"
             raise InputError(f"--set {setting}: expected {number}, such as {before}")
@@ -267,11 +263,12 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
             f"config names the planner '{name}', which is code outside Wayproof; "
             "expected --allow-plugins to load it"
         )
-    config = from_document(document)
+    config = from_document(with_current_names(document))
     _check_controller(config, allow_plugins)
     for key, available in NAMED.items():
-        section, _, field_name = key.partition(".")
-        value = str(getattr(getattr(config, section), field_name))
+        value = str(functools.reduce(getattr, key.split("."), config))
+        if key == "planner.name" and value in FORMER_NAMES:  # recorded before it was renamed
+            continue
         if value not in available and not (key == "planner.name" and PLUGIN in value):
             raise unknown_name(key, value, available)
     return config
@@ -295,13 +292,18 @@ def _check_controller(config: Config, allow_plugins: bool) -> None:
 
 def setting_names() -> list[str]:
     """Every `section.field` that `--set` accepts."""
+    return _names_in(Config)
+
+
+def _names_in(section: Any, prefix: str = "") -> list[str]:
+    """Dotted names of a dataclass's fields, those of nested sections with them."""
     names = []
-    for entry in dataclasses.fields(Config):
-        if dataclasses.is_dataclass(entry.default_factory):
-            inner = dataclasses.fields(entry.default_factory)
-            names += [f"{entry.name}.{field_.name}" for field_ in inner]
+    for entry in dataclasses.fields(section):
+        inner = entry.default_factory
+        if dataclasses.is_dataclass(inner):
+            names += _names_in(inner, f"{prefix}{entry.name}.")
         else:
-            names.append(entry.name)
+            names.append(prefix + entry.name)
     return names
 
 

@@ -35,7 +35,7 @@ def warm_up(config: Config) -> None:
 
 def perceive(config: Config) -> None:
     """Of these, what casts rays and makes maps."""
-    maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
+    maps.warm_up(config.map.kind, config.costmap.max_slope, config.sensors.semantics)
     measure.warm_up()
     range_codec.warm_up()
     rays.warm_up()

@@ -8,7 +8,7 @@ if __name__ != "wayproof.maps":  # from the root of a clone, where it would be a
 import numpy as np
 
 from wayproof.maps.columns import states_in
-from wayproof.maps.config import MapConfig, UnknownPolicy
+from wayproof.maps.config import CostmapConfig, DynamicConfig, MapConfig, UnknownPolicy
 from wayproof.maps.costmap.class_margins import ClassMargins
 from wayproof.maps.costmap.costmap import INSCRIBED_COST, Costmap
 from wayproof.maps.costmap.distance_field import DistanceField
@@ -43,8 +43,10 @@ __all__ = [
     "UNLABELLED",
     "ClassMargins",
     "Costmap",
+    "CostmapConfig",
     "DistanceField",
     "Distances",
+    "DynamicConfig",
     "DynamicMap",
     "Grid2D",
     "MapConfig",
@@ -64,7 +66,8 @@ __all__ = [
 def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -> None:
     """Compile what an episode on one representation runs, so that nothing timed pays for it."""
     half_life = 0.0 if kind == "octomap" else 1.0  # OctoMap refuses any
-    config = MapConfig(kind=kind, memory_mib=1, half_life=half_life, max_slope=max_slope)
+    config = MapConfig(kind=kind, memory_mib=1, half_life=half_life)
+    inflation = CostmapConfig(max_slope=max_slope)
     tiny = MAPS[kind](config)
     beams, ranges_mm = np.array([[1.0, 0, 0], [0, 0, -1.0]]), np.array([400, 65535], np.uint16)
     tiny.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)
@@ -74,8 +77,8 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
     tiny.version()
     tiny.counts()
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
-    Costmap(config, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
-    flown = Costmap(config, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)
+    Costmap(inflation, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
+    flown = Costmap(inflation, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)
     flown.optimistic(1).begin_search()
     if labels:
         layer = SemanticLayer(config.resolution, 1, memory_mib=1)
@@ -84,5 +87,5 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
         layer.integrate_sweep((0.5, 0.5, 0.5), beams, ranges_mm, (0.1, 1.0), told, moments)
         layer.votes_at([[0.5, 0.5, 0.5]])
         margined = ClassMargins(tiny, layer, {0: 0.1})
-        Costmap(config, margined, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
+        Costmap(inflation, margined, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
     tiny.advance(round(1e4 * 1e9 * config.decay_period))  # forgets its bricks

@@ -34,52 +34,53 @@ DRAWN_TOGETHER = 128
 class OdometryConfig:
     """How good the pose estimate is; all zero is the truth itself.
 
-    Dead reckoning adds up the first four errors without bound; a stack that localizes against a map
-    has none of it but the bounded error of `sigma`, which is the default. Axes are independent.
+    Dead reckoning accumulates the first four errors without bound; a stack that localizes against a
+    map has none of them but the bounded error of `bias_sigma`, which is the default. Axes are
+    independent.
 
     Attributes:
         rate: Estimates a second, Hz, met in whole physics steps; in between the error stays.
-        scale: Standard deviation of the scale error of distances, one draw an episode, m/m.
-        turn_scale: Likewise of turns, rad/rad.
-        walk: Random walk of the position on each axis, m for the root of a metre travelled.
-        turn_walk: Random walk of the heading, rad for the root of a metre travelled.
-        sigma: Standard deviation of the bounded error on each axis, m. The position rmse of 0.8 cm
-            of ORB-SLAM (Mur-Artal and Tardos 2017, T-RO 33, RGB-D) on TUM's fr2 desk and of 1.3 cm
-            of RGB-D SLAM (Endres et al. 2014, T-RO 30) on fr1 xyz are 0.5 and 0.8 cm an axis.
-        turn_sigma: Standard deviation of its heading, rad; assumed: 1 cm at 5 m.
-        legs_sigma: Standard deviation of the bounded error of a walking robot's height, m: legs
-            measure it against the ground that they stand on, so it has no other error. Assumed:
-            a milliradian in each joint of legs of 0.4 m, and as much for the feet's give.
-        correlation_time: In which the bounded error forgets all but 1/e of itself, s; assumed.
-        jitter: Standard deviation of the white error of each estimate, on each axis, m.
-        turn_jitter: Likewise of the heading, rad.
+        scale_sigma: Standard deviation of the scale error of distances, one draw an episode, m/m.
+        yaw_scale_sigma: The same of turns, rad/rad.
+        random_walk: Random walk of the position on each axis, m for the root of a metre travelled.
+        yaw_random_walk: Random walk of the heading, rad for the root of a metre travelled.
+        bias_sigma: Standard deviation of the bounded error on each axis, m. The position rmse of
+            0.8 cm of ORB-SLAM (Mur-Artal and Tardos 2017, T-RO 33, RGB-D) on TUM's fr2 desk and of
+            1.3 cm of RGB-D SLAM (Endres et al. 2014, T-RO 30) on fr1 xyz are 0.5 and 0.8 cm an
+            axis.
+        yaw_bias_sigma: Standard deviation of the bounded heading error, rad; assumed: 1 cm at 5 m.
+        leg_height_sigma: Standard deviation of the bounded error of a walking robot's height, m:
+            legs measure it against the ground that they stand on, so it has no other error.
+            Assumed: a milliradian in each joint of legs of 0.4 m, and as much for the feet's give.
+        correlation_time: Time constant of the bounded error, s; assumed.
+        white_noise: Standard deviation of the white error of each estimate, on each axis, m.
+        yaw_white_noise: The same of the heading, rad.
+
+    Raises:
+        ValueError: A value is out of its bounds.
     """
 
     rate: float = 100.0
-    scale: float = 0.0
-    turn_scale: float = 0.0
-    walk: float = 0.0
-    turn_walk: float = 0.0
-    sigma: float = 0.01
-    turn_sigma: float = 0.002
-    legs_sigma: float = 0.001
+    scale_sigma: float = 0.0
+    yaw_scale_sigma: float = 0.0
+    random_walk: float = 0.0
+    yaw_random_walk: float = 0.0
+    bias_sigma: float = 0.01
+    yaw_bias_sigma: float = 0.002
+    leg_height_sigma: float = 0.001
     correlation_time: float = 5.0
-    jitter: float = 0.0
-    turn_jitter: float = 0.0
+    white_noise: float = 0.0
+    yaw_white_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what no estimator is.
-
-        Raises:
-            ValueError: A field is outside its span; the message names it.
-        """
+        """Check every field."""
         self._check("rate", 1.0, 1000.0, " Hz")
         self._check("correlation_time", 0.01, 3600.0, " s")
-        for name in ("scale", "turn_scale"):
+        for name in ("scale_sigma", "yaw_scale_sigma"):
             self._check(name, 0.0, 0.5, "")
-        for name in ("walk", "sigma", "legs_sigma", "jitter"):
+        for name in ("random_walk", "bias_sigma", "leg_height_sigma", "white_noise"):
             self._check(name, 0.0, 5.0, " m")
-        for name in ("turn_walk", "turn_sigma", "turn_jitter"):
+        for name in ("yaw_random_walk", "yaw_bias_sigma", "yaw_white_noise"):
             self._check(name, 0.0, 1.0, " rad")
 
     def _check(self, name: str, low: float, high: float, unit: str) -> None:
@@ -137,17 +138,19 @@ class Odometry:
         self._heading = heading
         self._decay = math.exp(-period / config.correlation_time)
         distance, turn = stream(seed, "odometry/scale", 0).standard_normal(2).tolist()
-        self._scales = 1.0 + config.scale * distance, config.turn_scale * turn
+        self._scales = 1.0 + config.scale_sigma * distance, config.yaw_scale_sigma * turn
         self._reckoned = np.zeros(4)  # x, y, z, heading
         # A stack that localizes against a map adds up no errors: then there is no sum to keep.
-        self._reckons = any((config.scale, config.turn_scale, config.walk, config.turn_walk))
+        self._reckons = any(
+            (config.scale_sigma, config.yaw_scale_sigma, config.random_walk, config.yaw_random_walk)
+        )
         self._block = -1  # of the draws at hand
-        self._walk_spread = _spread(config.walk, config.turn_walk)
-        jitter_spread = _spread(config.jitter, config.turn_jitter)
-        spread = _spread(config.sigma, config.turn_sigma)
+        self._walk_spread = _spread(config.random_walk, config.yaw_random_walk)
+        jitter_spread = _spread(config.white_noise, config.yaw_white_noise)
+        spread = _spread(config.bias_sigma, config.yaw_bias_sigma)
         if legs:
             self._walk_spread[Z] = jitter_spread[Z] = 0.0
-            spread[Z] = config.legs_sigma
+            spread[Z] = config.leg_height_sigma
         # Exact discrete form of a first-order Gauss-Markov process (Brown and Hwang, Introduction
         # to Random Signals and Applied Kalman Filtering, section 5.3).
         self._fresh_spread = (math.sqrt(1.0 - self._decay**2) * spread).tolist()
@@ -156,8 +159,8 @@ class Odometry:
         self._bounded = (spread * bounded).tolist()
         self._jitter = list(map(operator.mul, self._jitter_spread, jitter))
         self._covariance = np.zeros((6, 6))
-        self._covariance[SCALE, SCALE] = config.scale**2
-        self._covariance[TURN_SCALE, TURN_SCALE] = config.turn_scale**2
+        self._covariance[SCALE, SCALE] = config.scale_sigma**2
+        self._covariance[TURN_SCALE, TURN_SCALE] = config.yaw_scale_sigma**2
         self.travelled = 0.0
 
     def advance(self, position: Array, heading: float) -> None:
@@ -216,13 +219,15 @@ class Odometry:
         (a, b), (_, c) = self._covariance[:2, :2].tolist()
         horizontal = 0.5 * (a + c) + math.sqrt(0.25 * (a - c) ** 2 + b * b)
         reckoned = max(horizontal, float(self._covariance[Z, Z]))
-        return math.sqrt(reckoned + self._config.sigma**2 + self._config.jitter**2)
+        return math.sqrt(reckoned + self._config.bias_sigma**2 + self._config.white_noise**2)
 
     @property
     def heading_sigma(self) -> float:
         """Standard deviation that the estimator states of its heading, rad."""
         reckoned = float(self._covariance[HEADING, HEADING])
-        return math.sqrt(reckoned + self._config.turn_sigma**2 + self._config.turn_jitter**2)
+        return math.sqrt(
+            reckoned + self._config.yaw_bias_sigma**2 + self._config.yaw_white_noise**2
+        )
 
     def _reckon(self, step: Array, turn: float) -> Array:
         """Add a true step to the dead reckoning; returns it as it is believed, (3,) world, m."""

@@ -26,6 +26,7 @@ from wayproof.planners.path import (
     truncate,
 )
 from wayproof.planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
+from wayproof.planners.sampling import FORMER_NAMES, registered
 from wayproof.planners.seeds import plan_seed
 from wayproof.planners.space import CLEARANCE_WEIGHT, FreeSpace
 from wayproof.planners.state_spaces import STATE_SPACES, state_space_for
@@ -43,6 +44,7 @@ from wayproof.planners.trajectory import (
 
 __all__ = [
     "CLEARANCE_WEIGHT",
+    "FORMER_NAMES",
     "PLANNERS",
     "STATE_SPACES",
     "Body",
@@ -67,6 +69,7 @@ __all__ = [
     "plan_seed",
     "point_at",
     "project",
+    "registered",
     "remaining",
     "speed_limits",
     "state_space_for",
@@ -97,7 +100,7 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
         for _ in range(2):
             to_goal.plan(space, start, seed=1)
     sampled = PlannerConfig(name="rrtconnect")
-    if config is not None and config.name not in PLANNERS:
+    if config is not None and registered(config.name) not in PLANNERS:
         config = sampled  # a user's code runs in an episode alone, where its failures are logged
     for one in [PlannerConfig(), sampled] if config is None else [config]:
         plan(space, start, goal, one, seed=1)

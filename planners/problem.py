@@ -1,14 +1,25 @@
 """One planning problem: from a start to a goal through free space, within a counted budget."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
+from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.planners import kernels
 from wayproof.planners.kernels import Floats, Pose
-from wayproof.planners.sampling import PLANNERS, UNSEEDED, Budget, Query, planner_builder, search
+from wayproof.planners.sampling import (
+    PLANNERS,
+    UNSEEDED,
+    Budget,
+    Query,
+    planner_builder,
+    registered,
+    search,
+)
 from wayproof.planners.seeds import plan_seed
 from wayproof.planners.space import CLEARANCE_WEIGHT, FreeSpace
 from wayproof.planners.state_spaces import STATE_SPACES, StateSpace, state_space_for
@@ -39,62 +50,48 @@ class PlannerConfig:
             improves its first path spends the whole budget on it and never restarts.
         shortcuts: Attempts to cut or bend each search's path.
         clearance_weight: Weight of the cost of coming near obstacles against length.
-        corner_price: What a corner of a path costs against length [m]: at a corner a robot slows
-            down. 0.2 m is what a drone at 2 m/s loses where it brakes to 1.3 m/s at 2.5 m/s^2. It
-            weighs on shortcuts where positions are planned; a turn of the body has its own price.
-        keep_ratio: A path that is still valid is replaced only by one that costs less than this
-            share of it, so that the plan does not flip between sides.
+        corner_cost: Cost of a corner of a path, m of length: at a corner a robot slows down. 0.2 m
+            is what a drone at 2 m/s loses where it brakes to 1.3 m/s at 2.5 m/s^2. It weighs on
+            shortcuts where positions are planned; a turn of the body has a cost of its own.
+        switch_ratio: Hysteresis: a path that is still valid is replaced only by one that costs less
+            than this fraction of it, so that the plan does not flip between sides.
         state_space: What is planned: ``position``, ``pose``, ``reeds_shepp``, ``dubins``, or
             ``auto``: a pose where the body is checked at its heading, else a position.
         turning_radius: Least radius of ``reeds_shepp`` and ``dubins`` curves [m].
         grain: Coordinates and headings of what OMPL finds are whole multiples of it [m, rad]: its
             curves and informed samples rest on functions of the C library, whose last bits follow
-            the processor. 0 leaves them as they are. The planner ``field`` needs none.
+            the processor. 0 leaves them as they are. The planner ``astar`` needs none.
 
     Raises:
         ValueError: If a field is out of its range.
     """
 
-    name: str = "field"
-    iterations: int = 2000
-    restarts: int = 4
-    shortcuts: int = 300
-    clearance_weight: float = CLEARANCE_WEIGHT
-    corner_price: float = 0.2
-    keep_ratio: float = 0.9
+    name: str = "astar"
+    iterations: Annotated[int, Bounds(1, 1e9)] = 2000
+    restarts: Annotated[int, Bounds(1, 1e6)] = 4
+    shortcuts: Annotated[int, Bounds(0, 1e6)] = 300
+    clearance_weight: Annotated[float, Bounds(0.0, 1e6)] = CLEARANCE_WEIGHT
+    corner_cost: Annotated[float, Bounds(0.0, 1e6, "m")] = 0.2
+    switch_ratio: Annotated[float, Bounds(1e-9, 1.0)] = 0.9
     state_space: str = "auto"
-    turning_radius: float = 0.5
-    grain: float = GRAIN
+    turning_radius: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
+    grain: Annotated[float, Bounds(0.0, GREATEST_GRAIN, "m")] = GRAIN
 
     def __post_init__(self) -> None:
+        """Check every field."""
+        check_fields(self, "planner.")
         planner_builder(self.name)
         if self.state_space not in ("auto", *STATE_SPACES):
             available = ", ".join(("auto", *STATE_SPACES))
             got = repr(self.state_space)
             raise ValueError(f"planner.state_space: got {got}, expected one of {available}")
-        if self.name == "field" and self.state_space in ("reeds_shepp", "dubins"):
-            got = f"{self.state_space} for the planner field"
+        if registered(self.name) == "astar" and self.state_space in ("reeds_shepp", "dubins"):
+            got = f"{self.state_space} for the planner {self.name}"
             raise ValueError(f"planner.state_space: got {got}, expected auto, position or pose")
-        if not 0.0 < self.turning_radius < math.inf:
-            got = f"{self.turning_radius}"
-            raise ValueError(f"planner.turning_radius: got {got}, expected above 0, finite")
-        for field, least in (("iterations", 1), ("restarts", 1), ("shortcuts", 0)):
-            if not getattr(self, field) >= least:
-                got = getattr(self, field)
-                raise ValueError(f"planner.{field}: got {got}, expected {least} or more")
-        for field in ("clearance_weight", "corner_price"):
-            got = getattr(self, field)
-            if not 0.0 <= got < math.inf:
-                raise ValueError(f"planner.{field}: got {got}, expected 0 or more, finite")
-        if not 0.0 <= self.grain <= GREATEST_GRAIN:
-            got = f"{self.grain}"
-            raise ValueError(f"planner.grain: got {got}, expected 0 to {GREATEST_GRAIN} m")
-        if not 0.0 < self.keep_ratio <= 1.0:
-            raise ValueError(f"planner.keep_ratio: got {self.keep_ratio}, expected in (0, 1]")
 
     def replaces(self, new_cost: float, old_cost: float) -> bool:
         """Whether a new path should replace a valid old one, by their costs [m]."""
-        return new_cost < self.keep_ratio * old_cost
+        return new_cost < self.switch_ratio * old_cost
 
 
 def state_space_of(config: PlannerConfig, space: FreeSpace) -> StateSpace:
@@ -162,7 +159,7 @@ def plan(
         ValueError: If the state space does not suit the body, the grid or the planner.
     """
     space.note_missed()
-    if config.name != "field":
+    if registered(config.name) != "astar":
         space.bring_up_to_date()  # others need not note where they look
     while True:
         found = _cheapest(space, _pose(start, heading), goal, goal_heading, config, seed)
@@ -186,11 +183,11 @@ def _cheapest(
     if not ends:
         return _without_path("goal_blocked", 0)
     best, best_cost, used = None, math.inf, 0
-    for restart in range(1 if config.name in UNSEEDED else config.restarts):
+    for restart in range(1 if registered(config.name) in UNSEEDED else config.restarts):
         if used >= config.iterations:
             break
         end = ends[restart % len(ends)]
-        free = kind.oriented and goal_heading is None and config.name == "field"
+        free = kind.oriented and goal_heading is None and registered(config.name) == "astar"
         query = Query(space, kind, begin, end, config.turning_radius, free)
         left = config.iterations - used
         poses, spent = _search_once(query, config, left, plan_seed(seed, "restart", restart))
@@ -244,7 +241,7 @@ def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> F
     if query.kind.oriented:
         return kernels.shortcut_poses(space.grid, space.shape, weight, poses, draws)
     points = np.ascontiguousarray(poses[:, :3])
-    price = float(config.corner_price)
+    price = float(config.corner_cost)
     path = kernels.shortcut(space.grid, space.collision_distance_sq, weight, price, points, draws)
     return np.column_stack((path, np.zeros(len(path))))
 
@@ -306,7 +303,7 @@ def _search_once(
         return np.array([query.start, query.goal], dtype=np.float64), 1
     budget = Budget(iterations, config.clearance_weight, seed)
     poses, used = search(query, config.name, budget, seed, config.shortcuts)
-    if poses is not None and config.grain > 0.0 and config.name not in UNSEEDED:
+    if poses is not None and config.grain > 0.0 and registered(config.name) not in UNSEEDED:
         poses[1:-1] = np.rint(poses[1:-1] / config.grain) * config.grain
     if poses is None or math.isinf(_cost(query, poses, config.clearance_weight)):
         return None, used

@@ -50,7 +50,7 @@ def _fmt(information: ob.SpaceInformation, budget: Budget) -> ob.Planner:
 # Left out: PRM and PRM* (a thread of their own), and RRT, BFMT, SORRT* and the other KPIECE
 # variants, which differ little from the one of their family that is here.
 PLANNERS: dict[str, Builder] = {
-    "field": lambda information, budget: FieldPlanner(information, budget.clearance_weight),
+    "astar": lambda information, budget: FieldPlanner(information, budget.clearance_weight),
     "rrtconnect": lambda information, _: og.RRTConnect(information),
     "rrtstar": lambda information, _: og.RRTstar(information),
     "informed_rrtstar": lambda information, _: og.InformedRRTstar(information),
@@ -60,11 +60,19 @@ PLANNERS: dict[str, Builder] = {
     "kpiece1": lambda information, _: og.KPIECE1(information),
 }
 
+FORMER_NAMES = {"field": "astar"}
+"""Names of planners in logs of format 5 and before; a decision records the name of its config."""
+
 END_TOLERANCE = 1e-6
 """How far the ends of a user's path may be from the query's start and goal [m]."""
 
-UNSEEDED = ("field",)
+UNSEEDED = ("astar",)
 """Planners that find the same path whatever the seed: they are never restarted."""
+
+
+def registered(name: str) -> str:
+    """The key in `PLANNERS` of a planner's name, or the name itself."""
+    return FORMER_NAMES.get(name, name)
 
 
 def planner_builder(name: str) -> Builder:
@@ -74,6 +82,7 @@ def planner_builder(name: str) -> Builder:
         ValueError: If there is no such planner, or the class is no ``ompl.base.Planner`` and has
             no ``plan``.
     """
+    name = registered(name)
     if name in PLANNERS:
         return PLANNERS[name]
     if SEPARATOR not in name:
@@ -158,6 +167,7 @@ def search(
         used += 1
         return used > budget.iterations
 
+    name = registered(name)
     run = _run if name in PLANNERS else _run_users
     run(name, information, definition, budget, ob.PlannerTerminationCondition(spent))
     used = min(used, budget.iterations)

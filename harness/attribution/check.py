@@ -168,7 +168,7 @@ def _differs(remedy: str, case: Case) -> bool:
     """Whether there is anything for a remedy to put right."""
     if remedy == "no_movers":
         return any(moment.truth.movers for moment in case.moments[:1])
-    return remedy != "forbidden_unknown" or case.config.map.unknown_policy != "forbid"
+    return remedy != "forbidden_unknown" or case.config.costmap.unknown_policy != "forbid"
 
 
 def _led_to(remedy: str, checks: Sequence[Check]) -> str:

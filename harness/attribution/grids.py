@@ -127,7 +127,7 @@ def holes_in_floor(case: Case, navigator: Navigator) -> Cells:
     Nowhere in the air, nor where floors may slope: there the floor is none of z = 0.
     """
     costmap = navigator.costmap
-    if costmap.motion == "air" or case.config.map.max_slope > 0.0:
+    if costmap.motion == "air" or case.config.costmap.max_slope > 0.0:
         return np.zeros(costmap.shape, np.bool_)
     size = costmap.resolution
     nx, ny, _ = costmap.shape

@@ -28,8 +28,8 @@ ENDS = 1.3
 
 THICK = 0.1
 GLASS = "glass"
-BRIEF = ("episode.time_limit=15", "episode.stuck_after=5", "behaviour.patience=0.5")
-RESIGNED = ("behaviour.tries=1",)
+BRIEF = ("episode.time_limit=15", "episode.stuck_after=5", "behaviour.wait_timeout=0.5")
+RESIGNED = ("behaviour.max_recoveries=1",)
 """For those who stand before a closed way: one look from elsewhere is enough."""
 
 MOST = 1000
@@ -123,7 +123,7 @@ def _missed_obstacle(rng: np.random.Generator) -> Plant:
 
 def _unseen_obstacle(rng: np.random.Generator) -> Plant:
     """A wall nearer than the nearest range that the map takes in; unknown space is allowed."""
-    settings = ("map.unknown_policy=allow", "map.minimum_range=5")
+    settings = ("costmap.unknown_policy=allow", "map.minimum_range=5")
     return Plant(solids=(_across(ENDS + rng.uniform(1.5, 2.0)),), settings=settings)
 
 
@@ -132,7 +132,7 @@ def _margin_too_small(rng: np.random.Generator) -> Plant:
     half, x = rng.uniform(0.24, 0.30), rng.uniform(3.5, 4.5)
     middle = WIDTH / 2 + rng.uniform(-0.1, 0.1)
     sides = _across(x, 0.2, middle - half), _across(x, middle + half, WIDTH - 0.2)
-    settings = ("map.resolution=0.05", "map.inflation_margin=0.02")
+    settings = ("map.resolution=0.05", "costmap.localization_margin=0.02")
     return Plant(solids=sides, settings=settings, told={"radius": 0.1}, flies=True)
 
 
@@ -152,7 +152,7 @@ def _ghost_obstacle(rng: np.random.Generator) -> Plant:
     x = round(rng.uniform(4.0, 5.0), 2)
     wall = Box((0.0, 0.0, 1.5), (THICK, WIDTH / 2 - 0.2, 1.5), 0.0, "ghost")
     gone = Mover("gone", (wall,), ((x, WIDTH / 2, 0.0),), vanishes=round(rng.uniform(0.6, 1.2), 1))
-    settings = ("map.miss=0.02", "map.half_life=0", *RESIGNED)
+    settings = ("map.log_odds_miss=0.02", "map.half_life=0", *RESIGNED)
     return Plant(movers=(gone,), settings=settings)
 
 

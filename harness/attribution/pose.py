@@ -9,7 +9,7 @@ import numpy as np
 
 from wayproof.harness.attribution.case import Case, Moment
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
-from wayproof.maps import MapConfig
+from wayproof.maps import CostmapConfig
 
 REACH = 1.0
 """Where no place is in question, an error of the heading counts at this distance, m."""
@@ -68,7 +68,7 @@ def usual_margin(case: Case, moment: Moment) -> float:
 
     An error that a usual margin covers is no fault of the pose or the body where less was set.
     """
-    short = MapConfig().inflation_margin - case.config.map.inflation_margin
+    short = CostmapConfig().localization_margin - case.config.costmap.localization_margin
     return moment.decision.localization_margin_m + max(short, 0.0)
 
 

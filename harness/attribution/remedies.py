@@ -125,20 +125,20 @@ def true_map(log: Log, case: Case) -> Change:
 
         navigator.mapper.informant = mark
 
-    config = replace(log.config, map=replace(log.config.map, hit=STEP, miss=STEP))
+    config = replace(log.config, map=replace(log.config.map, log_odds_hit=STEP, log_odds_miss=STEP))
     return Change(config, stack=inform)
 
 
 def forbidden_unknown(log: Log, case: Case) -> Change:
     """Unknown space is not entered."""
-    return Change(replace(log.config, map=replace(log.config.map, unknown_policy="forbid")))
+    return Change(replace(log.config, costmap=replace(log.config.costmap, unknown_policy="forbid")))
 
 
 def larger_margin(log: Log, case: Case) -> Change:
     """More distance from everything."""
-    old = log.config.map
-    margin = MARGIN_FACTOR * old.inflation_margin + MARGIN_MORE
-    return Change(replace(log.config, map=replace(old, inflation_margin=margin)))
+    old = log.config.costmap
+    margin = MARGIN_FACTOR * old.localization_margin + MARGIN_MORE
+    return Change(replace(log.config, costmap=replace(old, localization_margin=margin)))
 
 
 def no_movers(log: Log, case: Case) -> Change:
@@ -182,7 +182,7 @@ def more_search(log: Log, case: Case) -> Change:
 
 def no_margin(log: Log, case: Case) -> Change:
     """The body may pass wherever it fits."""
-    return Change(replace(log.config, map=replace(log.config.map, inflation_margin=0.0)))
+    return Change(replace(log.config, costmap=replace(log.config.costmap, localization_margin=0.0)))
 
 
 def more_time(log: Log, case: Case) -> Change:

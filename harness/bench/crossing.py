@@ -18,7 +18,7 @@ ROBOTS = ("quadruped", "drone")
 
 WAYS: dict[str, tuple[str, ...]] = {
     "voxel": (),
-    "dynamic": ("map.kind=dynamic", "map.look_ahead=1.0"),
+    "dynamic": ("map.kind=dynamic", "map.dynamic.prediction_horizon=1.0"),
 }
 """Name -> settings. A second is what the faster robot takes to stop from full speed: 1.01 s from
 2 m/s at 2.5 m/s^2 and 12 m/s^3; until then, what comes to its stopping place is foretold."""

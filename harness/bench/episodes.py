@@ -38,13 +38,13 @@ class Arm(NamedTuple):
 
 
 POLICIES = tuple(
-    Arm("drone", policy, (f"map.unknown_policy={policy}",))
+    Arm("drone", policy, (f"costmap.unknown_policy={policy}",))
     for policy in ("forbid", "penalize", "allow")
 )
 PLANNING = tuple(
     Arm(robot, name, (f"planner.name={name}",))
     for robot in ("drone", "quadruped")
-    for name in ("field", "rrtconnect")
+    for name in ("astar", "rrtconnect")
 )
 DELAYS = tuple(
     Arm(robot, f"{3 * part:g} ms", (

@@ -43,7 +43,7 @@ SHORT, LONG = 10.0, 200.0  # m, of the trajectories whose cost is compared
 MIB = 2.0**20
 
 STILL = MapConfig(half_life=0.0)
-WIDE = replace(STILL, clamp_low=0.001, clamp_high=0.999)
+WIDE = replace(STILL, prob_min=0.001, prob_max=0.999)
 MODES = {
     "clamped": STILL,
     "clamped + decay": MapConfig(),

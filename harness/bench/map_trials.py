@@ -19,7 +19,6 @@ from wayproof.harness.bench.map_workload import (
     octomap_installed,
 )
 from wayproof.maps import FREE, MAPS, OCCUPIED, UNKNOWN, MapConfig
-from wayproof.maps.config import SurfaceGuard
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 FLOOR_HEIGHT_IN_CELL = 0.75
@@ -31,7 +30,7 @@ MOST_SWEEPS = 100  # until a ghost counts as staying
 
 LIBRARIES = {"voxel": "wayproof", "octomap": "pyoctomap"}
 GUARDED = "guarded floor"
-GUARDS: dict[SurfaceGuard, str] = {"floor": GUARDED, "none": "no guard"}
+GUARDS = {True: GUARDED, False: "no guard"}
 
 
 @dataclass(frozen=True)
@@ -73,12 +72,12 @@ def ghosts() -> Iterator[Ghost]:
     """An object that is seen until its cells are saturated, and is gone at the next look."""
     still = MapConfig(half_life=0.0)
     for clamp in CLAMPS:
-        yield ghost("voxel", replace(still, clamp_high=clamp), 0.0)
+        yield ghost("voxel", replace(still, prob_max=clamp), 0.0)
     for half_life, unseen in ABSENCES:
         yield ghost("voxel", replace(still, half_life=half_life), unseen)
     if octomap_installed():
         for clamp in CLAMPS:
-            yield ghost("octomap", replace(still, clamp_high=clamp), 0.0)
+            yield ghost("octomap", replace(still, prob_max=clamp), 0.0)
 
 
 def ghost(kind: str, config: MapConfig, unseen: float) -> Ghost:
@@ -92,7 +91,7 @@ def ghost(kind: str, config: MapConfig, unseen: float) -> Ghost:
     seen = MAPS[kind](config, 1)
     origin, directions, wall_mm, nothing_mm = _wall()
     surface = origin + directions * (wall_mm / 1000.0)[:, None]
-    looks = math.ceil(_log_odds(config.clamp_high) / config.hit) + 1
+    looks = math.ceil(_log_odds(config.prob_max) / config.log_odds_hit) + 1
     for number in range(looks):
         seen.integrate(origin, directions, wall_mm, 4.0, number * SWEEP_NS)
     gone_ns = looks * SWEEP_NS + round(unseen * 1e9)
@@ -103,7 +102,7 @@ def ghost(kind: str, config: MapConfig, unseen: float) -> Ghost:
     return Ghost(
         LIBRARIES[kind],
         config.resolution,
-        config.clamp_high,
+        config.prob_max,
         config.half_life,
         unseen,
         number,
@@ -117,7 +116,7 @@ def sweeps_by_formula(config: MapConfig, unseen: float) -> int:
     L is the log-odds of `clamp_high`, t the time unseen and h the half-life, s.
     """
     faded = 2.0 ** (-unseen / config.half_life) if config.half_life > 0.0 else 1.0
-    return math.floor(_log_odds(config.clamp_high) * faded / config.miss) + 1
+    return math.floor(_log_odds(config.prob_max) * faded / config.log_odds_miss) + 1
 
 
 def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
@@ -152,7 +151,7 @@ def agreements_with_octomap(room: Sequence[Sweep], resolution: float) -> Iterato
     ]
     peer = _mapped("octomap", config, returns)
     for guard, mode in GUARDS.items():
-        ours = _mapped("voxel", replace(config, surface_guard=guard), returns)
+        ours = _mapped("voxel", replace(config, floor_grazing_filter=guard), returns)
         same = agreement(ours, peer, resolution)
         yield Agreement(LIBRARIES["voxel"], mode, resolution, *same)
 

@@ -48,7 +48,7 @@ QUADRUPED = Body((-0.2, 0.0, 0.2), (0.2, 0.2, 0.2))
 BAND = (0.1, 0.6)  # m above the floor, that the quadruped passes
 COST_SCALE = 4.0  # per m, of Nav2's law exp(-scale (distance - forbidden))
 QUERIES_PER_REPEAT = 14
-ASKED_ALL = ("field",)
+ASKED_ALL = ("astar",)
 PEER_SHARE = 5
 """Every so many queries go to the other planners."""
 
@@ -117,9 +117,9 @@ def bench_plan(repeats: int, seed: int, progress: Callable[[str], None]) -> list
         for name in PLANNERS:
             progress(f"plan: {robot}, {name}")
             asked = queries if name in ASKED_ALL else queries[::PEER_SHARE]
-            short = PlannerConfig(name=name, clearance_weight=0.0, corner_price=0.0)
+            short = PlannerConfig(name=name, clearance_weight=0.0, corner_cost=0.0)
             rows.append(_plan_row(robot, name, spaces[0], asked, short)[0])
-        clear = PlannerConfig(name="field")
+        clear = PlannerConfig(name="astar")
         row, plans = _plan_row(robot, "field, clear", spaces[0], queries, clear)
         progress(f"plan: {robot}, replanning and trajectories")
         rows += [row, *_replan_rows(robot, spaces[0], queries)]

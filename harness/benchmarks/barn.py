@@ -49,11 +49,11 @@ MARGIN = 0.025  # m, for the map's cells: the pose is exact, as in the published
 
 SETTINGS = (
     "map.resolution=0.04",
-    f"map.inflation_margin={MARGIN}",
+    f"costmap.localization_margin={MARGIN}",
     "map.half_life=0",
-    "odometry.sigma=0",
-    "odometry.turn_sigma=0",
-    "odometry.legs_sigma=0",
+    "odometry.bias_sigma=0",
+    "odometry.yaw_bias_sigma=0",
+    "odometry.leg_height_sigma=0",
     f"episode.time_limit={LIMIT:g}",
 )
 

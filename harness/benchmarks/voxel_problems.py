@@ -31,7 +31,7 @@ RESOLUTION = 0.1
 TOLERANCE = 1e-6
 """By which a length may differ from the published one, cells: that is told to eight places."""
 
-COMPARED = ("field", "rrtconnect")
+COMPARED = ("astar", "rrtconnect")
 VERSION = "version 1"
 
 

@@ -39,7 +39,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         dict(_setting(text) for text in options.set),
     )
     store = Store(options.out or LOGS / study.name)
-    episodes = options.seeds * len(study.axes["map.inflation_margin"])
+    episodes = options.seeds * len(study.axes["costmap.localization_margin"])
     console.print(f"study {study.name}: {episodes} episodes; logs in {store.folder}")
     with open_engine(options, study.bounds) as engine, Watch(console, None) as watch:
         result = calibrate_margin(

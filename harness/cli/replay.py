@@ -279,5 +279,5 @@ VERB = Verb(
     help="recompute every decision of a log and compare bit by bit, or ask what if",
     add_arguments=_add_arguments,
     run=run,
-    example="wayproof replay logs/warehouse-drone-3.mcap --set map.inflation_margin=0.15",
+    example="wayproof replay logs/warehouse-drone-3.mcap --set costmap.localization_margin=0.15",
 )

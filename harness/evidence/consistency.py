@@ -20,7 +20,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.content import Content, read_content
 from wayproof.harness.evidence.segments import Segment, segments_of
 from wayproof.harness.logs.digest import CONTENT
-from wayproof.harness.logs.log import FORMAT_VERSION
+from wayproof.harness.logs.log import FORMAT_VERSION, WITH_REASONS
 from wayproof.harness.logs.reader import Log
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.result import ends_in_error, figures_of
@@ -98,16 +98,16 @@ def refuse_contradictions(log: Log, content: Content | None = None, hint: str = 
 def _digest(log: Log, content: Content) -> Iterator[Difference]:
     """The digest of all in the file is the result's; logs of formats before 5 may have none."""
     recorded = log.result.get(CONTENT)
-    if not content.digest or (recorded is None and log.run["format_version"] != FORMAT_VERSION):
+    if not content.digest or (recorded is None and log.run["format_version"] not in WITH_REASONS):
         return
     if recorded != content.digest:
         yield Difference("content digest", recorded or "none", content.digest)
 
 
 def _format(subject: Subject) -> Iterator[Difference]:
-    """Only this format has grounds: under an older number replay would leave reasons out."""
+    """Formats before 5 have no grounds: under such a number replay would leave reasons out."""
     version = subject.log.run["format_version"]
-    if version != FORMAT_VERSION and any(
+    if version not in WITH_REASONS and any(
         one.HasField("grounds") for one in subject.content.decisions
     ):
         yield Difference("run.format_version", version, FORMAT_VERSION)

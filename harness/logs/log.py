@@ -30,13 +30,20 @@ from wayproof.harness.logs.mcap_file import McapFile
 from wayproof.harness.logs.packed import pack
 from wayproof.harness.outputs import Draft, check_target
 
-FORMAT_VERSION = "5"
-"""Raised when decisions are recorded otherwise: 5 has each reason as a predicate with figures."""
+FORMAT_VERSION = "6"
+"""Format of the logs written; raised when decisions or settings are recorded differently.
+
+5 holds each reason as a predicate with figures; 6 has settings and the planner `astar` under their
+present names (`harness/renamed.py`).
+"""
+
+WITH_REASONS = ("5", FORMAT_VERSION)
+"""Format versions that hold each reason as a predicate, and a digest of the whole file."""
 
 PACKED_AS = {"3": "4"}
 """Format version of a packed log, where it differs: 4 is 3, with the longest fields packed."""
 
-READABLE = ("2", "3", "4", FORMAT_VERSION)
+READABLE = ("2", "3", "4", *WITH_REASONS)
 """Format versions that can be read."""
 
 LEAST_FREE_BYTES = 64 * 2**20

@@ -22,11 +22,11 @@ from wayproof.harness.logs.container import (
     walk,
 )
 from wayproof.harness.logs.log import (
-    FORMAT_VERSION,
     PACKED_SCENE,
     PLUGINS,
     READABLE,
     TRACEBACK,
+    WITH_REASONS,
     digest_name,
 )
 from wayproof.harness.logs.messages import decode, read_messages
@@ -205,7 +205,7 @@ class Log:
     @property
     def not_compared(self) -> tuple[str, ...]:
         """Fields of a decision that this version gives otherwise than the log's format did."""
-        return () if self.run["format_version"] == FORMAT_VERSION else BEFORE_GROUNDS
+        return () if self.run["format_version"] in WITH_REASONS else BEFORE_GROUNDS
 
     @property
     def record(self) -> str:

@@ -48,7 +48,11 @@ def find_robot(config: Config) -> Robot:
 
 UNUSED: dict[str, tuple[str, ...]] = {
     "ground": ("motion.altitude_low", "motion.altitude_high"),
-    "air": ("behaviour.turn_first", "behaviour.backwards_speed", "map.max_slope"),
+    "air": (
+        "behaviour.rotate_in_place_angle",
+        "behaviour.reverse_speed_fraction",
+        "costmap.max_slope",
+    ),
 }
 """Settings that a robot of this motion does not use."""
 

@@ -185,7 +185,7 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
         )
         raise InputError(f"{name}: got ({text}), expected inside the geofence {fence} m")
     if spec.motion == "air":
-        body = spec.radius + config.map.inflation_margin
+        body = spec.radius + config.costmap.localization_margin
         window = (config.motion.altitude_low + body, config.motion.altitude_high - body)
         if window[0] >= window[1]:
             raise InputError(

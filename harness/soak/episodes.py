@@ -184,9 +184,9 @@ def random_config(rng: np.random.Generator) -> Config:
     settings = (
         f"map.kind={kind}",
         *(["map.half_life=0"] if kind == "octomap" else []),  # it does not fade
-        f"map.unknown_policy={rng.choice(get_args(UnknownPolicy))}",
+        f"costmap.unknown_policy={rng.choice(get_args(UnknownPolicy))}",
         f"planner.name={rng.choice(sorted(PLANNERS))}",
-        f"map.inflation_margin={rng.uniform(0.02, 0.15):.3f}",
+        f"costmap.localization_margin={rng.uniform(0.02, 0.15):.3f}",
         f"episode.time_limit={TIME_LIMIT_S}",
     )
     config = override(Config(world, robot, int(rng.integers(2**31))), settings)
@@ -213,7 +213,7 @@ def _told(config: Config) -> str:
     perturbed = "none"
     if perturbation is not None:
         perturbed = f"{perturbation.kind}:{perturbation.severity}"
-    stack = f"{config.map.kind} {config.map.unknown_policy} {config.planner.name}"
+    stack = f"{config.map.kind} {config.costmap.unknown_policy} {config.planner.name}"
     return f"{config.world} {config.robot} {config.seed} {stack} {perturbed}"
 
 

@@ -384,7 +384,7 @@ def _unperturbed_everywhere(forgery: Forgery) -> None:
 @_edit("the inflation margin")
 def _inflation(forgery: Forgery) -> None:
     with forgery.document("config.json") as config:
-        config["map"]["inflation_margin"] += 0.1
+        config["costmap"]["localization_margin"] += 0.1
 
 
 @_edit("the goal, in the mission")

@@ -51,7 +51,7 @@ class FreshReplays:
 
 def _serve(pipe: Connection, configs: Sequence[Config]) -> None:
     for config in configs:
-        maps.warm_up(config.map.kind, config.map.max_slope, config.sensors.semantics)
+        maps.warm_up(config.map.kind, config.costmap.max_slope, config.sensors.semantics)
         planners.warm_up(config.planner, oriented=True)
     while True:
         try:

@@ -25,7 +25,12 @@ ENTITIES = "".join(f"<!ENTITY e{k} '{(f'&e{k - 1};' if k else 'ha') * 10}'>" for
 MAP = "image: {image}\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n" \
       "occupied_thresh: 0.65\nfree_thresh: 0.2\n"  # fmt: skip
 STUDY = 'name = "hostile"\nworlds = ["empty"]\nrobots = ["drone"]\n'
-AXES = ("map.inflation_margin", "map.cost_range", "behaviour.least_advance", "motion.altitude_low")
+AXES = (
+    "costmap.localization_margin",
+    "costmap.cost_range",
+    "behaviour.min_advance",
+    "motion.altitude_low",
+)
 SDF = "<sdf version='1.6'><world name='w'>{}</world></sdf>"
 MODEL = "<sdf version='1.6'><model name='m'><static>1</static>{}</model></sdf>"
 LINK = "<link name='l'><collision name='c'><geometry>{}</geometry></collision></link>"

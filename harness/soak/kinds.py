@@ -43,7 +43,7 @@ def _plain(turn: int, rng: np.random.Generator, *settings: str, world: str = "")
     world = world or str(rng.choice(sorted(WORLDS)))
     robot = sorted(ROBOTS)[turn % len(ROBOTS)]
     policy = rng.choice(get_args(UnknownPolicy))
-    shared = (f"episode.time_limit={TIME_LIMIT_S}", f"map.unknown_policy={policy}")
+    shared = (f"episode.time_limit={TIME_LIMIT_S}", f"costmap.unknown_policy={policy}")
     return override(Config(world, robot, int(rng.integers(2**31))), (*shared, *settings))
 
 
@@ -85,16 +85,16 @@ def _perturbed(turn: int, rng: np.random.Generator) -> Config:
 
 def _odometry(turn: int, rng: np.random.Generator) -> Config:
     settings = (
-        f"odometry.sigma={rng.uniform(0.0, 0.05):.4f}",
-        f"odometry.turn_sigma={rng.uniform(0.0, 0.01):.5f}",
-        f"odometry.scale={rng.uniform(0.0, 0.02):.4f}",
-        f"odometry.walk={rng.uniform(0.0, 0.02):.4f}",
+        f"odometry.bias_sigma={rng.uniform(0.0, 0.05):.4f}",
+        f"odometry.yaw_bias_sigma={rng.uniform(0.0, 0.01):.5f}",
+        f"odometry.scale_sigma={rng.uniform(0.0, 0.02):.4f}",
+        f"odometry.random_walk={rng.uniform(0.0, 0.02):.4f}",
     )
     return _plain(turn, rng, *settings)
 
 
 def _classes(turn: int, rng: np.random.Generator) -> Config:
-    slope = f"map.max_slope={rng.uniform(0.1, 0.6):.3f}"
+    slope = f"costmap.max_slope={rng.uniform(0.1, 0.6):.3f}"
     cells = f"map.resolution={rng.choice([0.08, 0.1, 0.15])}"
     return _plain(turn, rng, "sensors.semantics=true", slope, cells)
 

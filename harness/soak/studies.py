@@ -26,7 +26,7 @@ seeds = {seeds}
 [set]
 "episode.time_limit" = 3
 [axes]
-"map.unknown_policy" = ["forbid", "allow"]
+"costmap.unknown_policy" = ["forbid", "allow"]
 """
 
 SEEDS = 3

@@ -21,7 +21,7 @@ def record_breadcrumb(state: PlannerState, input: PlannerInput) -> PlannerState:
     crumbs = state.breadcrumbs
     if len(crumbs) and distance(crumbs[-1], input.position) < BREADCRUMB_SPACING:
         return state
-    kept = int(input.behaviour.backup_length / BREADCRUMB_SPACING) + SPARE_BREADCRUMBS
+    kept = int(input.behaviour.backtrack_length / BREADCRUMB_SPACING) + SPARE_BREADCRUMBS
     return replace(state, breadcrumbs=np.vstack([crumbs, input.position])[-kept:])
 
 
@@ -33,7 +33,7 @@ def backtrack_path(
     Returns:
         None if that is too short to be worth it, or if the robot has backtracked often enough.
     """
-    if state.backtracks >= input.behaviour.backups or len(state.breadcrumbs) == 0:
+    if state.backtracks >= input.behaviour.max_backtracks or len(state.breadcrumbs) == 0:
         return None
     crumbs = state.breadcrumbs[::-1]
     # The way to a place right beside has no direction that an elongated body could lie in.
@@ -45,6 +45,6 @@ def backtrack_path(
     path = np.vstack([start.position, crumbs[away[0] :]])
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
     length = min(
-        input.traversable.free_length(path), input.behaviour.backup_length, arc_length(path)
+        input.traversable.free_length(path), input.behaviour.backtrack_length, arc_length(path)
     )
-    return None if length < input.behaviour.least_advance else truncate(path, length)
+    return None if length < input.behaviour.min_advance else truncate(path, length)

@@ -23,6 +23,7 @@ from wayproof.planners import (
     Plan,
     Trajectory,
     TrajectorySample,
+    registered,
     remaining,
     stopping_distance,
     truncate,
@@ -87,7 +88,7 @@ def diagnose_driving(
         driven = truncate(path, end)
         free = input.known_free.free_length(driven)
         found = obstruction.on_path(input, driven, free, unknown_blocks=True)
-        share = input.behaviour.penalized_speed
+        share = input.behaviour.unknown_speed_fraction
         reason = _reason("through_unknown", found, free_m=found.free_m, speed_share=share)
         action: Action = "slow"
         label: Label = "unknown_ahead"
@@ -136,8 +137,8 @@ def diagnose_no_path(input: PlannerInput, search: Plan) -> Reason:
     """The reason of a robot for which no path to the goal was found."""
     if search.label == "goal_blocked":
         found = obstruction.at_place(input, input.goal, 0.0, unknown_blocks=False)
-        return inflation_reason("goal_blocked", found, limit_m=input.behaviour.goal_reach)
-    exhaustive = input.planner.name == "field" and not input.traversable.discs
+        return inflation_reason("goal_blocked", found, limit_m=input.behaviour.goal_search_radius)
+    exhaustive = registered(input.planner.name) == "astar" and not input.traversable.discs
     if exhaustive and search.label == "no_path" and search.iterations < input.planner.iterations:
         return Reason("no_path_in_map", iterations=search.iterations)
     return Reason("no_path_found", iterations=search.iterations)

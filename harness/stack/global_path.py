@@ -53,7 +53,7 @@ class GlobalPlan(NamedTuple):
 
 def project_goal_to_free(input: PlannerInput) -> Array:
     """The goal (3,), or the nearest position outside the inflation where the goal lies inside."""
-    space, reach = input.optimistic, input.behaviour.goal_reach
+    space, reach = input.optimistic, input.behaviour.goal_search_radius
     if not space.discs:
         if space.is_free(input.goal):
             return input.goal
@@ -71,7 +71,7 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
     if state.exploring and path is not None and arc_length(path) < ARRIVED:
         path = None
     valid = path is not None and _is_valid(input, state, path)
-    improve_due = input.time_ns - state.improved_ns >= input.behaviour.improve_period * 1e9
+    improve_due = input.time_ns - state.improved_ns >= input.behaviour.replan_period * 1e9
     if valid and not improve_due:
         return GlobalPlan(replace(state, global_path=path))
     prefix = _prefix_to_keep(input, start, path)

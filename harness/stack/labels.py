@@ -31,11 +31,11 @@ def check_margins(margins: Mapping[str, float], semantics: bool) -> None:
     for name in margins:
         if name not in CLASSES:
             raise ValueError(
-                f"map.class_margins: got '{name}', expected one of {', '.join(CLASSES)}"
+                f"costmap.class_margins: got '{name}', expected one of {', '.join(CLASSES)}"
             )
     if margins and not semantics:
         raise ValueError(
-            "map.class_margins: got margins without classes, expected sensors.semantics=true"
+            "costmap.class_margins: got margins without classes, expected sensors.semantics=true"
         )
 
 

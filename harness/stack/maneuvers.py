@@ -59,7 +59,7 @@ def wait_at_blocked_goal(
     found = obstruction.at_place(input, input.goal, float(HEADINGS[0]), unknown_blocks=False)
     away = distance(start.position, input.goal)
     reason = inflation_reason("goal_inside_inflation", found, distance_m=away, waited_s=waited)
-    action: Action = "abort" if waited >= input.behaviour.goal_patience else "stop_and_wait"
+    action: Action = "abort" if waited >= input.behaviour.goal_wait_timeout else "stop_and_wait"
     command = Command(action, reason, "goal_blocked", trajectory)
     return Decided(command, replace(state, trajectory=trajectory, global_path=None))
 

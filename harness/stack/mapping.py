@@ -42,8 +42,8 @@ class Mapper:
         self.labels = make_layer(config.map, config.sensors.semantics)
         floor, ceiling = _altitude_window(config, mission)
         self.costmap = Costmap(
-            replace(config.map, cost_range=config.map.cost_range + self._extra_radius),
-            widened(self.map, self.labels, config.map.class_margins),
+            replace(config.costmap, cost_range=config.costmap.cost_range + self._extra_radius),
+            widened(self.map, self.labels, config.costmap.class_margins),
             mission.low,
             mission.high,
             mission.motion,
@@ -84,7 +84,7 @@ class Mapper:
             if self.labels is not None and sweep.classes is not None:
                 limits = self._config.map.minimum_range, beams.range
                 vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
-        if (reach := self._config.map.hold_under_body) > 0.0 and isinstance(self.map, VoxelMap):
+        if (reach := self._config.map.no_decay_radius) > 0.0 and isinstance(self.map, VoxelMap):
             position = inputs.pose.position
             self.map.hold(position - reach, position + reach, inputs.time_ns)
         if self.informant is not None:
@@ -113,7 +113,9 @@ class Mapper:
         return float(time_ns - max(int(observed.min()), 0)) * 1e-9
 
     def _margin(self, inputs: Inputs) -> float:
-        margin = self._config.map.inflation_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
+        margin = (
+            self._config.costmap.localization_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
+        )
         return margin + lever(self._body) * HEADING_TOLERANCE
 
     def _declare_start_free(self) -> None:

@@ -72,7 +72,7 @@ def follow_global_path(
     """
     path = state.path
     traversable = input.traversable.free_length(path)
-    corner = first_stop(path, 0.0, input.behaviour.stop_corner)
+    corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
     if corner < braking - overrun:  # too late to stop there: the profile slows down for it
@@ -81,8 +81,8 @@ def follow_global_path(
     blocked = end == traversable and traversable < arc_length(path)
     if end < braking - 1e-3 - (overrun if end == corner else 0.0):
         return brake_on_path(input, state, start, end, blocked)
-    if is_stationary(start) and blocked and end < input.behaviour.least_advance:
-        least = input.behaviour.least_advance
+    if is_stationary(start) and blocked and end < input.behaviour.min_advance:
+        least = input.behaviour.min_advance
         found = obstruction.on_path(input, path, end, input.unknown_blocks)
         reason, label = way_ahead_reason(WAITS, found, limit_m=least)
         return wait(input, state, start, label, reason)
@@ -90,7 +90,7 @@ def follow_global_path(
         return set_out(input, state, start, end, blocked)
     if is_stationary(start) and input.turns_in_place:
         target = heading_at(path, min(0.2, 0.5 * arc_length(path)))
-        if abs(wrap_angle(target - start.heading)) > input.behaviour.turn_first:
+        if abs(wrap_angle(target - start.heading)) > input.behaviour.rotate_in_place_angle:
             return turn_into_path(input, state, start, target)
     tail_first = moves_tail_first(input, start, path)
     driven = drive_along(input, state, start, end, blocked, tail_first)
@@ -120,7 +120,7 @@ def set_out(
     nose_first = heading_at(path, min(0.1, 0.5 * arc_length(path)))
     for target, backwards in headings_to_start_at(input.traversable, start, nose_first):
         error = abs(wrap_angle(target - start.heading))
-        if error <= input.behaviour.turn_first:
+        if error <= input.behaviour.rotate_in_place_angle:
             driven = drive_along(input, state, start, end, blocked, backwards)
             if driven is not None:
                 return driven
@@ -197,7 +197,7 @@ def drive_along(
         braking = stopping_distance(start.speed, start.acceleration, input.limits)
         path = truncate_where_turnable(input.traversable, path, braking)
     unknown_ahead = input.penalize_unknown and input.known_free.free_length(path) < arc_length(path)
-    share = input.behaviour.penalized_speed if unknown_ahead else 1.0
+    share = input.behaviour.unknown_speed_fraction if unknown_ahead else 1.0
     trajectory = fit_trajectory(input, start, path, share, tail_first)
     if trajectory is None:
         return None
@@ -217,7 +217,7 @@ def fit_trajectory(
         None if that leaves less than the robot needs to stop.
     """
     if tail_first:
-        speed_share = min(speed_share, input.behaviour.backwards_speed)
+        speed_share = min(speed_share, input.behaviour.reverse_speed_fraction)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     for _ in range(MAX_SHORTENINGS):
         trajectory = plan_trajectory(input, start, path, speed_share, tail_first)

@@ -41,7 +41,7 @@ def record(
     decision = pb.Decision(
         sequence=inputs.sequence,
         trigger=f"{inputs.sweeps[0].sensor} sweep" if inputs.sweeps else "pose",
-        representation=config.kind,
+        representation=mapper.map.config.kind,
         map_version=version,
         resolution_m=mapper.map.resolution,
         unknown_policy=config.unknown_policy,

@@ -118,9 +118,9 @@ def recover_after_timeout(
     """
     command, state = decided
     waits = command.reason.waited_s is not None
-    if not waits or seconds_waited(input, state) < input.behaviour.patience:
+    if not waits or seconds_waited(input, state) < input.behaviour.wait_timeout:
         return decided
-    if len(state.viewpoints) >= input.behaviour.tries:
+    if len(state.viewpoints) >= input.behaviour.max_recoveries:
         return abort(command, state)
     return explore_frontier(input, start, decided)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.maps.elementary import norm
 from wayproof.planners import (
     FreeSpace,
@@ -34,53 +35,52 @@ PlanPath = Callable[[FreeSpace, Array, Array, PlannerConfig, int, float], Plan]
 
 @dataclass(frozen=True)
 class BehaviourConfig:
-    """When the stack waits, tries again and gives up.
+    """When the stack waits, recovers and gives up.
 
     Attributes:
-        patience: Time at rest before the robot goes to look from elsewhere, s.
-        tries: Places it looks from before the action is `abort`.
-        tracking_tolerance: Farther from its trajectory than this the robot has left it, m.
-        least_advance: A committed part shorter than this is not worth leaving rest for, m.
-        turn_first: A ground robot at rest turns in place beyond this heading error, rad.
-        stop_corner: Corners sharper than this are taken from rest, rad.
-        blend_length: Corners are rounded over at most this length on each side, m.
-        improve_period: Time between looks for a cheaper guide, s.
-        penalized_speed: Share of the speed while unknown space is entered under `penalize`.
-        unknown_cost: Cost of unknown space to a guide, in place of what a cell at the edge of the
-            inflation costs, 1: who comes to the unknown may have to stop.
-        goal_reach: A goal inside the inflation is replaced by the nearest place outside of it, at
-            most this far away, m.
-        goal_patience: Time that the robot waits there for the goal to become free, s.
-        backups: How often it goes back on its own trail, before the action is `abort`.
-        backup_length: How far, m.
-        backwards_speed: Share of the speed at which a body that is longer than wide goes tail
-            first.
+        wait_timeout: Time at rest before the robot explores, s.
+        max_recoveries: Frontiers it explores before the action is `abort`.
+        tracking_tolerance: Distance from its trajectory beyond which the robot has left it, m.
+        min_advance: Shortest committed part worth leaving rest for, m.
+        rotate_in_place_angle: Heading error beyond which a ground robot at rest turns in place,
+            rad.
+        max_corner_angle: Sharpest corner taken without a stop, rad.
+        blend_length: Longest stretch on each side of a corner over which it is rounded, m.
+        replan_period: Time between searches for a cheaper global path, s.
+        unknown_speed_fraction: Fraction of the speed while unknown space is entered under
+            `penalize`.
+        unknown_cost: Cost of unknown space to a global path; that of a cell at the edge of the
+            inflation is 1. The robot may have to stop before unknown space.
+        goal_search_radius: Distance within which a goal inside the inflation is projected to the
+            nearest free place, m.
+        goal_wait_timeout: Time that the robot waits there for the goal to become free, s.
+        max_backtracks: Times it goes back along its own trail before the action is `abort`.
+        backtrack_length: Length of one backtrack, m.
+        reverse_speed_fraction: Fraction of the speed at which an elongated body moves tail first.
+
+    Raises:
+        ValueError: A value is out of its bounds.
     """
 
-    patience: float = 1.0
-    tries: int = 12
-    tracking_tolerance: float = 0.8
-    least_advance: float = 0.3
-    turn_first: float = 0.6
-    stop_corner: float = 0.9
-    blend_length: float = 0.6
-    improve_period: float = 1.0
-    penalized_speed: float = 0.4
-    unknown_cost: float = 4.0
-    goal_reach: float = 1.0
-    goal_patience: float = 5.0
-    backups: int = 2
-    backup_length: float = 1.0
-    backwards_speed: float = 0.4
+    wait_timeout: Annotated[float, Bounds(1e-9, 1e6, "s")] = 1.0
+    max_recoveries: Annotated[int, Bounds(1, 1e6)] = 12
+    tracking_tolerance: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.8
+    min_advance: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.3
+    rotate_in_place_angle: Annotated[float, Bounds(1e-9, 1e6, "rad")] = 0.6
+    max_corner_angle: Annotated[float, Bounds(1e-9, 1e6, "rad")] = 0.9
+    blend_length: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.6
+    replan_period: Annotated[float, Bounds(1e-9, 1e6, "s")] = 1.0
+    unknown_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.4
+    unknown_cost: Annotated[float, Bounds(1e-9, 1e6)] = 4.0
+    goal_search_radius: Annotated[float, Bounds(1e-9, 1e6, "m")] = 1.0
+    goal_wait_timeout: Annotated[float, Bounds(1e-9, 1e6, "s")] = 5.0
+    max_backtracks: Annotated[int, Bounds(1, 1e6)] = 2
+    backtrack_length: Annotated[float, Bounds(1e-9, 1e6, "m")] = 1.0
+    reverse_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.4
 
     def __post_init__(self) -> None:
-        """Refuse lengths, times and angles that are not positive."""
-        for name, value in vars(self).items():
-            if not 0 < value < 1e6:
-                raise ValueError(f"behaviour.{name}: got {value:g}, expected more than 0")
-        for name in ("penalized_speed", "backwards_speed"):
-            if getattr(self, name) > 1:
-                raise ValueError(f"behaviour.{name}: got {getattr(self, name):g}, at most 1")
+        """Check every field."""
+        check_fields(self, "behaviour.")
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, error_in_words, read_rows, run_study
 from wayproof.harness.study.support import RATE, TIME
 
-SETTING = "map.inflation_margin"
+SETTING = "costmap.localization_margin"
 
 MARGINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3)
 """Tried by default, m: from a fifth of the default margin to three times it."""

@@ -62,7 +62,7 @@ class _Artist:
         self._rows = Rows(stream, root)
         self._tiles = tiles_of(log)
         self._top = max(log.mission.high[2], 1.0)
-        self._cost_range = log.config.map.cost_range
+        self._cost_range = log.config.costmap.cost_range
         self._half = np.array([0.5 * log.config.map.resolution], np.float32)
         self._last: Snapshot | None = None
         self._count = 0

@@ -22,7 +22,7 @@ def describe(decision: pb.Decision, cost_range: float) -> str:
 
     Args:
         decision: As it is logged.
-        cost_range: `map.cost_range` of its config, m.
+        cost_range: `costmap.cost_range` of its config, m.
     """
     is_bound = map_clearance_is_bound(decision, cost_range)
     stages = decision.stages

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps.columns import ColumnMap, Window, unpack
-from wayproof.maps.config import MapConfig
+from wayproof.maps.config import CostmapConfig
 from wayproof.maps.costmap.lazy_distances import Clearances, Distances
 from wayproof.maps.costmap.projection import Airspace
 from wayproof.maps.costmap.terrain import walked
@@ -58,7 +58,7 @@ class Costmap:
 
     def __init__(
         self,
-        config: MapConfig,
+        config: CostmapConfig,
         voxel_map: ColumnMap,
         low: ArrayLike,
         high: ArrayLike,
@@ -106,11 +106,11 @@ class Costmap:
             else Airspace(window, floor, ceiling)
         )
         self.shape, self.origin = self._cells.shape, self._cells.origin
-        reach = self._set_margin(config.inflation_margin)
+        reach = self._set_margin(config.localization_margin)
         self._cells.read(voxel_map)
         self.clearances = self._all_clearances(reach)
         self._state: NDArray[np.uint8] | None = None
-        self.update(config.inflation_margin)
+        self.update(config.localization_margin)
 
     def update(self, margin: float, whole: bool = True) -> None:
         """Bring states, distances and costs up to date with the map.

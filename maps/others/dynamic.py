@@ -104,13 +104,13 @@ class DynamicMap(VoxelMap):
         """Make an unknown map, as `Maker` says."""
         super().__init__(config, threads, low, high)
         self._space = EverFreeSpace()
-        self._traffic = Traffic(config.resolution, round(config.look_ahead * 1e9))
+        self._traffic = Traffic(config.resolution, round(config.dynamic.prediction_horizon * 1e9))
         none = np.empty(0, np.int64)
         self._sightings = Sightings(NO_CELLS, none, none, none, np.empty(0, np.bool_))
         self._overlay = Overlay(NO_CELLS, NO_CELLS)
         self._turned: dict[tuple[int, int, int], int] = {}  # stamps of bricks
         self._lost_before = 0  # of the changes up to this stamp not all are remembered
-        self._period_ns = round(config.dynamic_after * 1e9)
+        self._period_ns = round(config.dynamic.burn_in * 1e9)
         self._period = 0
         self._seen = 0  # stamp up to which the confident space knows the map
         self._now_ns = 0
@@ -268,7 +268,7 @@ class DynamicMap(VoxelMap):
     def dynamic_centres(self) -> NDArray[np.float64]:
         """Centres of the cells in which something moving is now, (n, 3) m, world, in order."""
         sightings = self._sightings
-        left = sightings.crossings >= self.config.vacated_after
+        left = sightings.crossings >= self.config.dynamic.free_after_misses
         return centres(sightings.cells[sightings.moves & ~left], self.resolution)
 
     def _lay_over(
@@ -313,17 +313,19 @@ class DynamicMap(VoxelMap):
             for times in (known.since_ns, known.hit_ns)
         )
         crossings = np.concatenate([known.crossings + crossed, np.zeros(len(fresh), np.int64)])
-        moves = np.concatenate([known.moves, np.full(len(fresh), self.config.dynamic_at_once)])
+        moves = np.concatenate(
+            [known.moves, np.full(len(fresh), self.config.dynamic.flag_on_first_hit)]
+        )
         hit[again], crossings[again] = self._now_ns, 0
         order = np.lexsort(cells.T[::-1])
         return Sightings(cells, since, hit, crossings, moves).part(order)
 
     def _retire(self, sightings: Sightings) -> Sightings:
         """Leave to the lasting evidence what stayed, and what has been left and is free by it."""
-        left = sightings.crossings >= self.config.vacated_after
+        left = sightings.crossings >= self.config.dynamic.free_after_misses
         lasting = super().state_at(centres(sightings.cells, self.resolution))
         age_ns = self._now_ns - sightings.since_ns
-        old = age_ns >= round(self.config.static_after * 1e9)
+        old = age_ns >= round(self.config.dynamic.static_after * 1e9)
         done = (left & (lasting == FREE)) | (old & ~(left & (lasting == OCCUPIED)))
         kept, surfaces = sightings.part(~done), sightings.cells[done & (lasting != FREE)]
         self._space.forget(surfaces, kept.cells)
@@ -350,7 +352,7 @@ class DynamicMap(VoxelMap):
     def _foretell(self) -> None:
         """Move the clusters on, and note where that changed what the map tells."""
         sightings = self._sightings
-        left = sightings.crossings >= self.config.vacated_after
+        left = sightings.crossings >= self.config.dynamic.free_after_misses
         # Not what a thing hides of the way that it came: that would hold it back.
         recent = ~left & (self._now_ns - sightings.hit_ns <= RECENT_NS)
         moving, ahead = self._traffic.follow(sightings.cells[recent], self._now_ns, self._is_loose)

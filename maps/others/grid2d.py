@@ -26,9 +26,9 @@ TOP = 1 << 40  # one past the layers that a cell stands for
 class Grid2D(BlockMap):
     """One layer of cells over the floor, each with the log-odds that something stands there.
 
-    Returns between `map.band_low` and `map.band_high` raise their cell; every beam lowers the cells
-    that it crosses between these heights, once a sweep, and occupied wins over free. Returns from
-    above and below the band raise nothing.
+    Returns between `map.min_obstacle_height` and `map.max_obstacle_height` raise their cell;
+    every beam lowers the cells that it crosses between these heights, once a sweep, and occupied
+    wins over free. Returns from above and below the band raise nothing.
 
     A cell stands for its whole column: occupied, all of it above the floor is occupied; free, all
     of it is free, and in both cases the floor is taken to be there. So nothing tells an obstacle in
@@ -55,7 +55,10 @@ class Grid2D(BlockMap):
         super().__init__(config, threads, low, high, (TILE, TILE, 1), {"log_odds": np.int8})
         self.units = LogOddsModel.from_config(config)
         scale = beams.SUBCELLS / config.resolution
-        bottom, top = round(config.band_low * scale), round(config.band_high * scale)
+        bottom, top = (
+            round(config.min_obstacle_height * scale),
+            round(config.max_obstacle_height * scale),
+        )
         self._band = 2 * (bottom + beams.FLOOR_SUBCELLS), 2 * (top + beams.FLOOR_SUBCELLS)
 
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:

@@ -121,16 +121,16 @@ class OctoMap(ColumnMap):
     def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Lower the cells whose centres lie in a box by one miss, except occupied ones."""
         cells = box_cells(*cell_box(low, high, self.resolution))
-        self._mark(cells, -self.config.miss, time_ns)
+        self._mark(cells, -self.config.log_odds_miss, time_ns)
 
     def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
         """Lower the cells whose centres lie in a sphere by one miss, except occupied ones."""
         cells = ball_cells(centre, radius, self.resolution)
-        self._mark(cells, -self.config.miss, time_ns)
+        self._mark(cells, -self.config.log_odds_miss, time_ns)
 
     def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Raise the floor's cells whose centres lie in a rectangle by one hit, except free ones."""
-        self._mark(floor_cells(low, high, self.resolution), self.config.hit, time_ns)
+        self._mark(floor_cells(low, high, self.resolution), self.config.log_odds_hit, time_ns)
 
     def hold(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Nothing: without decay, everything is held."""
@@ -304,11 +304,13 @@ def _empty_tree(config: MapConfig) -> Any:
             "map.kind: got 'octomap', expected pyoctomap to be installed (the extra 'dev')"
         ) from None
     tree = pyoctomap.OcTree(config.resolution)
-    at_hit, at_miss = 1.0 / (1.0 + exponentials(np.array([-config.hit, config.miss])))
+    at_hit, at_miss = 1.0 / (
+        1.0 + exponentials(np.array([-config.log_odds_hit, config.log_odds_miss]))
+    )
     tree.setProbHit(float(at_hit))
     tree.setProbMiss(float(at_miss))
-    tree.setClampingThresMin(config.clamp_low)
-    tree.setClampingThresMax(config.clamp_high)
+    tree.setClampingThresMin(config.prob_min)
+    tree.setClampingThresMax(config.prob_max)
     return tree
 
 

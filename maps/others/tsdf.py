@@ -127,7 +127,7 @@ class TsdfMap(BlockMap):
         self.advance(time_ns)
         touched = np.zeros((self._team.size, int(np.prod(shape))), np.bool_)
         low = corner * kernels.EDGE  # cells
-        guarded = self.config.surface_guard == "floor"
+        guarded = self.config.floor_grazing_filter
         guard = FLOOR_LAYER - int(low[2]) if guarded else NO_GUARD
         shift = low << beams.SUBCELL_BITS
         first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1

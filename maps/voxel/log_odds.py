@@ -40,18 +40,21 @@ class LogOddsModel:
         Tried are the finer half of the possible ones; with equal errors the finest wins. The
         defaults come to 30 units, in which 0.9 and 0.4 are whole.
         """
-        low, high = _log_odds(config.clamp_low), _log_odds(config.clamp_high)
+        low, high = _log_odds(config.prob_min), _log_odds(config.prob_max)
         finest = math.floor(MAX_UNITS / max(-low, high))
 
         def error(units: int) -> float:
             return max(
                 abs(max(round(units * step), 1) / units - step) / step
-                for step in (config.hit, config.miss)
+                for step in (config.log_odds_hit, config.log_odds_miss)
             )
 
         units = min(range(finest, finest // 2, -1), key=error)
         span = round(units * high) - round(units * low)
-        hit, miss = (min(max(round(units * step), 1), span) for step in (config.hit, config.miss))
+        hit, miss = (
+            min(max(round(units * step), 1), span)
+            for step in (config.log_odds_hit, config.log_odds_miss)
+        )
         return cls(units, hit, miss, round(units * low), round(units * high))
 
     @property
@@ -72,10 +75,10 @@ class LogOddsModel:
             `clamp_low` and `clamp_high` as probabilities.
         """
         return {
-            "hit": (config.hit, self.hit / self.units),
-            "miss": (config.miss, self.miss / self.units),
-            "clamp_low": (config.clamp_low, float(self.probability(self.low))),
-            "clamp_high": (config.clamp_high, float(self.probability(self.high))),
+            "log_odds_hit": (config.log_odds_hit, self.hit / self.units),
+            "log_odds_miss": (config.log_odds_miss, self.miss / self.units),
+            "prob_min": (config.prob_min, float(self.probability(self.low))),
+            "prob_max": (config.prob_max, float(self.probability(self.high))),
         }
 
 

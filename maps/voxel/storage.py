@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps.config import MapConfig
+from wayproof.maps.config import DynamicConfig, MapConfig
 from wayproof.maps.kernels import bricks as kernels
 from wayproof.maps.voxel.bricks import Bricks
 
@@ -84,8 +84,9 @@ def read(path: str | PathLike[str]) -> tuple[MapConfig, int, NDArray[np.void]]:
     if checksum.digest() != rest[-CHECKSUM:]:
         raise ValueError(f"{path}: the checksum does not match: cut or changed")
     try:
-        config = MapConfig(**json.loads(rest[:length]))
-    except TypeError as error:
+        settings = json.loads(rest[:length])
+        config = MapConfig(**settings | {"dynamic": DynamicConfig(**settings["dynamic"])})
+    except (TypeError, KeyError) as error:
         raise ValueError(f"{path}: settings of another version: {error}") from None
     return config, ticks, np.frombuffer(rest, RECORD, count, length)
 

@@ -124,7 +124,7 @@ class VoxelMap(VoxelQueries):
         )
         endpoints = self._rasterizer.endpoints(sweep)
         self.advance(time_ns)
-        mask = self._rasterizer.trace(sweep, endpoints, config.surface_guard == "floor")
+        mask = self._rasterizer.trace(sweep, endpoints, config.floor_grazing_filter)
         updated = self._apply(mask, time_ns)
         hits, clears, dropped, too_near = endpoints.counts
         return SweepStatistics(hits, clears, dropped, too_near, updated)

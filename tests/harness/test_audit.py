@@ -38,7 +38,7 @@ def test_real_episodes_break_no_rule(recorded, robot):
 
 
 def test_unknown_space_entered_by_leave_would_break_forbid(recorded):
-    log = Path(recorded("warehouse", "drone", 1, SHORT, "map.unknown_policy=allow").log)
+    log = Path(recorded("warehouse", "drone", 1, SHORT, "costmap.unknown_policy=allow").log)
     assert audit(log).violations == ()
     broken = audit(log, "forbid").violations
     assert {violation.rule for violation in broken} == {"swept"}
@@ -46,7 +46,7 @@ def test_unknown_space_entered_by_leave_would_break_forbid(recorded):
 
 
 def test_the_command_tells_what_broke(recorded, capsys):
-    log = recorded("warehouse", "drone", 1, SHORT, "map.unknown_policy=allow").log
+    log = recorded("warehouse", "drone", 1, SHORT, "costmap.unknown_policy=allow").log
     assert main(["audit", log]) == 0
     assert "no violation" in capsys.readouterr().out
     assert main(["audit", log, "--policy", "forbid", "--json"]) == 1

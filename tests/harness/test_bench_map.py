@@ -128,7 +128,7 @@ def test_the_formula_by_hand():
     """ln(0.97 / 0.03) = 3.476 is above 8 and below 9 times 0.4; half of it above 4 times."""
     assert sweeps_by_formula(STILL, 0.0) == 9
     assert sweeps_by_formula(MapConfig(half_life=30.0), 30.0) == 5
-    even = MapConfig(half_life=0.0, clamp_high=1.0 / (1.0 + math.exp(-1.2)), miss=0.6)
+    even = MapConfig(half_life=0.0, prob_max=1.0 / (1.0 + math.exp(-1.2)), log_odds_miss=0.6)
     assert sweeps_by_formula(even, 0.0) in (2, 3)  # after two it is 0 up to rounding: unknown
 
 

@@ -77,4 +77,4 @@ def test_every_planner_has_a_row(ground, queries):
         rows.append(row)
     assert [row.planner for row in rows] == list(PLANNERS)
     assert list(vars(rows[0])) == FIELDS
-    assert next(row for row in rows if row.planner == "field").success == 1.0
+    assert next(row for row in rows if row.planner == "astar").success == 1.0

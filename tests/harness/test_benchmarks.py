@@ -123,7 +123,7 @@ def test_published_lengths_are_checked(tmp_path, capsys):
     file.write_text("version 1\nm.3dmap\n0 0 0 4 2 1 5.14626437 1.0\n0 0 0 5 0 0 5.5 1.0\n")
     assert main(["bench", "plan", "--scenarios", str(file), "--repeats", "2", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
-    assert [row["planner"] for row in rows] == ["exact", "field", "rrtconnect"]
+    assert [row["planner"] for row in rows] == ["exact", "astar", "rrtconnect"]
     assert (rows[0]["problems"], rows[0]["success"], rows[0]["differing"]) == (2, 1.0, 1)
     assert all(0.8 < row["length_ratio_mean"] < 1.2 for row in rows)
 

@@ -83,7 +83,7 @@ def test_the_log_names_the_robot_and_holds_its_spec(log):
 
 
 def test_a_log_alone_is_replayed_and_simulated_anew(capsys, log):
-    for options in ([], ["--closed-loop"], ["--set", "map.inflation_margin=0.1"]):
+    for options in ([], ["--closed-loop"], ["--set", "costmap.localization_margin=0.1"]):
         assert main(["replay", str(log), "--json", *options]) == 0
         assert ('"identical":true' in capsys.readouterr().out) or "--set" in options
 

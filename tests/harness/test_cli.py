@@ -76,7 +76,7 @@ def test_bad_words(capsys, tmp_path, changes, said):
             ["--set", "motion.altitude_high=0.5"],
             "motion.altitude_low, altitude_high: got 0.2 and 0.5",
         ),
-        (["--set", "behaviour.turn_first=1"], "'drone' flies and does not use it"),
+        (["--set", "behaviour.rotate_in_place_angle=1"], "'drone' flies and does not use it"),
         (["--nonsense"], "unknown option '--nonsense' (see 'wayproof run --help')"),
     ],
 )

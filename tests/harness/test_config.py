@@ -1,11 +1,18 @@
+import json
+from pathlib import Path
+
 import pytest
 
+from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, from_json, override, setting_names, to_json
 from wayproof.harness.errors import InputError
+from wayproof.harness.logs.reader import open_log
+from wayproof.harness.renamed import RENAMED
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.build import build_navigator
 
 BASE = Config("warehouse", "drone", 3)
+LOGS = Path(__file__).parent / "logs"
 
 
 def test_override_changes_only_the_named_field():
@@ -30,7 +37,7 @@ def test_json_round_trip_is_exact():
         ("map.resolution=abc", "expected a finite number, such as 0.1"),
         ("map.resolution=NaN", "expected a finite number, such as 0.1"),
         ("planner.iterations=1.5", "planner.iterations: expected `int`, got `float`"),
-        ("map.unknown_policy=maybe", "map.unknown_policy"),
+        ("costmap.unknown_policy=maybe", "costmap.unknown_policy"),
         ("map.resolutoin=0.1", "did you mean 'map.resolution'?"),
         ("nothing=1", "unknown setting 'nothing'"),
         ("map=1", "unknown setting 'map'"),
@@ -38,7 +45,7 @@ def test_json_round_trip_is_exact():
         ("latency.deadline=0", "latency.deadline: got 0"),
         ("goal=[1]", "goal: got 1 numbers"),
         ("seed=-1", "seed: got -1"),
-        ("behaviour.patience=-2", "behaviour.patience: got -2"),
+        ("behaviour.wait_timeout=-2", "behaviour.wait_timeout: got -2"),
     ],
 )
 def test_bad_settings_are_told_in_one_line(setting, said):
@@ -85,7 +92,7 @@ def test_no_code_is_loaded_because_a_log_names_it():
             "pose in space for the planner bitstar, expected position",
         ),
         ("drone", "rrtconnect", "dubins", "got dubins in space, expected position or pose"),
-        ("quadruped", "field", "position", "got position for a body of discs, expected pose"),
+        ("quadruped", "astar", "position", "got position for a body of discs, expected pose"),
     ],
 )
 def test_a_state_space_that_does_not_suit_the_robot(robot, planner, space, expected):
@@ -93,3 +100,45 @@ def test_a_state_space_that_does_not_suit_the_robot(robot, planner, space, expec
     scenario = build(override(Config("empty", robot, 1), settings))
     with pytest.raises(InputError, match=f"^robot '{robot}': planner.state_space: .*{expected}"):
         build_navigator(scenario.config, scenario.mission, {})
+
+
+def test_settings_under_their_former_names_are_read_from_documents_and_from_set():
+    former = {
+        "world": "empty",
+        "robot": "drone",
+        "seed": 3,
+        "map": {"hit": 0.8, "inflation_margin": 0.3, "look_ahead": 1.0, "surface_guard": "none"},
+        "odometry": {"turn_sigma": 0.1},
+        "planner": {"name": "field", "keep_ratio": 0.5},
+    }
+    config = from_json(json.dumps(former).encode())
+    assert (config.map.log_odds_hit, config.map.floor_grazing_filter) == (0.8, False)
+    assert config.map.dynamic.prediction_horizon == 1.0
+    assert config.costmap.localization_margin == 0.3
+    assert config.odometry.yaw_bias_sigma == 0.1
+    assert config.planner.switch_ratio == 0.5
+    assert config.planner.name == "field"  # each decision of that log records it
+    base = Config("empty", "drone", 3)
+    settings = ["map.hit=0.8", "map.surface_guard=floor", "planner.name=field"]
+    assert override(base, settings) == override(base, ["map.log_odds_hit=0.8"])
+
+
+def test_every_former_name_stands_for_a_setting_and_is_none_itself():
+    names = set(setting_names())
+    assert set(RENAMED.values()) <= names
+    assert not RENAMED.keys() & names
+    assert len(set(RENAMED.values())) == len(RENAMED)
+
+
+@pytest.mark.parametrize("version", ["2", "3", "4", "5"])
+def test_logs_of_former_formats_open_with_the_settings_of_a_new_one(version):
+    former = open_log(LOGS / f"format-{version}.mcap").config
+    current = open_log(LOGS / "format-6.mcap").config
+    assert (
+        override(former, ["planner.name=astar", f"planner.grain={current.planner.grain}"])
+        == current
+    )
+
+
+def test_a_log_recorded_by_the_planners_former_name_replays_bit_by_bit(capsys):
+    assert main(["replay", str(LOGS / "format-5.mcap")]) == 0

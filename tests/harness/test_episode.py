@@ -45,7 +45,7 @@ def test_unknown_space_is_never_entered_under_forbid(recorded, robot):
     """Each driven path against the very map it was decided on, cell by cell, by slow code."""
     result = recorded("warehouse", robot, 1, "episode.time_limit=8")
     log = open_log(Path(result.log))
-    assert log.config.map.unknown_policy == "forbid"
+    assert log.config.costmap.unknown_policy == "forbid"
     navigator = Navigator(log.config, log.mission, log.beams)
     driven = 0
     for record in log.records():
@@ -127,7 +127,7 @@ def test_a_late_decision_is_labelled_and_discarded(recorded):
 
 def test_an_unreachable_goal_is_given_up(recorded):
     """A margin that closes the corridor: the robot looks about, then gives up, within bounds."""
-    result = recorded("corridor", "quadruped", 0, "map.inflation_margin=1.2")
+    result = recorded("corridor", "quadruped", 0, "costmap.localization_margin=1.2")
     assert result.outcome in ("aborted", "stuck")
     assert result.collisions == 0
     assert replay(Path(result.log)).identical
@@ -166,8 +166,10 @@ def test_no_decision_reads_the_truth(recorded, tmp_path):
 
 def test_a_changed_config_decides_otherwise(recorded):
     usual = recorded(*EPISODES[0])
-    wider = recorded(*EPISODES[0], "map.inflation_margin=0.3")
-    assert override(Config(*EPISODES[0]), ["map.inflation_margin=0.3"]) != Config(*EPISODES[0])
+    wider = recorded(*EPISODES[0], "costmap.localization_margin=0.3")
+    assert override(Config(*EPISODES[0]), ["costmap.localization_margin=0.3"]) != Config(
+        *EPISODES[0]
+    )
     assert usual.chain != wider.chain
 
 
@@ -197,7 +199,7 @@ def test_distances_worked_out_where_somebody_looked_decide_as_all_of_them_do(
     recorded, monkeypatch, policy
 ):
     """A drone in a warehouse whose costmap works out everything decides the same, bit by bit."""
-    short = "episode.time_limit=6", f"map.unknown_policy={policy}", "odometry.scale=0.01"
+    short = "episode.time_limit=6", f"costmap.unknown_policy={policy}", "odometry.scale_sigma=0.01"
     result = recorded("warehouse", "drone", 4, *short)
     log = open_log(Path(result.log))
     monkeypatch.setattr(Distances, "begin", lambda self: self.whole())

@@ -16,7 +16,7 @@ from wayproof.models.worlds.layout import room_walls
 LOW, HIGH = (0.0, 0.0, -0.5), (7.0, 5.0, 3.0)
 WALL = Box.between((4.0, 0.0, 0.0), (4.2, 5.0, 3.0), "partition")
 PILLAR = Box.between((4.8, 1.2, 0.0), (5.2, 1.6, 3.0), "crate")
-SHORT = ("episode.time_limit=40", "behaviour.patience=0.5", "behaviour.tries=3")
+SHORT = ("episode.time_limit=40", "behaviour.wait_timeout=0.5", "behaviour.max_recoveries=3")
 
 
 def small_world(*boxes):
@@ -47,7 +47,7 @@ def episode(monkeypatch, tmp_path):
     return run
 
 
-EXACT = ("odometry.sigma=0", "odometry.turn_sigma=0")
+EXACT = ("odometry.bias_sigma=0", "odometry.yaw_bias_sigma=0")
 
 
 # With an exact pose, beams miss some cells under the ceiling for good: there might be a way for a

@@ -24,8 +24,8 @@ from wayproof.models.poses import Trail, rotation_matrices
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 0.01
-EXACT = OdometryConfig(sigma=0.0, turn_sigma=0.0)
-EXACTLY = ("odometry.sigma=0", "odometry.turn_sigma=0")
+EXACT = OdometryConfig(bias_sigma=0.0, yaw_bias_sigma=0.0)
+EXACTLY = ("odometry.bias_sigma=0", "odometry.yaw_bias_sigma=0")
 
 
 def drive(config, seed, steps=40, length=0.25, turn=0.05):
@@ -52,14 +52,14 @@ def test_the_same_seed_gives_the_same_error_and_another_another():
 
 
 def test_errors_are_whole_micrometres():
-    error = drive(OdometryConfig(walk=0.01), 1).error
+    error = drive(OdometryConfig(random_walk=0.01), 1).error
     for value in (*error.shift, error.turn):
         assert value == round(value * 1e6) * 1e-6
 
 
 def test_a_scale_error_stretches_a_straight_line():
     """One hand-computed case: 10 m straight, scale s: the believed place is s farther along."""
-    odometry = drive(replace(EXACT, scale=0.1), 5, turn=0.0)
+    odometry = drive(replace(EXACT, scale_sigma=0.1), 5, turn=0.0)
     x, y, z = odometry.error.shift
     assert abs(x) > 1e-3
     assert (y, z) == pytest.approx((0.0, 0.1 * x), abs=1e-6)
@@ -67,18 +67,18 @@ def test_a_scale_error_stretches_a_straight_line():
 
 
 def test_one_kind_of_error_does_not_shift_the_draws_of_another():
-    walk = drive(replace(EXACT, walk=0.01), 2).error
-    jitter = drive(replace(EXACT, jitter=0.01), 2).error
-    both = drive(replace(EXACT, walk=0.01, jitter=0.01), 2).error
+    walk = drive(replace(EXACT, random_walk=0.01), 2).error
+    jitter = drive(replace(EXACT, white_noise=0.01), 2).error
+    both = drive(replace(EXACT, random_walk=0.01, white_noise=0.01), 2).error
     assert both.shift == pytest.approx(np.add(walk.shift, jitter.shift), abs=2e-6)
 
 
 @pytest.mark.parametrize(
     "errors",
     [
-        {"walk": 0.02, "turn_walk": 0.02},
-        {"scale": 0.02, "turn_scale": 0.03},
-        {"sigma": 0.03, "turn_sigma": 0.01, "jitter": 0.02, "turn_jitter": 0.02},
+        {"random_walk": 0.02, "yaw_random_walk": 0.02},
+        {"scale_sigma": 0.02, "yaw_scale_sigma": 0.03},
+        {"bias_sigma": 0.03, "yaw_bias_sigma": 0.01, "white_noise": 0.02, "yaw_white_noise": 0.02},
     ],
 )
 def test_the_stated_standard_deviations_are_those_of_many_runs(errors):
@@ -94,7 +94,7 @@ def test_the_stated_standard_deviations_are_those_of_many_runs(errors):
 
 
 def test_the_bounded_error_forgets_itself_in_its_correlation_time():
-    config = replace(EXACT, sigma=0.1, correlation_time=0.2)
+    config = replace(EXACT, bias_sigma=0.1, correlation_time=0.2)
     odometry = Odometry(config, 1, np.zeros(3), 0.0, PERIOD)
     errors = []
     for _ in range(4000):
@@ -109,7 +109,7 @@ def test_the_bounded_error_forgets_itself_in_its_correlation_time():
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("rate", 0.0), ("sigma", -1.0), ("walk", math.nan), ("turn_scale", 2.0)],
+    [("rate", 0.0), ("bias_sigma", -1.0), ("random_walk", math.nan), ("yaw_scale_sigma", 2.0)],
 )
 def test_what_is_no_estimator_is_refused(field, value):
     with pytest.raises(ValueError, match=rf"odometry\.{field}: got"):
@@ -130,7 +130,9 @@ def test_a_believed_trail_is_shifted_and_turned_by_each_its_own_error():
 
 
 def test_the_error_moves_only_with_new_estimates():
-    config = override(Config("empty", "drone", 0), ["odometry.rate=50", "odometry.jitter=0.01"])
+    config = override(
+        Config("empty", "drone", 0), ["odometry.rate=50", "odometry.white_noise=0.01"]
+    )
     estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
     errors = []
     for step in range(40):
@@ -150,8 +152,8 @@ def test_the_log_holds_the_believed_pose_and_the_margin_follows_its_sigma(record
     config = open_log(Path(result.log)).config
     for decision in (m for m in messages if isinstance(m, pb.Decision)):
         assert decision.position == poses[decision.sequence].position
-        assert decision.position_sigma == config.odometry.sigma
-        margin = config.map.inflation_margin + 2 * 0.01
+        assert decision.position_sigma == config.odometry.bias_sigma
+        margin = config.costmap.localization_margin + 2 * 0.01
         assert decision.localization_margin_m == margin + 0.245 * HEADING_TOLERANCE  # outmost disc
 
 
@@ -172,7 +174,7 @@ def test_a_rolling_sweep_is_straightened_by_believed_poses(recorded):
 @pytest.mark.parametrize("robot", ["drone", "quadruped"])
 def test_the_body_tracks_what_it_believes(robot, tmp_path):
     """Believed at the goal, the body truly rests beside it by the estimate's error."""
-    settings = ["odometry.sigma=0.05", "odometry.correlation_time=1000"]
+    settings = ["odometry.bias_sigma=0.05", "odometry.correlation_time=1000"]
     result = run_episode(
         build(override(Config("empty", robot, 1), settings)), tmp_path / "off.mcap"
     )
@@ -187,7 +189,9 @@ def test_the_body_tracks_what_it_believes(robot, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "setting", ["odometry.jitter=0.01", "odometry.turn_sigma=0.2"], ids=["jitter", "heading"]
+    "setting",
+    ["odometry.white_noise=0.01", "odometry.yaw_bias_sigma=0.2"],
+    ids=["jitter", "heading"],
 )
 def test_a_drone_flies_steadily_on_a_bad_estimate(setting, tmp_path):
     """White error, and a heading that is far off, reach the controller without shaking it."""
@@ -262,7 +266,7 @@ def test_the_stack_names_neither_truth_nor_perturbation():
 
 def test_legs_measure_their_own_height():
     """Of what walks only the legs' own error is left along z; the rest is as of what flies."""
-    config = OdometryConfig(walk=0.1, jitter=0.05, scale=0.1)
+    config = OdometryConfig(random_walk=0.1, white_noise=0.05, scale_sigma=0.1)
     flying, walking = (
         Odometry(config, 3, np.zeros(3), 0.0, PERIOD, legs=legs) for legs in (False, True)
     )
@@ -275,4 +279,4 @@ def test_legs_measure_their_own_height():
         errors.append((flying.error.shift[2], walking.error.shift[2]))
     of_flying, of_walking = np.abs(errors).max(axis=0)
     assert of_flying > 0.1
-    assert of_walking < 5 * config.legs_sigma
+    assert of_walking < 5 * config.leg_height_sigma

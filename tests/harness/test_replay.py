@@ -208,14 +208,14 @@ def test_what_if_nothing_changes(recorded):
 
 def test_what_if_a_wider_margin(recorded, capsys):
     log = recorded(*SHORT["drone"]).log
-    answer = what_if(Path(log), ["map.inflation_margin=0.5"])
+    answer = what_if(Path(log), ["costmap.localization_margin=0.5"])
     assert answer.faithful
     assert 0 < len(answer.changes) <= answer.decisions
     first = answer.changes[0]
     old = list(open_log(Path(log)).decisions())[first.sequence]
     assert (first.recorded.action, first.recorded.reason) == (old.action, old.reason)
     assert first.departure_m > 0.01 or first.recorded != first.changed
-    assert main(["replay", log, "--set", "map.inflation_margin=0.5"]) == 1
+    assert main(["replay", log, "--set", "costmap.localization_margin=0.5"]) == 1
     assert f"from {first.sequence} (" in capsys.readouterr().out
 
 
@@ -234,7 +234,10 @@ def test_a_change_later_on_is_no_echo(recorded):
         (["--from", "9999"], "expected a decision from 0 to 20"),
         (["--from", "-1"], "--from: got -1"),
         (["--from", "5", "--set", "seed=2"], "the episode had begun with it"),
-        (["--closed-loop", "--set", "map.hit=0.8"], "--closed-loop: simulates what was recorded"),
+        (
+            ["--closed-loop", "--set", "map.log_odds_hit=0.8"],
+            "--closed-loop: simulates what was recorded",
+        ),
         (["--log", "x.mcap"], "--log: nothing to write"),
     ],
 )
@@ -302,7 +305,7 @@ def test_a_fork_to_another_goal_knows_the_old_one(recorded, tmp_path):
 
 def test_the_audit_of_a_fork_reads_each_decision_with_its_own_settings(recorded, tmp_path):
     result = recorded(*SHORT["quadruped"])
-    change = ["map.resolution=0.08", "map.inflation_margin=0.2"]
+    change = ["map.resolution=0.08", "costmap.localization_margin=0.2"]
     forked = fork(Path(result.log), 12, change, tmp_path / "fork.mcap")
     found = audit(Path(forked.log))
     assert found.decisions == 21

@@ -12,7 +12,7 @@ from wayproof.harness.evidence.audit import audit
 from wayproof.harness.evidence.fork import fork
 from wayproof.harness.evidence.replay import replay
 from wayproof.harness.logs import field_numbers, log
-from wayproof.harness.logs.log import FORMAT_VERSION
+from wayproof.harness.logs.log import WITH_REASONS
 from wayproof.harness.logs.log_copy import thin
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.logs.small_log import COMMITTED, committed_name
@@ -62,7 +62,7 @@ def test_every_committed_log_opens(path):
     opened = open_log(path)
     assert opened.run["format_version"] == version
     assert opened.record == ("decisions" if packed or version == "4" else "full")
-    assert bool(opened.not_compared) == (version != FORMAT_VERSION)
+    assert bool(opened.not_compared) == (version not in WITH_REASONS)
     decisions = list(opened.decisions())
     assert len(decisions) == int(opened.result["decisions"])
     assert decisions[-1].chain == opened.result["chain"]
@@ -70,7 +70,7 @@ def test_every_committed_log_opens(path):
         assert len(decision.trajectory.path) >= 1
         assert len(decision.trajectory.arc_length) == len(decision.trajectory.heading) >= 1
         assert not decision.HasField("packed")
-        assert decision.HasField("grounds") == (version == FORMAT_VERSION)
+        assert decision.HasField("grounds") == (version in WITH_REASONS)
     if opened.record == "full":
         assert sum(1 for _ in opened.records()) == len(decisions)
 
@@ -79,7 +79,7 @@ def test_a_format_that_is_not_known_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(log, "FORMAT_VERSION", "99")
     with log.LogWriter(tmp_path / "later.mcap", b"{}", b"{}", "<mujoco/>") as writer:
         writer.finish({"outcome": "success", "chain": ""})
-    with pytest.raises(InputError, match=r"format version 99, expected 2 to 5$"):
+    with pytest.raises(InputError, match=r"format version 99, expected 2 to 6$"):
         open_log(tmp_path / "later.mcap")
 
 
@@ -95,7 +95,7 @@ def test_an_old_log_is_compared_in_all_but_what_its_format_said_otherwise(capsys
     assert (found.violations, found.reasons, found.decisions) == ((), 0, again.decisions)
     metrics = score(read_trace(open_log(path)))
     assert (metrics["explorations"], metrics["stops"]) == (None, None)
-    with pytest.raises(InputError, match="format version 3, expected 5, whose chain a fork"):
+    with pytest.raises(InputError, match="format version 3, expected 6, whose chain a fork"):
         fork(path, 2, [], path.with_name("fork.mcap"))
 
 

@@ -40,7 +40,7 @@ gates = ["success.drop <= 0"]
 "episode.time_limit" = 1
 "map.resolution" = 0.2
 [axes]
-"map.unknown_policy" = ["forbid", "allow"]
+"costmap.unknown_policy" = ["forbid", "allow"]
 """
 
 Engine = functools.partial(run_in_processes, workers=2, bounds=Bounds())
@@ -73,7 +73,7 @@ def test_a_plan_crosses_everything_and_keys_tell_episodes_apart(tmp_path: Path) 
     assert len(planned) == 2 * 2 * 2
     assert len({one.key for one in planned}) == len(planned)
     assert [one.seed for one in planned] == sorted(one.seed for one in planned)
-    assert {one.config.map.unknown_policy for one in planned} == {"forbid", "allow"}
+    assert {one.config.costmap.unknown_policy for one in planned} == {"forbid", "allow"}
     assert all(one.config.episode.time_limit == 1.0 for one in planned)
 
 
@@ -195,7 +195,7 @@ def worker_processes() -> list[int]:
 
 def test_a_broken_episode_is_a_row_and_not_the_end(tmp_path: Path) -> None:
     """The goal lies outside the geofence for one variant alone."""
-    axis = '"map.unknown_policy" = ["forbid", "allow"]'
+    axis = '"costmap.unknown_policy" = ["forbid", "allow"]'
     text = SHORT.replace(axis, "goal = [[6, 6, 1.2], [500, 0, 1.2]]")
     result = run(tmp_path, text.replace("seeds = 2", "seeds = 1"), engine=Single)
     assert (result.missing, result.errors) == (0, 1)

@@ -29,7 +29,12 @@ def axes(count, *names):
     return "seeds = 1\n[axes]\n" + "".join(f'"{name}" = {values(count)}\n' for name in names)
 
 
-FOUR = ("map.inflation_margin", "map.cost_range", "behaviour.least_advance", "motion.altitude_low")
+FOUR = (
+    "costmap.localization_margin",
+    "costmap.cost_range",
+    "behaviour.min_advance",
+    "motion.altitude_low",
+)
 
 TOO_MUCH = {
     "seeds": ("seeds = 100000000000\n", "100000000000 episodes, expected at most 100000"),
@@ -69,7 +74,7 @@ SPEC = (Path(custom.__file__).parent / "examples" / "spot.toml").read_text()
 
 CODE = {
     "set": 'seeds = 1\n[set]\n"planner.name" = "planted:Planner"\n',
-    "axis": 'seeds = 1\n[axes]\n"planner.name" = ["field", "planted:Planner"]\n',
+    "axis": 'seeds = 1\n[axes]\n"planner.name" = ["astar", "planted:Planner"]\n',
     "robot": "seeds = 1\n",
     "text": 'seeds = 1\n[set]\n"robot_file" = "controller = \'planted:Controller\'"\n',
 }

@@ -30,7 +30,7 @@ from wayproof.harness.viewer.rerun_view import loopback_viewer
 from wayproof.harness.viewer.sight import geoms_in_front
 from wayproof.harness.viewer.tiles import TILE, Tiles
 from wayproof.harness.viewer.words import describe
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, CostmapConfig, MapConfig, VoxelMap
 
 LOW, HIGH = (0.0, 0.0, 0.0), (4.0, 4.0, 1.0)
 
@@ -56,7 +56,7 @@ def seen_map():
     beam, ranges_mm = np.array([[1.0, 0.0, 0.0]]), np.array([500], np.uint16)
     for sweep in range(8):
         a_map.integrate((0.55, 2.05, 0.55), beam, ranges_mm, 2.0, sweep)
-    return a_map, Costmap(config, a_map, LOW, HIGH, "air", 0.15, 0.2, 0.0)
+    return a_map, Costmap(CostmapConfig(), a_map, LOW, HIGH, "air", 0.15, 0.2, 0.0)
 
 
 @pytest.mark.parametrize("wider", [0, 9])
@@ -187,8 +187,12 @@ def test_what_is_made_ahead_is_no_more_than_asked_for_and_lets_go_when_closed():
 def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
     """And so is one that was forked again, each side with its lidar."""
     first, forked = tmp_path / "first.mcap", tmp_path / "fork.mcap"
-    fork(log, 6, ["map.inflation_margin=0.2", "episode.time_limit=2"], first)
-    again = ["map.inflation_margin=0.3", "map.resolution=0.08", "sensors.lidar=velodyne-vlp16"]
+    fork(log, 6, ["costmap.localization_margin=0.2", "episode.time_limit=2"], first)
+    again = [
+        "costmap.localization_margin=0.3",
+        "map.resolution=0.08",
+        "sensors.lidar=velodyne-vlp16",
+    ]
     fork(first, 9, again, forked)
     radii, beams = [], []
     for moment in moments(open_log(forked)):
@@ -233,7 +237,7 @@ def test_hits_lie_on_what_is_there_and_are_thinned(log):
 def test_words_tell_action_reason_and_map(log):
     opened = open_log(log)
     decision = next(opened.decisions())
-    text = describe(decision, opened.config.map.cost_range)
+    text = describe(decision, opened.config.costmap.cost_range)
     assert decision.action in text
     assert decision.reason in text
     assert decision.map_version[:12] in text

@@ -245,7 +245,7 @@ def test_a_hit_after_which_a_free_cell_is_just_unknown_turns_it(run):
 
 
 def test_a_cell_that_is_no_longer_free_is_told_though_it_is_not_occupied():
-    voxel_map = make(hit=0.4, miss=0.4)
+    voxel_map = make(log_odds_hit=0.4, log_odds_miss=0.4)
     for range_mm in (1000, 500):  # through the cell at 0.5 m, and up to it
         _, now = voxel_map.changed(0)
         voxel_map.integrate((0.05, 0.05, 0.5), FORWARD, np.array([range_mm], np.uint16), 2.0, 0)

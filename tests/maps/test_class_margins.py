@@ -8,6 +8,7 @@ from wayproof.maps import (
     OCCUPIED,
     ClassMargins,
     Costmap,
+    CostmapConfig,
     MapConfig,
     SemanticLayer,
     VoxelMap,
@@ -74,12 +75,12 @@ def test_margins_in_the_air_outlive_changes_above_the_window():
     layer.integrate_sweep((1.05, 1.05, 1.0), ahead, ranges_mm, (0.3, 3.0), np.ones(1, np.uint8))
     margined = ClassMargins(voxel_map, layer, {1: 0.5})
     body = (0.0, 0.0, 0.5), (10.0, 10.0, 4.0), "air", 0.15, 0.3, 0.1
-    costmap = Costmap(voxel_map.config, margined, *body)
+    costmap = Costmap(CostmapConfig(), margined, *body)
     assert (costmap.state == OCCUPIED).sum() > 500
     for origin in ((8.55, 9.05, 1.0), (0.05, 1.05, 6.5)):  # in the window, and above it
         voxel_map.integrate(origin, ahead, ranges_mm, 3.0, 0)
     costmap.update(0.1)
-    anew = Costmap(voxel_map.config, ClassMargins(voxel_map, layer, {1: 0.5}), *body)
+    anew = Costmap(CostmapConfig(), ClassMargins(voxel_map, layer, {1: 0.5}), *body)
     anew.update(0.1)
     np.testing.assert_array_equal(costmap.state, anew.state)
     np.testing.assert_array_equal(costmap.obstacle_clearance, anew.obstacle_clearance)
@@ -89,7 +90,7 @@ def test_margins_in_the_air_outlive_changes_above_the_window():
 def test_a_costmap_that_follows_is_one_made_anew(motion, slope):
     voxel_map, layer = seen(5)
     margined = ClassMargins(voxel_map, layer, {1: 0.2, 2: 0.1})
-    body = MapConfig(max_slope=slope), margined, *BOX, motion, 0.15, 0.4, 0.1
+    body = CostmapConfig(max_slope=slope), margined, *BOX, motion, 0.15, 0.4, 0.1
     following = Costmap(*body)
     for seed in range(6, 12):
         look(voxel_map, layer, seed)
@@ -114,7 +115,7 @@ def test_a_person_is_passed_farther_away_than_a_crate():
     body = (-1.5, -1.5, -0.3), (1.5, 1.5, 1.5), "ground", 0.15, 0.5, 0.1
     reach = []
     for margins in ({}, {1: 0.3}):
-        costmap = Costmap(voxel_map.config, ClassMargins(voxel_map, layer, margins), *body)
+        costmap = Costmap(CostmapConfig(), ClassMargins(voxel_map, layer, margins), *body)
         blocked = costmap.state[15, :, 0] == OCCUPIED
         reach.append(np.flatnonzero(blocked).tolist())
     assert reach == [[5, 25], [2, 3, 4, 5, 6, 7, 8, 25]]
@@ -148,5 +149,7 @@ def test_strange_margins_are_refused():
         ClassMargins(voxel_map, layer, {3: 0.1})
     with pytest.raises(ValueError, match=r"^resolution: got 0.2 m, expected the map's, 0.1$"):
         ClassMargins(voxel_map, SemanticLayer(0.2, 3), {})
-    with pytest.raises(ValueError, match=r"^map.class_margins.person: got -1, expected 0 to 5 m$"):
-        MapConfig(class_margins={"person": -1.0})
+    with pytest.raises(
+        ValueError, match=r"^costmap.class_margins.person: got -1, expected 0 to 5 m$"
+    ):
+        CostmapConfig(class_margins={"person": -1.0})

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, CostmapConfig
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.kernels import columns as kernels
 
@@ -63,14 +63,14 @@ def voxel_map():
 
 
 def ground(voxel_map, low=LOW, high=HIGH, threads=1, **config):
-    config = MapConfig(**config)
+    config = CostmapConfig(**config)
     return Costmap(
         config, voxel_map, low, high, "ground", 0.2, height=0.4, step_height=0.15, threads=threads
     )
 
 
 def air(voxel_map, low=LOW, high=HIGH, floor=-math.inf, ceiling=math.inf, threads=1, **config):
-    config = MapConfig(inflation_margin=0.0, **config)
+    config = CostmapConfig(localization_margin=0.0, **config)
     return Costmap(config, voxel_map, low, high, "air", 0.2, 0.2, 0.0, floor, ceiling, threads)
 
 
@@ -256,7 +256,7 @@ def test_one_cell_of_unknown_blocks_like_an_obstacle_under_forbid():
 def test_a_body_that_does_not_fit_is_refused(voxel_map, motion, body, message):
     body = {"radius": 0.2, "height": 0.4, "step_height": 0.15} | body
     with pytest.raises(ValueError, match=message):
-        Costmap(MapConfig(), voxel_map, LOW, HIGH, motion, **body)
+        Costmap(CostmapConfig(), voxel_map, LOW, HIGH, motion, **body)
 
 
 @pytest.mark.parametrize("margin", [-0.1, math.nan, math.inf])

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from wayproof.maps import FREE, MAPS, OCCUPIED, DynamicMap, MapConfig, VoxelMap
+from wayproof.maps import FREE, MAPS, OCCUPIED, DynamicConfig, DynamicMap, MapConfig, VoxelMap
 from wayproof.maps.kernels import tracking as kernels
 from wayproof.maps.others.ever_free import EverFreeSpace
 from wayproof.maps.others.tracking import POINTS, Traffic, clusters_of, way_ahead
@@ -14,13 +14,14 @@ TENTH = 100_000_000  # ns
 ORIGIN = (0.05, 0.55, 0.55)  # cell (0, 5, 6)
 ALONG_X = np.array([[1.0, 0.0, 0.0]])
 NOTHING = 0  # mm: a dropped beam
+AT_ONCE = DynamicConfig(flag_on_first_hit=True)
 AHEAD = np.array([[1.05, 0.55, 0.55]])  # in cell (10, 5, 6)
 
 
 def confident(kind="dynamic", **settings):
     """A map whose block from the origin to (3, 1.2, 1.2) has been free for long, and the time."""
-    at_once = {"half_life": 0.0, "memory_mib": 8, "dynamic_at_once": True}
-    config = MapConfig(kind=kind, **(at_once | settings))
+    dynamic = DynamicConfig(**({"flag_on_first_hit": True} | settings))
+    config = MapConfig(kind=kind, half_life=0.0, memory_mib=8, dynamic=dynamic)
     voxel_map = MAPS[kind](config)
     for _ in range(5):  # 5 misses of 12 units: at the lower clamp, -60
         voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
@@ -56,7 +57,7 @@ def test_sweeps_until_a_cell_is_occupied_and_until_it_is_free_again(kind, entere
 
 
 def test_a_hit_between_two_crossings_keeps_the_cell():
-    voxel_map, k = confident(look_ahead=0.0)
+    voxel_map, k = confident(prediction_horizon=0.0)
     told = []
     for j in range(10):
         beam(voxel_map, 1000 if j % 2 == 0 else 2000, k + j)
@@ -121,7 +122,7 @@ def test_a_vacated_cell_is_told_alike_by_every_question():
 
 
 def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
-    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8, dynamic_at_once=True)
+    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8, dynamic=AT_ONCE)
     voxel_map = DynamicMap(config)
     for _ in range(5):
         voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
@@ -133,7 +134,7 @@ def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
 
 
 def test_a_cell_that_was_hit_within_the_period_is_not_dynamic():
-    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8, dynamic_at_once=True)
+    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8, dynamic=AT_ONCE)
     voxel_map = DynamicMap(config)
     for _ in range(5):
         voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
@@ -187,7 +188,7 @@ def test_what_hangs_on_to_something_is_not_held_to_move():
 
 
 def test_only_what_was_seen_to_move_is_dynamic():
-    moved, stays = confident(dynamic_at_once=False), confident(dynamic_at_once=False)
+    moved, stays = confident(flag_on_first_hit=False), confident(flag_on_first_hit=False)
     up = np.stack([np.ones(5), np.zeros(5), np.linspace(-0.2, 0.2, 5)], axis=1)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     told = []
@@ -334,15 +335,17 @@ def test_confidence_needs_a_period_and_every_neighbour():
 @pytest.mark.parametrize(
     ("field", "value", "expected"),
     [
-        ("dynamic_after", 0.0, r"0\.01 to 3600 s"),
-        ("vacated_after", 0, "1 to 1000 sweeps"),
+        ("burn_in", 0.0, r"0\.01 to 3600 s"),
+        ("free_after_misses", 0, "1 to 1000 sweeps"),
         ("static_after", -1.0, r"0\.01 to 1e\+06 s"),
-        ("look_ahead", 11.0, "0 to 10 s"),
+        ("prediction_horizon", 11.0, "0 to 10 s"),
     ],
 )
 def test_a_bad_setting_is_refused_in_one_line(field, value, expected):
-    with pytest.raises(ValueError, match=rf"^map\.{field}: got {value:g}, expected {expected}$"):
-        MapConfig(**{field: value})
+    with pytest.raises(
+        ValueError, match=rf"^map\.dynamic\.{field}: got {value:g}, expected {expected}$"
+    ):
+        DynamicConfig(**{field: value})
 
 
 def test_a_file_holds_the_lasting_evidence(tmp_path):

@@ -5,7 +5,16 @@ from itertools import product
 import numpy as np
 import pytest
 
-from wayproof.maps import MAPS, OCCUPIED, UNKNOWN, Costmap, DynamicMap, MapConfig
+from wayproof.maps import (
+    MAPS,
+    OCCUPIED,
+    UNKNOWN,
+    Costmap,
+    CostmapConfig,
+    DynamicConfig,
+    DynamicMap,
+    MapConfig,
+)
 from wayproof.maps.columns import Window
 from wayproof.maps.costmap.projection import Airspace
 from wayproof.maps.others.tracking import POINTS
@@ -77,7 +86,7 @@ class Judge:
     def __call__(self, voxel_map, k):
         if self.costmap is None:
             low, high = (-5.4, -5.4, -0.3), (5.4, 5.4, 2.0)
-            self.costmap = Costmap(voxel_map.config, voxel_map, low, high, "ground", 0.3, 0.5, 0.15)
+            self.costmap = Costmap(CostmapConfig(), voxel_map, low, high, "ground", 0.3, 0.5, 0.15)
         self.costmap.update(0.1)
         if k < 10 * WATCHED:
             return
@@ -107,7 +116,12 @@ def test_table_of_true_future_cells_and_ghosts():
     """Prints the table of docs/moving.md when run with -s."""
     figures = {}
     for name, (kind, settings) in product(
-        WAYS, (("voxel", {}), ("dynamic", {"look_ahead": 0.0}), ("dynamic", {}))
+        WAYS,
+        (
+            ("voxel", {}),
+            ("dynamic", {"dynamic": DynamicConfig(prediction_horizon=0.0)}),
+            ("dynamic", {}),
+        ),
     ):
         judge = Judge(WAYS[name])
         drive(kind, WAYS[name], each=judge, **settings)

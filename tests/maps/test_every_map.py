@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from wayproof.maps import FREE, MAPS, OCCUPIED, UNKNOWN, Costmap, MapConfig, SweepStatistics
+from wayproof.maps import (
+    FREE,
+    MAPS,
+    OCCUPIED,
+    UNKNOWN,
+    Costmap,
+    CostmapConfig,
+    MapConfig,
+    SweepStatistics,
+)
 from wayproof.maps.grid import centres
 
 SECOND = 10**9
@@ -206,7 +215,7 @@ def test_every_way_to_ask_gives_one_answer(kind):
 def test_every_change_is_told_and_a_costmap_follows(kind, motion):
     a_map = make(kind, half_life=0.0 if kind == "octomap" else 2.0)
     body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), motion, 0.15, 0.4, 0.1
-    following, now, before = Costmap(a_map.config, a_map, *body), 0, np.zeros(SHAPE, np.uint8)
+    following, now, before = Costmap(CostmapConfig(), a_map, *body), 0, np.zeros(SHAPE, np.uint8)
     for k in range(8):
         if k < 4:
             look_around(a_map, k, time_ns=k * SECOND)
@@ -221,7 +230,7 @@ def test_every_change_is_told_and_a_costmap_follows(kind, motion):
         assert inside.all()
         before = told
         following.update(0.1)
-        anew = Costmap(a_map.config, a_map, *body)
+        anew = Costmap(CostmapConfig(), a_map, *body)
         assert (following.clearance == anew.clearance).all()
         assert (following.obstacle_clearance == anew.obstacle_clearance).all()
         if motion == "air":

@@ -3,7 +3,17 @@ import itertools
 import numpy as np
 import pytest
 
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, Grid2D, MapConfig, VoxelMap, states_in
+from wayproof.maps import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    Costmap,
+    CostmapConfig,
+    Grid2D,
+    MapConfig,
+    VoxelMap,
+    states_in,
+)
 from wayproof.maps.kernels import grid2d as kernels
 
 SECOND = 10**9
@@ -91,7 +101,7 @@ def test_a_beam_clears_where_it_is_within_the_band(direction, millimetres, clear
 
 
 def test_from_above_the_band_it_clears_from_where_it_enters():
-    grid = make(band_high=0.5)
+    grid = make(max_obstacle_height=0.5)
     # From 1.5 m down a slope of 1: in the band from 1.0 to 1.45 m ahead.
     look(grid, 2121, directions=unit(1.0, 0.0, -1.0), origin=(0.501, 1.05, 1.5))
     free = states_in(grid, (0.5, 1.01, -0.07), (3.0, 1.09, 0.28))[:, 0, -1] == FREE
@@ -121,7 +131,7 @@ def naive_marks(origin, directions, ranges_mm, band):
 
 
 def test_sweeps_are_those_of_naive_slabs():
-    grid = make(minimum_range=0.0, band_low=0.1, band_high=0.7)
+    grid = make(minimum_range=0.0, min_obstacle_height=0.1, max_obstacle_height=0.7)
     directions, ranges_mm = scattered(1, 60)
     origin = np.array([0.013, -0.021, 0.4])
     look(grid, *ranges_mm, directions=directions, origin=origin)
@@ -189,7 +199,7 @@ def both(boxes, hole=None, **settings):
             directions, ranges_mm = scene_sweep(origin, boxes, hole)
             map_.integrate(origin, directions, ranges_mm, 6.0, k)
         box = (-0.2, -1.0, -0.3), (4.0, 1.0, 2.5)
-        costmap = Costmap(config, map_, *box, "ground", 0.2, 0.45, 0.03)
+        costmap = Costmap(CostmapConfig(), map_, *box, "ground", 0.2, 0.45, 0.03)
         ahead = slice(22, 28), slice(7, 13)  # 2.0 to 2.6 m
         told.append(costmap.state[:, :, 0][ahead])
     return maps, told
@@ -197,7 +207,7 @@ def both(boxes, hole=None, **settings):
 
 def test_a_shelf_board_above_the_scan_is_not_seen():
     board = (2.0, -0.8, 0.36), (2.6, 0.8, 0.40)  # below the body's back, above the band
-    _, (seen, blind) = both([board], band_high=0.3)
+    _, (seen, blind) = both([board], max_obstacle_height=0.3)
     assert (seen == OCCUPIED).any(axis=0).all()  # across the whole way
     assert (blind == FREE).all()
 
@@ -229,14 +239,17 @@ def test_heights_are_refused_in_one_line():
         grid.mark_free_sphere(EYE, 0.3, 0)
     look(grid, 2000)
     with pytest.raises(ValueError, match="got 'grid2d' for a window without the floor"):
-        Costmap(grid.config, grid, (0, 0, 0.2), (3, 2, 2), "air", 0.2, 0.2, 0.0)
+        Costmap(CostmapConfig(), grid, (0, 0, 0.2), (3, 2, 2), "air", 0.2, 0.2, 0.0)
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"band_low": -0.1}, "map.band_low: got -0.1, expected 0 to 10 m"),
-        ({"band_low": 0.5, "band_high": 0.4}, "map.band_high: got 0.4, expected 0.51 to 100 m"),
+        ({"min_obstacle_height": -0.1}, "map.min_obstacle_height: got -0.1, expected 0 to 10 m"),
+        (
+            {"min_obstacle_height": 0.5, "max_obstacle_height": 0.4},
+            "map.max_obstacle_height: got 0.4, expected 0.51 to 100 m",
+        ),
     ],
 )
 def test_a_strange_band_is_refused(settings, message):
@@ -253,7 +266,7 @@ def test_marks_spare_obstacles_and_the_floor_is_taken_for_granted():
     grid.mark_floor((0.0, 0.0), (2.0, 2.0), 4)
     grid.mark_free((0.0, 0.0, -0.3), (2.0, 2.0, -0.1), 5)
     assert grid.version() == before
-    assert make(band_high=1.0).version() != make().version()
+    assert make(max_obstacle_height=1.0).version() != make().version()
 
 
 def test_evidence_fades_to_unknown_as_the_voxel_maps_does():

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from wayproof.maps import MAPS, MapConfig
+from wayproof.maps import MAPS, CostmapConfig, MapConfig
 
 
 def test_the_default_is_valid_and_registered():
@@ -14,22 +14,34 @@ def test_the_default_is_valid_and_registered():
     [
         ("resolution", -0.1),
         ("resolution", math.nan),
-        ("hit", 0.0),
-        ("miss", 11.0),
-        ("clamp_low", 0.5),
-        ("clamp_high", 1.0),
+        ("log_odds_hit", 0.0),
+        ("log_odds_miss", 11.0),
+        ("prob_min", 0.5),
+        ("prob_max", 1.0),
         ("half_life", -1.0),
         ("decay_period", 0.0),
         ("minimum_range", -0.1),
-        ("inflation_margin", math.inf),
-        ("cost_scaling_factor", 0.0),
-        ("cost_range", -0.1),
-        ("unknown_policy", "ignore"),
+        ("no_return", "lost"),
     ],
 )
 def test_a_bad_value_names_its_field(field, value):
     with pytest.raises(ValueError, match=rf"^map\.{field}: got .*, expected .*$"):
         MapConfig(**{field: value})
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("localization_margin", math.inf),
+        ("cost_scaling_factor", 0.0),
+        ("cost_range", -0.1),
+        ("unknown_policy", "ignore"),
+        ("max_slope", math.nan),
+    ],
+)
+def test_a_bad_value_of_a_costmap_names_its_field(field, value):
+    with pytest.raises(ValueError, match=rf"^costmap\.{field}: got .*, expected .*$"):
+        CostmapConfig(**{field: value})
 
 
 def test_the_message_is_one_clear_line():
@@ -38,6 +50,6 @@ def test_the_message_is_one_clear_line():
 
 
 def test_what_cannot_hold_says_so():
-    assert MapConfig(kind="dynamic", hold_under_body=0.5).hold_under_body == 0.5
-    with pytest.raises(ValueError, match=r"^map\.hold_under_body: got 0\.5 with kind 'tsdf', "):
-        MapConfig(kind="tsdf", hold_under_body=0.5)
+    assert MapConfig(kind="dynamic", no_decay_radius=0.5).no_decay_radius == 0.5
+    with pytest.raises(ValueError, match=r"^map\.no_decay_radius: got 0\.5 with kind 'tsdf', "):
+        MapConfig(kind="tsdf", no_decay_radius=0.5)

@@ -23,13 +23,13 @@ def sweeps():
 
 
 def test_states_agree_with_octomap():
-    config = MapConfig(half_life=0.0, surface_guard="none")
+    config = MapConfig(half_life=0.0, floor_grazing_filter=False)
     ours = VoxelMap(config)
     peer = pyoctomap.OcTree(config.resolution)
-    peer.setProbHit(1.0 / (1.0 + np.exp(-config.hit)))
-    peer.setProbMiss(1.0 / (1.0 + np.exp(config.miss)))
-    peer.setClampingThresMin(config.clamp_low)
-    peer.setClampingThresMax(config.clamp_high)
+    peer.setProbHit(1.0 / (1.0 + np.exp(-config.log_odds_hit)))
+    peer.setProbMiss(1.0 / (1.0 + np.exp(config.log_odds_miss)))
+    peer.setClampingThresMin(config.prob_min)
+    peer.setClampingThresMax(config.prob_max)
     for time, (origin, directions, ranges) in enumerate(sweeps()):
         ours.integrate(origin, directions, ranges, 20.0, time)
         ends = origin + directions * (ranges / 1000.0)[:, None]

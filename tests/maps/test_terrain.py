@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, MapConfig, VoxelMap
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, CostmapConfig, MapConfig, VoxelMap
 from wayproof.maps.columns import ColumnMap, Window
 from wayproof.maps.costmap.terrain import BASELINE, Terrain, rises
 from wayproof.maps.kernels import terrain as kernels
@@ -51,7 +51,7 @@ def world(height):
 
 
 def told(cells, step_height=0.03, max_slope=0.3, height=0.45):
-    config = MapConfig(max_slope=max_slope)
+    config = CostmapConfig(max_slope=max_slope)
     return Costmap(config, cells, LOW, HIGH, "ground", 0.2, height, step_height).state[:, :, 0]
 
 
@@ -219,7 +219,7 @@ def rough(seed):
 def test_it_is_the_slow_definition_and_a_map_that_is_followed_is_one_made_anew(seed):
     cells, other = rough(seed), rough(seed + 10)
     settings = [(0.03, 0.3, 0.45), (0.15, 0.2, 0.4)][seed % 2]
-    config = MapConfig(max_slope=settings[1])
+    config = CostmapConfig(max_slope=settings[1])
     body = config, cells, LOW, HIGH, "ground", 0.2, settings[2], settings[0]
     following = Costmap(*body)
     counts = np.zeros(3, int)
@@ -287,7 +287,7 @@ def test_a_ramp_that_is_swept_from_below_is_walked_over(angle):
     flat, rise = np.cos(elevation), np.sin(elevation) + 0.0 * azimuth
     directions = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1)
     directions = directions.reshape(-1, 3)
-    config = MapConfig(resolution=0.05, max_slope=0.35, half_life=0.0, memory_mib=64)
+    config = MapConfig(resolution=0.05, half_life=0.0, memory_mib=64)
     voxel_map = VoxelMap(config)
     foot, slope = 2.0, math.tan(angle)
     rng = np.random.default_rng(5)
@@ -304,7 +304,7 @@ def test_a_ramp_that_is_swept_from_below_is_walked_over(angle):
         voxel_map.integrate(origin, directions, ranges_mm.astype(np.uint16), 5.0, k)
     window = (0.0, -1.0, -0.3), (4.0, 1.0, 2.5)
     for max_slope, walked in ((0.35, True), (0.0, False)):
-        config = MapConfig(resolution=0.05, max_slope=max_slope)
+        config = CostmapConfig(max_slope=max_slope)
         costmap = Costmap(config, voxel_map, *window, "ground", 0.2, 0.5, 0.03)
         on_ramp = costmap.state[44:64, 12:28, 0]  # 2.2 to 3.2 m
         assert ((on_ramp == FREE).mean() > 0.95) == walked

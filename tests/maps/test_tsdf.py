@@ -141,7 +141,7 @@ def naive_sweep(origin, directions, ranges_mm, cells):
 
 def test_sweeps_are_those_of_a_naive_field():
     cells = np.moveaxis(np.indices((44, 44, 44)), 0, -1).reshape(-1, 3) - 22
-    tsdf = make(surface_guard="none", minimum_range=0.0)
+    tsdf = make(floor_grazing_filter=False, minimum_range=0.0)
     held = {i: (0, 0) for i in range(len(cells))}
     doubt = np.zeros(len(cells), bool)
     for seed in range(3):

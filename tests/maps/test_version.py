@@ -74,11 +74,11 @@ def test_what_is_all_unknown_again_is_as_if_never_touched():
         risen.mark_floor((0.0, 0.0), (0.1, 0.1), 0)  # 4 hits are 108 units, at the clamp of 104
     before = risen.version()
     assert before != make().version()
-    even = make(hit=0.4, miss=0.4)
+    even = make(log_odds_hit=0.4, log_odds_miss=0.4)
     beam = np.array([[1.0, 0.0, 0.0]])
     for k in (500, 600, 400):  # the cells up to 0.4 m are lowered three times
         even.integrate((0.05, 0.05, 0.5), beam, np.array([k], np.uint16), 1.0, 0)
-    assert even.version() != make(hit=0.4, miss=0.4).version()
+    assert even.version() != make(log_odds_hit=0.4, log_odds_miss=0.4).version()
 
 
 def test_a_tick_is_in_the_version_as_it_is_in_the_content():
@@ -95,7 +95,7 @@ def test_a_tick_is_in_the_version_as_it_is_in_the_content():
 
 
 def test_resolution_and_units_count():
-    voxel_maps = [make(), make(resolution=0.2), make(hit=0.85)]
+    voxel_maps = [make(), make(resolution=0.2), make(log_odds_hit=0.85)]
     for voxel_map in voxel_maps:
         voxel_map.mark_free((0.0, 0.0, 0.1), (0.2, 0.2, 0.3), 0)
     assert len({voxel_map.version() for voxel_map in voxel_maps}) == 3

@@ -258,30 +258,33 @@ def test_a_read_only_sweep_as_a_log_yields_it(voxel_map):
     assert voxel_map.integrate(EYE, directions, ranges_mm, 3.0, 0).cells_updated == 21
 
 
-@pytest.mark.parametrize("settings", [{}, {"clamp_low": 0.001, "clamp_high": 0.999, "hit": 0.85}])
+@pytest.mark.parametrize(
+    "settings", [{}, {"prob_min": 0.001, "prob_max": 0.999, "log_odds_hit": 0.85}]
+)
 def test_rounding_tells_what_was_asked_and_what_is_in_effect(settings):
     config = MapConfig(half_life=0.0, **settings)
     voxel_map = VoxelMap(config)
     rounding = voxel_map.rounding()
     assert {name: asked for name, (asked, _) in rounding.items()} == {
-        name: getattr(config, name) for name in ("hit", "miss", "clamp_low", "clamp_high")
+        name: getattr(config, name)
+        for name in ("log_odds_hit", "log_odds_miss", "prob_min", "prob_max")
     }
     look(voxel_map, 2000)
     seen = voxel_map.probability_at([*CELL, *BEFORE])
     np.testing.assert_allclose(
-        np.log(seen / (1 - seen)), [rounding["hit"][1], -rounding["miss"][1]]
+        np.log(seen / (1 - seen)), [rounding["log_odds_hit"][1], -rounding["log_odds_miss"][1]]
     )
     for _ in range(60):
         look(voxel_map, 2000)
-    clamps = [rounding["clamp_high"][1], rounding["clamp_low"][1]]
+    clamps = [rounding["prob_max"][1], rounding["prob_min"][1]]
     np.testing.assert_allclose(voxel_map.probability_at([*CELL, *BEFORE]), clamps)
-    np.testing.assert_allclose(clamps, [config.clamp_high, config.clamp_low], atol=0.004)
+    np.testing.assert_allclose(clamps, [config.prob_max, config.prob_min], atol=0.004)
 
 
 def test_the_default_steps_are_whole_units():
     rounding = VoxelMap(MapConfig()).rounding()
-    assert rounding["hit"] == (0.9, 0.9)
-    assert rounding["miss"] == (0.4, 0.4)
+    assert rounding["log_odds_hit"] == (0.9, 0.9)
+    assert rounding["log_odds_miss"] == (0.4, 0.4)
 
 
 def room_sweep(count=4000):

@@ -129,7 +129,7 @@ def test_compiled_pose_kernels_equal_python():
     assert np.array_equal(short[[0, -1]], poses[[0, -1]])
 
 
-@pytest.mark.parametrize("name", ["field", "rrtconnect"])
+@pytest.mark.parametrize("name", ["astar", "rrtconnect"])
 def test_a_long_body_fits_lengthwise_where_its_disc_does_not(gap, name):
     start, goal = point(gap, 15.5, 30.5), point(gap, 65.5, 30.5)
     disc = collision_distance_sq(LONG.circumscribed_radius, gap.resolution, flat=True)
@@ -184,7 +184,7 @@ def test_a_body_of_balls_flies_through_a_slot():
     blocked[22:28, 15:25, 6:14] = False
     space = body_space(blocked)
     start, goal = point(space, 8.5, 20.5, 10.5), point(space, 42.5, 20.5, 10.5)
-    for name in ("field", "rrtconnect"):
+    for name in ("astar", "rrtconnect"):
         found = plan(space, start, goal, PlannerConfig(name, 20_000), seed=2, heading=1.0)
         poses = np.column_stack((found.waypoints, found.headings))
         assert space.sweep_cost(poses) == found.cost < math.inf
@@ -207,7 +207,7 @@ def test_what_does_not_suit_a_body_is_refused(gap):
         headed = PlannerConfig(name, state_space="pose", iterations=100)
         with pytest.raises(ValueError, match=f"pose in space for the planner {name}, expected pos"):
             plan(solid, start, goal, headed, seed=1)
-    for name in ("field", "rrtconnect", "rrtstar", "fmt"):
+    for name in ("astar", "rrtconnect", "rrtstar", "fmt"):
         headed = PlannerConfig(name, state_space="pose", iterations=100)
         assert plan(solid, start, goal, headed, seed=1).label in ("none", "no_path")
     assert set(STATE_SPACES) == {"position", "pose", "reeds_shepp", "dubins"}

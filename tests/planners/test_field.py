@@ -148,7 +148,7 @@ def test_plans_that_spare_distances_are_as_cheap_and_search_more_cells():
         blocked[x : x + 30, y : y + 30] = True
     space = make_space(blocked, 0.05)  # a lattice cell is 4 of them along each axis
     start, goal = point(space, 8.5, 8.5, 20.5), point(space, 270.5, 250.5, 40.5)
-    config = PlannerConfig(name="field", shortcuts=0, corner_price=0.0)
+    config = PlannerConfig(name="astar", shortcuts=0, corner_cost=0.0)
     plans = [
         plan(dataclasses.replace(space, sparing=sparing), start, goal, config, seed=1)
         for sparing in (False, True)
@@ -229,7 +229,7 @@ def test_a_gap_that_the_coarse_lattice_lacks_is_found_on_the_grid():
     field[30, 32] = 100  # one cell wide, not in the middle of any block of two
     space = FreeSpace(field, np.zeros(3), 0.05, 4, np.zeros(101))
     start, goal = np.array([0.5, 0.5, 0.025]), np.array([2.5, 0.5, 0.025])
-    found = plan(space, start, goal, PlannerConfig(name="field"), seed=1)
+    found = plan(space, start, goal, PlannerConfig(name="astar"), seed=1)
     assert found.label == "none"
     assert all(space.edge_free(a, b) for a, b in itertools.pairwise(found.waypoints))
     crossing = np.abs(found.waypoints[:, 0] - 1.525).argmin()

@@ -69,7 +69,7 @@ SHORT = ("planner.clearance_weight=0",)
 """Paths as short as they may be, so as close to things."""
 
 KINDS = {
-    "slim": Kind("margin_too_small", _slim, NARROW, (*SHORT, "map.inflation_margin=0.05")),
+    "slim": Kind("margin_too_small", _slim, NARROW, (*SHORT, "costmap.localization_margin=0.05")),
     "bulky": Kind("margin_too_small", _bulky, NARROW, SHORT),
     "strict": Kind("tracking", _strict),
     "overrated": Kind("tracking", _overrated),

@@ -25,8 +25,8 @@ HERE = ((0.0, 0.0, 0.0),)
 PANELS = 6
 """That a wall consists of which appears at once: each keeps off the robot for itself."""
 
-UNLEARNS_SLOWLY = ("map.miss=0.01", "map.half_life=0")
-RESIGNED = ("behaviour.tries=1",)
+UNLEARNS_SLOWLY = ("map.log_odds_miss=0.01", "map.half_life=0")
+RESIGNED = ("behaviour.max_recoveries=1",)
 """One look from elsewhere before the stack gives up."""
 
 

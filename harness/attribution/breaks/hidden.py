@@ -77,7 +77,7 @@ def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Unknown space is entered like free space, and what is near stays unknown."""
-    return Broken(settings=("map.unknown_policy=allow", "map.minimum_range=5"))
+    return Broken(settings=("costmap.unknown_policy=allow", "map.minimum_range=5"))
 
 
 STILL = (

@@ -45,7 +45,7 @@ def _way(sound: Scenario) -> float:
 
 def _wide(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """A margin that no passage is wide enough for."""
-    return Broken(settings=(f"map.inflation_margin={rng.uniform(0.3, 0.7):.2f}",))
+    return Broken(settings=(f"costmap.localization_margin={rng.uniform(0.3, 0.7):.2f}",))
 
 
 def _closed(sound: Scenario, result: Result, rng: Rng) -> Broken:

@@ -19,12 +19,12 @@ def _drift(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 def _heading_drift(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Dead reckoning whose turns are off by a share."""
-    return Broken(settings=(f"odometry.turn_scale={rng.uniform(0.1, 0.4):.3f}",))
+    return Broken(settings=(f"odometry.yaw_scale_sigma={rng.uniform(0.1, 0.4):.3f}",))
 
 
 def _dead_reckoning(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Dead reckoning whose distances are off by a share, and that states so."""
-    return Broken(settings=(f"odometry.scale={rng.uniform(0.05, 0.2):.3f}",))
+    return Broken(settings=(f"odometry.scale_sigma={rng.uniform(0.05, 0.2):.3f}",))
 
 
 KINDS = {

@@ -71,7 +71,7 @@ class Moment:
         """The localization margin, m, by the settings, the logged pose and the body alone."""
         lever = max((abs(offset) for offset, _ in self.mission.discs), default=0.0)
         believed = SIGMAS * self.record.inputs.pose.position_sigma
-        return self.config.map.inflation_margin + believed + lever * HEADING_ERROR
+        return self.config.costmap.localization_margin + believed + lever * HEADING_ERROR
 
     @property
     def late(self) -> bool:

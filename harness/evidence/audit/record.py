@@ -51,7 +51,7 @@ def check_settings(moment: Moment) -> list[Violation]:
         moment.broken("settings", f"{name} '{said}', the config says '{expected}'")
         for name, said, expected in (
             ("representation", decision.representation, config.map.kind),
-            ("unknown_policy", decision.unknown_policy, config.map.unknown_policy),
+            ("unknown_policy", decision.unknown_policy, config.costmap.unknown_policy),
         )
         if said != expected
     ]
@@ -118,10 +118,10 @@ def check_figures(moment: Moment) -> list[Violation]:
 
 def _check_clearance(moment: Moment) -> list[Violation]:
     """The least clearance, to a cell: a path may touch another one, or run along a face of two."""
-    config = moment.config.map
+    config = moment.config.costmap
     if config.class_margins or config.max_slope > 0.0:  # the cells that count are not the map's
         return []
-    size, mission = config.resolution, moment.mission
+    size, mission = moment.config.map.resolution, moment.mission
     radii = radii_of(mission)
     inflation = (min(radii) + moment.margin) / size + 0.5 * math.sqrt(
         2.0 if moment.body.flat else 3.0

@@ -116,7 +116,7 @@ def audit(
         raise InputError(f"log '{path}': no decisions in it")
     return Audit(
         log=str(path),
-        policy=policy or log.config.map.unknown_policy,
+        policy=policy or log.config.costmap.unknown_policy,
         decisions=decisions,
         swept=counts["swept"],
         stops=counts["stop"],
@@ -154,7 +154,7 @@ def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
     runs = segments_of(log)
     stack = SegmentedStack(runs)
     bodies = {
-        run.begin: Body(run.config, run.mission, policy or run.config.map.unknown_policy)
+        run.begin: Body(run.config, run.mission, policy or run.config.costmap.unknown_policy)
         for run in runs
     }
     before: tuple[pb.Trajectory, ...] = (standing_at_start(runs[0].mission),)

@@ -65,7 +65,7 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
         begins = [nearest(way, scene.path[0], scene)[0] for way in ways]
         ends = [begin + reason.free_m for begin in begins]
     turn = max(turn_at(way, scene.path, end) for way, end in zip(ways, ends, strict=True))
-    if turn < scene.config.behaviour.stop_corner - TURNED:
+    if turn < scene.config.behaviour.max_corner_angle - TURNED:
         yield f"the path turns by {turn:.2f} rad at {reason.free_m:.2f} m, which is no corner"
 
 
@@ -84,9 +84,11 @@ def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The committed part leads through unknown space, which the policy lets it, slowly."""
     yield from obstructed(scene, reason, scene.guide, unknown_blocks=True)
-    if scene.config.map.unknown_policy != "penalize":
-        yield f"unknown policy {scene.config.map.unknown_policy}"
-    yield from same("speed_share", reason.speed_share, scene.config.behaviour.penalized_speed)
+    if scene.config.costmap.unknown_policy != "penalize":
+        yield f"unknown policy {scene.config.costmap.unknown_policy}"
+    yield from same(
+        "speed_share", reason.speed_share, scene.config.behaviour.unknown_speed_fraction
+    )
     if reason.free_m > length(scene.path) + NEAR:
         yield "what is unknown lies beyond the committed part"
 

@@ -48,13 +48,13 @@ class Scene:
     @property
     def comparable(self) -> bool:
         """Whether the cells that count are the map's: slopes and margins by class add some."""
-        config = self.config.map
+        config = self.config.costmap
         return not config.class_margins and config.max_slope == 0.0
 
     @property
     def unknown_blocks(self) -> bool:
         """Whether the policy keeps the body out of unknown space."""
-        return self.config.map.unknown_policy == "forbid"
+        return self.config.costmap.unknown_policy == "forbid"
 
     @property
     def offsets(self) -> list[float]:

@@ -40,7 +40,7 @@ def goal_place_moved(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[st
     yield from same("distance_m", reason.distance_m, scene.apart(past.way[-1], target))
     if reason.distance_m <= 3.0 * scene.size:
         yield f"{reason.distance_m:.2f} m is no other place"
-    if scene.apart(target, scene.goal) > scene.config.behaviour.goal_reach + scene.size:
+    if scene.apart(target, scene.goal) > scene.config.behaviour.goal_search_radius + scene.size:
         yield "its place is not near the goal"
 
 

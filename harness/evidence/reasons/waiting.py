@@ -24,7 +24,7 @@ def waiting_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """At rest before a cell that leaves too little of the way to set out."""
     way = scene.guide if len(scene.guide) > 1 else past.way
     yield from obstructed(scene, reason, way, scene.unknown_blocks)
-    yield from same("limit_m", reason.limit_m, scene.config.behaviour.least_advance)
+    yield from same("limit_m", reason.limit_m, scene.config.behaviour.min_advance)
     if not reason.free_m < reason.limit_m:
         yield f"{reason.free_m:.2f} m are free"
     yield from _waited(scene, past, reason)
@@ -54,7 +54,7 @@ def no_path_found(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 def goal_blocked(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The body would overlap a cell at the goal, and at every place near it."""
     yield from overlapped(scene, reason, scene.goal, unknown_blocks=False)
-    yield from same("limit_m", reason.limit_m, scene.config.behaviour.goal_reach)
+    yield from same("limit_m", reason.limit_m, scene.config.behaviour.goal_search_radius)
     if has_room(scene, scene.goal, reason.limit_m, None, unknown_blocks=False):
         yield f"there is a free place within {reason.limit_m:.2f} m"
     yield from _waited(scene, past, reason)
@@ -64,7 +64,10 @@ def goal_inside_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterat
     """The body would overlap a cell at the goal, and stands as near as it can."""
     yield from overlapped(scene, reason, scene.goal, unknown_blocks=False)
     yield from same("distance_m", reason.distance_m, scene.apart(scene.path[0], scene.goal))
-    if scene.decision.action == "abort" and reason.waited_s < scene.config.behaviour.goal_patience:
+    if (
+        scene.decision.action == "abort"
+        and reason.waited_s < scene.config.behaviour.goal_wait_timeout
+    ):
         yield f"gave up after {reason.waited_s:.1f} s"
     yield from _waited(scene, past, reason)
 
@@ -118,7 +121,7 @@ def _waited(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     if length(scene.path) >= STILL:
         yield "it moves"
     behaviour = scene.config.behaviour
-    if (reason.frontier or reason.HasField("places")) and reason.waited_s < behaviour.patience:
+    if (reason.frontier or reason.HasField("places")) and reason.waited_s < behaviour.wait_timeout:
         yield f"looked for a frontier after {reason.waited_s:.2f} s"
-    if reason.HasField("places") and reason.places < behaviour.tries:
+    if reason.HasField("places") and reason.places < behaviour.max_recoveries:
         yield f"gave up after {reason.places} places"

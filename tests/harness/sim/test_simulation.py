@@ -13,7 +13,11 @@ from wayproof.harness.sim.termination import TerminationMonitor, safe_limits
 from wayproof.models.robots import Setpoint
 from wayproof.planners import MotionLimits, follow_path, hold
 
-NOISY = ["odometry.jitter=0.002", "odometry.turn_jitter=0.002", "odometry.walk=0.02"]
+NOISY = [
+    "odometry.white_noise=0.002",
+    "odometry.yaw_white_noise=0.002",
+    "odometry.random_walk=0.02",
+]
 
 
 @pytest.fixture(scope="module", params=["quadruped", "drone"])

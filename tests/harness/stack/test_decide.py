@@ -129,7 +129,7 @@ def a_wall_shuts_off_the_goal_and_it_came_from_behind():
 
 
 def it_has_looked_from_everywhere():
-    tries = BehaviourConfig().tries
+    tries = BehaviourConfig().max_recoveries
     return waited(make_states(occupied=[WALL]), 1.5, viewpoints=np.tile(place(*START), (tries, 1)))
 
 

@@ -111,7 +111,7 @@ def parts(result):
 
 def test_a_margin_keeps_farther_from_a_person(recorded):
     near = run(recorded, "sensors.semantics=true")
-    settings = "sensors.semantics=true", 'map.class_margins={"person": 0.4}'
+    settings = "sensors.semantics=true", 'costmap.class_margins={"person": 0.4}'
     far = run(recorded, *settings)
     assert far.collisions == near.collisions == 0
     assert least_distance(far) > least_distance(near) + 0.2
@@ -136,12 +136,15 @@ def test_strange_classes_and_margins_are_refused_in_one_line():
             decode_classes(sweep)
     config = Config("empty", "quadruped", 1)
     for settings, message in (
-        (['map.class_margins={"person": 0.3}'], "expected sensors.semantics=true"),
-        (["sensors.semantics=true", 'map.class_margins={"ghost": 1}'], "got 'ghost', expected one"),
-        (["sensors.semantics=true", 'map.class_margins={"wall": 9}'], "expected 0 to 5 m"),
-        (["map.class_margins=3"], "map.class_margins"),
+        (['costmap.class_margins={"person": 0.3}'], "expected sensors.semantics=true"),
+        (
+            ["sensors.semantics=true", 'costmap.class_margins={"ghost": 1}'],
+            "got 'ghost', expected one",
+        ),
+        (["sensors.semantics=true", 'costmap.class_margins={"wall": 9}'], "expected 0 to 5 m"),
+        (["costmap.class_margins=3"], "costmap.class_margins"),
     ):
         with pytest.raises(InputError, match=message) as refused:
             override(config, settings)
         assert "\n" not in str(refused.value)
-    assert replace(config, seed=2).map.class_margins == {}
+    assert replace(config, seed=2).costmap.class_margins == {}

@@ -10,7 +10,7 @@ from tests.sharing import checked_kernels
 
 VOXEL_MAP = """
 import numpy as np
-from wayproof.maps import Costmap, MapConfig, VoxelMap, inflate
+from wayproof.maps import Costmap, CostmapConfig, MapConfig, VoxelMap, inflate
 rng = np.random.default_rng(1)
 config = MapConfig(memory_mib=1)
 voxel_map = VoxelMap(config)
@@ -23,7 +23,7 @@ voxel_map.mark_free_sphere((1, 1, 0.5), 0.3, 3 * 10**9)
 print(voxel_map.version(), voxel_map.observed_ns_at([[1, 1, 0.3]]), voxel_map.counts())
 box = (0, 0, -0.3), (2.1, 1.8, 0.9)
 for motion in ("ground", "air"):
-    costmap = Costmap(config, voxel_map, *box, motion, 0.1, 0.5, 0.15)
+    costmap = Costmap(CostmapConfig(), voxel_map, *box, motion, 0.1, 0.5, 0.15)
     print(int(costmap.clearance.sum()), int(costmap.obstacle_clearance.sum()))
 """
 
@@ -33,7 +33,7 @@ print(voxel_map.probability_at([[1, 1, 0.3]]), voxel_map.cast_ray((1, 1, 0.5), (
 
 BLOCK_MAPS = """
 import numpy as np
-from wayproof.maps import Costmap, Grid2D, MapConfig, TsdfMap
+from wayproof.maps import Costmap, CostmapConfig, Grid2D, MapConfig, TsdfMap
 rng = np.random.default_rng(1)
 config = MapConfig(memory_mib=1)
 for make in (Grid2D, TsdfMap):
@@ -48,7 +48,7 @@ for make in (Grid2D, TsdfMap):
     block_map.advance(60 * 10**9)
     print(block_map.version(), block_map.counts(), block_map.probability_at([[1, 1, 0.3]]))
     box = (0, 0, -0.3), (2.1, 1.8, 0.9)
-    costmap = Costmap(config, block_map, *box, "ground", 0.1, 0.5, 0.15)
+    costmap = Costmap(CostmapConfig(), block_map, *box, "ground", 0.1, 0.5, 0.15)
     print(int(costmap.clearance.sum()), int(costmap.obstacle_clearance.sum()))
 """
 
