@@ -18,8 +18,8 @@ from wayproof.harness.stack.labels import check_margins
 from wayproof.harness.stack.types import BehaviourConfig
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
 from wayproof.maps.bounds import Bounds, check_fields
-from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
 from wayproof.models.odometry import OdometryConfig
+from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
 from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
 
 MOST_THREADS = 64

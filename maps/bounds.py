@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Hashable
-from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 
 class Bounds(NamedTuple):
@@ -31,35 +29,12 @@ def check_fields(config: object, section: str) -> None:
     Raises:
         ValueError: A value lies outside of its bounds, is NaN, or is none of its choices.
     """
-    for name, bounds in _bounds(type(config)).items():
+    for name, hint in get_type_hints(type(config), include_extras=True).items():
         value = getattr(config, name)
-        if not bounds.low <= value <= bounds.high:  # also refuses NaN
-            expected = f"{bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
-            raise ValueError(f"{section}{name}: got {value:g}, expected {expected}")
-    for name, choices in _choices(type(config)).items():
-        value = getattr(config, name)
-        if value not in choices:
-            available = ", ".join(choices)
+        if get_origin(hint) is Literal and value not in get_args(hint):
+            available = ", ".join(get_args(hint))
             raise ValueError(f"{section}{name}: got {value!r}, expected one of {available}")
-
-
-def _hints(kind: Hashable) -> dict[str, Any]:
-    return get_type_hints(kind, include_extras=True)
-
-
-@functools.cache
-def _bounds(kind: Hashable) -> dict[str, Bounds]:
-    """Bounds by field name."""
-    found = {}
-    for name, hint in _hints(kind).items():
-        for extra in getattr(hint, "__metadata__", ()):
-            if isinstance(extra, Bounds):
-                found[name] = extra
-    return found
-
-
-@functools.cache
-def _choices(kind: Hashable) -> dict[str, tuple[Any, ...]]:
-    """Choices by name of a `Literal` field."""
-    hints = _hints(kind).items()
-    return {name: get_args(hint) for name, hint in hints if get_origin(hint) is Literal}
+        for bounds in getattr(hint, "__metadata__", ()):
+            if isinstance(bounds, Bounds) and not bounds.low <= value <= bounds.high:  # nor NaN
+                expected = f"{bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
+                raise ValueError(f"{section}{name}: got {value:g}, expected {expected}")
