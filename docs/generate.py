@@ -20,7 +20,7 @@ from wayproof.harness.cli.main import verb_parsers
 from wayproof.harness.config import Config
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import PERTURBATIONS, WITHIN
-from wayproof.harness.study.support import Support
+from wayproof.harness.study.statistics.support import Support
 
 FOLDER = Path(__file__).parent / "reference"
 

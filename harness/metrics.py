@@ -18,7 +18,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.logs.messages import read_messages
 from wayproof.harness.logs.reader import Log
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.study.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 Array = NDArray[np.float64]
 

@@ -16,21 +16,21 @@ from rich import box
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
-from wayproof.harness.bench.coverage import PARTS as COVERAGE_PARTS
-from wayproof.harness.bench.coverage import bench_coverage
-from wayproof.harness.bench.crossing import bench_crossing
-from wayproof.harness.bench.episodes import bench_delays, bench_planners, bench_policies
-from wayproof.harness.bench.loop import LOADS, bench_loop
-from wayproof.harness.bench.map import PARTS as MAP_PARTS
-from wayproof.harness.bench.map import bench_map
-from wayproof.harness.bench.plan import bench_plan
-from wayproof.harness.bench.rays import bench_rays
-from wayproof.harness.bench.robots import PARTS as ROBOT_PARTS
-from wayproof.harness.bench.robots import bench_robots
-from wayproof.harness.bench.search import bench_search
-from wayproof.harness.bench.study import bench_study, bench_study_size
-from wayproof.harness.bench.worlds import bench_worlds
-from wayproof.harness.benchmarks import BENCHMARKS, Files, find_benchmark
+from wayproof.harness.bench.episodes.ablations import bench_delays, bench_planners, bench_policies
+from wayproof.harness.bench.episodes.crossing import bench_crossing
+from wayproof.harness.bench.episodes.falsify import bench_falsify
+from wayproof.harness.bench.episodes.robots import PARTS as ROBOT_PARTS
+from wayproof.harness.bench.episodes.robots import bench_robots
+from wayproof.harness.bench.episodes.study import bench_study, bench_study_size
+from wayproof.harness.bench.episodes.worlds import bench_worlds
+from wayproof.harness.bench.micro.loop import LOADS, bench_loop
+from wayproof.harness.bench.micro.map import PARTS as MAP_PARTS
+from wayproof.harness.bench.micro.map import bench_map
+from wayproof.harness.bench.micro.plan import bench_plan
+from wayproof.harness.bench.micro.rays import bench_rays
+from wayproof.harness.bench.published import BENCHMARKS, Files, find_benchmark
+from wayproof.harness.bench.statistics.coverage import PARTS as COVERAGE_PARTS
+from wayproof.harness.bench.statistics.coverage import bench_coverage
 from wayproof.harness.errors import InputError, unknown_name
 
 Row = dict[str, Any]
@@ -64,7 +64,7 @@ STAGES: dict[str, Stage] = {
     "rays": Stage(bench_rays, 15),
     "worlds": Stage(bench_worlds, 3, keeps=True),
     "robots": Stage(bench_robots, 10, parts=ROBOT_PARTS),
-    "search": Stage(bench_search, 10),
+    "falsify": Stage(bench_falsify, 10),
     "study": Stage(bench_study, 40),
     "study_size": Stage(bench_study_size, 1000),
 }
@@ -110,7 +110,7 @@ def run_stage(
     """Measure one stage; its figures depend on the machine, its scenes on the seed alone.
 
     Args:
-        name: In `STAGES`, or in `harness.benchmarks.BENCHMARKS` where files are given.
+        name: In `STAGES`, or in `harness.bench.published.BENCHMARKS` where files are given.
         repeats: None for as many as the stage needs.
         seed: Of the scenes.
         files: Of a published benchmark.

@@ -7,20 +7,20 @@ from wayproof.harness.cli import (
     compare,
     completion,
     convert,
-    critical,
     demo,
     explain,
+    falsify,
     import_world,
-    listing,
+    list_,
     picture,
     recover,
     replay,
     report,
     run,
     score,
-    search,
     sign,
     study,
+    threshold,
     verify,
     view,
 )
@@ -34,9 +34,9 @@ VERBS: dict[str, Verb] = {
     "audit": audit.VERB,
     "score": score.VERB,
     "study": study.VERB,
-    "critical": critical.VERB,
+    "threshold": threshold.VERB,
     "calibrate": calibrate.VERB,
-    "search": search.VERB,
+    "falsify": falsify.VERB,
     "report": report.VERB,
     "compare": compare.VERB,
     "view": view.VERB,
@@ -44,7 +44,7 @@ VERBS: dict[str, Verb] = {
     "convert": convert.VERB,
     "recover": recover.VERB,
     "sign": sign.VERB,
-    "list": listing.VERB,
+    "list": list_.VERB,
     "demo": demo.VERB,
     "bench": bench.VERB,
     "import": import_world.VERB,
@@ -52,4 +52,7 @@ VERBS: dict[str, Verb] = {
 }
 """Name on the command line -> verb, in the order in which `--help` shows them."""
 
-__all__ = ["VERBS", "Document", "Verb"]
+RENAMED = {"critical": "threshold", "search": "falsify"}
+"""Former name of a verb -> its name."""
+
+__all__ = ["RENAMED", "VERBS", "Document", "Verb"]

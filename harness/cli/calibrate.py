@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from wayproof.harness.cli.pool import Watch, add_engine, check_engine, open_engine
+from wayproof.harness.cli.engine_options import Watch, add_engine, check_engine, open_engine
 from wayproof.harness.cli.verb import LOGS, Document, Verb, add_settings
 from wayproof.harness.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
-    from wayproof.harness.study.margin import MarginResult
-    from wayproof.harness.study.statistics import Interval
+    from wayproof.harness.study.calibration import MarginResult
+    from wayproof.harness.study.statistics.exact import Interval
 
 CALIBRATED = ("margin",)
 """What can be calibrated."""
@@ -24,7 +24,7 @@ CALIBRATED = ("margin",)
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Find the smallest margin; 1 where none that was tried keeps the bound, 3 on errors."""
-    from wayproof.harness.study.margin import MARGINS, calibrate_margin, margin_study
+    from wayproof.harness.study.calibration import MARGINS, calibrate_margin, margin_study
     from wayproof.harness.study.store import Store
 
     check_engine(options)

@@ -14,7 +14,7 @@ from wayproof.harness.cli.verb import Document, Verb, add_plugins
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write the report of a study's folder; exit code 0 once it is written, whatever it says."""
-    from wayproof.harness.study.report import write_report
+    from wayproof.harness.study.report.report import write_report
     from wayproof.harness.study.study import verdict_in_words
 
     path, result = write_report(options.folder, options.allow_plugins)

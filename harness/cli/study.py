@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from wayproof.harness.cli.pool import Watch, add_engine, check_engine, open_engine
+from wayproof.harness.cli.engine_options import Watch, add_engine, check_engine, open_engine
 from wayproof.harness.cli.verb import LOGS, Document, Verb, add_check, add_plugins
 from wayproof.harness.errors import InputError, Interrupted
 
@@ -103,8 +103,8 @@ def _checks(
 
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """A published benchmark by its own protocol and scores: every world, so many seeds of each."""
+    from wayproof.harness.bench.published import Files
     from wayproof.harness.bench.stages import print_rows, run_stage
-    from wayproof.harness.benchmarks import Files
 
     files = Files("--worlds", options.worlds, options.out or LOGS)
     rows = run_stage(options.file, options.repeats, seed=0, files=files)

@@ -10,9 +10,9 @@ import numpy as np
 
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.file import Arm
-from wayproof.harness.study.intervals import difference_interval, mean_interval
 from wayproof.harness.study.rows import Row, first_difference, prove, reference_of, share_differing
-from wayproof.harness.study.statistics import Interval, holm, mcnemar, restricted_mean
+from wayproof.harness.study.statistics.exact import Interval, holm, mcnemar, restricted_mean
+from wayproof.harness.study.statistics.intervals import difference_interval, mean_interval
 
 Pairs = list[tuple[Row, Row]]
 

@@ -13,16 +13,16 @@ from scipy import stats
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import Pairs, Sample, cluster_of, is_imported
 from wayproof.harness.study.file import Arm, Gate, name_of
-from wayproof.harness.study.intervals import (
+from wayproof.harness.study.rows import Row
+from wayproof.harness.study.statistics.exact import CONFIDENCE, Interval
+from wayproof.harness.study.statistics.intervals import (
     LEAST_CLUSTERS,
     LEAST_COUNTED,
     cluster_means,
     difference_interval,
     mean_interval,
 )
-from wayproof.harness.study.rows import Row
-from wayproof.harness.study.statistics import CONFIDENCE, Interval
-from wayproof.harness.study.support import Support
+from wayproof.harness.study.statistics.support import Support
 
 Verdict = Literal["held", "failed", "inconclusive"]
 

@@ -30,8 +30,8 @@ import numpy as np
 
 from docs.blocks import HERE, blocks, commands
 from tests.sharing import alone
-from wayproof.harness.bench import crossing as bench_crossing
-from wayproof.harness.bench import worlds as bench_worlds
+from wayproof.harness.bench.episodes import crossing as bench_crossing
+from wayproof.harness.bench.episodes import worlds as bench_worlds
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.cli.main import main, verb_parsers
 from wayproof.harness.cli.run import episode_name
@@ -72,16 +72,16 @@ NOISE = re.compile(
 """Wall times, sizes that hold them, and hashes, which are one machine's."""
 
 SMALLER = {
-    "critical": "--episodes 2".split(),
+    "threshold": "--episodes 2".split(),
     "calibrate": "--seeds 2 --margins 0.02,0.1 --set episode.time_limit=0.5"
     " --set map.resolution=0.2".split(),
     "demo": "--set episode.time_limit=0.5".split(),
-    "search": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
+    "falsify": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
     " --set map.resolution=0.2".split(),
 }
 """What else is typed for a verb on a small scale."""
 
-MANY = ("study", "critical", "calibrate", "search")
+MANY = ("study", "threshold", "calibrate", "falsify")
 """Verbs that start processes: each loads everything, which takes longer than a short episode."""
 
 STAGES_SMALLER = {
@@ -261,7 +261,7 @@ class Typist:
                 words = with_options(words, STAGES_SMALLER.get(words[1], []))
             if "--movie" in words:
                 words = with_options(words, ["--period", "0.5"])
-            if verb == "critical":
+            if verb == "threshold":
                 words = [verb, smaller_study(words[1]), *words[2:]]
             if verb in ("explain", "picture") and words[2:3] and words[2].isdecimal():
                 words = [*words[:2], str(min(int(words[2]), EARLY)), *words[3:]]
@@ -400,10 +400,10 @@ def smaller_world(words):
     """The empty world; a search begins with an episode that reaches the goal: soonest there."""
     if words[0] == "calibrate":
         return [*words[:2], "empty", *words[3:]]
-    if words[0] != "search":
+    if words[0] != "falsify":
         return words
     at = words.index("--seed") + 1
-    return ["search", "empty", *words[2:at], "1", *words[at + 1 :]]
+    return ["falsify", "empty", *words[2:at], "1", *words[at + 1 :]]
 
 
 def dry_run(words):

@@ -16,6 +16,15 @@ import pytest
 import zstandard
 from mcap.writer import Writer
 
+from wayproof.harness.bench.soak.child import in_child
+from wayproof.harness.bench.soak.hostile_logs import (
+    NUMBER,
+    chunk,
+    declared,
+    message,
+    record,
+    with_chunks,
+)
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.audit import audit
@@ -36,8 +45,6 @@ from wayproof.harness.logs.reader import open_log
 from wayproof.harness.logs.recover import recover
 from wayproof.harness.logs.small_log import COMMITTED, committed_name
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.soak.child import in_child
-from wayproof.harness.soak.hostile_logs import NUMBER, chunk, declared, message, record, with_chunks
 
 
 @pytest.fixture(scope="module")

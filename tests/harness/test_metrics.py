@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from wayproof.harness.cli.falsify import print_found
 from wayproof.harness.cli.main import main
-from wayproof.harness.cli.search import print_found
 from wayproof.harness.logs.small_log import COMMITTED, committed_name
 from wayproof.harness.metrics import METRICS, Trace, read_trace, score
 from wayproof.harness.perturbations import perturbation_from
-from wayproof.harness.search.episodes import Found
-from wayproof.harness.search.hunt import Tried
+from wayproof.harness.study.falsify.falsify import Found
+from wayproof.harness.study.falsify.search import Tried
 
 
 def trace(**changes: object) -> Trace:

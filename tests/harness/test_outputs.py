@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from wayproof.harness.bench.soak.child import in_child
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.logs.log import LogWriter
 from wayproof.harness.logs.recover import recovered_name
 from wayproof.harness.outputs import Draft, remove_abandoned, written_whole
-from wayproof.harness.soak.child import in_child
 
 
 def test_a_name_has_one_writer_at_a_time(tmp_path):

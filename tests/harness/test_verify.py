@@ -9,6 +9,7 @@ import pytest
 from wayproof.harness.attribution.check import Verdict
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.record import record_check
+from wayproof.harness.bench.soak.forgeries import CLAIMS, EDITS, Forgery, forge
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.evidence.closed_loop import simulate_again
@@ -22,7 +23,6 @@ from wayproof.harness.evidence.verify import verify
 from wayproof.harness.logs.log_copy import thin
 from wayproof.harness.logs.reader import open_log
 from wayproof.harness.logs.recover import recover
-from wayproof.harness.soak.forgeries import CLAIMS, EDITS, Forgery, forge
 
 PERTURBED = 'perturbation={"kind": "pose_drift", "severity": 5}'
 

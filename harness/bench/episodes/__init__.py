@@ -1,0 +1,1 @@
+"""Benchmarks of whole episodes and whole studies."""

@@ -1,0 +1,1 @@
+"""Benchmarks of single stages: rays, maps, plans, the decision loop, the log."""

@@ -1,0 +1,97 @@
+"""Episodes in two processes: the same bytes in any number of them, and none is dropped."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from wayproof.harness.bench.published.files import Progress
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.log import check_folder
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.warm_up import warm_up
+from wayproof.models.world_files import FileWorld
+
+PROCESSES = 2
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One episode to run.
+
+    Attributes:
+        world: Where.
+        config: With which settings and seed.
+        log: Its log's name.
+    """
+
+    world: FileWorld
+    config: Config
+    log: Path
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What came of a trial.
+
+    Attributes:
+        trial: Which one.
+        result: None if it could not be started.
+        refused: Why it could not.
+        track: True (time in s, x, y, z in m) at each decision.
+    """
+
+    trial: Trial
+    result: Result | None
+    refused: str
+    track: tuple[tuple[float, float, float, float], ...]
+
+    def first(self, reached: Callable[[float, float, float], bool]) -> float | None:
+        """When the body was first, at a decision, where a benchmark ends, s."""
+        return next((time for time, *place in self.track if reached(*place)), None)
+
+
+def run_trials(trials: Iterable[Trial], progress: Progress) -> Iterator[Finished]:
+    """Run them, and tell of each in the order given.
+
+    Raises:
+        InputError: The logs' folder cannot be written to.
+    """
+    trials = list(trials)
+    for folder in {trial.log.parent for trial in trials}:
+        check_folder(folder)
+    if not trials:
+        return
+    progress("compiling kernels (a minute the first time, then cached)")
+    warm_up(trials[0].config)  # once, not in both processes at the same time
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
+        for number, finished in enumerate(pool.map(run_trial, trials), start=1):
+            trial = finished.trial
+            outcome = finished.refused or (finished.result and finished.result.outcome)
+            name = f"{trial.world.name}, seed {trial.config.seed}"
+            progress(f"{number} of {len(trials)}: {name}: {outcome}")
+            yield finished
+
+
+def run_trial(trial: Trial) -> Finished:
+    """Run one episode; bad input is an outcome, so that one bad world does not end the rest."""
+    track: list[tuple[float, float, float, float]] = []
+
+    def note(_: pb.Decision, truth: pb.Truth) -> None:
+        x, y, z = truth.position
+        track.append((truth.timestamp.ToNanoseconds() * 1e-9, x, y, z))
+
+    try:
+        warm_up(trial.config)
+        result = run_episode(build(trial.config, trial.world), trial.log, note)
+    except InputError as error:
+        return Finished(trial, None, str(error), tuple(track))
+    return Finished(trial, result, "", tuple(track))

@@ -1,0 +1,182 @@
+"""`wayproof bench plan --scenarios FILE`: published planning problems on a published voxel map.
+
+An exact search with the benchmark's own moves has to find every published optimal length; the
+planners that robots use here are then compared with those lengths on problems taken evenly from the
+file. They may go straight in any direction, so a ratio below 1 is no error.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.bench.micro.plan import REACH, squared_distances
+from wayproof.harness.bench.published.files import Files, Progress
+from wayproof.harness.bench.published.voxel_search import Moves, VoxelSearch
+from wayproof.harness.errors import InputError
+from wayproof.models.world_files.reading import WorldFileError, beside, read_text
+from wayproof.models.world_files.voxel_maps import read_voxels
+from wayproof.planners import FreeSpace, PlannerConfig, plan, plan_seed, warm_up
+
+Cell = tuple[int, int, int]
+
+RESOLUTION = 0.1
+"""Of the map's cells as the planners take them, m."""
+
+TOLERANCE = 1e-6
+"""By which a length may differ from the published one, cells: that is told to eight places."""
+
+COMPARED = ("astar", "rrtconnect")
+VERSION = "version 1"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One line of a `.3dscen`: from cell to cell, and the length of a shortest way in cells."""
+
+    start: Cell
+    goal: Cell
+    length: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one planner did.
+
+    Attributes:
+        map: The map's file name.
+        planner: `exact`, or a name in `planners.PLANNERS`.
+        problems: How many it was asked.
+        success: Share of them that it solved.
+        differing: How many of its lengths are not the published ones; of the exact search.
+        length_ratio_mean: Its length against the published one, of the solved; none without any.
+        length_ratio_p99: The same.
+        p50_ms: Processor time of a problem.
+        p99_ms: The same.
+    """
+
+    map: str
+    planner: str
+    problems: int
+    success: float
+    differing: int | None
+    length_ratio_mean: float | None
+    length_ratio_p99: float | None
+    p50_ms: float
+    p99_ms: float
+
+
+def bench_scenarios(
+    files: Files, repeats: int, seed: int, progress: Progress
+) -> list[dict[str, Any]]:
+    """Solve every problem of a file exactly, and `repeats` of them by each planner compared.
+
+    Raises:
+        InputError: The file or its map cannot be read.
+    """
+    map_name, occupied, problems = read_problems(files.path)
+    progress(f"plan: {map_name}, exact")
+    search = VoxelSearch(occupied)
+    search.solve(problems[0].start, problems[0].goal)  # compiles
+    rows = [_exact_row(map_name, search, problems)]
+    places = np.linspace(0, len(problems) - 1, min(repeats, len(problems))).astype(int)
+    sample = [problems[place] for place in places]
+    space = _space(occupied)
+    for name in COMPARED:
+        progress(f"plan: {map_name}, {name}")
+        config = PlannerConfig(name=name, clearance_weight=0.0)
+        warm_up(config)
+        rows.append(_planner_row(map_name, space, sample, config, seed))
+    return [asdict(row) for row in rows]
+
+
+def read_problems(path: Path) -> tuple[str, NDArray[np.bool_], list[Problem]]:
+    """The map's name, its occupied cells (nx, ny, nz), and the problems on it.
+
+    Raises:
+        InputError: Naming the file, the line and what was expected there.
+    """
+    try:
+        lines = read_text(path).splitlines()
+        if lines[0].strip() != VERSION or len(lines) < 3:
+            raise WorldFileError(
+                path, f"got '{lines[0][:60]}', expected '{VERSION}', a map, problems"
+            )
+        name = lines[1].strip()
+        occupied = read_voxels(beside(path, name))
+        numbered = [(n, line) for n, line in enumerate(lines[2:], start=3) if line.strip()]
+        return name, occupied, [_problem(path, n, line, occupied) for n, line in numbered]
+    except WorldFileError as error:
+        raise InputError(str(error)) from None
+
+
+def _problem(path: Path, number: int, line: str, occupied: NDArray[np.bool_]) -> Problem:
+    words = line.split()
+    try:
+        x, y, z, u, v, w = (int(word) for word in words[:6])
+        problem = Problem((x, y, z), (u, v, w), float(words[6]))
+    except (ValueError, IndexError):
+        raise WorldFileError(
+            path, "expected start x y z, goal x y z and a length", number
+        ) from None
+    for cell in (problem.start, problem.goal):
+        inside = all(0 <= at < size for at, size in zip(cell, occupied.shape, strict=True))
+        if not inside or occupied[cell]:
+            raise WorldFileError(path, f"cell {cell} is occupied or outside the map", number)
+    if not 0.0 < problem.length < np.inf:
+        raise WorldFileError(path, f"length {problem.length}, expected above 0", number)
+    return problem
+
+
+def _space(occupied: NDArray[np.bool_]) -> FreeSpace:
+    """The map for a body that is a point."""
+    padded = squared_distances(occupied)
+    return FreeSpace(padded, np.zeros(3), RESOLUTION, 0, np.zeros(REACH * REACH + 1))
+
+
+def _exact_row(name: str, search: VoxelSearch, problems: list[Problem]) -> Row:
+    times, ways = [], []
+    for problem in problems:
+        began = time.process_time()
+        ways.append(search.solve(problem.start, problem.goal))
+        times.append(time.process_time() - began)
+    lengths = [np.inf if way is None else way.length for way in ways]
+    off = sum(_is_off(way, problem) for way, problem in zip(ways, problems, strict=True))
+    return _row(name, "exact", problems, lengths, times, off)
+
+
+def _is_off(way: Moves | None, problem: Problem) -> bool:
+    return way is None or abs(way.length - problem.length) > TOLERANCE
+
+
+def _planner_row(
+    name: str, space: FreeSpace, problems: list[Problem], config: PlannerConfig, seed: int
+) -> Row:
+    times, lengths = [], []
+    for number, problem in enumerate(problems):
+        start, goal = ((np.array(at) + 0.5) * RESOLUTION for at in (problem.start, problem.goal))
+        began = time.process_time()
+        found = plan(space, start, goal, config, plan_seed(seed, "voxels", number))
+        times.append(time.process_time() - began)
+        lengths.append(found.length / RESOLUTION)
+    return _row(name, config.name, problems, lengths, times, None)
+
+
+def _row(
+    name: str, planner: str, problems: list[Problem], lengths: list[float], times: list[float],
+    differing: int | None,
+) -> Row:  # fmt: skip
+    ratios = np.array(lengths) / [problem.length for problem in problems]
+    solved = ratios[np.isfinite(ratios)]
+    p50, p99 = 1e3 * np.percentile(times, [50, 99])
+    return Row(
+        name, planner, len(problems), len(solved) / len(problems), differing,
+        float(solved.mean()) if len(solved) else None,
+        float(np.percentile(solved, 99)) if len(solved) else None,
+        float(p50), float(p99),
+    )  # fmt: skip

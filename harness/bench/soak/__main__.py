@@ -1,0 +1,80 @@
+"""`python -m wayproof.harness.bench.soak SOAK --count N`: 0 if nothing broke.
+
+Progress is a line each, for episodes one JSON document; the last line is the summary, in JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from wayproof.harness.bench.soak.episodes import Tally, soak_episodes
+from wayproof.harness.bench.soak.fuzz import Fuzzed, soak_fuzz
+from wayproof.harness.bench.soak.hostile import Refused, soak_hostile
+from wayproof.harness.bench.soak.kill import Killed, soak_kill
+from wayproof.harness.bench.soak.processors import Processors, soak_processors
+from wayproof.harness.bench.soak.race import Raced, soak_race
+from wayproof.harness.bench.soak.studies import Disturbed, soak_studies
+from wayproof.harness.bench.soak.worlds import Drawn, soak_worlds
+
+SOAKS: dict[
+    str, Callable[..., Killed | Fuzzed | Tally | Drawn | Disturbed | Processors | Raced | Refused]
+] = {
+    "kill": soak_kill,
+    "fuzz": soak_fuzz,
+    "episodes": soak_episodes,
+    "worlds": soak_worlds,
+    "studies": soak_studies,
+    "processors": soak_processors,
+    "race": soak_race,
+    "hostile": soak_hostile,
+}
+"""Name on the command line -> what it runs: count, seed, progress, number of the first."""
+
+
+def main() -> int:
+    """Run one soak and print what it found as one JSON document."""
+    parser = argparse.ArgumentParser(
+        prog="python -m wayproof.harness.bench.soak", description=__doc__
+    )
+    parser.add_argument("soak", choices=SOAKS)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
+    parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
+    parser.add_argument(
+        "--python", action="append", default=[], help="of processors: an interpreter to replay with"
+    )
+    parser.add_argument(
+        "--log", action="append", type=Path, default=[], help="of processors: one to replay as well"
+    )
+    parser.add_argument(
+        "--compiled",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="of processors: compile for one without extensions as well, which takes minutes",
+    )
+    options = parser.parse_args()
+
+    def progress(text: str) -> None:
+        print(text, flush=True)
+
+    chosen = SOAKS[options.soak]
+    more: dict[str, Any] = {}
+    if chosen in (soak_episodes, soak_processors):
+        more["jobs"] = options.jobs
+    if chosen is soak_processors:
+        more |= {"pythons": options.python, "given": options.log, "compiled": options.compiled}
+    findings = chosen(options.count, options.seed, progress, options.first, **more)
+    print(msgspec.json.encode(asdict(findings)).decode())
+    return 1 if findings.failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,236 @@
+"""Short random episodes: each replays identically in a fresh process, on any number of threads."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import get_args
+
+import msgspec
+import numpy as np
+
+from wayproof.harness.bench.soak.child import scratch
+from wayproof.harness.bench.soak.fresh import FreshReplays, replay_by_command
+from wayproof.harness.config import Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.closed_loop import simulate_again
+from wayproof.harness.evidence.fork import fork
+from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario.scenario import Scenario, build
+from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.warm_up import warm_up
+from wayproof.maps import MAPS, MapConfig, UnknownPolicy
+from wayproof.models.robots import ROBOTS
+from wayproof.models.worlds import WORLDS
+from wayproof.planners import PLANNERS
+
+TIME_LIMIT_S = 3.0
+THREADS = (1, 2)
+CLOSED_LOOP_EVERY, FORK_EVERY, COMMAND_EVERY = 10, 20, 25
+MOST_DRAWS = 50
+"""Of random settings for one trial; some are no episode (a start in a shelf, for one)."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What one random episode showed.
+
+    Attributes:
+        trial: Its number.
+        episode: World, robot, seed, map, policy, planner and perturbation.
+        refused: Random settings before it that are no episode.
+        outcome: How it ended.
+        decisions: Made in it.
+        chain: Hash over them.
+        replays: Of its log, each in a fresh process.
+        closed_loop: Whether it was simulated anew as well.
+        forked: The decision from which it went on with no change; none if it was not forked.
+        wall_s: Time that all of it took.
+        failures: What was not identical; empty if all was.
+    """
+
+    trial: int
+    episode: str
+    refused: int
+    outcome: str
+    decisions: int
+    chain: str
+    replays: int
+    closed_loop: bool
+    forked: int | None
+    wall_s: float
+    failures: tuple[str, ...]
+
+
+@dataclass
+class Tally:
+    """What random episodes showed together.
+
+    Attributes:
+        count: Episodes.
+        first: Number of the first trial.
+        replayed: Replays, each in a fresh process.
+        closed_loop: Episodes simulated anew.
+        forked: Gone on from a decision in the middle, with no change.
+        refused: Random settings that are no episode.
+        outcomes: How the episodes ended.
+        wall_s_each: Wall time of an episode with all that belongs to it, over all jobs.
+        failures: What was not identical; empty if all was.
+    """
+
+    count: int = 0
+    first: int = 0
+    replayed: int = 0
+    closed_loop: int = 0
+    forked: int = 0
+    refused: int = 0
+    outcomes: dict[str, int] = field(default_factory=dict)
+    wall_s_each: float = 0.0
+    failures: list[str] = field(default_factory=list)
+
+
+def soak_episodes(
+    count: int, seed: int, progress: Callable[[str], None], first: int = 0, jobs: int = 2
+) -> Tally:
+    """Run random episodes and everything that must give them again.
+
+    Args:
+        count: Trials.
+        seed: Of all of them.
+        progress: Told each trial, one JSON document a line.
+        first: Number of the first trial: a soak that ended goes on from there.
+        jobs: Processes.
+    """
+    began = time.perf_counter()
+    tally, outcomes = Tally(count, first), Counter[str]()
+    for trial in _trials(range(first, first + count), seed, jobs):
+        progress(msgspec.json.encode(asdict(trial)).decode())
+        outcomes[trial.outcome] += 1
+        tally.replayed += trial.replays
+        tally.closed_loop += trial.closed_loop
+        tally.forked += trial.forked is not None
+        tally.refused += trial.refused
+        tally.failures += [f"trial {trial.trial}: {trial.episode}: {x}" for x in trial.failures]
+    tally.outcomes = dict(outcomes)
+    tally.wall_s_each = (time.perf_counter() - began) / max(count, 1)
+    return tally
+
+
+def _trials(numbers: range, seed: int, jobs: int) -> Iterator[Trial]:
+    """All trials in order; each worker keeps its process for fresh replays to its end."""
+    context = get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin) as pool:
+        yield from pool.map(run_trial, numbers, [seed] * len(numbers))
+
+
+def _begin() -> None:
+    """Fork off the fresh process before this one has run anything."""
+    global _fresh
+    _fresh = FreshReplays([_plain(robot, planner) for robot in ROBOTS for planner in PLANNERS])
+
+
+_fresh: FreshReplays | None = None
+
+
+def _plain(robot: str, planner: str) -> Config:
+    return override(Config("empty", robot, 0), [f"planner.name={planner}"])
+
+
+def run_trial(number: int, seed: int) -> Trial:
+    """One random episode and everything that must give it again."""
+    began = time.perf_counter()
+    rng = np.random.default_rng((seed, number))
+    scenario, refused = _draw(rng)
+    config = scenario.config
+    failures: list[str] = []
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
+        path = Path(name) / f"{number}.mcap"
+        warm_up(config)
+        result = run_episode(scenario, path)
+        failures += _replays(path, number)
+        again = number % CLOSED_LOOP_EVERY == 0
+        if again and not simulate_again(path).identical:
+            failures.append("simulated anew, it differs")
+        at = int(rng.integers(result.decisions)) if number % FORK_EVERY == 1 else None
+        if at is not None:
+            failures += _fork(path, at, result)
+    return Trial(
+        trial=number,
+        episode=_told(config),
+        refused=refused,
+        outcome=result.outcome,
+        decisions=result.decisions,
+        chain=result.chain,
+        replays=len(THREADS),
+        closed_loop=again,
+        forked=at,
+        wall_s=round(time.perf_counter() - began, 3),
+        failures=tuple(failures),
+    )
+
+
+def random_config(rng: np.random.Generator) -> Config:
+    """World, robot, map, planner, perturbation and seed by chance; every fourth unperturbed."""
+    world, robot = (str(rng.choice(sorted(names))) for names in (WORLDS, ROBOTS))
+    kind = str(rng.choice(sorted(MAPS))) if rng.integers(2) else MapConfig().kind
+    settings = (
+        f"map.kind={kind}",
+        *(["map.half_life=0"] if kind == "octomap" else []),  # it does not fade
+        f"costmap.unknown_policy={rng.choice(get_args(UnknownPolicy))}",
+        f"planner.name={rng.choice(sorted(PLANNERS))}",
+        f"costmap.localization_margin={rng.uniform(0.02, 0.15):.3f}",
+        f"episode.time_limit={TIME_LIMIT_S}",
+    )
+    config = override(Config(world, robot, int(rng.integers(2**31))), settings)
+    perturbation = f"{rng.choice(sorted(PERTURBATIONS))}:{rng.integers(1, 6)}"
+    if rng.integers(4) == 0:
+        return config
+    return replace(config, perturbation=perturbation_from(perturbation))
+
+
+def _draw(rng: np.random.Generator) -> tuple[Scenario, int]:
+    """The first of random scenarios that is one, and how many before it were refused."""
+    for refused in range(MOST_DRAWS):
+        try:
+            scenario = build(random_config(rng))
+            build_navigator(scenario.config, scenario.mission, {})
+            return scenario, refused
+        except InputError:
+            continue
+    raise RuntimeError(f"{MOST_DRAWS} random settings refused")
+
+
+def _told(config: Config) -> str:
+    perturbation = config.perturbation
+    perturbed = "none"
+    if perturbation is not None:
+        perturbed = f"{perturbation.kind}:{perturbation.severity}"
+    stack = f"{config.map.kind} {config.costmap.unknown_policy} {config.planner.name}"
+    return f"{config.world} {config.robot} {config.seed} {stack} {perturbed}"
+
+
+def _replays(path: Path, number: int) -> list[str]:
+    """What differs in replays on each number of threads."""
+    failures = []
+    for threads in THREADS:
+        if number % COMMAND_EVERY == 0 or _fresh is None:
+            found = replay_by_command(path, threads)
+        else:
+            found = _fresh.replay(path, threads)
+        if found:
+            failures.append(f"replay on {threads} threads: {found}")
+    return failures
+
+
+def _fork(path: Path, at: int, result: Result) -> list[str]:
+    forked = fork(path, at, (), path.with_name("fork.mcap"))
+    alike = forked.chain == result.chain and forked.outcome == result.outcome
+    return [] if alike else [f"forked at {at} with no change, it differs"]

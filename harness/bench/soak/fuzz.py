@@ -1,0 +1,185 @@
+"""Mutated logs, settings and scenes: each is refused in a line or read, and no more happens."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wayproof.harness.bench.soak.child import in_child, scratch
+from wayproof.harness.bench.soak.mutate import forge, mutate, mutate_values
+from wayproof.harness.config import from_json, to_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.evidence.rebuild import rebuild
+from wayproof.harness.evidence.replay import replay
+from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.logs.recover import recover
+from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.stack.build import build_navigator
+
+LONGEST_S = 5
+"""Processor time of one case."""
+
+SILENCE_S = 60.0
+"""Wall time of one case, on a machine that does other things besides."""
+
+MOST_MEMORY_MIB = 1024.0
+
+BATCH = 250
+"""Cases in one child process."""
+
+KINDS = ("bytes", "forged", "settings", "scene")
+
+
+@dataclass(frozen=True)
+class Fuzzed:
+    """What mutated input showed.
+
+    Attributes:
+        count: Cases.
+        refused: Of each kind, how many were refused in a line.
+        read: Of each kind, how many were read as they stood.
+        peak_mib: Greatest resident memory of a process that read them.
+        failures: Tracebacks, hangs, crashes, memory, files touched elsewhere; empty if none.
+    """
+
+    count: int
+    refused: dict[str, int]
+    read: dict[str, int]
+    peak_mib: float
+    failures: tuple[str, ...]
+
+
+def soak_fuzz(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Fuzzed:
+    """Mutate a small log `count` times, by turns its bytes, its content, its settings and scene.
+
+    Args:
+        count: Cases.
+        seed: Of all of them.
+        progress: Told how far it is.
+        first: Number of the first case.
+    """
+    tally: Counter[tuple[str, str]] = Counter()
+    failures: list[str] = []
+    peak = 0.0
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
+        folder = Path(name)
+        (folder / "work").mkdir()
+        source = folder / "source.mcap"
+        source.write_bytes((COMMITTED / committed_name()).read_bytes())
+        replay(source)
+        case, last_case = first, first + count
+        while case < last_case:
+            end = min(case + BATCH, last_case)
+            ended = in_child(lambda tell: _cases(source, seed, case, end, tell), SILENCE_S)  # noqa: B023
+            peak = max(peak, ended.peak_mib)
+            last = case
+            for line in ended.lines:
+                verdict, _, rest = line.partition(" ")
+                if verdict in ("refused", "read"):
+                    tally[verdict, rest] += 1
+                elif verdict == "begin":
+                    last = int(rest)
+                else:
+                    failures.append(line)
+            if ended.code < 0 or ended.overdue:
+                failures.append(f"case {last}: ended by signal {-ended.code} (26 is a hang)")
+            case = end if ended.code >= 0 else last + 1
+            progress(f"fuzz: up to {case}, {len(failures)} failures, {peak:.0f} MiB")
+        failures += [f"file {one} written" for one in os.listdir(folder / "work")]
+    if peak > MOST_MEMORY_MIB:
+        failures.append(f"memory: {peak:.0f} MiB")
+    refused = {kind: tally["refused", kind] for kind in KINDS}
+    read = {kind: tally["read", kind] for kind in KINDS}
+    return Fuzzed(count, refused, read, peak, tuple(failures))
+
+
+def _cases(source: Path, seed: int, begin: int, end: int, tell: Callable[[str], None]) -> None:
+    """Run cases in this process, which is a child's."""
+    folder = source.parent / "work"
+    os.chdir(folder)
+    log = open_log(source)
+    _limit_memory()
+    _watch_files(source.parent, tell)
+    for case in range(begin, end):
+        tell(f"begin {case}")
+        signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_S)  # its default is to end the process
+        kind = KINDS[case % len(KINDS)]
+        rng = np.random.default_rng((seed, case))
+        try:
+            run_case(kind, source, log, rng)
+            tell(f"read {kind}")
+        except InputError as error:
+            lines = str(error).count("\n")
+            tell(f"refused {kind}" if lines == 0 else f"case {case}: {lines + 1} lines")
+        except Exception:
+            text = " | ".join(traceback.format_exc().splitlines()[-6:])
+            tell(f"case {case} {kind}: traceback: {text}")
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+
+
+def run_case(kind: str, source: Path, log: Log, rng: np.random.Generator) -> None:
+    """Mutate and read once.
+
+    Raises:
+        InputError: What was mutated is refused, as it should be.
+    """
+    if kind == "settings":
+        config = from_json(mutate_values(to_json(log.config).decode(), rng).encode())
+        build_navigator(config, log.mission, log.beams)
+        return
+    if kind == "scene":
+        rebuild(replace(log, scene=mutate_values(log.scene, rng)))
+        return
+    with tempfile.TemporaryDirectory(dir=source.parent) as name:
+        path = Path(name) / "mutated.mcap"
+        path.write_bytes(mutate(source.read_bytes(), rng) if kind == "bytes" else b"")
+        if kind == "forged":
+            forge(source, path, rng)
+        else:
+            recover(path)
+        replay(path)
+
+
+def _limit_memory() -> None:
+    """No more address space than there is, and the memory that a case may take."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    most = pages * resource.getpagesize() + int(MOST_MEMORY_MIB * 2**20)
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def _watch_files(folder: Path, tell: Callable[[str], None]) -> None:
+    """Tell of every file that is opened, renamed or removed where it should not be."""
+    readable = [sys.prefix, sys.base_prefix, str(Path(__file__).resolve().parents[3])]
+    writable = [str(folder), os.environ["NUMBA_CACHE_DIR"]]
+    readable += writable
+
+    def inside(path: Any, roots: list[str]) -> bool:
+        if not isinstance(path, (str, bytes, os.PathLike)):
+            return True  # a descriptor that is open already
+        full = os.path.abspath(os.fsdecode(path))
+        return any(full.startswith(root) for root in roots) or "__pycache__" in full
+
+    def hook(event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open":
+            path, _, flags = arguments
+            written = bool(flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
+            if not inside(path, writable if written else readable):
+                tell(f"file {path!r} opened, flags {flags:o}")
+        elif event in ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink"):
+            if not inside(arguments[0], writable):
+                tell(f"{event} of {arguments[0]!r}")
+        elif event in ("subprocess.Popen", "os.system", "os.exec", "socket.connect"):
+            tell(f"{event} {arguments!r}")
+
+    sys.addaudithook(hook)

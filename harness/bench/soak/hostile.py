@@ -1,0 +1,168 @@
+"""Time and memory that each command takes to refuse a hostile file.
+
+Run by `python -m wayproof.harness.bench.soak hostile`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import resource
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from wayproof.harness.bench.soak.child import in_child, scratch
+from wayproof.harness.bench.soak.hostile_files import BOX, FILES, Maker
+from wayproof.harness.bench.soak.hostile_logs import LOGS
+from wayproof.harness.cli.main import main
+
+MOST_MEMORY_MIB = 1024.0
+LONGEST_S = 5.0
+"""Of processor time, in a process that has loaded the program already."""
+
+ADDRESS_SPACE = 8 * 2**30
+"""Bytes that a command may map anew, so that what breaks the bound does not fill the machine."""
+
+CPU_S = 20
+WALL_S = 300.0
+
+LOADED = (
+    "wayproof.harness.evidence.verify",
+    "wayproof.harness.explain",
+    "wayproof.harness.study.report.report",
+    "wayproof.harness.cli.score",
+    "wayproof.models.world_files",
+    "pyoctomap",
+    "trimesh",
+)
+"""What commands load when they need it: it is not what a file takes."""
+
+PLAIN = "<mujoco><worldbody>" + BOX + "<geom size='.1' pos='-5 -5 1'/></worldbody></mujoco>"
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What one command took.
+
+    Attributes:
+        name: Of what it was given.
+        file_bytes: Of all files that were made for it.
+        cpu_s: Processor time.
+        peak_mib: Greatest resident memory.
+        code: Exit code; negative is the signal that ended it.
+        said: Lines on stderr.
+    """
+
+    name: str
+    file_bytes: int
+    cpu_s: float
+    peak_mib: float
+    code: int
+    said: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Refused:
+    """What hostile files showed.
+
+    Attributes:
+        count: Of them.
+        longest_s: Greatest processor time of any.
+        peak_mib: Greatest resident memory of any.
+        failures: What took too long or too much, ended otherwise, or said more than a line.
+    """
+
+    count: int
+    longest_s: float
+    peak_mib: float
+    failures: tuple[str, ...]
+
+
+def soak_hostile(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Refused:
+    """Give each hostile file to the command that reads it, in a watched process.
+
+    Args:
+        count: Of files at most.
+        seed: Not used: they are the same each time.
+        progress: Given a table in Markdown.
+        first: Number of the first file.
+    """
+    del seed
+    chosen = list({**FILES, **LOGS}.items())[first : first + count]
+    for name in LOADED:
+        importlib.import_module(name)
+    loaded = _take("a scene that is sound", _sound)
+    assert loaded.code == 0, loaded.said
+    progress(
+        "| given | bytes | processor, s | peak, MiB | exit code | said |\n|---|---|---|---|---|---|"
+    )
+    taken, failures = [], []
+    for name, make in chosen:
+        found = _take(name, make)
+        taken.append(found)
+        failures += [f"{name}: {wrong}" for wrong in breaches(found)]
+        progress(_row(found))
+    longest = max((one.cpu_s for one in taken), default=0.0)
+    peak = max((one.peak_mib for one in taken), default=0.0)
+    return Refused(len(chosen), longest, peak, tuple(failures))
+
+
+def _sound(folder: Path) -> list[str]:
+    (folder / "plain.xml").write_text(PLAIN)
+    return ["import", str(folder / "plain.xml"), "--out", str(folder / "out.xml")]
+
+
+def breaches(taken: Taken) -> list[str]:
+    """What a command did that it must not; empty if nothing."""
+    wrong = []
+    if taken.cpu_s > LONGEST_S:
+        wrong.append(f"{taken.cpu_s:.1f} s")
+    if taken.peak_mib > MOST_MEMORY_MIB:
+        wrong.append(f"{taken.peak_mib:.0f} MiB")
+    if taken.code != 2 or len(taken.said) != 1:
+        last = taken.said[-1][:200] if taken.said else ""
+        wrong.append(f"exit code {taken.code} with {len(taken.said)} lines, the last: {last}")
+    return wrong
+
+
+def _row(taken: Taken) -> str:
+    said = " / ".join(taken.said)
+    words = said.replace("|", "\\|")
+    return (
+        f"| {taken.name} | {taken.file_bytes} | {taken.cpu_s:.1f} | {taken.peak_mib:.0f} "
+        f"| {taken.code} | {words[:160]} |"
+    )
+
+
+def _take(name: str, make: Maker) -> Taken:
+    with tempfile.TemporaryDirectory(dir=scratch()) as given, tempfile.TemporaryDirectory() as own:
+        arguments = make(Path(given))
+        size = sum(one.stat().st_size for one in Path(given).rglob("*") if one.is_file())
+        ended = in_child(lambda tell: _run(arguments, Path(own), tell), WALL_S)
+    said = tuple(line.replace(f"{given}/", "") for line in ended.lines)
+    return Taken(name, size, round(ended.cpu_s, 2), round(ended.peak_mib), ended.code, said)
+
+
+def _run(arguments: list[str], folder: Path, tell: Callable[[str], None]) -> None:
+    """A command line in this process, which is a child's; its stderr is told line by line."""
+    os.chdir(folder)
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + ADDRESS_SPACE, mapped + ADDRESS_SPACE))
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
+    with tempfile.TemporaryFile("w+") as said:
+        os.dup2(said.fileno(), 2)  # a library writes to the descriptor itself
+        with (
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(
+                io.TextIOWrapper(os.fdopen(2, "wb", 0, closefd=False), write_through=True)
+            ),
+        ):
+            code = main(arguments)
+        said.seek(0)
+        for line in said.read().splitlines():
+            tell(line)
+    os._exit(code)

@@ -1,0 +1,1 @@
+"""Simulations of the statistics: coverage of intervals, false alarms and power of gates."""

@@ -1,0 +1,238 @@
+"""Do intervals hold what they promise? Coverage, false alarms and power, by simulation.
+
+Every statistic that a gate can name is the mean of a metric, or the mean of a difference of pairs;
+what its interval does depends on the kind of the metric alone. Samples are drawn from known
+distributions, so that the true mean is known, and go through the code that judges studies.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from wayproof.harness.bench.statistics.verdicts import bench_alarms, bench_power
+from wayproof.harness.study.statistics.bounds import Array, Ends
+from wayproof.harness.study.statistics.intervals import interval_ends, pair_ends
+from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+
+Row = dict[str, Any]
+Progress = Callable[[str], None]
+
+CLUSTERS = (2, 3, 5, 10, 25, 50)
+
+EPISODES = (1, 5)
+"""Of each cluster."""
+
+PARTS = ("intervals", "alarms", "power")
+
+TIME_LIMIT = 60.0
+"""Of an episode, s."""
+
+Data = Literal["normal", "skewed", "rare", "alike"]
+"""Normal or, of rates and counts, nothing special; skewed: lognormal worlds; rare: 3 % of the
+episodes have an event and all others are alike; alike: all episodes are."""
+
+SUPPORTS: dict[str, Support] = {
+    "rate": RATE,
+    "share": SHARE,
+    "count": COUNT,
+    "measure": MEASURE,
+    "time": TIME.within(TIME_LIMIT),
+}
+
+STATISTICS = tuple(f"{kind} {of}" for kind in SUPPORTS for of in ("mean", "difference"))
+"""`drop` and `rise` are one difference, seen from either side."""
+
+SAMPLE = 400_000
+"""Clusters from which a true mean is taken."""
+
+
+def bench_coverage(
+    repeats: int, seed: int, progress: Progress, only: str | None = None
+) -> list[Row]:
+    """Coverage of 95 % intervals, false alarms of gates and their power, from `repeats` samples.
+
+    Args:
+        repeats: Samples for each figure.
+        seed: Of the samples.
+        progress: Called with what is under way.
+        only: The part that is measured alone.
+    """
+    rows: list[Row] = []
+    if only in (None, "intervals"):
+        rows += _intervals(repeats, seed, progress)
+    if only in (None, "alarms"):
+        rows += bench_alarms(repeats, seed, CLUSTERS, progress)
+    if only in (None, "power"):
+        rows += bench_power(repeats, seed, CLUSTERS, progress)
+    return rows
+
+
+def _intervals(repeats: int, seed: int, progress: Progress) -> list[Row]:
+    """A row for each statistic, data and episodes a cluster: `coverage width` by clusters."""
+    cases = list(itertools.product(STATISTICS, get_args(Data), EPISODES))
+    cells: dict[tuple[str, Data, int], list[Row]] = {case: [] for case in cases}
+    for clusters in CLUSTERS:  # outermost: what is drawn for samples of one size is drawn once
+        for statistic, data, episodes in cases:
+            progress(f"{clusters} clusters: {statistic}, {data}, {episodes} episodes of each")
+            row = coverage_of(statistic, data, clusters, episodes, repeats, seed)
+            cells[statistic, data, episodes].append(row)
+    return [
+        {
+            "statistic": statistic,
+            "data": data,
+            "episodes": episodes,
+            **{f"k={one['clusters']}": _cell(one) for one in some},
+            "least": min(one["coverage"] for one in some),
+        }
+        for (statistic, data, episodes), some in cells.items()
+    ]
+
+
+def _cell(row: Row) -> str:
+    """Coverage, and the median width, or the share of intervals that have none."""
+    if row["width"] is None:
+        return f"{row['coverage']:.3f} open"
+    return f"{row['coverage']:.3f} {row['width']:.2g}"
+
+
+def coverage_of(
+    statistic: str, data: Data, clusters: int, episodes: int, samples: int, seed: int
+) -> Row:
+    """How often the 95 % interval of one statistic holds the true mean.
+
+    Args:
+        statistic: In `STATISTICS`.
+        data: What is drawn.
+        clusters: Worlds of a sample.
+        episodes: Of each world.
+        samples: Drawn.
+        seed: Of the samples.
+
+    Returns:
+        `coverage`; `zero_width`, the share of intervals of no width; `unbounded`, the share with an
+        open end; `width`, the median, none where more than half are open.
+    """
+    kind, of = statistic.split()
+    generator = np.random.default_rng([seed, clusters, episodes])
+    first, second = DRAWS[kind](generator, data, (samples, clusters, episodes))
+    before, after = _true_means(kind, data)
+    if of == "mean":
+        greatest = second.max(axis=(1, 2))
+        ends, true = interval_ends(second.mean(axis=2), SUPPORTS[kind], 0.95, greatest), after
+    else:
+        ends, true = _difference_ends(first, second, SUPPORTS[kind]), after - before
+    slack = 1e-9 * max(1.0, abs(true))
+    width = ends.high - ends.low
+    return {
+        "clusters": clusters,
+        "coverage": float(np.mean((ends.low <= true + slack) & (ends.high >= true - slack))),
+        "zero_width": float(np.mean(width <= slack)),
+        "unbounded": float(np.mean(np.isinf(width))),
+        "width": None if np.isinf(np.median(width)) else float(np.median(width)),
+    }
+
+
+@functools.cache
+def _true_means(kind: str, data: Data) -> tuple[float, float]:
+    first, second = DRAWS[kind](np.random.default_rng(0), data, (1, SAMPLE, 1))
+    return float(first.mean()), float(second.mean())
+
+
+def _difference_ends(first: Array, second: Array, support: Support) -> Ends:
+    if first.shape[2] == 1:
+        return pair_ends(first[:, :, 0], second[:, :, 0], support, 0.95)
+    greatest = np.maximum(first, second).max(axis=(1, 2))
+    differences = (second - first).mean(axis=2)
+    return interval_ends(differences, support.difference, 0.95, greatest)
+
+
+Shape = tuple[int, int, int]
+"""Samples, clusters, episodes."""
+
+Pair = tuple[Array, Array]
+
+
+def _rare(generator: np.random.Generator, shape: Shape) -> Array:
+    """3 % of the episodes, all of them in half of the worlds: 1 for those."""
+    prone = generator.random((*shape[:2], 1)) < 0.5
+    return (generator.random(shape) < 0.06 * prone).astype(np.float64)
+
+
+def _worlds(generator: np.random.Generator, shape: Shape) -> Array:
+    """Lognormal, one for each world."""
+    return generator.lognormal(0.0, 1.0, (*shape[:2], 1))
+
+
+def _rates(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
+    """Successes; skewed: by worlds that are nearly always lost or hardly ever."""
+    if data == "alike":
+        return np.ones(shape), np.ones(shape)
+    if data == "rare":
+        return np.ones(shape), 1.0 - _rare(generator, shape)
+    ease = generator.normal(0.0, 1.0, (*shape[:2], 1)) if data == "normal" else 0.0
+    lost = np.minimum(0.1 * _worlds(generator, shape), 1.0) if data == "skewed" else 0.0
+    luck = generator.normal(0.0, 1.0, (2, *shape))
+    easy = ease + luck > np.array([-1.5, -1.0])[:, None, None, None]
+    kept = generator.random(shape) >= lost
+    return easy[0].astype(np.float64), (easy[1] & kept).astype(np.float64)
+
+
+def _shares(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
+    """Lengths over lengths, 0 where the goal was missed."""
+    best = np.full(shape, 0.9)
+    if data == "alike":
+        return best, best
+    if data == "rare":
+        return best, best * (1.0 - _rare(generator, shape))
+    first, second = generator.beta(14.0, 6.0, (2, *shape))
+    if data == "skewed":
+        second = second / (1.0 + 0.3 * _worlds(generator, shape))
+    return first, second
+
+
+def _counts(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
+    """Events; rare and skewed ones in the second of the pair alone."""
+    nothing = np.zeros(shape)
+    if data == "alike":
+        return nothing, nothing
+    if data == "rare":
+        return nothing, _rare(generator, shape)
+    if data == "skewed":
+        return nothing, generator.poisson(_worlds(generator, shape), shape).astype(np.float64)
+    first, second = generator.poisson([[[[4.0]]], [[[5.0]]]], (2, *shape)).astype(np.float64)
+    return first, second
+
+
+def _measures(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
+    """Numbers around 6 and more; rare: a jump by 10 and more in the second."""
+    usual = np.full(shape, 6.0)
+    if data == "alike":
+        return usual, usual
+    if data == "rare":
+        jump = 10.0 * generator.lognormal(0.0, 0.5, shape)
+        return usual, usual + _rare(generator, shape) * jump
+    if data == "skewed":
+        return usual, usual + _worlds(generator, shape) * generator.lognormal(0.0, 0.3, shape)
+    world = generator.normal(0.0, 1.0, (*shape[:2], 1))
+    luck = generator.normal(0.0, 1.0, (2, *shape))
+    change = generator.normal(0.5, 0.5, (*shape[:2], 1))
+    return usual + world + luck[0], usual + world + luck[1] + change
+
+
+DRAWS: dict[str, Callable[[np.random.Generator, Data, Shape], Pair]] = {
+    "rate": _rates,
+    "share": _shares,
+    "count": _counts,
+    "measure": _measures,
+    "time": lambda generator, data, shape: _within_limit(*_measures(generator, data, shape)),
+}
+"""Kind -> episodes and their partners, of three axes each."""
+
+
+def _within_limit(first: Array, second: Array) -> Pair:
+    return np.clip(first, 0.0, TIME_LIMIT), np.clip(second, 0.0, TIME_LIMIT)

@@ -1,0 +1,90 @@
+"""`wayproof threshold`: the smallest perturbation at which each seed fails."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+from rich.console import Console
+
+from wayproof.harness.cli.engine_options import (
+    GOES_ON,
+    Watch,
+    add_engine,
+    check_engine,
+    open_engine,
+)
+from wayproof.harness.cli.verb import LOGS, Document, Verb, add_plugins
+from wayproof.harness.errors import InputError, Interrupted
+
+if TYPE_CHECKING:
+    from wayproof.harness.study.threshold import Margin
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Bisect the severity of each seed of a study, or go on with it; 3 if any could not be run."""
+    from wayproof.harness.perturbations import check_kind
+    from wayproof.harness.study.file import read_study
+    from wayproof.harness.study.store import Store
+    from wayproof.harness.study.threshold import MOST_EPISODES, Question, find_margins
+
+    check_engine(options)
+    written = read_study(options.file, options.allow_plugins)
+    kinds = options.perturb or list(written.perturbations)
+    if not kinds:
+        raise InputError(f"study '{written.name}' has no [perturbations]: expected --perturb KIND")
+    for kind in options.perturb or ():
+        check_kind(kind, "the bisection finds it")
+    most = MOST_EPISODES if options.episodes is None else options.episodes
+    if not 2 <= most <= 100:
+        raise InputError(f"--episodes {most}: expected 2 to 100")
+    name = f"{written.name}-threshold"
+    study = msgspec.structs.replace(written, name=name, perturbations={}, gates=[])
+    store = Store(options.out or LOGS / name)
+    console.print(f"study {name}: at most {most} episodes a seed; logs in {store.folder}")
+    with open_engine(options, study.bounds) as engine, Watch(console, None) as watch:
+        try:
+            margins = find_margins(study, Question(kinds, most), store, engine, watch.finished)
+        except KeyboardInterrupt:
+            raise Interrupted(GOES_ON) from None
+    for margin in margins:
+        print_margin(console, margin)
+    told = [asdict(margin) for margin in margins]
+    incomplete = any(margin.errors or margin.unfinished for margin in margins)
+    return (3 if incomplete else 0), {"name": name, "folder": str(store.folder), "margins": told}
+
+
+def print_margin(console: Console, margin: Margin) -> None:
+    """One arm in two lines."""
+    from wayproof.harness.study.file import name_of
+    from wayproof.harness.study.threshold import margin_in_words
+
+    console.print(name_of(margin.arm), style="bold", highlight=False)
+    console.print(f"  {margin_in_words(margin)}", highlight=False, soft_wrap=True)
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "file", metavar="FILE", help="a study in TOML, or the name of a packaged one"
+    )
+    parser.add_argument(
+        "--perturb",
+        action="append",
+        metavar="KIND[:MODE]",
+        help="what to bisect, repeatable; by default the study's own [perturbations]",
+    )
+    parser.add_argument("--episodes", type=int, metavar="N", help="most for one seed (default: 12)")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: logs/NAME-threshold")
+    add_engine(parser)
+    add_plugins(parser)
+
+
+VERB = Verb(
+    help="the smallest perturbation at which each seed fails, by bisection",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof threshold pose_drift --episodes 8",
+)

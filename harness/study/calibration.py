@@ -1,0 +1,199 @@
+"""The smallest localization margin that keeps collisions rare at a given drift, and its price."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.perturbations.pose_drift import PoseDrift
+from wayproof.harness.study.file import StudyFile, plan_episodes
+from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.rows import Row
+from wayproof.harness.study.statistics.exact import Interval, clopper_pearson, restricted_mean
+from wayproof.harness.study.statistics.intervals import difference_interval
+from wayproof.harness.study.statistics.support import RATE, TIME
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import Engine, error_in_words, read_rows, run_study
+
+SETTING = "costmap.localization_margin"
+
+MARGINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3)
+"""Tried by default, m: from a fifth of the default margin to three times it."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """What one margin does.
+
+    Attributes:
+        margin: m.
+        episodes: Their number.
+        collided: Share of them with a collision, exact interval; one in error counts as collided.
+        monotone: The same share, fitted so that it falls with the margin.
+        success: Share that reached the goal, exact interval.
+        time: Restricted mean time to the goal, s.
+        success_price: Success less that of the smallest margin, by pairs of one seed.
+        time_price: Restricted time to the goal less that of the smallest margin, by pairs, s.
+    """
+
+    margin: float
+    episodes: int
+    collided: Interval
+    monotone: float
+    success: Interval
+    time: float
+    success_price: Interval
+    time_price: Interval
+
+
+@dataclass(frozen=True)
+class MarginResult:
+    """The margin, and what it rests on.
+
+    Attributes:
+        drift: m/m.
+        bound: Share of episodes that may collide.
+        margin: Smallest margin whose fitted collision rate keeps the bound, m; none if none does.
+        low: Smallest margin that the data do not show to break the bound, m.
+        high: Smallest margin from which on all are shown to keep it, m; none if none is.
+        seeds_to_show: Episodes of each margin that would show the bound if none collided.
+        rungs: Each margin tried, from the smallest.
+        errors: Episodes that failed to run, counted as collided.
+        first_error: What the first of those says; empty without any.
+    """
+
+    drift: float
+    bound: float
+    margin: float | None
+    low: float | None
+    high: float | None
+    seeds_to_show: int
+    rungs: list[Rung]
+    errors: int
+    first_error: str
+
+
+def margin_study(
+    world: str,
+    robot: str,
+    seeds: int,
+    drift: float,
+    margins: Sequence[float],
+    settings: dict[str, Any],
+) -> StudyFile:
+    """The study that answers: every seed with every margin, all under the same drift.
+
+    Raises:
+        InputError: Fewer than two margins or seeds, or a drift that the scale does not reach.
+    """
+    tried = sorted(set(margins))
+    if len(tried) < 2 or seeds < 2:
+        raise InputError(f"got {len(tried)} margins and {seeds} seeds, expected at least 2 of each")
+    document = dict(settings)
+    if drift:
+        try:
+            severity = PoseDrift.severity_of(drift)
+        except ValueError as error:
+            raise InputError(f"--drift: {error} m/m") from None
+        document["perturbation"] = {"kind": "pose_drift", "severity": severity}
+    return StudyFile(
+        name=f"margin-{Path(world).stem}-{Path(robot).stem}",
+        worlds=[world],
+        robots=[robot],
+        seeds=seeds,
+        settings=document,
+        axes={SETTING: tried},
+    )
+
+
+def calibrate_margin(
+    study: StudyFile, drift: float, bound: float, store: Store, engine: Engine, finished: Finished
+) -> MarginResult:
+    """Run what is missing of the study, and read the margin off its collisions.
+
+    Raises:
+        InputError: The bound is no share, or the study cannot be run.
+    """
+    if not 0.0 < bound < 1.0:
+        raise InputError(f"--bound {bound:g}: expected more than 0 and less than 1")
+    planned = plan_episodes(study)
+    run_study(study, planned, store, engine, finished)
+    rows = read_rows(planned, store, allow_plugins=True)
+    limit = max(one.config.episode.time_limit for one in planned)
+    variants = list(dict.fromkeys(one.arm.variant for one in planned))
+    by_margin = [[row for row in rows if row.arm.variant == variant] for variant in variants]
+    return margin_from(study.axes[SETTING], by_margin, limit, drift, bound)
+
+
+def margin_from(
+    margins: Sequence[float],
+    rows: Sequence[Sequence[Row]],
+    limit: float,
+    drift: float,
+    bound: float,
+) -> MarginResult:
+    """The answer from the episodes of each margin, smallest first, the seeds in one order.
+
+    The collision rate is taken to fall with the margin, so rates are fitted by isotonic regression
+    (Barlow et al. 1972). The ends come from each margin's own interval (Clopper and Pearson 1934):
+    below `low` every margin is shown to break the bound, from `high` on each is shown to keep it.
+    """
+    counts = [sum(_collided(row) for row in some) for some in rows]
+    sizes = [len(some) for some in rows]
+    collided = [clopper_pearson(*one) for one in zip(counts, sizes, strict=True)]
+    rates = [one.estimate for one in collided]
+    fitted = isotonic_regression(rates, weights=sizes, increasing=False).x.tolist()
+    rungs = [
+        _rung(margin, some, rows[0], interval, rate, limit)
+        for margin, some, interval, rate in zip(margins, rows, collided, fitted, strict=True)
+    ]
+    errors = [row for some in rows for row in some if not row.ran]
+    kept = [one.collided.high <= bound for one in rungs]
+    return MarginResult(
+        drift=drift,
+        bound=bound,
+        margin=next((one.margin for one in rungs if one.monotone <= bound), None),
+        low=next((one.margin for one in rungs if one.collided.low <= bound), None),
+        high=next((one.margin for k, one in enumerate(rungs) if all(kept[k:])), None),
+        seeds_to_show=int(np.ceil(np.log(0.025) / np.log1p(-bound))),
+        rungs=rungs,
+        errors=len(errors),
+        first_error=error_in_words(errors[0]) if errors else "",
+    )
+
+
+def _collided(row: Row) -> bool:
+    """Whether it touched anything; an episode in error is not shown to have kept clear."""
+    return row.outcome == "error" or bool(row.metrics["collisions"])
+
+
+def _rung(
+    margin: float,
+    rows: Sequence[Row],
+    first: Sequence[Row],
+    collided: Interval,
+    monotone: float,
+    limit: float,
+) -> Rung:
+    reached, reference = ([float(row.success) for row in some] for some in (rows, first))
+    times, usual = (
+        [min(row.duration, limit) if row.success else limit for row in some]
+        for some in (rows, first)
+    )
+    clusters = [row.seed for row in rows]
+    return Rung(
+        margin=margin,
+        episodes=len(rows),
+        collided=collided,
+        monotone=monotone,
+        success=clopper_pearson(int(sum(reached)), len(rows)),
+        time=restricted_mean([row.duration for row in rows], reached, limit),
+        success_price=difference_interval(reference, reached, clusters, RATE),
+        time_price=difference_interval(usual, times, clusters, TIME.within(limit)),
+    )

@@ -1,0 +1,291 @@
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from wayproof.harness.cli.main import main
+
+RUN = ["run", "empty", "--robot", "drone", "--seed", "1"]
+
+
+def bad_input(capsys, arguments):
+    """Run a command that must be refused; returns its one line."""
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith("wayproof: ")
+    assert captured.out == ""
+    return captured.err
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({1: "warehose"}, "unknown world 'warehose'; did you mean 'warehouse'? (available: "),
+        (
+            {3: "drome"},
+            "unknown robot 'drome'; did you mean 'drone'? (available: drone, quadruped)",
+        ),
+        ({5: "x"}, "argument --seed: invalid int value: 'x'"),
+        ({5: "-1"}, "seed: got -1"),
+        ({0: "rnu"}, "unknown verb 'rnu'; did you mean 'run'?"),
+    ],
+)
+def test_bad_words(capsys, tmp_path, changes, said):
+    arguments = [changes.get(i, word) for i, word in enumerate(RUN)]
+    assert said in bad_input(capsys, [*arguments, "--logs", str(tmp_path / "logs")])
+    assert not (tmp_path / "logs").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--set", "map.resolution=-0.1"], "map.resolution: got -0.1, expected 0.01 to 0.5 m"),
+        (["--set", "map.resolution=fine"], "expected a finite number, such as 0.1"),
+        (["--set", "map.resolution=inf"], "expected a finite number, such as 0.1"),
+        (["--set", "map.resolution="], "expected a finite number, such as 0.1"),
+        (["--set", "threads=two"], "--set threads=two: expected a whole number, such as 1"),
+        (["--set", "threads=1", "--set", "threads=2"], "--set threads: given twice, "),
+        (["--set", "sensors.lidar=vlp16"], "did you mean 'velodyne-vlp16'?"),
+        (["--set", "planner.name=RRTConnect"], "did you mean 'rrtconnect'?"),
+        (
+            ["--perturb", "latency:2", "--perturb", "rate:1"],
+            "(exactly one assumption is made",
+        ),
+        (["--seed", "2"], "--seed: given twice, 1 and 2"),
+        (["--perturb", "latency:9"], "latency:9: severity: got 9, expected above 0, up to 5"),
+        (["--perturb", "latency:nan"], "severity: got nan, expected above 0, up to 5"),
+        (["--goal", "nan,1,1"], "--goal nan,1,1: expected X,Y or X,Y,Z, finite numbers in m"),
+        (["--start", "-1,2,1"], "--start -1,2,1: a value with a minus sign is written --start=-1"),
+        (["--robto", "drone"], "unknown option '--robto'; did you mean '--robot'?"),
+        (["--set", "map.resoluton=1"], "did you mean 'map.resolution'?"),
+        (["--set", "planner.name=rrtconect"], "did you mean 'rrtconnect'?"),
+        (["--set", "map.kind=voxels"], "did you mean 'voxel'?"),
+        (["--goal", "99,99"], "goal: got (99, 99, 1), expected inside the geofence"),
+        (["--goal", "3,4,2.9"], "goal: altitude 2.9 m, expected 0.66 to 2.34 m"),
+        (["--goal", "0.05,3"], "goal: (0.05, 3, 1) is within the body's radius of 0.3"),
+        (["--goal", "north"], "--goal north: expected X,Y or X,Y,Z"),
+        (
+            ["--set", "map.resolution=0.01", "--set", "map.half_life=0"],
+            "expected at most 200000000",
+        ),
+        (
+            ["--set", "motion.altitude_high=0.5"],
+            "motion.altitude_low, altitude_high: got 0.2 and 0.5",
+        ),
+        (["--set", "behaviour.rotate_in_place_angle=1"], "'drone' flies and does not use it"),
+        (["--nonsense"], "unknown option '--nonsense' (see 'wayproof run --help')"),
+    ],
+)
+def test_bad_settings_leave_nothing_behind(capsys, tmp_path, options, said):
+    assert said in bad_input(capsys, [*RUN, "--logs", str(tmp_path / "logs"), *options])
+    assert not (tmp_path / "logs").exists()
+
+
+def test_a_goal_inside_a_shelf(capsys, tmp_path):
+    from wayproof.models.worlds import WORLDS
+
+    shelf = next(box for box in WORLDS["warehouse"](0).solids if box.kind == "shelf")
+    goal = f"{shelf.centre[0]},{shelf.centre[1]}"
+    arguments = ["run", "warehouse", "--robot", "quadruped", "--seed", "0", "--goal", goal]
+    line = bad_input(capsys, [*arguments, "--logs", str(tmp_path / "logs")])
+    assert "'shelf" in line
+    assert not (tmp_path / "logs").exists()
+
+
+def test_a_log_folder_that_is_a_file(capsys, tmp_path):
+    (tmp_path / "logs").write_text("")
+    line = bad_input(capsys, [*RUN, "--logs", str(tmp_path / "logs")])
+    assert "is a file, expected a folder" in line
+
+
+def test_an_unwritable_log_folder(capsys, tmp_path):
+    if os.geteuid() == 0:
+        folder = "/proc/wayproof"  # where even root may not write
+    else:
+        folder = str(tmp_path / "closed" / "logs")
+        (tmp_path / "closed").mkdir(mode=0o500)
+    assert "log" in bad_input(capsys, [*RUN, "--logs", folder])
+
+
+def test_a_full_log_folder(capsys, tmp_path, monkeypatch):
+    from wayproof.harness.logs import log
+
+    free = 10 * 2**60  # no disk has this much to spare, so this one counts as full
+    monkeypatch.setattr(log, "LEAST_FREE_BYTES", free)
+    line = bad_input(capsys, [*RUN, "--logs", str(tmp_path)])
+    assert "MiB free, expected at least" in line
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def log_bytes(recorded):
+    return Path(recorded("empty", "drone", 1).log).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda data: data[: len(data) // 2], "truncated"),
+        (lambda data: b"", "empty"),
+        (lambda data: b"certainly no log", "not an MCAP file"),
+        (lambda data: data[:8] + data[-8:], "damaged"),
+        (lambda data: data[:5000] + bytes(64) + data[5064:], "damaged"),
+        (lambda data: data[:-2000] + bytes(1000) + data[-1000:], "damaged"),
+    ],
+)
+def test_broken_logs(capsys, tmp_path, log_bytes, spoil, said):
+    path = tmp_path / "broken.mcap"
+    path.write_bytes(spoil(log_bytes))
+    line = bad_input(capsys, ["replay", str(path)])
+    assert said in line
+    assert str(path) in line
+
+
+def test_a_log_that_is_not_there(capsys, tmp_path):
+    assert "no such file" in bad_input(capsys, ["replay", str(tmp_path / "none.mcap")])
+
+
+def test_json_is_one_document_and_nothing_else(capsys, tmp_path):
+    assert main([*RUN, "--json", "--logs", str(tmp_path)]) == 0
+    captured = capsys.readouterr()
+    document = json.loads(captured.out)
+    assert captured.err == ""
+    wanted = {
+        "outcome",
+        "goal_distance_m",
+        "sim_time_s",
+        "wall_time_s",
+        "decisions",
+        "collisions",
+        "min_clearance_m",
+        "log",
+    }
+    assert wanted <= document.keys()
+    assert Path(document["log"]).is_file()
+    assert not list(tmp_path.glob("*.partial"))
+    assert main(["replay", document["log"], "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["identical"] is True
+
+
+def test_json_of_bad_input_holds_the_line(capsys):
+    assert main(["run", "nowhere", "--robot", "drone", "--seed", "1", "--json"]) == 2
+    assert "unknown world 'nowhere'" in json.loads(capsys.readouterr().out)["error"]
+
+
+def test_list_names_what_is_registered(capsys):
+    assert main(["list", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert {"warehouse", "corridor", "empty"} <= set(document["worlds"])
+    assert set(document["robots"]) == {"drone", "quadruped"}
+    assert "map.resolution" in document["settings"]
+
+
+def test_the_module_is_the_command():
+    printed = subprocess.run(
+        [sys.executable, "-m", "wayproof", "list"], capture_output=True, text=True, check=True
+    )
+    assert "worlds: " in printed.stdout
+
+
+def test_a_robot_whose_spec_file_is_here_is_named(capsys, tmp_path):
+    line = bad_input(capsys, ["run", "empty", "--robot", "Spot", "--seed", "1"])
+    assert "unknown robot 'Spot'; its spec file is here: --robot " in line
+    assert Path(line.split("--robot ")[1].split(" (")[0]).is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["falsify", *RUN[1:], "--perturb", "pose_jump:5"], "the search chooses it, up to --great"),
+        (["threshold", "smoke", "--perturb", "rate:3"], "rate:3: expected no severity: the bisec"),
+    ],
+)
+def test_a_severity_that_is_looked_for_is_not_given(capsys, arguments, said):
+    assert said in bad_input(capsys, arguments)
+
+
+def test_the_version_and_the_help(capsys):
+    assert main([]) == 2
+    assert "verbs:" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as left:
+        main(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out.startswith("wayproof ")
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_an_output_that_takes_no_more_is_no_traceback(options):
+    list_ = [sys.executable, "-m", "wayproof", "list", *options]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3] / "src")}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            list_, stdout=full, stderr=subprocess.PIPE, text=True, env=environment, timeout=60
+        )
+    assert done.returncode == 2
+    assert done.stderr == "wayproof: standard output: No space left on device\n"
+    read, write = os.pipe()
+    os.close(read)  # a reader that went away
+    done = subprocess.run(
+        list_, stdout=write, stderr=subprocess.PIPE, text=True, env=environment, timeout=60
+    )
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_ctrl_c_says_what_is_left(tmp_path, monkeypatch, capsys):
+    from wayproof.harness.stack.pipeline import Navigator
+
+    step = Navigator.step
+
+    def press(at):
+        def pressed(self, inputs, sense_ms=0.0):
+            if inputs.sequence == at:
+                raise KeyboardInterrupt
+            return step(self, inputs, sense_ms)
+
+        monkeypatch.setattr(Navigator, "step", pressed)
+
+    log = tmp_path / "a.mcap"
+    press(0)
+    assert main([*RUN, "--log", str(log)]) == 130
+    said = capsys.readouterr().err
+    assert said == "wayproof: interrupted; nothing was decided yet, and no log is left\n"
+    assert not list(tmp_path.iterdir())
+    press(3)
+    assert main([*RUN, "--log", str(log)]) == 130
+    said = capsys.readouterr().err
+    assert said == f"wayproof: interrupted; the log so far: wayproof recover {log}.partial\n"
+    assert main(["recover", f"{log}.partial"]) == 0
+
+
+def test_the_live_line_keeps_its_end_at_60_columns():
+    from io import StringIO
+
+    from rich.console import Console
+
+    from wayproof.harness.cli.live import LiveLine
+    from wayproof.harness.schema import wayproof_pb2 as pb
+
+    out = StringIO()
+    decision = pb.Decision(action="stop_and_wait", map_version="e75fde96" * 4, path_length_m=12.3)
+    decision.guide.add(x=1.0)
+    decision.timestamp.FromNanoseconds(99_900_000_000)
+    with LiveLine(Console(file=out, width=60), "quadruped") as line:
+        line(decision, pb.Truth(velocity=[1.0, 0.0, 0.0]))
+    assert "12.3 m to go" in out.getvalue()
+
+
+def test_a_name_apart_in_case_or_part_of_one_is_near():
+    from wayproof.harness.errors import near_name
+
+    names = ["velodyne-vlp16", "rrtstar", "informed_rrtstar", "warehouse"]
+    assert near_name("vlp16", names) == "velodyne-vlp16"
+    assert near_name("RRTstar", names) == "rrtstar"
+    assert near_name("rrt_star", names) == "rrtstar"
+    assert near_name("e", names) is None
+    assert near_name("own", ["brownfield", "downtown-street"]) is None  # of two
+    assert near_name("wharehouse", names) == "warehouse"

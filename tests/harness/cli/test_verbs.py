@@ -1,0 +1,143 @@
+"""What holds for each verb: help that teaches, quiet pipes, one document under --json."""
+
+import json
+import shlex
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from wayproof.harness.cli import VERBS
+from wayproof.harness.cli.main import main, verb_parsers
+
+WRONG = {
+    "run": ["nowhere", "--robot", "drone", "--seed", "1"],
+    "study": ["no-such-study"],
+    "threshold": ["no-such-study"],
+    "calibrate": ["margins", "empty", "--robot", "drone", "--drift", "0.01"],
+    "falsify": ["empty", "--robot", "drone", "--seed", "1", "--perturb", "nothing"],
+    "report": ["no-such-folder"],
+    "compare": ["no-such-folder", "nor-this"],
+    "bench": ["no-such-stage"],
+    "list": ["surplus"],
+    "demo": ["--seed", "x"],
+    "import": ["no-such-file.stl"],
+    "picture": ["no-such.mcap", "1"],
+    "convert": ["no-such.mcap", "--foxglove", "x.mcap"],
+    "completion": ["fish"],
+}
+"""Words after each verb that it must refuse; the others take a log."""
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_the_example_is_one_of_its_own_lines(verb):
+    program, named, *words = shlex.split(VERBS[verb].example)
+    assert (program, named) == ("wayproof", verb)
+    verb_parsers()[verb].parse_args(words)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_teaches_by_example_and_a_pipe_gets_no_colours(capsys, verb):
+    with pytest.raises(SystemExit) as end:
+        main([verb, "--help"])
+    assert end.value.code == 0
+    shown = capsys.readouterr()
+    assert VERBS[verb].example in shown.out
+    assert "\x1b" not in shown.out
+    assert shown.err == ""
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_argument_says_what_it_is_for(verb):
+    obvious = {"log", "help", "json"}
+    for action in verb_parsers()[verb]._actions:
+        assert action.help or action.dest in obvious, f"{verb}: {action.dest}"
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_bad_input_is_one_document_on_stdout_and_one_line_on_stderr(
+    capsys, monkeypatch, tmp_path, verb
+):
+    monkeypatch.chdir(tmp_path)
+    assert main([verb, *WRONG.get(verb, ["no-such.mcap"]), "--json"]) == 2
+    shown = capsys.readouterr()
+    assert set(json.loads(shown.out)) == {"error"}
+    assert shown.out.count("\n") == 1
+    assert shown.err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["replay"],
+        ["audit"],
+        ["score"],
+        ["view", "--save", "x.rrd"],
+        ["convert", "--foxglove", "x.mcap"],
+        ["explain"],
+        ["explain", "3", "--png", "x.png"],
+        ["recover", "--out", "x.mcap"],
+        ["list"],
+        ["completion", "zsh"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_good_input_is_one_document_and_nothing_else(capfd, monkeypatch, tmp_path, recorded, words):
+    verb, *more = words
+    paths = [] if verb in ("list", "completion") else [recorded("empty", "drone", 1).log]
+    monkeypatch.chdir(tmp_path)
+    assert main([verb, *paths, *more, "--json"]) == 0
+    shown = capfd.readouterr()
+    assert isinstance(json.loads(shown.out), dict)
+    assert shown.out.count("\n") == 1
+    assert shown.err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["wayproof", "re"], {"replay", "report", "recover"}),
+        (["wayproof", "run", "ware"], {"warehouse"}),
+        (["wayproof", "run", "warehouse", "--robot", "q"], {"quadruped"}),
+        (["wayproof", "run", "warehouse", "--perturb", "pose_jump:"], {"pose_jump:1"}),
+        (["wayproof", "view", "x.mcap", "--sa"], {"--save"}),
+    ],
+)
+def test_bash_completes(capsys, tmp_path, words, expected):
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("no bash here")
+    assert main(["completion", "bash"]) == 0
+    script = tmp_path / "complete.bash"
+    script.write_text(capsys.readouterr().out)
+    typed = shlex.join(words)
+    ask = f"COMP_WORDS=({typed}); COMP_CWORD={len(words) - 1}; _shtab_wayproof"
+    command = f"source {script}; {ask}; echo ${{COMPREPLY[@]}}"
+    shown = subprocess.run([bash, "-c", command], capture_output=True, text=True, check=True)
+    assert expected <= set(shown.stdout.split())
+
+
+def test_no_colour_on_request_and_none_into_a_pipe():
+    for environment in ({"NO_COLOR": "1"}, {}):
+        command = [sys.executable, "-m", "wayproof", "list"]
+        shown = subprocess.run(command, capture_output=True, check=True, env=_with(environment))
+        assert b"\x1b" not in shown.stdout
+
+
+def test_help_of_the_viewers_loads_neither_them_nor_the_simulator():
+    code = (
+        "import sys\nfrom wayproof.harness.cli.main import main\n"
+        "try:\n    main([sys.argv[1], '--help'])\nexcept SystemExit:\n    pass\n"
+        "assert not {'rerun', 'mujoco', 'PIL'} & set(sys.modules), sorted(sys.modules)"
+    )
+    for verb in ("view", "picture"):
+        subprocess.run([sys.executable, "-c", code, verb], check=True, capture_output=True)
+
+
+def _with(changes):
+    import os
+
+    kept = {name: value for name, value in os.environ.items() if name != "NO_COLOR"}
+    return {**kept, **changes}

@@ -1,0 +1,254 @@
+"""What a study says where little or nothing was shown, and the exit code that goes with it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wayproof.harness.bench.statistics.verdicts import CHANGES, compared, share_failing, study_of
+from wayproof.harness.cli.compare import DEFAULT_GATES
+from wayproof.harness.cli.main import main
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.study.analysis import samples_between, samples_of
+from wayproof.harness.study.contents import contents_of
+from wayproof.harness.study.file import (
+    PACKAGED,
+    Arm,
+    files_of,
+    plan_episodes,
+    read_gate,
+    read_study,
+)
+from wayproof.harness.study.gates import GateResult, gate_in_words, judge
+from wayproof.harness.study.rows import Row
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import StudyResult, conclude, verdict_in_words
+
+ARM = Arm("warehouse", "drone", "", "none", 0)
+
+STUDY = """
+name = "hard"
+worlds = ["empty"]
+robots = ["drone"]
+seeds = 2
+gates = ["success.mean >= 0.1"]
+"""
+
+
+def row(seed: int, arm: Arm = ARM, outcome: str = "success", **metrics: float | None) -> Row:
+    known = {
+        **dict.fromkeys(METRICS),
+        "success": float(outcome == "success"),
+        "collisions": 0.0,
+        **metrics,
+    }
+    return Row(f"{arm}{seed}", arm, seed, outcome, "", "", "", 6.0, known, ())
+
+
+def judged(gate: str, rows: list[Row], time_limit: float = 60.0) -> GateResult:
+    [result] = judge(samples_of(rows, ""), [read_gate(gate)], time_limit)
+    return result
+
+
+def result_of(rows: list[Row], *gates: str) -> StudyResult:
+    results = judge(samples_of(rows, ""), [read_gate(one) for one in gates], 60.0)
+    return StudyResult("hard", len(rows), 0, 0, "", [], results)
+
+
+@pytest.mark.parametrize(
+    "gate",
+    [
+        "collisions.mean <= 0",
+        "collisions.mean <= 0.001 proven",
+        "collisions.mean <= 1",
+        "time_to_goal.mean <= 5.955 proven",
+        "time_to_goal.mean <= 30",
+        "success.mean >= 0.99",
+        "jerk.mean <= 100",
+    ],
+)
+@pytest.mark.parametrize("seeds", [1, 2, 3])
+def test_two_episodes_prove_next_to_nothing(gate: str, seeds: int) -> None:
+    rows = [row(k, time_to_goal=5.95, jerk=2.0) for k in range(seeds)]
+    assert judged(gate, rows).verdict == "inconclusive"
+    result = result_of(rows, gate)
+    assert (result.verdict, result.exit_code()) == ("inconclusive", 3)
+    assert result.exit_code(allow_inconclusive=True) == (3 if "proven" in gate else 0)
+
+
+def test_a_single_collision_refutes_that_there_are_none() -> None:
+    rows = [row(0), row(1, outcome="collision", collisions=1.0)]
+    assert judged("collisions.mean <= 0", rows).verdict == "failed"
+    assert result_of(rows, "collisions.mean <= 0").exit_code() == 1
+
+
+def test_no_event_in_enough_worlds_holds_a_margin() -> None:
+    gate = "collisions.mean <= 0.1"
+    few = judged(gate, [row(k) for k in range(20)])
+    assert few.verdict == "inconclusive"
+    assert few.worlds_needed == 36  # 0.9^35 = 0.02503, just more than 0.025
+    assert "about 36 worlds would show it" in gate_in_words(few)
+    assert judged(gate, [row(k) for k in range(35)]).verdict == "inconclusive"
+    assert judged(gate, [row(k) for k in range(36)]).verdict == "held"
+
+
+@pytest.mark.parametrize(("metric", "value"), [("success", 1.0), ("collisions", 0.0)])
+def test_as_many_worlds_as_a_difference_is_said_to_need(metric: str, value: float) -> None:
+    gate = read_gate(f"{metric}.rise <= 0.1")
+
+    def result(worlds: int) -> GateResult:
+        rows = [row(k, **{metric: value}) for k in range(worlds)]
+        [one] = judge(samples_between(rows, rows), [gate], 60.0)
+        return one
+
+    needed = result(10).worlds_needed
+    assert needed is not None
+    assert result(needed).verdict == "held"
+    assert result(needed - 3).verdict == "inconclusive"
+
+
+def test_what_cannot_be_shown_says_so() -> None:
+    result = judged("collisions.mean <= 0", [row(k) for k in range(50)])
+    assert result.worlds_needed is None
+    assert "cannot be shown to be held" in gate_in_words(result)
+
+
+def test_all_gates_share_their_error() -> None:
+    """With twenty gates each interval is wider, and its line says over how many."""
+    rows = [row(k) for k in range(40)]
+    alone = judged("success.mean >= 0.9", rows)
+    many = judge(samples_of(rows, ""), [read_gate("success.mean >= 0.9")] * 20)
+    assert alone.verdict == "held"
+    assert {one.verdict for one in many} == {"inconclusive"}
+    assert "95 %, 40 worlds" in gate_in_words(alone)
+    assert "simultaneous 95 % over 20 gates" in gate_in_words(many[0])
+
+
+def test_seeds_of_one_imported_world_are_one_world() -> None:
+    one = dataclasses.replace(ARM, world="yard.xml")
+    result = judged("success.mean >= 0.5", [row(k, one) for k in range(50)])
+    assert (result.verdict, result.worlds) == ("inconclusive", 1)
+
+
+def test_imported_worlds_are_judged_together() -> None:
+    arms = [dataclasses.replace(ARM, world=f"yard{k}.xml") for k in range(12)]
+    result = judged("success.mean >= 0.5", [row(k, arm) for arm in arms for k in range(3)])
+    assert (result.verdict, result.worlds) == ("held", 12)
+    assert "12 imported worlds drone" in gate_in_words(result)
+
+
+def test_episodes_that_did_not_run_are_no_evidence() -> None:
+    rows = [*(row(k) for k in range(40)), row(40, outcome="error")]
+    assert judged("success.mean >= 0.9", rows).worlds == 40
+    crashed = dataclasses.replace(row(40, outcome="error"), chain="ab")
+    assert judged("success.mean >= 0.9", [*rows[:40], crashed]).worlds == 41
+
+
+def test_an_arm_without_its_partner_is_inconclusive() -> None:
+    drift = Arm("warehouse", "drone", "", "pose_drift", 3)
+    result = judged("success.drop <= 0.5", [row(k, drift) for k in range(9)])
+    assert (result.verdict, result.interval) == ("inconclusive", None)
+    assert "no episode has this figure" in gate_in_words(result)
+
+
+def written(folder: Path, text: str = STUDY) -> list[str]:
+    (folder / "hard.toml").write_text(text)
+    return ["study", str(folder / "hard.toml"), "--out", str(folder / "out")]
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (STUDY.replace('"empty"', '"emty"'), [], "unknown world of study 'hard' 'emty'; did you"),
+        (STUDY.replace('"drone"', '"dron"'), [], "unknown robot of study 'hard' 'dron'; did you"),
+        (STUDY.replace("success.mean >=", "success.drop <="), [], "difference needs pairs"),
+        (STUDY.replace("success.mean >=", "collisions.rise <="), [], "difference needs pairs"),
+        (STUDY + '[axes]\n"planner.name" = ["rrtstr"]', [], "did you mean 'rrtstar'"),
+        (STUDY.replace("0.1", "1e999"), [], "expected a number"),
+        (STUDY, ["--jobs", "0"], "--jobs 0: expected at least 1"),
+        (STUDY, ["--engine", "foo"], "unknown engine 'foo'"),
+    ],
+)
+def test_bad_studies_are_refused_before_anything_runs(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    text: str,
+    options: list[str],
+    message: str,
+) -> None:
+    assert main([*written(tmp_path, text), *options]) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.out == ""
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_study_in_which_nothing_ran_is_not_green(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = written(tmp_path)
+    store = Store(tmp_path / "out")
+    study = read_study(arguments[1])
+    with store.open():
+        for one in plan_episodes(study):
+            store.record_error(one.key, "the planner could not be loaded")
+        store.keep_study(study, contents_of(files_of(study)))
+    assert main(arguments) == 3
+    printed = capsys.readouterr().out
+    first = "2 failed to run, first empty drone, seed 0: the planner could not be loaded"
+    assert f"verdict: incomplete: 0 of 0 episodes reached the goal; {first}" in printed
+    assert f"next: wayproof report {store.folder}" in printed
+    assert not re.search(r"\b(nan|inf)\b", printed)
+    assert main(["report", str(store.folder), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["verdict"], document["gates"][0]["interval"]) == ("incomplete", None)
+    page = (store.folder / "report.html").read_text()
+    assert first in page
+    assert not re.search(r">\s*-?(nan|inf)\b|\((nan|-inf)", page)
+
+
+def test_a_failed_gate_comes_after_missing_episodes(tmp_path: Path) -> None:
+    study = read_study(written(tmp_path, STUDY.replace("0.1", "0.9"))[1])
+    planned = plan_episodes(study)
+    arm = planned[0].arm
+    lost = [row(k, arm, "timeout") for k in range(2)]
+    whole, partial = conclude(study, planned, lost), conclude(study, planned, lost[:1])
+    assert (whole.verdict, whole.exit_code()) == ("failed", 1)
+    assert (partial.verdict, partial.exit_code()) == ("incomplete", 3)
+    assert "1 of 2 have not run" in verdict_in_words(partial)
+
+
+def test_a_against_a_hardly_ever_fails_a_default_gate() -> None:
+    """`wayproof bench coverage --only alarms` has all studies and sizes."""
+    for name in ("compare", "baseline"):
+        for clusters in (2, 10):
+            assert share_failing(name, *study_of(name), clusters, repeats=60, seed=1) <= 0.05
+
+
+def test_what_is_broken_is_never_green_on_few_worlds_and_seen_on_many() -> None:
+
+    before, after, text = CHANGES["success 0.95 to 0.75"]
+    generator = np.random.default_rng(0)
+    verdicts = [compared(generator, before, after, 50, read_gate(text)).verdict for _ in range(60)]
+    assert verdicts.count("failed") >= 45
+    broken = [
+        compared(generator, before, after, k, read_gate(DEFAULT_GATES[0])).verdict
+        for k in (2, 3, 5, 10, 25)
+        for _ in range(20)
+    ]
+    assert broken.count("held") == 0
+
+
+@pytest.mark.parametrize("path", sorted(PACKAGED.glob("*.toml")), ids=lambda path: path.stem)
+def test_packaged_gates_can_be_held_by_their_own_seeds(path: Path) -> None:
+    """Where every episode reaches the goal and touches nothing."""
+    study = read_study(path.stem)
+    rows = [row(one.seed, one.arm) for one in plan_episodes(study)]
+    first = plan_episodes(study)[0].arm.variant
+    results = judge(samples_of(rows, first), [read_gate(one) for one in study.gates], 60.0)
+    assert {one.verdict for one in results} <= {"held"}

@@ -1,0 +1,163 @@
+"""The smallest perturbation at which each seed fails, on engines that need no simulator."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wayproof.harness.cli.main import main
+from wayproof.harness.config import Config, from_json
+from wayproof.harness.errors import InputError
+from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.scenario.scenario import build
+from wayproof.harness.study.file import StudyFile
+from wayproof.harness.study.job import Done, Job
+from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.statistics.exact import quantile_interval
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.threshold import (
+    MOST_EPISODES,
+    Margin,
+    Question,
+    amount_at,
+    find_margins,
+    margin_in_words,
+    read_margins,
+)
+
+STUDY = StudyFile(name="bears", worlds=["empty"], robots=["drone"], seeds=9)
+DRIFT = Question(["pose_drift"])
+INFINITE = math.inf
+MISSION = build(Config("empty", "drone", 0)).mission.to_json()
+
+
+class Pretended:
+    """An engine whose episodes fail from a severity on that the seed chooses."""
+
+    def __init__(self, bears: Callable[[int], float], most: int = 1000) -> None:
+        self.bears = bears
+        self.left = most
+        self.ran: list[tuple[int, float]] = []
+
+    def __call__(self, jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
+        for job in jobs:
+            if self.left == 0:
+                raise KeyboardInterrupt
+            self.left -= 1
+            config = from_json(job.config)
+            severity = config.perturbation.severity if config.perturbation else 0.0
+            self.ran.append((config.seed, severity))
+            outcome = "success" if severity <= self.bears(config.seed) else "collision"
+            with LogWriter(job.log, job.config, MISSION, "<mujoco/>") as log:
+                log.finish({"outcome": outcome, "reason": outcome, "chain": ""})
+            finished(Done(job.key))
+
+
+def bisect(folder: Path, engine: Pretended, question: Question = DRIFT) -> Margin:
+    [margin] = find_margins(STUDY, question, Store(folder), engine, lambda done: None)
+    return margin
+
+
+def test_every_seed_is_bracketed_to_a_hundredth(tmp_path: Path) -> None:
+    """Seed k fails beyond k/2; seed 0 unperturbed fails at once, none of the others censored."""
+    engine = Pretended(lambda seed: seed / 2 if seed else -1.0)
+    margin = bisect(tmp_path, engine)
+    assert margin.seeds == list(range(9))
+    assert margin.fail_unperturbed == 1
+    assert margin.bear_all == 0
+    assert margin.critical[0] == 0.0
+    for seed in range(1, 9):
+        assert margin.survived[seed] <= seed / 2 <= margin.failed[seed]
+        assert margin.failed[seed] - margin.survived[seed] <= 0.01
+    tries = [sum(one == seed for one, _ in engine.ran) for seed in range(9)]
+    assert max(tries) <= MOST_EPISODES
+    assert tries[0] == 1
+    assert margin.episodes == len(engine.ran)
+    assert margin.median is not None
+    assert margin.median.estimate == pytest.approx(2.0, abs=0.01)
+    # Ranks 2 and 8 of 9: the chance of fewer than 2 or more than 7 below the median is 3.9 %.
+    assert margin.median.low == pytest.approx(0.5, abs=0.01)
+    assert margin.median.high == pytest.approx(3.5, abs=0.01)
+    assert margin.median_amount is not None
+    assert margin.median_amount.estimate == pytest.approx(0.005, abs=2e-4)
+
+
+def test_who_bears_the_whole_scale_is_told_as_such(tmp_path: Path) -> None:
+    margin = bisect(tmp_path, Pretended(lambda seed: 9.0 if seed < 6 else 1.0))
+    assert margin.bear_all == 6
+    assert margin.episodes == 6 * 2 + 3 * 11
+    assert margin.median is not None
+    assert margin.median.estimate == INFINITE
+    assert margin.median.high == INFINITE
+    assert margin.median.low == pytest.approx(1.0, abs=0.01)
+    assert "half fail at severity beyond the scale" in margin_in_words(margin)
+    assert "6 bear even 5" in margin_in_words(margin)
+
+
+def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
+    whole = Pretended(lambda seed: seed / 3)
+    expected = bisect(tmp_path / "whole", whole)
+    first = Pretended(lambda seed: seed / 3, most=25)
+    with pytest.raises(KeyboardInterrupt):
+        bisect(tmp_path / "parts", first)
+    [halfway] = read_margins(STUDY, Store(tmp_path / "parts"))
+    assert (halfway.unfinished, halfway.episodes) == (9, 25)
+    rest = Pretended(lambda seed: seed / 3)
+    assert bisect(tmp_path / "parts", rest) == expected
+    assert sorted(first.ran + rest.ran) == sorted(whole.ran)
+
+
+def test_an_episode_that_cannot_be_run_is_no_failure(tmp_path: Path) -> None:
+    def engine(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
+        for job in jobs:
+            finished(Done(job.key, "no such file"))
+
+    [margin] = find_margins(STUDY, DRIFT, Store(tmp_path), engine, lambda done: None)
+    assert margin.errors == list(range(9))
+    assert (margin.seeds, margin.median) == ([], None)
+    assert margin_in_words(margin).endswith("9 could not be run, first: no such file")
+
+
+def test_an_unknown_perturbation_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="did you mean 'pose_drift'"):
+        bisect(tmp_path, Pretended(lambda seed: 1.0), Question(["pose_drfit"]))
+
+
+def test_amounts_at_the_ends_of_the_scale() -> None:
+    assert amount_at("pose_drift", 0.0) == 0.0
+    assert amount_at("rate", 0.0) == 1.0
+    assert amount_at("calibration:translation", 2.5) == 0.75
+    assert amount_at("rate", INFINITE) == INFINITE
+
+
+def test_a_quantiles_interval_covers_it() -> None:
+    """95 % or more of 2000 samples of 20, whatever the law; and by hand for 5."""
+    generator = np.random.default_rng(5)
+    samples = generator.exponential(size=(2000, 20))
+    found = [quantile_interval(sample) for sample in samples]
+    covered = np.mean([one.low <= math.log(2.0) <= one.high for one in found])
+    assert 0.95 <= covered <= 0.975
+    few = quantile_interval([3.0, 1.0, 2.0, 5.0, 4.0])  # all five below by chance: 1 in 32
+    assert (few.low, few.estimate, few.high) == (-INFINITE, 3.0, INFINITE)
+
+
+def test_the_verb_bisects_real_episodes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A limit of 2 s makes every episode fail unperturbed: one each, and a page that says so."""
+    path = tmp_path / "study.toml"
+    path.write_text(
+        'name = "tiny"\nworlds = ["empty"]\nrobots = ["drone"]\nseeds = 1\n'
+        '[set]\n"episode.time_limit" = 2\n[perturbations]\npose_jump = [1]\n'
+    )
+    out = str(tmp_path / "out")
+    assert main(["threshold", str(path), "--out", out, "--jobs", "1", "--json"]) == 0
+    [margin] = json.loads(capsys.readouterr().out)["margins"]
+    assert (margin["episodes"], margin["fail_unperturbed"], margin["critical"]) == (1, 1, [0.0])
+    assert main(["report", out, "--json"]) == 0
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Critical severity" in page
+    assert "1 fail unperturbed" in page
