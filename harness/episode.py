@@ -19,10 +19,9 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.recorder import Recorder
 from wayproof.harness.sim.sensing import Sensors
-from wayproof.harness.sim.simulation import Plant
+from wayproof.harness.sim.simulation import Simulation
 from wayproof.harness.sim.snapshot import Stateful, restore_parts
-from wayproof.harness.sim.termination import TerminationMonitor
-from wayproof.harness.sim.touch import touched
+from wayproof.harness.sim.termination import TerminationMonitor, first_contact
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.supervision import bound_memory
 from wayproof.harness.user_code import PASSED_ON, NeverReturned, Watchdog, failure_of
@@ -49,11 +48,12 @@ class Episode:
         """Place the robot at the start."""
         self._scenario, self._scene = scenario, scenario.scene
         self._navigator, self._log, self._observe = navigator, log, observe
-        self._plant = plant = Plant(scenario, navigator.trajectory)
-        self._judge = TerminationMonitor(scenario, plant.data, plant.truth)
+        self._simulation = Simulation(scenario, navigator.trajectory)
+        simulation = self._simulation
+        self._termination = TerminationMonitor(scenario, simulation.data, simulation.truth)
         self._injector = PerturbationInjector(scenario.config, scenario.scene)
-        self._sensors = Sensors(scenario.scene, plant, self._injector)
-        self._recorder = Recorder(scenario, log, plant, self._injector)
+        self._sensors = Sensors(scenario.scene, simulation, self._injector)
+        self._recorder = Recorder(scenario, log, simulation, self._injector)
         self._watchdog = Watchdog(scenario.config)
         self.delays: dict[int, float] = {}
         self.fault: Exception | NeverReturned | None = None
@@ -66,7 +66,7 @@ class Episode:
         """All that a fork must restore, by name."""
         return self._recorder.parts
 
-    def go_on(
+    def resume(
         self,
         state: pb.State | None,
         trajectories: Sequence[tuple[int, Trajectory]],
@@ -87,10 +87,10 @@ class Episode:
         self._sequence = len(decisions)
         if state is not None:
             restore_parts(self.parts, state)
-            if (traffic := self._plant.traffic) is not None:
-                traffic.show(self._plant.data)  # moved on after the step that MuJoCo repeated
-        self._plant.expect(trajectories)  # the ones that began leave the queue by themselves
-        self._recorder.go_on(decisions, truths)
+            if (traffic := self._simulation.traffic) is not None:
+                traffic.show(self._simulation.data)  # moved on after the step that MuJoCo repeated
+        self._simulation.enqueue(trajectories)  # the ones that began leave the queue by themselves
+        self._recorder.resume(decisions, truths)
 
     def run(self) -> Result:
         """Decide at the sensors' rate, simulate in between, and end with a verdict.
@@ -111,7 +111,7 @@ class Episode:
         verdict: Verdict | None = None
         while verdict is None:
             decision = self._decide()
-            verdict = self._judge.of_decision(decision, self._recorder.positions)
+            verdict = self._termination.check_decision(decision, self._recorder.positions)
             if verdict is None:
                 with self._watchdog.watching():
                     verdict = self._follow()
@@ -120,8 +120,8 @@ class Episode:
     def _decide(self) -> pb.Decision:
         """Sense, decide and log; the trajectory takes effect when its start time comes."""
         self._following = False
-        time_ns = self._plant.now_ns
-        self._recorder.hash_control(self._plant.drain_setpoints())
+        time_ns = self._simulation.now_ns
+        self._recorder.hash_control(self._simulation.drain_setpoints())
         sweeps, pose, sense_ms = self._sensors.sense(self._sequence, time_ns)
         written = [serialized(message) for message in (*sweeps, pose)]
         inputs = inputs_from_messages(pose, sweeps, written)
@@ -131,7 +131,7 @@ class Episode:
         self._navigator.commit(decision, latency.delay_s)
         if not decision.deadline_missed:
             trajectory = self._navigator.trajectory
-            self._plant.expect([(arrival_ns(decision, trajectory), trajectory)])
+            self._simulation.enqueue([(arrival_ns(decision, trajectory), trajectory)])
         self._record(time_ns, [*zip((*sweeps, pose), written, strict=True)], latency, decision)
         return decision
 
@@ -154,8 +154,10 @@ class Episode:
 
     def _follow(self) -> Verdict | None:
         """Physics up to the next decision, or to what ends the episode."""
-        for left in reversed(range(self._plant.steps_a_decision)):
-            if self._plant.step(remember=left == 0) and (verdict := self._judge.of_physics()):
+        for left in reversed(range(self._simulation.steps_per_decision)):
+            if self._simulation.step(save=left == 0) and (
+                verdict := self._termination.check_physics()
+            ):
                 return verdict
         return None
 
@@ -182,24 +184,26 @@ class Episode:
         return replace(result, traceback=failure.traceback)
 
     def _result(self, outcome: Outcome, reason: str, began: float) -> Result:
-        touch = touched(self._scene, self._plant.data) if outcome == "collision" else None
+        contact = (
+            first_contact(self._scene, self._simulation.data) if outcome == "collision" else None
+        )
         figures = self._recorder.figures()
         return Result(
             outcome=outcome,
             reason=reason,
-            goal_distance_m=self._judge.goal_distance(),
-            sim_time_s=self._plant.now_ns * 1e-9,
+            goal_distance_m=self._termination.goal_distance(),
+            sim_time_s=self._simulation.now_ns * 1e-9,
             wall_time_s=time.perf_counter() - began,
             decisions=self._sequence,
-            collisions=self._plant.truth.collisions,
-            struck=self._plant.truth.struck,
+            collisions=self._simulation.truth.collisions,
+            struck=self._simulation.truth.struck,
             min_clearance_m=figures["min_clearance_m"],
             path_length_m=figures["path_length_m"],
             route_length_m=self._scenario.route_length(),
             deadline_misses=round(figures["deadline_misses"]),
             chain=self._chain,
             log=str(self._log.path),
-            contact="" if touch is None else str(touch),
+            contact="" if contact is None else str(contact),
         )
 
 

@@ -232,7 +232,7 @@ def go_on(log: Log, case: Case, change: Change, at: int, limit_s: float) -> Resu
                 del episode.parts[part]
             if not change.at_once:
                 episode.delays.update(_delays(case))
-            episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
+            episode.resume(past.state, past.trajectories, past.decisions, past.truths)
             return episode.run()
 
 

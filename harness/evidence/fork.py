@@ -120,7 +120,7 @@ def fork_with(
             _write_past(writer, log, at, scenario)
             episode = Episode(scenario, past.navigator, writer, observe)
             episode.delays.update(delays or {})
-            episode.go_on(past.state, past.trajectories, past.decisions, past.truths)
+            episode.resume(past.state, past.trajectories, past.decisions, past.truths)
             with publishing_failures(draft, writer):
                 result = finish(episode, writer, episode.run())
         return settle_log(draft, result, record or config.record)

@@ -1,4 +1,4 @@
-"""Applies the episode's perturbation between the simulator and the stack, and tells what it did."""
+"""Injection of an episode's perturbation between the simulator and the stack."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PerturbationInjector:
     """One episode's perturbation, or none, applied to one scene's sensors and delays."""
 
     def __init__(self, config: Config, scene: Scene) -> None:
-        """Work out which sensors it affects."""
+        """Find the sensors that it affects."""
         self._perturbation = config.perturbation or UNPERTURBED
         self._seed = config.seed
         self._labelled = config.sensors.semantics
@@ -37,27 +37,35 @@ class PerturbationInjector:
 
     @property
     def delay(self) -> float:
-        """What it adds to the delay of the present decision, s."""
+        """Delay added to the present decision, s."""
         return self._perturbation.delay if self._active else 0.0
 
-    def arriving(self, casters: tuple[Caster, ...], sequence: int) -> list[Caster]:
-        """The sensors whose sweeps of this decision reach the stack."""
+    def delivered(self, casters: tuple[Caster, ...], sequence: int) -> list[Caster]:
+        """The sensors whose sweeps reach the stack at this decision."""
         self._changed_beams = 0
         self._active = self._perturbation.is_active(round(sequence / self._rate * 1e9))
-        delivered = not self._active or self._perturbation.delivers(sequence)
-        return [one for one in casters if delivered or one.mount.name not in self._affected]
+        arrives = not self._active or self._perturbation.delivers(sequence)
+        return [one for one in casters if arrives or one.mount.name not in self._affected]
 
     def cast(
         self, caster: Caster, data: mujoco.MjData, trail: Trail, sequence: int
     ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:  # (n,) mm, (n,) or (0,) classes
-        """Cast one sweep as the stack gets it; `trail` holds the true poses of the base.
+        """Cast one sweep as the stack gets it.
 
-        A beam whose echo is lost tells no class; there are none unless `sensors.semantics` is on.
+        Args:
+            caster: Of the sensor.
+            data: State of MuJoCo.
+            trail: True poses of the base.
+            sequence: Number of the decision.
+
+        Returns:
+            Ranges (n,), mm, and classes (n,), or (0,) without `sensors.semantics`; a beam whose
+            echo is lost has no class.
         """
         if not self._active or caster.mount.name not in self._affected:
             return self._measured(caster, data, trail, sequence)
         if self._displacement is not None:
-            # Until the next kinematics; nothing else of the episode looks at a sensor's site.
+            # Until the next kinematics; nothing else in the episode reads a sensor's site.
             site = self._model.site(PREFIX + caster.mount.site).id
             self._displacement.move_site(data.site_xpos[site], data.site_xmat[site])
             trail = self._displacement.move_trail(trail, *caster.mounting)
@@ -74,17 +82,23 @@ class PerturbationInjector:
     def _measured(
         self, caster: Caster, data: mujoco.MjData, trail: Trail, sequence: int
     ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-        """What the device reports, and the classes of what it met if they are asked for."""
+        """Ranges as the device reports them, and classes where `sensors.semantics` is on."""
         if self._labelled:
             return caster.cast_labelled(data, trail, self._seed, sequence)
         return caster.cast(data, trail, self._seed, sequence), np.empty(0, np.uint8)
 
     def message(self, sequence: int, time_ns: int, added: PoseError) -> pb.Perturbation | None:
-        """What was done at this decision, with what was added to the pose; none if unperturbed."""
+        """Encode what was injected at this decision for the log; None if unperturbed.
+
+        Args:
+            sequence: Number of the decision.
+            time_ns: Simulated time.
+            added: Error added to the pose.
+        """
         perturbation = self._perturbation
         if perturbation is UNPERTURBED:
             return None
-        delivered = not self._active or perturbation.delivers(sequence)
+        arrives = not self._active or perturbation.delivers(sequence)
         message = pb.Perturbation(
             sequence=sequence,
             kind=perturbation.kind,
@@ -96,7 +110,7 @@ class PerturbationInjector:
             pose_shift=added.shift,
             pose_turn=added.turn,
             changed_beams=self._changed_beams,
-            withheld=[] if delivered else self._affected,
+            withheld=[] if arrives else self._affected,
             added_delay_s=self.delay,
         )
         if self._displacement is not None and self._active:

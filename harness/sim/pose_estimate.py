@@ -1,4 +1,4 @@
-"""What the body believes of its own pose, between the simulator's truth and stack and controller.
+"""Pose estimate of the simulated body, from the simulator's truth and the odometry's errors.
 
 The stack gets each estimate as it is, controllers get it smoothed: see `models.step_kernels`.
 """
@@ -20,13 +20,14 @@ from wayproof.models.poses import Trail
 Array = NDArray[np.float64]
 
 
-class Estimate:
-    """The believed pose of one body, estimate by estimate.
+class PoseEstimate:
+    """The estimated pose of one body.
 
     Attributes:
-        error: Believed less true pose, of the newest estimate, with what a perturbation adds.
-        added: What the perturbation adds, of which the stated standard deviations know nothing.
-        error_row: (4,) the same as x, y, z, m, and heading, rad; it stays the same array.
+        error: Estimated minus true pose, of the newest estimate, perturbation included.
+        added: Part of the error that a perturbation adds; the stated standard deviations leave it
+            out.
+        error_row: (4,) the error as x, y, z, m, and heading, rad; it stays the same array.
         tracked: (2, 4) the error as the controller feels it, and its rate; written at every
             physics step.
     """
@@ -44,11 +45,11 @@ class Estimate:
 
         Args:
             config: Odometry, perturbation and seed.
-            timestep: Of the physics, s.
-            steps: Physics steps that a trail reaches back.
-            position: m.
+            timestep: Physics step, s.
+            steps: Number of physics steps that a trail covers.
+            position: (3,) m.
             heading: rad.
-            legs: The body stands on legs, which tell its height.
+            legs: Whether the body stands on legs, which measure its height.
         """
         self._config = config
         self._perturbation = config.perturbation or UNPERTURBED
@@ -61,11 +62,11 @@ class Estimate:
         self._due_ns = self._period_ns
         self._errors: deque[PoseError] = deque(maxlen=steps)
         self.error_row = np.zeros(4)
-        self._look(0)
+        self._update_perturbation(0)
         self.tracked = np.array([self.error_row, np.zeros(4)])
 
     def state(self) -> dict[str, Array]:
-        """The estimator's memory, when it looks next, errors of the trail (n, 4), the filter."""
+        """The odometry, the time of the next estimate, errors of the trail (n, 4), the filter."""
         errors = [(*one.shift, one.turn) for one in self._errors]
         return {
             **{f"odometry.{name}": array for name, array in self._odometry.state().items()},
@@ -76,10 +77,10 @@ class Estimate:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go on from what `state` returned.
+        """Continue from what `state` returned.
 
         Raises:
-            ValueError: The tracked error is of another shape.
+            ValueError: The tracked error has another shape.
         """
         if state["tracked"].shape != self.tracked.shape:
             raise ValueError(f"tracked: got {state['tracked'].shape}, expected (2, 4)")
@@ -90,7 +91,7 @@ class Estimate:
         self._errors.clear()
         self._errors.extend(_pose_error(row) for row in state["errors"])
         self.added = _pose_error(state["added"])
-        self._believe()
+        self._update_error()
         self.tracked[:] = state["tracked"]
 
     def advance(self, time_ns: int, position: Array, quaternion: Array) -> None:
@@ -99,19 +100,19 @@ class Estimate:
             return
         self._due_ns += self._period_ns
         self._odometry.advance(position, yaw_of_quaternion(quaternion))
-        self._look(time_ns)
+        self._update_perturbation(time_ns)
 
-    def keep(self) -> None:
-        """Keep the error of this physics step for the trail."""
+    def record_step(self) -> None:
+        """Record the error of this physics step for the trail."""
         self._errors.append(self.error)
 
     def pose(self, trail: Trail, rolling: bool) -> pb.Pose:
-        """The believed pose as the log states it.
+        """Encode the estimated pose for the log.
 
         Args:
             trail: True poses of the base at each step since the sweeps began, and now; now alone
-                if no shutter rolls.
-            rolling: Whether a shutter rolls, so that the stack needs the trail too.
+                without a rolling shutter.
+            rolling: Whether a sensor has a rolling shutter, so that the stack needs the trail.
         """
         errors = [*self._errors, self.error] if rolling else [self.error]
         believed = believed_trail(trail, errors)
@@ -128,12 +129,12 @@ class Estimate:
             message.trail_period_s = sampled.period
         return message
 
-    def _look(self, time_ns: int) -> None:
+    def _update_perturbation(self, time_ns: int) -> None:
         travelled = self._odometry.travelled
         self.added = self._perturbation.pose_error(self._config.seed, time_ns, travelled)
-        self._believe()
+        self._update_error()
 
-    def _believe(self) -> None:
+    def _update_error(self) -> None:
         self.error = self._odometry.error + self.added
         self.error_row[:] = *self.error.shift, self.error.turn
 

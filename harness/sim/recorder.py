@@ -1,4 +1,4 @@
-"""Write what every decision leaves in an episode's log, and sum it up in the result."""
+"""Recorder of an episode: log of every decision, and figures of the result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wayproof.harness.result import figures
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
-from wayproof.harness.sim.simulation import Plant
+from wayproof.harness.sim.simulation import Simulation
 from wayproof.harness.sim.snapshot import Stateful, state_message
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
@@ -29,31 +29,35 @@ class Recorder:
     """
 
     def __init__(
-        self, scenario: Scenario, log: LogWriter, plant: Plant, injector: PerturbationInjector
+        self,
+        scenario: Scenario,
+        log: LogWriter,
+        simulation: Simulation,
+        injector: PerturbationInjector,
     ) -> None:
         """Record an episode from its start."""
-        self._log, self._plant, self._injector = log, plant, injector
+        self._log, self._simulation, self._injector = log, simulation, injector
         scene = scenario.scene
         sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
         self._streams = StreamHashes([*sensors, "pose", "latency", "world", CONTROL])
         self._streams.update("world", scene.mjcf.encode())
         self._world = np.flatnonzero(scene.model.geom_group != ROBOT_GROUP)
         self.parts: dict[str, Stateful] = {
-            "simulation": plant.simulation,
+            "simulation": simulation.physics,
             "controller": scene.controller,
-            "truth": plant.truth,
-            "estimate": plant.estimate,
+            "truth": simulation.truth,
+            "estimate": simulation.estimate,
             "streams": self._streams,
         }
-        if plant.traffic is not None:
-            self.parts["traffic"] = plant.traffic
-        if plant.rolling:
-            self.parts["steps"] = plant.step_poses
+        if simulation.traffic is not None:
+            self.parts["traffic"] = simulation.traffic
+        if simulation.rolling:
+            self.parts["steps"] = simulation.step_poses
         self.positions: list[NDArray[np.float64]] = []
         self._clearances: list[float] = []
         self._misses = 0
 
-    def go_on(self, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> None:
+    def resume(self, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> None:
         """Continue after decisions that are in the log already, each with its truth."""
         self._misses = sum(decision.deadline_missed for decision in decisions)
         self.positions = [np.array(truth.position) for truth in truths]
@@ -101,30 +105,30 @@ class Recorder:
 
     def _write_streams(self, sequence: int, time_ns: int) -> None:
         """Write the hashes of all that reached the stack, and what the perturbation did to it."""
-        data = self._plant.data
+        data = self._simulation.data
         moved = data.geom_xpos[self._world], data.geom_xmat[self._world]
         self._streams.update("world", b"".join(part.tobytes() for part in moved))
         self._log.write("/streams", self._streams.message(sequence, time_ns), time_ns)
-        added = self._plant.estimate.added
+        added = self._simulation.estimate.added
         done = self._injector.message(sequence, time_ns, added)
         if done is not None:
             self._log.write("/perturbation", done, time_ns)
 
     def _write_truth(self, sequence: int, time_ns: int) -> pb.Truth:
-        plant, truth = self._plant, self._plant.truth
-        clearance = truth.clearance(plant.data)
-        self.positions.append(plant.position.copy())
+        simulation, truth = self._simulation, self._simulation.truth
+        clearance = truth.clearance(simulation.data)
+        self.positions.append(simulation.position.copy())
         self._clearances.append(clearance)
         message = pb.Truth(
             sequence=sequence,
-            position=plant.position.tolist(),
-            quaternion=plant.quaternion.tolist(),
-            velocity=plant.data.qvel[:3].tolist(),
+            position=simulation.position.tolist(),
+            quaternion=simulation.quaternion.tolist(),
+            velocity=simulation.data.qvel[:3].tolist(),
             clearance_m=clearance,
             collisions=truth.collisions,
             struck=truth.struck,
         )
-        for mover in plant.traffic.states() if plant.traffic else ():
+        for mover in simulation.traffic.states() if simulation.traffic else ():
             message.movers.add(**mover._asdict())
         message.timestamp.FromNanoseconds(time_ns)
         self._log.write("/truth", message, time_ns)

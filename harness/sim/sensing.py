@@ -1,4 +1,4 @@
-"""What the simulated robot senses at one instant: sweeps and pose, as they reach the stack."""
+"""Sensors of the simulated robot: sweeps and pose of one instant, as they reach the stack."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import mujoco
 from wayproof.harness.inputs import CODEC
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
-from wayproof.harness.sim.simulation import Plant
+from wayproof.harness.sim.simulation import Simulation
 from wayproof.models.poses import Trail
 from wayproof.models.scene import Scene
 from wayproof.models.sensors import range_codec
@@ -19,28 +19,30 @@ from wayproof.models.sensors.caster import Caster
 class Sensors:
     """One scene's ray sensors and pose estimate, with the episode's perturbation applied."""
 
-    def __init__(self, scene: Scene, plant: Plant, injector: PerturbationInjector) -> None:
-        """Cast into what `plant` simulates."""
-        self._scene, self._plant, self._injector = scene, plant, injector
+    def __init__(
+        self, scene: Scene, simulation: Simulation, injector: PerturbationInjector
+    ) -> None:
+        """Cast rays into the scene of a simulation."""
+        self._scene, self._simulation, self._injector = scene, simulation, injector
 
     def sense(self, sequence: int, time_ns: int) -> tuple[list[pb.Sweep], pb.Pose, float]:
-        """Cast the sweeps that arrive and estimate the pose.
+        """Cast the sweeps that reach the stack, and estimate the pose.
 
         Args:
-            sequence: Number of the decision that they are for.
+            sequence: Number of the decision.
             time_ns: Simulated time.
 
         Returns:
             Sweeps, pose, and the wall time of the casting, ms.
         """
-        mujoco.mj_kinematics(self._scene.model, self._plant.data)
+        mujoco.mj_kinematics(self._scene.model, self._simulation.data)
         began = time.perf_counter()
-        trail, estimate = self._plant.trail(), self._plant.estimate
-        arriving = self._injector.arriving(self._scene.casters, sequence)
-        sweeps = [self._sweep(caster, trail, sequence, time_ns) for caster in arriving]
+        trail, estimate = self._simulation.trail(), self._simulation.estimate
+        delivered = self._injector.delivered(self._scene.casters, sequence)
+        sweeps = [self._sweep(caster, trail, sequence, time_ns) for caster in delivered]
         sense_ms = (time.perf_counter() - began) * 1e3
         estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
-        pose = estimate.pose(trail, self._plant.rolling)
+        pose = estimate.pose(trail, self._simulation.rolling)
         pose.sequence = sequence
         pose.timestamp.FromNanoseconds(time_ns)
         return sweeps, pose, sense_ms
@@ -48,7 +50,7 @@ class Sensors:
     def _sweep(self, caster: Caster, trail: Trail, sequence: int, time_ns: int) -> pb.Sweep:
         table = caster.table
         rows = len(table.rows) if table.order == "grid" else 1
-        ranges, classes = self._injector.cast(caster, self._plant.data, trail, sequence)
+        ranges, classes = self._injector.cast(caster, self._simulation.data, trail, sequence)
         message = pb.Sweep(
             sequence=sequence,
             sensor=caster.mount.name,

@@ -1,4 +1,4 @@
-"""The setpoints of the physics steps to come, sampled together rather than one by one."""
+"""Setpoints of the physics steps to come, sampled together rather than one by one."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ Array = NDArray[np.float64]
 
 
 class SetpointBuffer:
-    """What a trajectory asks for, step by step; sampled anew when the trajectory changes.
+    """Setpoints of a trajectory, step by step; sampled anew when the trajectory changes.
 
     Attributes:
-        planned: (n, 8) rows of setpoints, in the frame of the trajectory.
-        asked: (n, 8) the same as the controller gets them, each to be written before its step.
-        row: Of the next one.
+        planned: (n, 8) rows of setpoints by the trajectory, in the frame of the pose estimate.
+        commanded: (n, 8) the same as the controller gets them, world frame; a row is written before
+            its step.
+        row: Index of the next one.
     """
 
     def __init__(self, step_ns: int, steps: int) -> None:
-        """Look so many physics steps of so many ns ahead."""
+        """Sample `steps` physics steps of `step_ns` each ahead."""
         self._offsets = step_ns * np.arange(steps, dtype=np.int64)
         self._trajectory: Trajectory | None = None
         self._times: list[int] = []
-        self._told: list[bytes] = []  # since they were taken last, of earlier samples
-        self._taken = 0  # rows of this sample
-        self.planned, self.asked, self.row = np.zeros((0, 8)), np.zeros((0, 8)), 0
+        self._undrained: list[bytes] = []  # of earlier samples
+        self._drained = 0  # rows of this sample
+        self.planned, self.commanded, self.row = np.zeros((0, 8)), np.zeros((0, 8)), 0
 
     def holds(self, trajectory: Trajectory, time_ns: int) -> bool:
-        """Whether the next one is that of this time; a step need not last whole ns."""
+        """Whether the next setpoint is that of this time; a step need not last whole ns."""
         return (
             trajectory is self._trajectory
             and self.row < len(self._times)
@@ -38,25 +39,25 @@ class SetpointBuffer:
         )
 
     def sample(self, trajectory: Trajectory, time_ns: int) -> None:
-        """Begin anew, from this time on."""
-        self._told.append(self.asked[self._taken : self.row].tobytes())
+        """Sample a trajectory from a time on, ns."""
+        self._undrained.append(self.commanded[self._drained : self.row].tobytes())
         times = time_ns + self._offsets
         self.planned = np.column_stack(trajectory.setpoints(times))
-        self.asked = np.empty_like(self.planned)
+        self.commanded = np.empty_like(self.planned)
         self._trajectory, self._times = trajectory, times.tolist()
-        self.row = self._taken = 0
+        self.row = self._drained = 0
 
     def next(self) -> Setpoint:
-        """What the controller is asked for now."""
+        """Take the next setpoint for the controller."""
         self.row += 1
-        return Setpoint.of(self.asked[self.row - 1])
+        return Setpoint.of(self.commanded[self.row - 1])
 
     def drain_setpoints(self) -> bytes:
-        """All that `next` has told since this was called last.
+        """Rows of all setpoints taken since the last call.
 
-        All of it: where two trajectories begin alike, they may ask for other speeds already.
+        Of every sample: two trajectories that begin alike may already command other speeds.
         """
-        asked = b"".join(self._told) + self.asked[self._taken : self.row].tobytes()
-        self._told.clear()
-        self._taken = self.row
-        return asked
+        rows = b"".join(self._undrained) + self.commanded[self._drained : self.row].tobytes()
+        self._undrained.clear()
+        self._drained = self.row
+        return rows

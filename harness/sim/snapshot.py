@@ -1,7 +1,7 @@
-"""Saving what an episode's parts hand from one decision to the next, and going on from it.
+"""Snapshots of an episode's parts at each decision, and their restoration.
 
-Every part that keeps something between physics steps is `Stateful` and stands in the episode's
-`parts` under its name: a new one is one line there.
+Every part with state between physics steps is `Stateful` and listed in the recorder's `parts` under
+its name: a new one is one line there.
 """
 
 from __future__ import annotations
@@ -21,56 +21,56 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 Arrays = dict[str, NDArray[Any]]
 
 DTYPES = ("<f8", "<f4", "<i8", "<i4", "|i1", "|u1", "|b1")
-"""Element types that a log may name; text of any other kind never reaches numpy."""
+"""Element types that a log may name; any other text never reaches numpy."""
 
 LOGGED = {np.dtype(name): name for name in DTYPES}
-"""The names of these types; to ask a type for its own takes longer than to pack the array."""
+"""Names of these types; `dtype.str` takes longer than packing the array."""
 
-MOST_ELEMENTS = 1 << 24
-"""In one array of a log."""
+MAX_ELEMENTS = 1 << 24
+"""Maximum number of elements of one logged array."""
 
 
 class Stateful(Protocol):
-    """A part of an episode that keeps something between physics steps."""
+    """A part of an episode with state between physics steps."""
 
     def state(self) -> Arrays:
-        """Copies of all that it keeps, by name."""
+        """Copy the state into arrays, by name."""
         ...
 
     def restore(self, state: Arrays) -> None:
-        """Go on from what `state` returned, bit by bit."""
+        """Continue from what `state` returned, bit by bit."""
         ...
 
 
-class Simulation:
-    """MuJoCo's state, as it was just before the physics step that leads up to a decision.
+class PhysicsState:
+    """MuJoCo's state just before the physics step that leads up to a decision.
 
     What the controllers read of `MjData` (contact forces, bias forces, the mass matrix) belongs to
     the step before, and is no part of `mjSTATE_INTEGRATION`. So the state is taken one step early,
-    with the controls in it, and going on repeats that step: all of `MjData` is then as it was.
+    with the controls in it, and restoring repeats that step: all of `MjData` is then as it was.
     """
 
     KIND = mujoco.mjtState.mjSTATE_INTEGRATION
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Keep the model and the data that the episode steps."""
+        """Save the state of the model and data that the episode steps."""
         self._model = model
         self._data = data
         self._before = np.zeros(mujoco.mj_stateSize(model, self.KIND))
 
-    def remember(self) -> None:
-        """Note the state; called right before `mj_step`."""
+    def save(self) -> None:
+        """Save the state; called right before `mj_step`."""
         mujoco.mj_getState(self._model, self._data, self._before, self.KIND)
 
     def state(self) -> Arrays:
-        """What was last remembered."""
+        """The state last saved."""
         return {"integration": self._before.copy()}
 
     def restore(self, state: Arrays) -> None:
-        """Set what was remembered and repeat its step.
+        """Set the saved state and repeat its step.
 
         Raises:
-            ValueError: It is of another model.
+            ValueError: It belongs to another model.
         """
         values = state["integration"]
         if values.shape != self._before.shape or values.dtype != np.float64:
@@ -90,11 +90,11 @@ class StepPoses:
     """
 
     def __init__(self, steps: int) -> None:
-        """Keep so many of them, the latest."""
+        """Keep the latest `steps` poses."""
         self.poses: deque[NDArray[np.float64]] = deque(maxlen=steps)
 
     def append(self, pose: NDArray[np.float64]) -> None:
-        """Keep a pose (7,), and forget the oldest for it."""
+        """Append a pose (7,) and drop the oldest."""
         self.poses.append(pose)
 
     def state(self) -> Arrays:
@@ -102,10 +102,10 @@ class StepPoses:
         return {"poses": np.array(self.poses).reshape(-1, 7)}
 
     def restore(self, state: Arrays) -> None:
-        """Put them back; where none were kept, for no shutter rolled, the body stood still.
+        """Restore the poses; none in a log whose sensors have no rolling shutter.
 
         Raises:
-            ValueError: They are no poses.
+            ValueError: The array has another shape.
         """
         self.poses.clear()
         if "poses" not in state:
@@ -116,19 +116,19 @@ class StepPoses:
 
 
 def state_message(parts: Mapping[str, Stateful], sequence: int) -> pb.State:
-    """The state of every part, as it is logged; the caller sets the time."""
+    """Encode the state of every part for the log; the caller sets the time."""
     message = pb.State(sequence=sequence)
     for part, stateful in parts.items():
         for name, array in stateful.state().items():
-            _add(message, f"{part}/{name}", array)
+            _append_array(message, f"{part}/{name}", array)
     return message
 
 
 def restore_parts(parts: Mapping[str, Stateful], message: pb.State) -> None:
-    """Let every part go on from a logged state.
+    """Restore every part from a logged state.
 
     Raises:
-        InputError: A part is missing in it, or what is there does not fit.
+        InputError: The state of a part is missing or does not fit.
     """
     arrays = _unpack(message.arrays)
     for part, stateful in parts.items():
@@ -145,7 +145,7 @@ def restore_parts(parts: Mapping[str, Stateful], message: pb.State) -> None:
             raise InputError(f"state at decision {message.sequence}: {part}: {error}") from None
 
 
-def _add(message: pb.State, name: str, array: NDArray[Any]) -> None:
+def _append_array(message: pb.State, name: str, array: NDArray[Any]) -> None:
     dtype = LOGGED.get(array.dtype)
     if dtype is None:
         dtype = array.dtype.newbyteorder("<").str
@@ -163,7 +163,7 @@ def _unpack(messages: Iterable[pb.Array]) -> Arrays:
             )
         count, shape = math.prod(message.shape), tuple(message.shape)
         size = np.dtype(message.dtype).itemsize
-        if count > MOST_ELEMENTS or len(shape) > 8 or count * size != len(message.data):
+        if count > MAX_ELEMENTS or len(shape) > 8 or count * size != len(message.data):
             raise InputError(
                 f"state: {message.name!r} of shape {shape} in {len(message.data)} bytes"
             )

@@ -1,4 +1,4 @@
-"""What ends an episode, by the simulator's truth."""
+"""Termination of an episode, by the simulator's truth."""
 
 from __future__ import annotations
 
@@ -10,46 +10,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.ending import Limits, Verdict, goal_distance
-from wayproof.harness.result import Outcome
+from wayproof.harness.result import Contact, Outcome
 from wayproof.harness.scenario.scenario import Scenario, decision_period
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.scene import Scene
+from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.truth import Truth
 
-LYING = 0.5
-"""A walking robot whose base is below this share of its standing height has fallen."""
+FALLEN_SHARE = 0.5
+"""Share of its standing height below which the base of a walking robot has fallen."""
 
 
 class TerminationMonitor:
-    """Holds one episode's decisions and physics against its goal, its limits and the truth."""
+    """Checks one episode's decisions and physics against its goal, its limits and the truth."""
 
     def __init__(self, scenario: Scenario, data: mujoco.MjData, truth: Truth) -> None:
-        """Watch what is simulated in `data`."""
+        """Monitor the simulation in `data`."""
         self._scenario = scenario
         self._truth = truth
         config = scenario.config.episode
         self._limits = Limits(config, scenario.mission, decision_period(scenario))
         base = scenario.scene.base
         self._position, self._rotation = data.xpos[base], data.xmat[base]  # views
-        self._least_uprightness = math.cos(scenario.spec.max_tilt)
+        self._min_uprightness = math.cos(scenario.spec.max_tilt)
 
-    def of_decision(
+    def check_decision(
         self, decision: pb.Decision, positions: Sequence[NDArray[np.float64]]
     ) -> Verdict | None:
-        """What the newest decision ends; `positions` are the true ones so far, (3,) m."""
+        """The verdict of the newest decision, if it ends the episode.
+
+        Args:
+            decision: The newest.
+            positions: True positions (3,) of the base at each decision so far, m.
+        """
         return self._limits.ending_at(decision, positions)
 
-    def of_physics(self) -> Verdict | None:
-        """What a physics step ends; called beyond `safe_limits` or where something is touched."""
+    def check_physics(self) -> Verdict | None:
+        """The verdict of a physics step; called outside `safe_limits` or after a contact."""
         mission, truth = self._scenario.mission, self._truth
         if truth.collisions:
             return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
         if truth.struck:
             return "collision", f"was hit by {truth.touched} while at rest at {self._place()}"
-        if not self._rotation[8] > self._least_uprightness:  # z axis along the world's
+        if not self._rotation[8] > self._min_uprightness:  # z axis along the world's
             return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"
         x, y, z = self._position.tolist()
         spec = self._scenario.spec
-        if spec.motion == "ground" and z < LYING * spec.rest_height:
+        if spec.motion == "ground" and z < FALLEN_SHARE * spec.rest_height:
             return "fall", f"lies on the floor at {self._place()}"
         (x0, y0, z0), (x1, y1, z1) = mission.low, mission.high
         if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
@@ -73,5 +80,23 @@ def safe_limits(scenario: Scenario) -> NDArray[np.float64]:
     """
     spec, (x, y, z) = scenario.spec, scenario.mission.low
     if spec.motion == "ground":
-        z = max(z, LYING * spec.rest_height)
+        z = max(z, FALLEN_SHARE * spec.rest_height)
     return np.array([x, y, z, *scenario.mission.high, math.cos(spec.max_tilt)])
+
+
+def first_contact(scene: Scene, data: mujoco.MjData) -> Contact | None:
+    """The first contact of the robot with anything but the floor; a mover by its body's name."""
+    model = scene.model
+    for pair, position in zip(data.contact.geom, data.contact.pos, strict=True):
+        mine = [int(model.geom_group[geom]) == ROBOT_GROUP for geom in pair]
+        if mine[0] == mine[1]:
+            continue
+        other = int(pair[1] if mine[0] else pair[0])
+        if other in scene.floor:
+            continue
+        x, y, z = position.tolist()
+        body = int(model.geom_bodyid[other])
+        moves = model.body_mocapid[body] >= 0
+        name = model.body(body).name if moves else model.geom(other).name
+        return Contact(name or f"geom {other}", (x, y, z))
+    return None

@@ -23,7 +23,7 @@ from wayproof.harness.evidence.side_by_side import guarded
 from wayproof.harness.logs.reader import Log, open_log
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.scenario.scenario import Scenario
-from wayproof.harness.sim.snapshot import Simulation, restore_parts
+from wayproof.harness.sim.snapshot import PhysicsState, restore_parts
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.boxes import flat_boxes, surrounding_boxes, upright_boxes
 from wayproof.harness.viewer.cutaway import cut_boxes, cut_scene
@@ -128,7 +128,7 @@ class Stage:
     def _pose(self, moment: Moment) -> None:
         truth, state = moment.truth, moment.record.state
         if state is not None:
-            simulation = Simulation(self._model, self._data)
+            simulation = PhysicsState(self._model, self._data)
             restore_parts({"simulation": simulation}, state)
         else:
             controller = self._scenario.scene.controller

@@ -17,7 +17,7 @@ from wayproof.harness.logs.reader import open_log
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.sim.pose_estimate import Estimate
+from wayproof.harness.sim.pose_estimate import PoseEstimate
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE
 from wayproof.models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
 from wayproof.models.poses import Trail, rotation_matrices
@@ -133,7 +133,7 @@ def test_the_error_moves_only_with_new_estimates():
     config = override(
         Config("empty", "drone", 0), ["odometry.rate=50", "odometry.white_noise=0.01"]
     )
-    estimate = Estimate(config, 0.002, 50, np.zeros(3), 0.0)
+    estimate = PoseEstimate(config, 0.002, 50, np.zeros(3), 0.0)
     errors = []
     for step in range(40):
         estimate.advance(step * 2_000_000, np.zeros(3), heading_quaternion(0.0))
