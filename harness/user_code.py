@@ -19,8 +19,8 @@ from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, printable
 from wayproof.harness.supervision import stacks_file
 from wayproof.models._plugin import UserCodeError as ControllerError
-from wayproof.planners._plugin import UserCodeError as PlannerError
-from wayproof.planners._plugin import source_digest
+from wayproof.planners.ompl._plugin import UserCodeError as PlannerError
+from wayproof.planners.ompl._plugin import source_digest
 
 USER_CODE_ERRORS = (PlannerError, ControllerError)
 

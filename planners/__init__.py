@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from wayproof.maps import DistanceField, Distances
+from wayproof.planners.astar.goal_field import GoalField
+from wayproof.planners.astar.lattice import draw_by_columns, entry, make_lattice
+from wayproof.planners.astar.se2 import turning_path
 from wayproof.planners.body import Body, Disc, collision_distance_sq
+from wayproof.planners.free_space import CLEARANCE_WEIGHT, FreeSpace
 from wayproof.planners.frontier import best_frontier
-from wayproof.planners.goal_field import GoalField
-from wayproof.planners.headings import turning_path
 from wayproof.planners.kernels import Floats
-from wayproof.planners.lattice import draw_by_columns, entry, make_lattice
+from wayproof.planners.ompl.search import FORMER_NAMES, registered
+from wayproof.planners.ompl.state_spaces import STATE_SPACES, state_space_for
 from wayproof.planners.path import (
     arc_lengths,
     blend_corners,
@@ -26,10 +29,7 @@ from wayproof.planners.path import (
     truncate,
 )
 from wayproof.planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
-from wayproof.planners.sampling import FORMER_NAMES, registered
 from wayproof.planners.seeds import plan_seed
-from wayproof.planners.space import CLEARANCE_WEIGHT, FreeSpace
-from wayproof.planners.state_spaces import STATE_SPACES, state_space_for
 from wayproof.planners.trajectory import (
     MotionLimits,
     Setpoints,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners.space import FreeSpace
+from wayproof.planners.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ import numpy as np
 from wayproof.maps.elementary import cosine
 from wayproof.planners import kernels
 from wayproof.planners._jit import kernel
+from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import LEAST_EDGE, Floats, edge_headings
-from wayproof.planners.space import FreeSpace
 
 SPACING = 0.05  # of a resampled path [m]
 # A corner that turns by less shares its edges as if it turned by this [rad].

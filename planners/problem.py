@@ -10,8 +10,9 @@ import numpy as np
 
 from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.planners import kernels
+from wayproof.planners.free_space import CLEARANCE_WEIGHT, FreeSpace
 from wayproof.planners.kernels import Floats, Pose
-from wayproof.planners.sampling import (
+from wayproof.planners.ompl.search import (
     PLANNERS,
     UNSEEDED,
     Budget,
@@ -20,9 +21,8 @@ from wayproof.planners.sampling import (
     registered,
     search,
 )
+from wayproof.planners.ompl.state_spaces import STATE_SPACES, StateSpace, state_space_for
 from wayproof.planners.seeds import plan_seed
-from wayproof.planners.space import CLEARANCE_WEIGHT, FreeSpace
-from wayproof.planners.state_spaces import STATE_SPACES, StateSpace, state_space_for
 
 # How far a detour's apex is moved from the cut's middle at most, along each axis [m].
 DETOUR_REACH = 1.0

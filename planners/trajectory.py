@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners import profile
+from wayproof.planners import jerk_limited
 from wayproof.planners._jit import kernel
+from wayproof.planners.jerk_limited import AxisLimits, Profile, State
 from wayproof.planners.kernels import Floats, edge_headings, turn_after, wrap
 from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
-from wayproof.planners.profile import AxisLimits, Profile, State
-from wayproof.planners.zones import LEAST_ZONE, Zone, travel
+from wayproof.planners.speed_profile import LEAST_ZONE, Zone, travel
 
 Integers = NDArray[np.int64]
 
@@ -142,7 +142,7 @@ class Trajectory:
 
     def facing(self, heading: float) -> "Trajectory":
         """The same way with a heading that stays as it is [rad]."""
-        return dataclasses.replace(self, turning=profile.at_rest(heading))
+        return dataclasses.replace(self, turning=jerk_limited.at_rest(heading))
 
     def poses(self, step: float) -> Floats:
         """Poses (x, y, z, heading) from the begin to rest, a step [s] apart, shape (n, 4)."""
@@ -232,7 +232,7 @@ def follow_path(
     if cap > LEAST_SPEED and length > LEAST_ZONE:
         motion = travel(start, _zones(path, start.position, cap, limits), limits.along)
     if motion is None:
-        motion = profile.stop(start, limits.along)
+        motion = jerk_limited.stop(start, limits.along)
     return _along(path, start_ns, motion, heading, limits, reverse)
 
 
@@ -252,7 +252,7 @@ def stop_along(
     way. Arguments as in ``follow_path``.
     """
     start = _start_state(path, s, speed, acceleration, limits)
-    motion = profile.stop(start, limits.along)
+    motion = jerk_limited.stop(start, limits.along)
     return _along(path, start_ns, motion, heading, limits, reverse)
 
 
@@ -261,20 +261,22 @@ def turn_in_place(
 ) -> Trajectory:
     """Turn at rest to a heading [rad], the shorter way round."""
     target = heading + float(wrap(target_heading - heading))
-    turning = profile.move(State(heading, 0.0, 0.0), target, limits.yaw_rate, limits.yaw)
-    return Trajectory(start_ns, _single(position), profile.at_rest(0.0), turning)
+    turning = jerk_limited.move(State(heading, 0.0, 0.0), target, limits.yaw_rate, limits.yaw)
+    return Trajectory(start_ns, _single(position), jerk_limited.at_rest(0.0), turning)
 
 
 def hold(position: Floats, start_ns: int, heading: float) -> Trajectory:
     """Stay where it is."""
-    return Trajectory(start_ns, _single(position), profile.at_rest(0.0), profile.at_rest(heading))
+    return Trajectory(
+        start_ns, _single(position), jerk_limited.at_rest(0.0), jerk_limited.at_rest(heading)
+    )
 
 
 @lru_cache(maxsize=64)  # each decision asks several times for the same few
 def stopping_distance(speed: float, acceleration: float, limits: MotionLimits) -> float:
     """Length of the fastest jerk-limited stop [m]."""
     start = _feasible(0.0, speed, acceleration, limits)
-    return profile.stop(start, limits.along).end
+    return jerk_limited.stop(start, limits.along).end
 
 
 def _single(position: Floats) -> Floats:
@@ -357,10 +359,10 @@ def _turning(
     """Heading while moving: off the path's own heading, blended between middles of edges."""
     steps = math.floor(motion.duration / HEADING_STEP)  # the last, cut one is next to rest
     if steps == 0 or len(path) == 1:
-        return profile.at_rest(heading)
+        return jerk_limited.at_rest(heading)
     middles = arc_lengths(path)[:-1] + 0.5 * edge_lengths(path)
     headings = edge_headings(edge_tangents(path), heading - off) + off
     times = HEADING_STEP * np.arange(1.0, steps + 1.0)
     targets = np.interp(motion.positions(times), middles, headings)
     followed = turn_after(targets, heading, limits.yaw_rate * HEADING_STEP)
-    return profile.ramped(followed, HEADING_STEP)
+    return jerk_limited.ramped(followed, HEADING_STEP)

@@ -57,7 +57,7 @@ SUMS_OF_WHOLE_NUMBERS = (
         "maps.semantic",
         "maps.voxel.voxel_map",
     ),
-    "planners.lattice",
+    "planners.astar.lattice",
 )
 ALLOWED = {
     ("models.odometry", "*"): "makes the estimate that is logged",

@@ -21,7 +21,7 @@ from wayproof.harness.study.file import CLEAN, Arm, planned_for
 from wayproof.harness.study.matching import mismatch
 from wayproof.harness.user_code import LONGEST_TRACEBACK, NeverReturned, bounded, failure_of
 from wayproof.planners import FreeSpace, PlannerConfig, plan
-from wayproof.planners._plugin import UserCodeError, load_class
+from wayproof.planners.ompl._plugin import UserCodeError, load_class
 
 ROOT = Path(__file__).parents[2]
 
@@ -35,7 +35,7 @@ import time
 from ompl import base as ob
 from ompl import geometric as og
 
-from wayproof.planners.field import FieldPlanner
+from wayproof.planners.astar.grid_astar import FieldPlanner
 
 
 class Late(FieldPlanner):
@@ -362,7 +362,9 @@ def test_memory_and_time_are_the_users_where_there_is_a_user():
 
 
 def test_the_two_loaders_are_one_text():
-    assert (ROOT / "planners/_plugin.py").read_text() == (ROOT / "models/_plugin.py").read_text()
+    assert (ROOT / "planners/ompl/_plugin.py").read_text() == (
+        ROOT / "models/_plugin.py"
+    ).read_text()
 
 
 def test_a_replay_in_which_the_users_class_fails_is_one_line():

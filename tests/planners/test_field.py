@@ -12,9 +12,9 @@ from wayproof.planners import (
     GoalField,
     PlannerConfig,
     _lattice_kernels,
-    lattice,
     plan,
 )
+from wayproof.planners.astar import lattice
 from wayproof.planners.kernels import walk_path
 
 

@@ -8,10 +8,11 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from tests.planners.worlds import make_space, point
-from wayproof.planners import Body, FreeSpace, PlannerConfig, kernels, lattice, plan
+from wayproof.planners import Body, FreeSpace, PlannerConfig, kernels, plan
 from wayproof.planners import _heading_kernels as heading_kernels
 from wayproof.planners import _lattice_kernels as lattice_kernels
-from wayproof.planners.headings import LENGTHS, STEPS, _offsets, _ways, reversible, turning_path
+from wayproof.planners.astar import lattice
+from wayproof.planners.astar.se2 import LENGTHS, STEPS, _offsets, _ways, reversible, turning_path
 
 BODY = Body((-0.3, 0.0, 0.3), (0.2, 0.2, 0.2))
 

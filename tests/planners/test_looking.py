@@ -16,9 +16,9 @@ from wayproof.planners import (
     _lattice_kernels,
     best_frontier,
     blend_corners,
-    lattice,
     plan,
 )
+from wayproof.planners.astar import lattice
 from wayproof.planners.kernels import BLOCK_BITS
 
 

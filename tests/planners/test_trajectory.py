@@ -12,7 +12,7 @@ from wayproof.planners import (
     blend_corners,
     follow_path,
     hold,
-    profile,
+    jerk_limited,
     remaining,
     speed_limits,
     stop_along,
@@ -266,7 +266,7 @@ def test_steep_edges_keep_the_heading_and_turns_are_not_counted_twice():
 def test_setpoints_are_what_samples_tell_one_by_one(points, ordered, interpreted, monkeypatch):
     """To the bit, before the begin and past the end too, and by the interpreter as compiled."""
     if interpreted:
-        monkeypatch.setattr(profile, "_sample", profile._sample.py_func)
+        monkeypatch.setattr(jerk_limited, "_sample", jerk_limited._sample.py_func)
         monkeypatch.setattr(trajectory, "_follow", trajectory._follow.py_func)
     rng = np.random.default_rng(points)
     for _ in range(10):
@@ -287,7 +287,7 @@ def test_setpoints_are_what_samples_tell_one_by_one(points, ordered, interpreted
 def test_zones_and_ramps_are_what_numpy_makes_of_them(interpreted, monkeypatch):
     if interpreted:
         monkeypatch.setattr(trajectory, "_cut_zones", trajectory._cut_zones.py_func)
-        monkeypatch.setattr(profile, "_list_ramps", profile._list_ramps.py_func)
+        monkeypatch.setattr(jerk_limited, "_list_ramps", jerk_limited._list_ramps.py_func)
     rng, cut = np.random.default_rng(1), 0
     for number in range(60):
         path = np.cumsum(rng.normal(0.0, 0.3, (1 + number % 9, 3)), axis=0)
@@ -311,7 +311,7 @@ def test_zones_and_ramps_are_what_numpy_makes_of_them(interpreted, monkeypatch):
         headings = np.round(rng.normal(size=1 + number), 1 - number % 2)
         rates = np.diff(headings) / 0.01
         begins = np.flatnonzero(np.diff(rates, prepend=np.nan) != 0.0)
-        ramps = profile.ramped(headings, 0.01)
+        ramps = jerk_limited.ramped(headings, 0.01)
         np.testing.assert_array_equal(ramps.times, 0.01 * begins)
         np.testing.assert_array_equal(ramps.states[:, 0], headings[begins])
         np.testing.assert_array_equal(ramps.states[:, 1], rates[begins])

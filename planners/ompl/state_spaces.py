@@ -10,8 +10,8 @@ import numpy as np
 from ompl import base as ob
 
 from wayproof.planners import kernels
+from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import Floats, Pose
-from wayproof.planners.space import FreeSpace
 
 
 class StateSpace(NamedTuple):

@@ -12,12 +12,13 @@ import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 
-from wayproof.planners import _lattice_kernels, kernels, lattice
+from wayproof.planners import _lattice_kernels, kernels
 from wayproof.planners._lattice_kernels import Lattice
-from wayproof.planners.headings import head_along, reversible, turning_path
+from wayproof.planners.astar import lattice
+from wayproof.planners.astar.se2 import head_along, reversible, turning_path
+from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import Floats, Pose
-from wayproof.planners.space import FreeSpace
-from wayproof.planners.state_spaces import StateSpace
+from wayproof.planners.ompl.state_spaces import StateSpace
 
 NO_WAY, SPENT = -1, -2  # in place of a cell
 EXPANSIONS = 1000

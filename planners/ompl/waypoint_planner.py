@@ -8,10 +8,10 @@ import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 
-from wayproof.planners._plugin import UserCodeError
-from wayproof.planners.headings import head_along
+from wayproof.planners.astar.se2 import head_along
+from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import Floats
-from wayproof.planners.space import FreeSpace
+from wayproof.planners.ompl._plugin import UserCodeError
 
 
 class PlansWaypoints(Protocol):

@@ -17,13 +17,13 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from wayproof.planners import kernels
-from wayproof.planners._plugin import SEPARATOR, UserCodeError, load_class, user_code
-from wayproof.planners.field import FieldPlanner
+from wayproof.planners.astar.grid_astar import FieldPlanner
+from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import Floats, Pose
-from wayproof.planners.space import FreeSpace
-from wayproof.planners.state_spaces import StateSpace, sample_curve
-from wayproof.planners.validity import BodyValidity
-from wayproof.planners.waypoint_planner import WaypointPlanner
+from wayproof.planners.ompl._plugin import SEPARATOR, UserCodeError, load_class, user_code
+from wayproof.planners.ompl.state_spaces import StateSpace, sample_curve
+from wayproof.planners.ompl.validity import BodyValidity
+from wayproof.planners.ompl.waypoint_planner import WaypointPlanner
 
 # Reseeding a generator that was used before makes OMPL print an error, although it reseeds.
 ou.setLogLevel(ou.LogLevel.LOG_NONE)

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.planners import _heading_kernels as heading_kernels
-from wayproof.planners import _lattice_kernels, kernels, lattice
+from wayproof.planners import _lattice_kernels, kernels
 from wayproof.planners._heading_kernels import WAYS, Plane, Swept, Ways
 from wayproof.planners._lattice_kernels import FREE_RATE, Lattice
+from wayproof.planners.astar import lattice
+from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import Floats, Pose
-from wayproof.planners.space import FreeSpace
 
 Longs = NDArray[np.int64]
 

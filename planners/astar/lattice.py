@@ -16,8 +16,8 @@ from wayproof.planners._lattice_kernels import (
     STEPS,
     Lattice,
 )
+from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import BLOCK_BITS, Floats
-from wayproof.planners.space import FreeSpace
 
 Cell = tuple[int, int, int]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from ompl import base as ob
 
 from wayproof.planners import kernels
-from wayproof.planners.space import FreeSpace
-from wayproof.planners.state_spaces import StateSpace
+from wayproof.planners.free_space import FreeSpace
+from wayproof.planners.ompl.state_spaces import StateSpace
 
 
 class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]

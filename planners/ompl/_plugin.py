@@ -1,6 +1,6 @@
 """Classes of the user's own, by `module:Class` or `path/to/file.py:Class`.
 
-`planners/_plugin.py` and `models/_plugin.py` are one text: neither package imports the other.
+`planners/ompl/_plugin.py` and `models/_plugin.py` are one text: neither package imports the other.
 """
 
 from __future__ import annotations

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners import _lattice_kernels, kernels, lattice
+from wayproof.planners import _lattice_kernels, kernels
 from wayproof.planners._lattice_kernels import Lattice
-from wayproof.planners.field import EXPANSIONS, searched, with_headings
+from wayproof.planners.astar import lattice
+from wayproof.planners.astar.grid_astar import EXPANSIONS, searched, with_headings
+from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import Floats
 from wayproof.planners.problem import Plan, PlannerConfig, finish_path, plan, state_space_of
-from wayproof.planners.space import FreeSpace
 
 Cells = NDArray[np.int64]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from wayproof.planners._jit import kernel
-from wayproof.planners.profile import (
+from wayproof.planners.jerk_limited import (
     AxisLimits,
     Leg,
     Profile,

@@ -1,0 +1,1 @@
+"""A* over a grid: positions on a coarse lattice, and places with headings where room is scarce."""
