@@ -12,7 +12,7 @@ from google.protobuf.message import Message
 from wayproof.harness.config import LatencyConfig
 from wayproof.harness.ending import Verdict
 from wayproof.harness.inputs import inputs_from_messages, serialized
-from wayproof.harness.logs.log import TRACEBACK, LogWriter
+from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.result import Outcome, Result
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb

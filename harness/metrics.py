@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from wayproof.harness.ending import goal_distance
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import Log
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 

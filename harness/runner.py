@@ -11,8 +11,8 @@ from wayproof.harness.attribution.attribution import with_cause
 from wayproof.harness.config import to_json
 from wayproof.harness.episode import Episode, Observer
 from wayproof.harness.inputs import beams_from_info
-from wayproof.harness.logs.log import PLUGINS, LogWriter, hold_log
-from wayproof.harness.logs.log_copy import thin
+from wayproof.harness.log.copy import thin
+from wayproof.harness.log.writer import PLUGINS, LogWriter, hold_log
 from wayproof.harness.outputs import Draft
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.mujoco_warnings import tell_warnings

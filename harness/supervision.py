@@ -108,7 +108,7 @@ def _wait(child: int) -> int:
 
 def _finish(log: Path, code: int, stacks: str) -> int:
     """Make a whole log of what the child left, and say so; exit code 1."""
-    from wayproof.harness.logs.recover import finish_partial
+    from wayproof.harness.log.recover import finish_partial
 
     how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
     if stacks:

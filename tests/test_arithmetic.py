@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-ENTRY = "harness.evidence.replay"
+ENTRY = "harness.replay.replay"
 PREFIX = "wayproof."
 OURS = ("harness", "maps", "models", "planners")
 
@@ -42,7 +42,7 @@ SORTS = {"argsort", "argpartition", "partition", "sort_complex"}
 FOREIGN = {"scipy", "cmath", "statistics", "torch", "jax"}
 
 SUMS_OF_WHOLE_NUMBERS = (
-    *("harness.evidence.consistency", "harness.result"),
+    *("harness.replay.consistency", "harness.result"),
     *(
         "maps.kernels.edt_sections",
         "maps.kernels.update",

@@ -81,7 +81,7 @@ def test_replaying_a_log_loads_neither_the_simulator_nor_the_viewer():
     import sys
 
     code = (
-        "import sys, wayproof.harness.evidence.replay\n"
+        "import sys, wayproof.harness.replay.replay\n"
         "print([name for name in ('mujoco', 'rerun') if name in sys.modules])"
     )
     printed = subprocess.run(

@@ -7,9 +7,9 @@ from dataclasses import replace
 from wayproof.harness.attribution.case import Case, moments_of
 from wayproof.harness.attribution.procedure import find_cause
 from wayproof.harness.attribution.true_space import TrueSpace
-from wayproof.harness.evidence.rebuild import segment_of
-from wayproof.harness.logs.log import LogWriter
-from wayproof.harness.logs.messages import read_unfinished
+from wayproof.harness.log.codec.messages import read_unfinished
+from wayproof.harness.log.writer import LogWriter
+from wayproof.harness.recompute.rebuild import segment_of
 from wayproof.harness.result import Contact, Result
 from wayproof.harness.scenario.scenario import Scenario
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from wayproof.harness.attribution.true_space import TrueSpace
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.audit import densely
-from wayproof.harness.evidence.segments import Segment, SegmentedStack, segments_of
 from wayproof.harness.inputs import Beams, Inputs, inputs_from_messages
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import Log
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.paths import densely
+from wayproof.harness.log.reader import Log
 from wayproof.harness.mission import Mission
+from wayproof.harness.recompute.segments import Segment, SegmentedStack, segments_of
 from wayproof.harness.result import Contact
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.schema import wayproof_pb2 as pb

@@ -17,7 +17,7 @@ from wayproof.harness.attribution.case import Case, Moment, off_path
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.pose import PoseFacts, error_of, pose_facts, usual_margin
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
-from wayproof.harness.evidence.audit import densely
+from wayproof.harness.log.paths import densely
 from wayproof.harness.result import Contact
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator

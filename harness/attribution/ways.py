@@ -20,8 +20,8 @@ from wayproof.harness.attribution.grids import (
     true_occupancy,
     widest,
 )
-from wayproof.harness.evidence.segments import SegmentedStack
 from wayproof.harness.mission import Mission
+from wayproof.harness.recompute.segments import SegmentedStack
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import OCCUPIED, UNKNOWN

@@ -19,14 +19,14 @@ from wayproof.harness.cli.verb import (
 )
 
 if TYPE_CHECKING:
-    from wayproof.harness.evidence.audit import Audit, Volumes
+    from wayproof.harness.replay.audit import Audit, Volumes
 
 SHOWN_VIOLATIONS = 10
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Check the decisions of one or more logs."""
-    from wayproof.harness.evidence.audit import audit, together
+    from wayproof.harness.replay.audit import audit, together
 
     audits = []
     for path in options.log:

@@ -15,14 +15,14 @@ from wayproof.harness.cli.run import episode_name, run_one
 from wayproof.harness.cli.verb import Document, Verb, add_log_folder, add_settings
 
 if TYPE_CHECKING:
-    from wayproof.harness.evidence.replay import Replay
+    from wayproof.harness.replay.replay import Replay
     from wayproof.harness.result import Result
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Send both robots across and replay their logs."""
     from wayproof.harness.config import from_document, override
-    from wayproof.harness.evidence.replay import replay
+    from wayproof.harness.replay.replay import replay
 
     rows = []
     for robot in ("quadruped", "drone"):

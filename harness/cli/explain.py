@@ -24,16 +24,16 @@ from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
     from wayproof.harness.attribution import Case, Finding, NearMiss
-    from wayproof.harness.attribution.check import Check, Verdict
+    from wayproof.harness.counterfactual.check import Check, Verdict
     from wayproof.harness.explain import Card
-    from wayproof.harness.logs.reader import Log
+    from wayproof.harness.log.reader import Log
 
 SHOWN_MISSES = 5
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Explain a decision, or the episode."""
-    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.log.reader import open_log
 
     if options.png is not None and not options.png.parent.is_dir():
         raise InputError(f"--png: got '{options.png}', expected a file in a folder that exists")
@@ -66,7 +66,7 @@ def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -
 
 
 def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:
-    from wayproof.harness.attribution.record import read_check
+    from wayproof.harness.counterfactual.record import read_check
     from wayproof.harness.explain import make_card, phases
 
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
@@ -133,7 +133,7 @@ def _told_cause(log: Log) -> Finding | None:
 
 
 def _check(log: Log, finding: Finding | None) -> Verdict:
-    from wayproof.harness.attribution.check import check, refuse_success
+    from wayproof.harness.counterfactual.check import check, refuse_success
 
     refuse_success(log)
     assert finding is not None

@@ -13,7 +13,7 @@ from wayproof.harness.cli.verb import Document, Verb
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write the readable part of a log."""
-    from wayproof.harness.logs.recover import recover
+    from wayproof.harness.log.recover import recover
 
     recovery = recover(options.broken, options.out, options.allow_plugins)
     if recovery.written is None:

@@ -22,10 +22,10 @@ from wayproof.harness.cli.verb import (
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
-    from wayproof.harness.evidence.closed_loop import ClosedLoop
-    from wayproof.harness.evidence.replay import Replay
-    from wayproof.harness.evidence.scope import Scope
-    from wayproof.harness.evidence.what_if import Answer, WhatIf
+    from wayproof.harness.replay.closed_loop import ClosedLoop
+    from wayproof.harness.replay.replay import Replay
+    from wayproof.harness.replay.scope import Scope
+    from wayproof.harness.replay.what_if import Answer, WhatIf
     from wayproof.harness.stack.decision import Difference
 
 SHOWN_DIFFERENCES = 8
@@ -34,7 +34,7 @@ SHOWN_CHANGES = 5
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Recompute the decisions of one or more logs, by the log's own settings or by others."""
-    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.log.reader import open_log
 
     _check(options)
     if options.at is not None:
@@ -68,7 +68,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from wayproof.harness.evidence.replay import replay
+    from wayproof.harness.replay.replay import replay
 
     replayed = replay(path, options.allow_plugins, options.threads)
     print_replay(console, replayed)
@@ -76,7 +76,7 @@ def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[
 
 
 def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from wayproof.harness.evidence.what_if import what_if
+    from wayproof.harness.replay.what_if import what_if
 
     answer = what_if(path, options.set, options.allow_plugins)
     print_what_if(console, answer)
@@ -84,7 +84,7 @@ def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple
 
 
 def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from wayproof.harness.evidence.closed_loop import simulate_again
+    from wayproof.harness.replay.closed_loop import simulate_again
 
     again = simulate_again(path, options.allow_plugins, options.out)
     print_closed_loop(console, again)
@@ -95,8 +95,8 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
     from wayproof.harness.cli.live import LiveLine
     from wayproof.harness.cli.run import document_of, interrupted, print_verdict
     from wayproof.harness.config import override
-    from wayproof.harness.evidence.fork import fork, fork_name
-    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.log.reader import open_log
+    from wayproof.harness.replay.fork import fork, fork_name
 
     path = options.log[0]
     log = open_log(path, options.allow_plugins)

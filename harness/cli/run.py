@@ -65,11 +65,11 @@ def _check(result: Result, options: argparse.Namespace, console: Console) -> Doc
     if options.check is None or result.outcome == "success":
         return None
     from wayproof.harness.attribution.case import read_case
-    from wayproof.harness.attribution.check import check, refuse_success
     from wayproof.harness.attribution.procedure import find_cause
-    from wayproof.harness.attribution.record import record_check
     from wayproof.harness.cli.explain import print_verdict as print_checked
-    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.counterfactual.check import check, refuse_success
+    from wayproof.harness.counterfactual.record import record_check
+    from wayproof.harness.log.reader import open_log
 
     log = open_log(Path(result.log), allow_plugins=True)
     refuse_success(log)
@@ -110,7 +110,7 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
         InputError: The config cannot be run, or its log cannot be written.
     """
     from wayproof.harness.cli.live import LiveLine
-    from wayproof.harness.logs.log import hold_log
+    from wayproof.harness.log.writer import hold_log
     from wayproof.harness.runner import run_episode
     from wayproof.harness.scenario.scenario import build
     from wayproof.harness.supervision import bound_memory

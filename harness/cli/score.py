@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Score one or more logs."""
     from wayproof.harness.clearance import true_clearance_is_bound
-    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.log.reader import open_log
     from wayproof.harness.metrics import METRICS, least_clearance, read_trace, score
 
     documents: list[Document] = []

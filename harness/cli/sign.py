@@ -32,7 +32,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _new_key(path: Path, console: Console) -> tuple[int, Document]:
-    from wayproof.harness.evidence.signature import fingerprint, new_key, read_public_key
+    from wayproof.harness.replay.signature import fingerprint, new_key, read_public_key
 
     public = new_key(path)
     print_of_key = fingerprint(read_public_key(public))
@@ -41,8 +41,8 @@ def _new_key(path: Path, console: Console) -> tuple[int, Document]:
 
 
 def _sign(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    from wayproof.harness.evidence.signature import fingerprint, read_private_key, sign
-    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.log.reader import open_log
+    from wayproof.harness.replay.signature import fingerprint, read_private_key, sign
 
     key = read_private_key(options.key)
     print_of_key = fingerprint(key.public_key())

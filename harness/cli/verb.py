@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from wayproof.harness.logs.reader import Log
+    from wayproof.harness.log.reader import Log
 
 Document = dict[str, Any]
 
@@ -89,8 +89,8 @@ def check_log(path: Path, options: argparse.Namespace) -> None:
     """
     if options.unchecked:
         return
-    from wayproof.harness.evidence.consistency import refuse_contradictions
-    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.log.reader import open_log
+    from wayproof.harness.replay.consistency import refuse_contradictions
 
     log = open_log(path, options.allow_plugins)
     refuse_contradictions(log, hint="; --unchecked reads it anyway")

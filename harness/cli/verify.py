@@ -14,13 +14,13 @@ from wayproof.harness.cli.replay import print_differences, print_elsewhere, prin
 from wayproof.harness.cli.verb import Document, Verb, add_log_paths, one_or_all
 
 if TYPE_CHECKING:
-    from wayproof.harness.evidence.verify import Verification
+    from wayproof.harness.replay.verify import Verification
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Verify one or more logs."""
-    from wayproof.harness.evidence.signature import read_public_key, signature_path
-    from wayproof.harness.evidence.verify import verify
+    from wayproof.harness.replay.signature import read_public_key, signature_path
+    from wayproof.harness.replay.verify import verify
 
     key = None if options.key is None else read_public_key(options.key)
     verifications = []

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.clearance import map_clearance_is_bound, true_clearance_is_bound
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.audit import densely
+from wayproof.harness.log.paths import densely
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.labels import bound_version

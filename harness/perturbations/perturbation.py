@@ -151,7 +151,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return ()
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The input streams that it declares to change; see `harness.logs.streams`."""
+        """The input streams that it declares to change; see `harness.log.streams`."""
         return tuple(f"sensor/{name}" for name in self.affected(sensors))
 
     def pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:

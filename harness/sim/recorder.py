@@ -8,9 +8,9 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from wayproof.harness.logs.log import LogWriter
-from wayproof.harness.logs.log_copy import topic_of
-from wayproof.harness.logs.streams import CONTROL, StreamHashes
+from wayproof.harness.log.copy import topic_of
+from wayproof.harness.log.streams import CONTROL, StreamHashes
+from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.result import figures
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb

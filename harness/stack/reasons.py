@@ -1,7 +1,7 @@
 """Why a decision was made: a closed list of predicates, each with the figures that make it true.
 
 A reason is one of `MEANINGS` with its figures. The sentence that a log shows is made from these
-alone, so the two cannot contradict each other. `harness.evidence.reasons`
+alone, so the two cannot contradict each other. `harness.replay.reasons`
 holds each against the map.
 """
 

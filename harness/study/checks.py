@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from wayproof.harness.attribution.case import read_case
-from wayproof.harness.attribution.check import check, checkable
 from wayproof.harness.attribution.procedure import find_cause
-from wayproof.harness.attribution.record import record_check
+from wayproof.harness.counterfactual.check import check, checkable
+from wayproof.harness.counterfactual.record import record_check
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.file import Planned
 from wayproof.harness.study.store import Store
 

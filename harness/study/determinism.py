@@ -17,7 +17,7 @@ import numpy as np
 
 from wayproof.harness.config import to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.file import Bounds, Planned, name_of
 from wayproof.harness.study.job import Done, Job, episode_key

@@ -15,7 +15,7 @@ import msgspec
 
 from wayproof.harness.config import Config, from_json, to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.machine import installed_version
+from wayproof.harness.log.machine import installed_version
 from wayproof.harness.study.contents import contents_of, named_by
 
 PARENT_POLL = 0.2

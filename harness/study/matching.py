@@ -18,7 +18,7 @@ import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.harness.study.contents import class_identity
 from wayproof.harness.study.file import Planned

@@ -11,13 +11,13 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from wayproof.harness.evidence.consistency import refuse_contradictions
-from wayproof.harness.evidence.content import Content
-from wayproof.harness.logs.container import Packet, walk
-from wayproof.harness.logs.digest import ContentDigest
-from wayproof.harness.logs.messages import decode
-from wayproof.harness.logs.streams import Pairing, compare_hashes
+from wayproof.harness.log.codec.container import Packet, walk
+from wayproof.harness.log.codec.messages import decode
+from wayproof.harness.log.digest import ContentDigest
+from wayproof.harness.log.streams import Pairing, compare_hashes
 from wayproof.harness.metrics import METRICS, score, trace_of
+from wayproof.harness.replay.consistency import refuse_contradictions
+from wayproof.harness.replay.content import Content
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.file import CLEAN, Arm, Planned
 from wayproof.harness.study.matching import open_planned

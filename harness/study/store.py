@@ -13,8 +13,8 @@ from pathlib import Path
 import msgspec
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import open_log
-from wayproof.harness.logs.recover import finish_partial
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.recover import finish_partial
 from wayproof.harness.outputs import ENDING, remove_abandoned
 from wayproof.harness.study.contents import Contents
 from wayproof.harness.study.file import MOST_BYTES, Planned, StudyFile, check_study, refuse_code

@@ -15,8 +15,8 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from wayproof.harness.logs.log import check_folder, file_descriptor_set
-from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.log.writer import check_folder, file_descriptor_set
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.schema import foxglove_pb2 as fox
 from wayproof.harness.stack.decision import path_of

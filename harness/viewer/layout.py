@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import rerun.blueprint as rrb
 
-from wayproof.harness.logs.reader import Log
+from wayproof.harness.log.reader import Log
 from wayproof.harness.viewer.snapshots import layer_period_ns
 
 UNKNOWN_SPACE = (112, 137, 134)

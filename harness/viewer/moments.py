@@ -12,11 +12,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.evidence.segments import SegmentedStack, segments_of
-from wayproof.harness.evidence.side_by_side import guarded
 from wayproof.harness.inputs import Beams
-from wayproof.harness.logs.reader import Log, Record
+from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
+from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.recompute.side_by_side import guarded
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.viewer.ahead import Ahead

@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.log import check_folder
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.writer import check_folder
 from wayproof.harness.outputs import check_target, written_whole
 from wayproof.harness.viewer.driver import check_driver
 from wayproof.harness.viewer.moments import moments

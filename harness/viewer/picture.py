@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.rebuild import rebuild
-from wayproof.harness.evidence.side_by_side import guarded
-from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.outputs import written_whole
+from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.recompute.side_by_side import guarded
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.sim.snapshot import PhysicsState, restore_parts
 from wayproof.harness.stack.decision import path_of

@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from wayproof.harness.logs.reader import Log
+from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.layer import FRONTIER, INFLATED

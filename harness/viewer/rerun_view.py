@@ -15,8 +15,8 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.log import check_folder
-from wayproof.harness.logs.reader import Log, open_log
+from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.log.writer import check_folder
 from wayproof.harness.outputs import check_target, written_whole
 from wayproof.harness.viewer.ahead import Ahead
 from wayproof.harness.viewer.snapshots import Snapshot, snapshots

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.inputs import Pose
-from wayproof.harness.logs.reader import Log
+from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.viewer.layer import kinds, layer_at
 from wayproof.harness.viewer.moments import Moment, moments, standing_low

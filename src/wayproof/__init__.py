@@ -20,7 +20,7 @@ from wayproof.kernel_cache import use_kernel_cache
 if TYPE_CHECKING:
     from wayproof.harness.config import Config, override
     from wayproof.harness.errors import InputError
-    from wayproof.harness.logs.reader import Log, open_log
+    from wayproof.harness.log.reader import Log, open_log
     from wayproof.harness.result import Result
     from wayproof.harness.runner import run_episode
     from wayproof.harness.scenario.scenario import Scenario, build
@@ -35,8 +35,8 @@ WHERE = {
     "Config": "wayproof.harness.config",
     "override": "wayproof.harness.config",
     "InputError": "wayproof.harness.errors",
-    "Log": "wayproof.harness.logs.reader",
-    "open_log": "wayproof.harness.logs.reader",
+    "Log": "wayproof.harness.log.reader",
+    "open_log": "wayproof.harness.log.reader",
     "Result": "wayproof.harness.result",
     "run_episode": "wayproof.harness.runner",
     "Scenario": "wayproof.harness.scenario.scenario",

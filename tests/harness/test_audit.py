@@ -9,18 +9,19 @@ import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
-from wayproof.harness.evidence.audit import audit, densely
-from wayproof.harness.evidence.audit.body import BESIDE, Body
-from wayproof.harness.evidence.audit.moment import Moment
-from wayproof.harness.evidence.audit.run import judge, moments
-from wayproof.harness.evidence.audit.way import judge_way
-from wayproof.harness.evidence.cells import columns
 from wayproof.harness.inputs import Inputs, Pose
-from wayproof.harness.logs.container import walk
-from wayproof.harness.logs.log_copy import write_copy
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import Record, open_log, read_head
+from wayproof.harness.log.codec.container import walk
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.copy import write_copy
+from wayproof.harness.log.paths import densely
+from wayproof.harness.log.reader import Record, open_log, read_head
 from wayproof.harness.mission import Mission
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.audit.body import BESIDE, Body
+from wayproof.harness.replay.audit.moment import Moment
+from wayproof.harness.replay.audit.run import judge, moments
+from wayproof.harness.replay.audit.way import judge_way
+from wayproof.harness.replay.cells import columns
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import chain_hash
 from wayproof.maps import VoxelMap

@@ -9,18 +9,18 @@ import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
-from wayproof.harness.evidence.audit.body import Body
-from wayproof.harness.evidence.audit.moment import Moment
-from wayproof.harness.evidence.audit.volumes import (
+from wayproof.harness.inputs import Inputs, Pose
+from wayproof.harness.log.reader import Record
+from wayproof.harness.mission import Mission
+from wayproof.harness.replay.audit.body import Body
+from wayproof.harness.replay.audit.moment import Moment
+from wayproof.harness.replay.audit.volumes import (
     Volumes,
     measure,
     segment_from_boxes,
     shortfall,
     together,
 )
-from wayproof.harness.inputs import Inputs, Pose
-from wayproof.harness.logs.reader import Record
-from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import VoxelMap
 

@@ -9,7 +9,7 @@ import pytest
 from tests.models.hound import SPEC, hound
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.scenario.robots import find_logged_robot
 
 EXAMPLES = Path(__file__).parents[2] / "models/robots/custom/examples"

@@ -13,27 +13,27 @@ import pytest
 from wayproof.harness.attribution import CAUSES, find_cause, near_misses, read_case
 from wayproof.harness.attribution import contact as contacts
 from wayproof.harness.attribution import standstill as standstills
-from wayproof.harness.attribution.breaks import KINDS, Broken
-from wayproof.harness.attribution.check import Check, check, settle
-from wayproof.harness.attribution.confusion import confusion, right, run_planted, table
 from wayproof.harness.attribution.contact import ContactFacts
-from wayproof.harness.attribution.failures import attempts
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.grids import clearances, joined, widest
-from wayproof.harness.attribution.planted import PLANTS
 from wayproof.harness.attribution.pose import PoseFacts
 from wayproof.harness.attribution.ranges import RangeFacts
-from wayproof.harness.attribution.record import read_check, record_check
-from wayproof.harness.attribution.recorded_movers import with_recorded_movers
-from wayproof.harness.attribution.remedies import REMEDIES
 from wayproof.harness.attribution.standstill import StandstillFacts, lacks_time
 from wayproof.harness.attribution.true_space import TrueSpace
 from wayproof.harness.attribution.ways import MapWays, TrueWays
+from wayproof.harness.bench.attribution.breaks import KINDS, Broken
+from wayproof.harness.bench.attribution.confusion import confusion, right, run_planted, table
+from wayproof.harness.bench.attribution.failures import attempts
+from wayproof.harness.bench.attribution.fault_scenarios import PLANTS
 from wayproof.harness.config import Config
+from wayproof.harness.counterfactual.check import Check, check, settle
+from wayproof.harness.counterfactual.record import read_check, record_check
+from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
+from wayproof.harness.counterfactual.remedies import REMEDIES
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.fork import fork
-from wayproof.harness.evidence.rebuild import rebuild
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.replay.fork import fork
 from wayproof.harness.result import Contact
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.study.checks import check_failures

@@ -6,7 +6,7 @@ import pytest
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, from_json, override, setting_names, to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.renamed import RENAMED
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.build import build_navigator

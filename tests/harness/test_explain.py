@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from wayproof.harness.attribution import read_case
-from wayproof.harness.attribution.confusion import run_planted
+from wayproof.harness.bench.attribution.confusion import run_planted
 from wayproof.harness.cli.main import main
-from wayproof.harness.evidence.fork import fork
 from wayproof.harness.explain import make_card, phases
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.fork import fork
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 

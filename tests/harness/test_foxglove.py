@@ -12,7 +12,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.viewer.layer import COLOURS
 from wayproof.maps import FREE, UNKNOWN
 

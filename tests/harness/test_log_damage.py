@@ -16,6 +16,7 @@ import pytest
 import zstandard
 from mcap.writer import Writer
 
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.bench.soak.child import in_child
 from wayproof.harness.bench.soak.hostile_logs import (
     NUMBER,
@@ -27,10 +28,8 @@ from wayproof.harness.bench.soak.hostile_logs import (
 )
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.audit import audit
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs import container
-from wayproof.harness.logs.container import (
+from wayproof.harness.log.codec import container
+from wayproof.harness.log.codec.container import (
     GREATEST_RECORD,
     HEAD,
     MAGIC,
@@ -39,11 +38,12 @@ from wayproof.harness.logs.container import (
     Packet,
     walk,
 )
-from wayproof.harness.logs.log import FLUSH_PERIOD_NS, LogWriter, digest_name
-from wayproof.harness.logs.messages import decode, read_messages
-from wayproof.harness.logs.reader import open_log
-from wayproof.harness.logs.recover import recover
-from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.log.codec.messages import decode, read_messages
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.recover import recover
+from wayproof.harness.log.writer import FLUSH_PERIOD_NS, LogWriter, digest_name
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 

@@ -7,8 +7,8 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
-from wayproof.harness.logs.log import LogWriter
-from wayproof.harness.logs.mcap_file import McapFile
+from wayproof.harness.log.codec.mcap_file import McapFile
+from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 

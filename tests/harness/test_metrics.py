@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.falsify import print_found
 from wayproof.harness.cli.main import main
-from wayproof.harness.logs.small_log import COMMITTED, committed_name
 from wayproof.harness.metrics import METRICS, Trace, read_trace, score
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.study.falsify.falsify import Found
@@ -119,7 +119,7 @@ def test_unknown_routes_leave_their_metrics_open() -> None:
 
 
 def test_a_real_log_scores_as_its_result_says(recorded) -> None:
-    from wayproof.harness.logs.reader import open_log
+    from wayproof.harness.log.reader import open_log
 
     log = open_log(Path(recorded("empty", "drone", 1).log))
     read = read_trace(log)

@@ -4,8 +4,8 @@ import pytest
 
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 

@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from wayproof.harness.config import Config, override
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb

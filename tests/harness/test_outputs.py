@@ -9,8 +9,8 @@ import pytest
 from wayproof.harness.bench.soak.child import in_child
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.log import LogWriter
-from wayproof.harness.logs.recover import recovered_name
+from wayproof.harness.log.recover import recovered_name
+from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.outputs import Draft, remove_abandoned, written_whole
 
 

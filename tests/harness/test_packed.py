@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.container import Packet, walk
-from wayproof.harness.logs.log import FORMAT_VERSION
-from wayproof.harness.logs.messages import decode, read_messages
-from wayproof.harness.logs.packed import HASHES, pack, unpack
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.codec.container import Packet, walk
+from wayproof.harness.log.codec.messages import decode, read_messages
+from wayproof.harness.log.codec.packed import HASHES, pack, unpack
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.writer import FORMAT_VERSION
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 SHORT = ("empty", "drone", 1, "episode.time_limit=2")

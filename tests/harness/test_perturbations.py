@@ -8,12 +8,12 @@ from msgspec.structs import replace as replace_struct
 
 from wayproof.harness.config import Config, from_document, from_json, override, to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.replay import replay
 from wayproof.harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.streams import compare
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.streams import compare
 from wayproof.harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
 from wayproof.harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from tests.harness.test_audit import forge
-from wayproof.harness.evidence.audit.run import moments
-from wayproof.harness.evidence.reasons import PREDICATES, ReasonCheck, figures_of
-from wayproof.harness.evidence.reasons.__main__ import main, tally
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.bench.maintain.reasons import main, tally
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.audit.run import moments
+from wayproof.harness.replay.reasons import PREDICATES, ReasonCheck, figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.reasons import (
     FIGURES,

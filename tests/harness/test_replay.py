@@ -11,16 +11,16 @@ import zstandard
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.audit import audit
-from wayproof.harness.evidence.closed_loop import simulate_again
-from wayproof.harness.evidence.fork import fork
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.evidence.what_if import what_if
-from wayproof.harness.logs.container import Attachment, Metadata, Packet, walk
-from wayproof.harness.logs.log import FORMAT_VERSION, PACKED_SCENE
-from wayproof.harness.logs.log_copy import thin, write_copy
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import open_log, read_head
+from wayproof.harness.log.codec.container import Attachment, Metadata, Packet, walk
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.copy import thin, write_copy
+from wayproof.harness.log.reader import open_log, read_head
+from wayproof.harness.log.writer import FORMAT_VERSION, PACKED_SCENE
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.closed_loop import simulate_again
+from wayproof.harness.replay.fork import fork
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.replay.what_if import what_if
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import differences
 

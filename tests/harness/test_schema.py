@@ -6,17 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from wayproof.harness.bench.maintain import field_numbers
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.audit import audit
-from wayproof.harness.evidence.fork import fork
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs import field_numbers, log
-from wayproof.harness.logs.log import WITH_REASONS
-from wayproof.harness.logs.log_copy import thin
-from wayproof.harness.logs.reader import open_log
-from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.log import writer as log
+from wayproof.harness.log.copy import thin
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.writer import WITH_REASONS
 from wayproof.harness.metrics import read_trace, score
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.fork import fork
+from wayproof.harness.replay.replay import replay
 
 ROOT = Path(__file__).parents[2]
 PROTO = "harness/schema/wayproof.proto"
@@ -37,7 +38,7 @@ def test_no_field_number_changed_its_meaning():
 
 def test_every_field_number_is_in_the_table():
     new = field_numbers.added(field_numbers.committed(), field_numbers.current())
-    assert new == [], "run: python -m wayproof.harness.logs.field_numbers"
+    assert new == [], "run: python -m wayproof.harness.bench.maintain.field_numbers"
 
 
 def test_a_number_that_is_given_again_is_found():
@@ -49,7 +50,7 @@ def test_a_number_that_is_given_again_is_found():
 
 
 def test_the_committed_log_of_this_version_replays():
-    """If decisions changed on purpose: python -m wayproof.harness.logs.small_log writes it anew."""
+    """After a deliberate change: python -m wayproof.harness.bench.maintain.small_log"""
     path = COMMITTED / committed_name()
     assert path.stat().st_size < 150_000
     again = replay(path)

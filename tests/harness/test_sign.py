@@ -9,9 +9,10 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.signature import (
+from wayproof.harness.replay.signature import (
     fault_of_signature,
     fingerprint,
     new_key,
@@ -19,7 +20,6 @@ from wayproof.harness.evidence.signature import (
     read_public_key,
     sign,
 )
-from wayproof.harness.logs.small_log import COMMITTED, committed_name
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import pytest
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override, to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.file import CLEAN, Arm, planned_for
 from wayproof.harness.study.matching import mismatch
@@ -368,7 +368,7 @@ def test_the_two_loaders_are_one_text():
 
 
 def test_a_replay_in_which_the_users_class_fails_is_one_line():
-    from wayproof.harness.evidence.side_by_side import guarded
+    from wayproof.harness.recompute.side_by_side import guarded
 
     def fails():
         raise UserCodeError("planner 'a.py:B'", "raised ValueError")

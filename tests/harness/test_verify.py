@@ -6,23 +6,23 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.attribution.check import Verdict
 from wayproof.harness.attribution.finding import Finding
-from wayproof.harness.attribution.record import record_check
 from wayproof.harness.bench.soak.forgeries import CLAIMS, EDITS, Forgery, forge
 from wayproof.harness.cli.main import main
+from wayproof.harness.counterfactual.check import Verdict
+from wayproof.harness.counterfactual.record import record_check
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.closed_loop import simulate_again
-from wayproof.harness.evidence.consistency import contradictions
-from wayproof.harness.evidence.fork import fork
-from wayproof.harness.evidence.rebuild import made_otherwise
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.evidence.scope import scope_of
-from wayproof.harness.evidence.signature import new_key, read_private_key, sign
-from wayproof.harness.evidence.verify import verify
-from wayproof.harness.logs.log_copy import thin
-from wayproof.harness.logs.reader import open_log
-from wayproof.harness.logs.recover import recover
+from wayproof.harness.log.copy import thin
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.recover import recover
+from wayproof.harness.recompute.rebuild import made_otherwise
+from wayproof.harness.replay.closed_loop import simulate_again
+from wayproof.harness.replay.consistency import contradictions
+from wayproof.harness.replay.fork import fork
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.replay.scope import scope_of
+from wayproof.harness.replay.signature import new_key, read_private_key, sign
+from wayproof.harness.replay.verify import verify
 
 PERTURBED = 'perturbation={"kind": "pose_drift", "severity": 5}'
 

@@ -16,11 +16,11 @@ from PIL import Image
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.fork import fork
-from wayproof.harness.logs.container import walk
-from wayproof.harness.logs.log_copy import write_copy
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import open_log, read_head
+from wayproof.harness.log.codec.container import walk
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.copy import write_copy
+from wayproof.harness.log.reader import open_log, read_head
+from wayproof.harness.replay.fork import fork
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.viewer.ahead import Ahead
 from wayproof.harness.viewer.boxes import runs, surrounding_boxes, upright_boxes

@@ -15,13 +15,13 @@ import numpy as np
 from google.protobuf.message import Message
 
 from wayproof.harness.config import Config, override
-from wayproof.harness.evidence.replay import replay
 from wayproof.harness.inputs import decode_ranges
-from wayproof.harness.logs.container import walk
-from wayproof.harness.logs.log import FLUSH_PERIOD_NS, LogWriter
-from wayproof.harness.logs.log_copy import time_of, topic_of
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import Head, read_head
+from wayproof.harness.log.codec.container import walk
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.copy import time_of, topic_of
+from wayproof.harness.log.reader import Head, read_head
+from wayproof.harness.log.writer import FLUSH_PERIOD_NS, LogWriter
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb

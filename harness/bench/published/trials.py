@@ -11,7 +11,7 @@ from pathlib import Path
 from wayproof.harness.bench.published.files import Progress
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.log import check_folder
+from wayproof.harness.log.writer import check_folder
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build

@@ -19,9 +19,9 @@ from wayproof.harness.bench.soak.child import scratch
 from wayproof.harness.bench.soak.fresh import FreshReplays, replay_by_command
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.closed_loop import simulate_again
-from wayproof.harness.evidence.fork import fork
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
+from wayproof.harness.replay.closed_loop import simulate_again
+from wayproof.harness.replay.fork import fork
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build

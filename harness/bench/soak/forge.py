@@ -11,7 +11,7 @@ from pathlib import Path
 
 from wayproof.harness.bench.soak.forgeries import CLAIMS, EDITS, forge
 from wayproof.harness.config import Config, override
-from wayproof.harness.evidence.verify import Step, verify
+from wayproof.harness.replay.verify import Step, verify
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 

@@ -25,14 +25,14 @@ from google.protobuf.message import Message
 from mcap.opcode import Opcode
 
 from wayproof.harness.ending import goal_distance
-from wayproof.harness.evidence.content import read_content
-from wayproof.harness.logs.container import MAGIC, walk
-from wayproof.harness.logs.digest import CONTENT
-from wayproof.harness.logs.log import digest_name
-from wayproof.harness.logs.log_copy import write_copy
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import Head, open_log, read_head
+from wayproof.harness.log.codec.container import MAGIC, walk
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.copy import write_copy
+from wayproof.harness.log.digest import CONTENT
+from wayproof.harness.log.reader import Head, open_log, read_head
+from wayproof.harness.log.writer import digest_name
 from wayproof.harness.mission import Mission
+from wayproof.harness.replay.content import read_content
 from wayproof.harness.result import figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import chain_hash

@@ -66,7 +66,7 @@ def _serve(pipe: Connection, configs: Sequence[Config]) -> None:
 
 
 def _replay(log: Path, threads: int, tell: Callable[[str], None]) -> None:
-    from wayproof.harness.evidence.replay import replay
+    from wayproof.harness.replay.replay import replay
 
     replayed = replay(log, threads=threads)
     differs = f"decision {replayed.first_difference}: {replayed.differences[:3]}"

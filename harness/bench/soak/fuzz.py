@@ -16,15 +16,15 @@ from typing import Any
 
 import numpy as np
 
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.bench.soak.child import in_child, scratch
 from wayproof.harness.bench.soak.mutate import forge, mutate, mutate_values
 from wayproof.harness.config import from_json, to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.rebuild import rebuild
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs.reader import Log, open_log
-from wayproof.harness.logs.recover import recover
-from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.log.recover import recover
+from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.stack.build import build_navigator
 
 LONGEST_S = 5

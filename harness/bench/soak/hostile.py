@@ -31,7 +31,7 @@ CPU_S = 20
 WALL_S = 300.0
 
 LOADED = (
-    "wayproof.harness.evidence.verify",
+    "wayproof.harness.replay.verify",
     "wayproof.harness.explain",
     "wayproof.harness.study.report.report",
     "wayproof.harness.cli.score",

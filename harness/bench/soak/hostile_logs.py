@@ -12,12 +12,12 @@ from pathlib import Path
 import zstandard
 from google.protobuf.message import Message
 
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.bench.soak.forgeries import Forgery
 from wayproof.harness.bench.soak.hostile_files import Maker
 from wayproof.harness.config import Config
-from wayproof.harness.logs.container import HEAD, MAGIC
-from wayproof.harness.logs.reader import open_log
-from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.log.codec.container import HEAD, MAGIC
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.file import plan_episodes, read_study
 from wayproof.harness.study.store import Store

@@ -13,11 +13,11 @@ import numpy as np
 from wayproof.harness.bench.soak.child import Kill, in_child, scratch
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.audit import audit
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs.log import FLUSH_PERIOD_NS
-from wayproof.harness.logs.reader import open_log
-from wayproof.harness.logs.recover import recover
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.recover import recover
+from wayproof.harness.log.writer import FLUSH_PERIOD_NS
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.schema import wayproof_pb2 as pb

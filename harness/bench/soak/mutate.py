@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from wayproof.harness.logs.container import Attachment, Metadata, walk
-from wayproof.harness.logs.digest import CONTENT, RESULT, ContentDigest
-from wayproof.harness.logs.log import digest_name
+from wayproof.harness.log.codec.container import Attachment, Metadata, walk
+from wayproof.harness.log.digest import CONTENT, RESULT, ContentDigest
+from wayproof.harness.log.writer import digest_name
 
 DIGITS = b"0123456789"
 NASTY = (b"0", b"-1", b"1e308", b"1e-308", b"999999999999", b'""', b"null", b"[]", b"{}", b"true")

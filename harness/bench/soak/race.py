@@ -16,8 +16,8 @@ from wayproof.harness.bench.soak.child import Ended, listen, scratch, start_chil
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.outputs import ENDING
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.replay import Replay, replay
+from wayproof.harness.replay.replay import Replay, replay
 
 MAPPED = Path("/proc/self/maps")
 CORE_NAMES = ("scipy_openblas_get_corename64_", "openblas_get_corename64_", "openblas_get_corename")

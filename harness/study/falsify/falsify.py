@@ -10,7 +10,7 @@ import msgspec
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.perturbations.perturbation import GREATEST
 from wayproof.harness.study.contents import contents_of, named_by

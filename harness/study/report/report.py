@@ -9,7 +9,7 @@ from pathlib import Path
 
 import jinja2
 
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import METRICS, read_trace
 from wayproof.harness.perturbations.perturbation import GREATEST
 from wayproof.harness.study.analysis import ArmSummary, Sample, samples_of

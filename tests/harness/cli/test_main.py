@@ -112,7 +112,7 @@ def test_an_unwritable_log_folder(capsys, tmp_path):
 
 
 def test_a_full_log_folder(capsys, tmp_path, monkeypatch):
-    from wayproof.harness.logs import log
+    from wayproof.harness.log import writer as log
 
     free = 10 * 2**60  # no disk has this much to spare, so this one counts as full
     monkeypatch.setattr(log, "LEAST_FREE_BYTES", free)

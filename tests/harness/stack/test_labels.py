@@ -9,9 +9,9 @@ import pytest
 
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.labels import decode_classes

@@ -15,10 +15,10 @@ import pytest
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.container import walk
-from wayproof.harness.logs.log_copy import write_copy
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import open_log, read_head
+from wayproof.harness.log.codec.container import walk
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.copy import write_copy
+from wayproof.harness.log.reader import open_log, read_head
 from wayproof.harness.study.contents import contents_of
 from wayproof.harness.study.file import Bounds, files_of, plan_episodes, read_gate, read_study
 from wayproof.harness.study.job import Done, Job, run_job

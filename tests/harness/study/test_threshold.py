@@ -13,7 +13,7 @@ import pytest
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, from_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.log import LogWriter
+from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.study.file import StudyFile
 from wayproof.harness.study.job import Done, Job

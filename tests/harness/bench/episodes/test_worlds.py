@@ -8,8 +8,8 @@ from wayproof.harness.bench.episodes.worlds import Row, _summarise, run_one
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.scenario.scenario import build
 
 SHORT = ("episode.time_limit=3",)

@@ -22,11 +22,11 @@ from wayproof.harness.bench.published.voxel_search import (
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.evidence.audit import audit
-from wayproof.harness.evidence.rebuild import rebuild
-from wayproof.harness.evidence.replay import replay
-from wayproof.harness.logs.messages import read_messages
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.replay import replay
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build

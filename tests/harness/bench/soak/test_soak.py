@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.bench.soak.child import Kill, in_child
 from wayproof.harness.bench.soak.episodes import soak_episodes
 from wayproof.harness.bench.soak.fuzz import KINDS, MOST_MEMORY_MIB, run_case
@@ -14,8 +15,7 @@ from wayproof.harness.bench.soak.kill import soak_kill
 from wayproof.harness.bench.soak.race import soak_race
 from wayproof.harness.bench.soak.worlds import draw_batch, soak_worlds
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.reader import open_log
-from wayproof.harness.logs.small_log import COMMITTED, committed_name
+from wayproof.harness.log.reader import open_log
 from wayproof.models.worlds import WORLDS
 
 

@@ -13,8 +13,8 @@ from wayproof.harness.bench.episodes.glass_pole import SPACE, cross_pole_room
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, from_json, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.logs.log import LogWriter
-from wayproof.harness.logs.reader import open_log
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.study.falsify.falsify import Search, search

@@ -1,0 +1,1 @@
+"""Accuracy of the attribution of causes, on failures with one known fault."""

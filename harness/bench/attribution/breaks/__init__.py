@@ -1,0 +1,26 @@
+"""Ways to break one assumption of an episode that succeeds: the cause of its failure is then known.
+
+Each kind takes an episode that reached its goal and changes one thing. If the changed episode
+fails, that one thing is what, taken away, makes the failure go away.
+"""
+
+from wayproof.harness.bench.attribution.breaks import (
+    body,
+    changing,
+    hidden,
+    no_way,
+    pose,
+    ranges,
+    stack,
+    timing,
+)
+from wayproof.harness.bench.attribution.breaks.broken import Broken, Kind
+
+__all__ = ["KINDS", "Broken", "Kind"]
+
+KINDS: dict[str, Kind] = {
+    name: kind
+    for part in (pose, ranges, hidden, changing, body, timing, stack, no_way)
+    for name, kind in part.KINDS.items()
+}
+"""Every kind by its name, after what is broken."""

@@ -1,0 +1,76 @@
+"""The body is another than the stack reckons with, or does not go where its path leads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+
+from wayproof.harness.bench.attribution.breaks.broken import Broken, Edit, Kind, Rng
+from wayproof.harness.result import Result
+from wayproof.harness.scenario.scenario import Scenario
+from wayproof.models.scene import PREFIX
+from wayproof.models.sensors.caster import ROBOT_GROUP
+
+
+def _slim(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """The stack gets a body that is smaller than the one that moves."""
+    share = float(rng.uniform(0.1, 0.4))
+    discs = tuple((offset, share * radius) for offset, radius in sound.mission.discs)
+    mission: dict[str, Any] = {"radius": share * sound.mission.radius, "discs": discs}
+    return Broken(mission=mission)
+
+
+def _bulky(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """The body carries a pole that sticks out at both sides, which the stack does not know of."""
+    half = sound.mission.radius + float(rng.uniform(0.15, 0.35))
+    return Broken(
+        edit=_loaded(mujoco.mjtGeom.mjGEOM_BOX, [0.02, half, 0.02], [0, 0, 0], 0.01, True)
+    )
+
+
+def _strict(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """The body should keep to its path more closely than any does."""
+    return Broken(settings=(f"behaviour.tracking_tolerance={rng.uniform(0.01, 0.04):.3f}",))
+
+
+def _overrated(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """The stack takes the body for faster than it is."""
+    share = rng.uniform(2.0, 3.0)
+    mission = {
+        "max_speed": share * sound.mission.max_speed,
+        "max_acceleration": share * share * sound.mission.max_acceleration,
+        "max_jerk": 10.0 * share * sound.mission.max_jerk,
+    }
+    return Broken(mission=mission)
+
+
+def _loaded(
+    shape: mujoco.mjtGeom, size: list[float], place: list[float], kilograms: float, touches: bool
+) -> Edit:
+    """Adds a load to the robot's base: size and place in its frame, m."""
+
+    def load(spec: mujoco.MjSpec) -> None:
+        spec.body(PREFIX + "base").add_geom(
+            name=PREFIX + "load", type=shape, size=size, pos=place, mass=kilograms,
+            contype=int(touches), conaffinity=int(touches), group=ROBOT_GROUP,
+        )  # fmt: skip
+
+    return load
+
+
+NARROW = (
+    ("forest", "drone"), ("maze", "drone"), ("office", "drone"), ("cylinders", "drone"),
+    ("construction", "drone"), ("maze", "quadruped"), ("office", "quadruped"),
+)  # fmt: skip
+"""Where the way leads close by things."""
+
+SHORT = ("planner.clearance_weight=0",)
+"""Paths as short as they may be, so as close to things."""
+
+KINDS = {
+    "slim": Kind("margin_too_small", _slim, NARROW, (*SHORT, "costmap.localization_margin=0.05")),
+    "bulky": Kind("margin_too_small", _bulky, NARROW, SHORT),
+    "strict": Kind("tracking", _strict),
+    "overrated": Kind("tracking", _overrated),
+}

@@ -1,0 +1,100 @@
+"""Something stands in the way that the map does not hold: beams miss it, or nobody looked there."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from wayproof.harness.bench.attribution.breaks.broken import (
+    Broken,
+    Kind,
+    Rng,
+    crossing_axis,
+    place_between,
+    with_solids,
+)
+from wayproof.harness.result import Result
+from wayproof.harness.scenario.scenario import Scenario
+from wayproof.models.scene import PREFIX
+from wayproof.models.worlds import Capsule
+
+CLEAR = [0.8, 0.9, 1.0, 0.0]
+"""Colour of glass, which no beam meets."""
+
+WIRE = 0.001
+"""Half the thickness of a wire, m."""
+
+FENCE = 1.5
+"""Half the length of a fence of them, m."""
+
+SPACING = 0.35
+"""Between wires of a fence, m."""
+
+
+def _glass(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """What stands about is transparent to every beam."""
+
+    def vanish(spec: mujoco.MjSpec) -> None:
+        for geom in spec.geoms:
+            of_robot = geom.name.startswith(PREFIX) or geom.group == 3
+            floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE or geom.name.startswith("floor")
+            if not of_robot and not floor and not geom.name.startswith("wall"):
+                geom.rgba = CLEAR
+
+    return Broken(edit=vanish)
+
+
+def _pane(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """One pane of glass is right across the way."""
+    axis, at = crossing_axis(sound), place_between(sound, rng)
+    middle = [0.5 * (a + b) for a, b in zip(sound.world.low, sound.world.high, strict=True)]
+    half = [0.5 * (b - a) for a, b in zip(sound.world.low, sound.world.high, strict=True)]
+    middle[axis], half[axis], middle[2], half[2] = at, 0.02, 1.5, 1.5
+
+    def glaze(spec: mujoco.MjSpec) -> None:
+        spec.worldbody.add_geom(
+            name="pane", type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=half, rgba=CLEAR
+        )
+
+    return Broken(edit=glaze)
+
+
+def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """A fence of wires, thinner than the gaps between beams, stands in the straight way."""
+    axis, at = crossing_axis(sound), place_between(sound, rng)
+    start, goal = sound.mission.start, sound.mission.goal
+    share = (at - start[axis]) / (goal[axis] - start[axis])
+    middle = start[1 - axis] + share * (goal[1 - axis] - start[1 - axis])
+    wires = []
+    for z in np.arange(SPACING, 3.0, SPACING).round(3).tolist():
+        low, high = [z, z, z], [z, z, z]
+        low[axis] = high[axis] = at
+        low[1 - axis], high[1 - axis] = middle - FENCE, middle + FENCE
+        (a, b, c), (d, e, f) = low, high
+        wires.append(Capsule((a, b, c), (d, e, f), WIRE, "wire"))
+    return Broken(world=with_solids(sound.world, *wires))
+
+
+def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Unknown space is entered like free space, and what is near stays unknown."""
+    return Broken(settings=("costmap.unknown_policy=allow", "map.minimum_range=5"))
+
+
+STILL = (
+    ("office", "drone"), ("maze", "drone"), ("office", "quadruped"), ("maze", "quadruped"),
+    ("cylinders", "drone"), ("corridor", "drone"), ("forest", "drone"), ("warehouse", "drone"),
+)  # fmt: skip
+"""Where nothing moves: what does would be missed in space that was seen free before."""
+
+OPEN = (
+    ("empty", "drone"), ("ghosts", "drone"), ("empty", "quadruped"), ("warehouse", "drone"),
+    ("crossing", "drone"), ("ghosts", "quadruped"),
+)  # fmt: skip
+"""Where a fence in the straight way leaves another one."""
+
+KINDS = {
+    "glass": Kind("missed_obstacle", _glass),
+    "pane": Kind("missed_obstacle", _pane),
+    "wires": Kind("missed_obstacle", _wires, OPEN),
+    "groping": Kind("unseen_obstacle", _groping, STILL),
+}

@@ -1,0 +1,35 @@
+"""The pose lies."""
+
+from __future__ import annotations
+
+from wayproof.harness.bench.attribution.breaks.broken import Broken, Kind, Rng
+from wayproof.harness.result import Result
+from wayproof.harness.scenario.scenario import Scenario
+
+
+def _jump(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """The pose jumps by a decimetre or a metre."""
+    return Broken(perturbation=f"pose_jump:{rng.uniform(3.0, 5.0):.2f}")
+
+
+def _drift(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """The pose drifts away with the distance travelled."""
+    return Broken(perturbation=f"pose_drift:{rng.uniform(3.5, 5.0):.2f}")
+
+
+def _heading_drift(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Dead reckoning whose turns are off by a share."""
+    return Broken(settings=(f"odometry.yaw_scale_sigma={rng.uniform(0.1, 0.4):.3f}",))
+
+
+def _dead_reckoning(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Dead reckoning whose distances are off by a share, and that states so."""
+    return Broken(settings=(f"odometry.scale_sigma={rng.uniform(0.05, 0.2):.3f}",))
+
+
+KINDS = {
+    "pose_jump": Kind("localization", _jump),
+    "pose_drift": Kind("localization", _drift),
+    "heading_drift": Kind("localization", _heading_drift),
+    "dead_reckoning": Kind("localization", _dead_reckoning),
+}

@@ -1,0 +1,42 @@
+"""The ranges lie, or are not taken in."""
+
+from __future__ import annotations
+
+from wayproof.harness.bench.attribution.breaks.broken import Broken, Kind, Rng
+from wayproof.harness.result import Result
+from wayproof.harness.scenario.scenario import Scenario
+
+
+def _dropout(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Echoes are lost."""
+    mode = ("ray", "patch", "sweep")[int(rng.integers(3))]
+    return Broken(perturbation=f"depth_dropout:{rng.uniform(2.0, 5.0):.2f}:{mode}")
+
+
+def _noise(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """Ranges are noisier than the device states."""
+    return Broken(perturbation=f"depth_noise:{rng.uniform(2.5, 5.0):.2f}")
+
+
+def _occlusion(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """A sector of the view is blocked."""
+    return Broken(perturbation=f"occlusion:{rng.uniform(3.0, 5.0):.2f}")
+
+
+def _calibration(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """The sensor is turned against where it is stated to sit."""
+    return Broken(perturbation=f"calibration:{rng.uniform(3.0, 5.0):.2f}:rotation")
+
+
+def _blind(sound: Scenario, result: Result, rng: Rng) -> Broken:
+    """What is near is not seen."""
+    return Broken(settings=(f"map.minimum_range={rng.uniform(1.5, 4.0):.2f}",))
+
+
+KINDS = {
+    "dropout": Kind("perception", _dropout),
+    "noise": Kind("perception", _noise),
+    "occlusion": Kind("perception", _occlusion),
+    "calibration": Kind("perception", _calibration),
+    "blind": Kind("perception", _blind),
+}

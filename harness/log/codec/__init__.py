@@ -1,0 +1,1 @@
+"""Bytes of a log: MCAP records, protobuf messages and their packed form."""

@@ -1,0 +1,119 @@
+"""Writing an MCAP file on a thread of its own: compressing a chunk keeps no episode waiting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import IO
+
+from mcap.writer import CompressionType, Writer
+
+from wayproof.harness.log.codec.container import Attachment, Metadata, Packet
+from wayproof.harness.log.digest import CONTENT, RESULT, ContentDigest
+
+Message = tuple[int, int, bytes, int]  # channel, time ns, data, sequence
+
+
+class McapFile:
+    """One MCAP file in the making, by the mcap package's writer.
+
+    Messages are collected up to a chunk's size and handed on together, one chunk after the other:
+    the bytes are those that one thread alone would write. What the thread cannot write is raised as
+    OSError by the call that next has to do with it: whatever hands on a chunk, `settle` or
+    `finish`.
+    """
+
+    def __init__(self, file: IO[bytes], library: str, chunk_size: int) -> None:
+        """Write the file's head.
+
+        Args:
+            file: Opened for writing, empty; it stays the caller's to close.
+            library: Name and version of what writes.
+            chunk_size: A chunk is closed when its messages are larger, bytes.
+        """
+        self._file = file
+        self._chunk_size = chunk_size
+        self._writer = Writer(
+            file, chunk_size, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
+        self._writer.start(profile="wayproof", library=library)
+        self._pool = ThreadPoolExecutor(1, "log")
+        self._in_hand: Future[None] | None = None
+        self._messages: list[Message] = []
+        self._size = 0
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[int, tuple[str, str]] = {}  # schema's name, topic
+        self._digest = ContentDigest()  # of what is in the file, in its order
+
+    def add_metadata(self, name: str, fields: Mapping[str, str]) -> None:
+        """Write named text fields, before the messages of the open chunk."""
+        self.settle()
+        self._digest.add(Metadata(name, dict(fields)))
+        self._writer.add_metadata(name, dict(fields))
+
+    def add_result(self, fields: Mapping[str, str]) -> None:
+        """Write the result after all messages so far, and in it the digest of the file's content.
+
+        What is added later makes the digest wrong.
+        """
+        self.hand_on()
+        self.settle()
+        self._digest.add(Metadata(RESULT, dict(fields)))
+        self._writer.add_metadata(RESULT, {**fields, CONTENT: self._digest.text()})
+
+    def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
+        """Write a named file, before the messages of the open chunk."""
+        self.settle()
+        self._digest.add(Attachment(name, content))
+        self._writer.add_attachment(0, 0, name, media_type, content)
+
+    def add_channel(self, topic: str, schema_name: str, schema: bytes) -> int:
+        """Declare a channel of protobuf messages and its schema; returns the channel's number."""
+        self.settle()
+        known = self._schemas.get(schema_name)
+        if known is None:
+            known = self._writer.register_schema(schema_name, "protobuf", schema)
+            self._schemas[schema_name] = known
+        channel = self._writer.register_channel(topic, "protobuf", known)
+        self._channels[channel] = schema_name, topic
+        return channel
+
+    def add_message(self, channel: int, time_ns: int, data: bytes, sequence: int) -> None:
+        """Append a message to the open chunk."""
+        self._messages.append((channel, time_ns, data, sequence))
+        self._size += len(data)
+        if self._size > self._chunk_size:
+            self.hand_on()
+
+    def hand_on(self) -> None:
+        """Close the open chunk and let the thread write it, once the one before is written."""
+        self.settle()
+        if self._messages:
+            self._in_hand = self._pool.submit(self._write, self._messages)
+            self._messages, self._size = [], 0
+
+    def settle(self) -> None:
+        """Wait until all that was handed on is with the operating system."""
+        if self._in_hand is not None:
+            in_hand, self._in_hand = self._in_hand, None
+            in_hand.result()
+
+    def finish(self) -> None:
+        """Write what is left, and the index."""
+        self.hand_on()
+        self.settle()
+        self._writer.finish()
+        self._file.flush()
+        self.close()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._pool.shutdown()
+
+    def _write(self, messages: list[Message]) -> None:
+        """Write and flush; the thread's work."""
+        for channel, time_ns, data, sequence in messages:
+            self._digest.add(Packet(*self._channels[channel], time_ns, data))
+            self._writer.add_message(channel, time_ns, data, time_ns, sequence)
+        self._writer.flush()
+        self._file.flush()

@@ -1,0 +1,115 @@
+"""A log's messages: decoded, and checked for what nobody after this would look at."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Iterator
+from pathlib import Path
+
+from google.protobuf.descriptor import Descriptor, FieldDescriptor
+from google.protobuf.message import DecodeError, Message
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import FARTHEST
+from wayproof.harness.log.codec.container import Packet, walk
+from wayproof.harness.log.codec.packed import unpack
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+
+def read_messages(path: Path) -> Iterator[Message]:
+    """Every message of a log in file order, decoded.
+
+    Raises:
+        InputError: The file breaks off or a checksum does not hold.
+    """
+    for item in walk(path):
+        if isinstance(item, Packet) and is_ours(item):
+            yield decode(item, path)
+
+
+def read_unfinished(path: Path) -> Iterator[Message]:
+    """Every message of a log that is still being written, up to what was flushed last.
+
+    Whoever reads it knows how much there must be: where the file breaks off is no error here.
+    """
+    with contextlib.suppress(InputError):
+        yield from read_messages(path)
+
+
+_MESSAGES: dict[str, type[Message]] = {
+    kind.DESCRIPTOR.full_name: kind
+    for kind in (
+        pb.SensorInfo,
+        pb.Sweep,
+        pb.Pose,
+        pb.Latency,
+        pb.Decision,
+        pb.Truth,
+        pb.State,
+        pb.Streams,
+        pb.Perturbation,
+        pb.State,
+    )
+}
+
+
+def is_ours(packet: Packet) -> bool:
+    """Whether a packet is one of a log's messages; a file may hold others beside them."""
+    return packet.schema in _MESSAGES
+
+
+def decode(packet: Packet, path: Path) -> Message:
+    """The message in a packet that is ours.
+
+    Raises:
+        InputError: It is no such message.
+    """
+    try:
+        message = _MESSAGES[packet.schema].FromString(packet.data)
+        unpack(message)
+        _check_times(message)
+        _check_place(message)
+        _check_texts(message)
+        return message
+    except (DecodeError, ValueError):
+        raise InputError(
+            f"log '{path}': damaged (a message of {packet.topic[:40]!r} at "
+            f"{packet.time_ns * 1e-9:.1f} s cannot be decoded)"
+        ) from None
+
+
+def _check_times(message: Message) -> None:
+    """Raise a ValueError for a time that is none, before anybody reckons with it."""
+    if "timestamp" in message.DESCRIPTOR.fields_by_name:
+        message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
+    if isinstance(message, pb.Decision):
+        message.trajectory.start.ToNanoseconds()
+
+
+def _check_place(message: Message) -> None:
+    """Raise a ValueError for a true place where no robot is: its square may be no number."""
+    if isinstance(message, pb.Truth) and not all(abs(x) <= FARTHEST for x in message.position):
+        raise ValueError("position")
+
+
+def _check_texts(message: Message) -> None:
+    """Raise a ValueError for a text that a terminal could take for a command."""
+    for field in _fields_with_texts(message.DESCRIPTOR):
+        value = getattr(message, field.name)
+        for one in value if field.is_repeated else (value,):
+            if isinstance(one, Message):
+                _check_texts(one)
+            elif not one.isprintable():
+                raise ValueError(field.name)
+
+
+@functools.cache
+def _fields_with_texts(descriptor: Descriptor) -> tuple[FieldDescriptor, ...]:
+    """Fields that are texts, or messages with such fields."""
+    return tuple(
+        field
+        for field in descriptor.fields
+        if field.type == FieldDescriptor.TYPE_STRING
+        or (field.message_type and _fields_with_texts(field.message_type))
+    )

@@ -1,0 +1,426 @@
+"""Reading a log back; every way in which it can be broken is one clear line."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import zstandard
+from google.protobuf.message import Message
+
+from wayproof.harness.config import Config, from_json
+from wayproof.harness.errors import InputError, printable
+from wayproof.harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
+from wayproof.harness.log.codec.container import (
+    GREATEST_RECORD,
+    MAGIC,
+    Attachment,
+    Metadata,
+    Packet,
+    walk,
+)
+from wayproof.harness.log.codec.messages import decode, read_messages
+from wayproof.harness.log.writer import (
+    PACKED_SCENE,
+    PLUGINS,
+    READABLE,
+    TRACEBACK,
+    WITH_REASONS,
+    digest_name,
+)
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
+
+DOCUMENTS = ("config", "mission")
+"""Fields of a fork's metadata that are JSON."""
+
+CHECK = "check"
+"""Name of the metadata that hold the verdict of a counterfactual check."""
+
+MOST_LINES = 400
+"""Of a traceback that are read."""
+
+MOST_FORKS = 99
+"""Of one log."""
+
+BEFORE_GROUNDS = ("action", "reason", "label", "grounds", "chain")
+"""Fields of a decision that came to mean something else with format 5, and what hangs on them."""
+
+LONGEST_NS = 4000 * 10**9
+"""Simulated time that no episode reaches: `episode.time_limit` ends at an hour."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One decision's share of a log: what went in, how long it took, what came out.
+
+    Attributes:
+        inputs: What the decision could see.
+        latency: How long it took to reach the robot.
+        decision: What was decided.
+        state: The simulator's, from which the episode can go on with this decision; if it was kept.
+    """
+
+    inputs: Inputs
+    latency: pb.Latency
+    decision: pb.Decision
+    state: pb.State | None = None
+
+
+@dataclass(frozen=True)
+class Fork:
+    """How a forked log's decisions before a fork were made.
+
+    Attributes:
+        at: The first decision after it.
+        config: Of the decisions before.
+        beams: Sensor geometry before, by sensor name.
+        mission: What the stack was told before.
+    """
+
+    at: int
+    config: Config
+    beams: dict[str, Beams]
+    mission: Mission
+
+
+@dataclass(frozen=True)
+class Log:
+    """The head of a log and the way to its records.
+
+    Attributes:
+        path: Where it lies.
+        config: Resolved config.
+        mission: What the stack was told.
+        scene: Flattened MJCF; only re-simulation needs it.
+        run: Versions and hashes.
+        result: Outcome and figures.
+        beams: Sensor geometry by sensor name.
+        forks: Where its settings changed on the way, if they did, in order.
+        check: Verdict of a counterfactual check, as metadata; empty without one.
+        traceback: Of an episode that ended as `error` in code; empty without.
+        plugins: SHA-256 of the file of each of the user's classes that it was made with, by name.
+    """
+
+    path: Path
+    config: Config
+    mission: Mission
+    scene: str
+    run: dict[str, str]
+    result: dict[str, str]
+    beams: dict[str, Beams]
+    forks: tuple[Fork, ...] = ()
+    check: dict[str, str] = field(default_factory=dict)
+    traceback: str = ""
+    plugins: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def fork(self) -> Fork | None:
+        """The last one."""
+        return self.forks[-1] if self.forks else None
+
+    def as_of(self, sequence: int) -> Log:
+        """The log as it would be if its settings had not changed after this decision."""
+        forks = tuple(fork for fork in self.forks if fork.at <= sequence)
+        if len(forks) == len(self.forks):
+            return self
+        last = self.forks[len(forks)]
+        return replace(
+            self, config=last.config, mission=last.mission, beams=last.beams, forks=forks
+        )
+
+    def on_threads(self, threads: int) -> Log:
+        """The log with another number of threads in its settings, which no decision depends on."""
+        forks = tuple(
+            replace(one, config=replace(one.config, threads=threads)) for one in self.forks
+        )
+        return replace(self, config=replace(self.config, threads=threads), forks=forks)
+
+    def records(self) -> Iterator[Record]:
+        """Every decision with its inputs, in file order."""
+        for item in self._records_and_rest():
+            if isinstance(item, Record):
+                yield item
+
+    def records_with_truth(self) -> Iterator[tuple[Record, pb.Truth]]:
+        """Every decision with its inputs and the simulator's truth, which the log tells after it.
+
+        Raises:
+            InputError: A decision is without its truth.
+        """
+        record = None
+        for item in self._records_and_rest():
+            if isinstance(item, Record):
+                if record is not None:
+                    break
+                record = item
+            elif isinstance(item, pb.Truth) and record is not None:
+                if item.sequence == record.decision.sequence:
+                    yield record, item
+                    record = None
+        if record is not None:
+            sequence = record.decision.sequence
+            raise InputError(f"log '{self.path}': decision {sequence} without its truth")
+
+    def check_sweeps(self) -> None:
+        """Refuse a log without its sweeps.
+
+        Raises:
+            InputError: They were left out.
+        """
+        if self.record == "decisions":
+            raise InputError(
+                f"log '{self.path}': its sweeps were left out (record = '{self.config.record}'); "
+                "wayproof replay --closed-loop --log FILE writes them again"
+            )
+
+    def _records_and_rest(self) -> Iterator[Record | Message]:
+        """The records, and what of the log is in none of them, in file order."""
+        self.check_sweeps()
+        sweeps: list[pb.Sweep] = []
+        pose, latency, state = pb.Pose(), pb.Latency(), None
+        count, time_ns = 0, -1
+        for message in read_messages(self.path):
+            if isinstance(message, pb.Sweep):
+                sweeps.append(message)
+            elif isinstance(message, pb.Pose):
+                pose = message
+            elif isinstance(message, pb.Latency):
+                latency = message
+            elif isinstance(message, pb.State):
+                state = message
+            elif isinstance(message, pb.Decision):
+                inputs = inputs_from_messages(pose, sweeps)
+                self._check_order(inputs, count, time_ns)
+                yield Record(inputs, latency, message, state)
+                sweeps, state = [], None
+                count, time_ns = count + 1, inputs.time_ns
+            else:
+                yield message
+
+    @property
+    def not_compared(self) -> tuple[str, ...]:
+        """Fields of a decision that this version gives otherwise than the log's format did."""
+        return () if self.run["format_version"] in WITH_REASONS else BEFORE_GROUNDS
+
+    @property
+    def record(self) -> str:
+        """What of the episode is in here: `full` or `decisions`."""
+        return self.result.get("record", "full")
+
+    def decisions(self) -> Iterator[pb.Decision]:
+        """Every decision without its inputs."""
+        for message in read_messages(self.path):
+            if isinstance(message, pb.Decision):
+                yield message
+
+    def _check_order(self, inputs: Inputs, count: int, before_ns: int) -> None:
+        """Decisions count from 0 and simulated time runs on, or a map would age by centuries."""
+        if inputs.sequence != count or not before_ns < inputs.time_ns < LONGEST_NS:
+            raise InputError(
+                f"log '{self.path}': decision {inputs.sequence} at {inputs.time_ns} ns, expected "
+                f"{count} after {before_ns} ns"
+            )
+        for sweep in inputs.sweeps:
+            if sweep.sensor not in self.beams:
+                raise InputError(f"log '{self.path}': sweep of '{sweep.sensor[:40]}', not declared")
+
+    def truth(self) -> Iterator[pb.Truth]:
+        """The simulator's truth at each decision, for scoring."""
+        for message in read_messages(self.path):
+            if isinstance(message, pb.Truth):
+                yield message
+
+
+def open_log(path: Path, allow_plugins: bool = False) -> Log:
+    """Read the head of a finished log; every checksum of the file's bytes is recomputed.
+
+    Args:
+        path: Where it lies.
+        allow_plugins: Whether code that its config names may be imported.
+
+    Raises:
+        InputError: No such file, no MCAP, truncated, of another format, or not ours.
+    """
+    _check_file(path)
+    head = read_head(walk(path, head_only=True), path, allow_plugins)
+    if "result" not in head.metadata:
+        raise InputError(f"log '{path}': an MCAP file, but not a finished Wayproof log")
+    result = head.metadata["result"]
+    missing = [name for name in ("outcome", "chain") if name not in result]
+    if missing:
+        raise InputError(f"log '{path}': no {', '.join(missing)} in its result")
+    forks = _read_forks(head, path, allow_plugins)
+    return Log(
+        path=path,
+        config=head.config,
+        mission=head.mission,
+        scene=head.scene,
+        run=head.run,
+        result=result,
+        beams=head.beams,
+        forks=forks,
+        check=head.metadata.get(CHECK, {}),
+        traceback=_traceback(head),
+        plugins=head.metadata.get(PLUGINS, {}),
+    )
+
+
+def _traceback(head: Head) -> str:
+    """What no terminal should be sent is escaped, line by line."""
+    text = head.attachments.get(TRACEBACK, b"").decode(errors="replace")
+    return "\n".join(map(printable, text.splitlines()[-MOST_LINES:]))
+
+
+def before(number: int) -> str:
+    """Beginning of the topics where the sensors' tables before a forked log's fork stand."""
+    return "/before/" if number == 1 else f"/before {number}/"
+
+
+def fork_note(number: int) -> str:
+    """Name of the metadata that tell of a forked log's fork, counted from 1."""
+    return "fork" if number == 1 else f"fork {number}"
+
+
+@dataclass(frozen=True)
+class Head:
+    """What stands before a log's first decision, and its metadata wherever it stands.
+
+    Attributes:
+        config: Resolved config.
+        mission: What the stack was told.
+        scene: Flattened MJCF.
+        run: Versions and hashes.
+        metadata: All metadata, `run` and `result` among it.
+        attachments: The texts that the first three were read from.
+        beams: Sensor geometry by sensor name.
+        tables: Every sensor's own message, with its topic.
+        before: Of a forked log, the same before each fork, by the beginning of its topics.
+    """
+
+    config: Config
+    mission: Mission
+    scene: str
+    run: dict[str, str]
+    metadata: dict[str, dict[str, str]]
+    attachments: dict[str, bytes]
+    beams: dict[str, Beams]
+    tables: tuple[tuple[str, pb.SensorInfo], ...]
+    before: dict[str, dict[str, Beams]]
+
+
+def read_head(
+    items: Iterator[Attachment | Metadata | Packet], path: Path, allow_plugins: bool
+) -> Head:
+    """Check and parse the head.
+
+    Args:
+        items: What the file holds, in file order; read to its end.
+        path: To name in what is raised.
+        allow_plugins: Whether code that the config names may be imported.
+
+    Raises:
+        InputError: Something is missing, damaged, of another format, or not ours.
+    """
+    metadata: dict[str, dict[str, str]] = {}
+    attachments: dict[str, bytes] = {}
+    beams: dict[str, Beams] = {}
+    tables: list[tuple[str, pb.SensorInfo]] = []
+    earlier: dict[str, dict[str, Beams]] = {}
+    for item in items:
+        if isinstance(item, Metadata):
+            texts = [text for name, text in item.fields.items() if name not in DOCUMENTS]
+            if not all(text.isprintable() for text in texts):
+                raise InputError(f"log '{path}': damaged (a text in its metadata is not printable)")
+            metadata[item.name] = item.fields
+        elif isinstance(item, Attachment):
+            attachments[item.name] = item.data
+        elif item.schema == pb.SensorInfo.DESCRIPTOR.full_name:
+            info = decode(item, path)
+            assert isinstance(info, pb.SensorInfo)
+            tables.append((item.topic, info))
+            group = item.topic[: item.topic.find("/", 1) + 1]
+            table = beams if group == "/sensor/" else earlier.setdefault(group, {})
+            table[info.name] = beams_from_info(info)
+    if "run" not in metadata:
+        raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
+    version = metadata["run"].get("format_version")
+    if version not in READABLE:
+        raise InputError(
+            f"log '{path}': format version {version}, expected {READABLE[0]} to {READABLE[-1]}"
+        )
+    _unpack_scene(attachments, path)
+    missing = [name for name in ATTACHMENTS if name not in attachments]
+    if missing:
+        raise InputError(f"log '{path}': no {', '.join(missing)} attached")
+    for name in ATTACHMENTS:
+        if metadata["run"].get(digest_name(name)) != hashlib.sha256(attachments[name]).hexdigest():
+            raise InputError(f"log '{path}': damaged ({name} does not match its digest)")
+    try:
+        scene = attachments["scene.xml"].decode()
+    except UnicodeDecodeError:
+        raise InputError(f"log '{path}': scene.xml is no UTF-8 text") from None
+    return Head(
+        config=from_json(attachments["config.json"], allow_plugins),
+        mission=Mission.from_json(attachments["mission.json"]),
+        scene=scene,
+        run=metadata["run"],
+        metadata=metadata,
+        attachments=attachments,
+        beams=beams,
+        tables=tuple(tables),
+        before=earlier,
+    )
+
+
+def _unpack_scene(attachments: dict[str, bytes], path: Path) -> None:
+    """Put the scene of a packed log where that of any other stands."""
+    packed = attachments.pop(PACKED_SCENE, None)
+    if packed is None:
+        return
+    try:
+        size = zstandard.get_frame_parameters(packed).content_size
+        if not 0 < size <= GREATEST_RECORD:
+            raise InputError(f"log '{path}': damaged ({PACKED_SCENE} unpacks to {size} bytes)")
+        attachments["scene.xml"] = zstandard.decompress(packed, size)
+    except zstandard.ZstdError as error:
+        raise InputError(f"log '{path}': damaged ({PACKED_SCENE}: {error})") from None
+
+
+def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]:
+    forks: list[Fork] = []
+    while fields := head.metadata.get(fork_note(len(forks) + 1)):
+        at = fields.get("at", "")
+        least = forks[-1].at if forks else 0
+        if not at.isdecimal() or len(at) > 9 or int(at) < least or len(forks) == MOST_FORKS:
+            raise InputError(
+                f"log '{path}': forked at {at[:20]!r}, expected a decision's number from {least} on"
+            )
+        config = from_json(fields.get("config", "").encode(), allow_plugins)
+        told = fields.get("mission")  # a first fork of an older log tells none
+        mission = head.mission if told is None else Mission.from_json(told.encode())
+        beams = head.before.get(before(len(forks) + 1), {})
+        forks.append(Fork(int(at), config, beams, mission))
+    return tuple(forks)
+
+
+def _check_file(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"log '{path}': no such file")
+    size = path.stat().st_size
+    if size == 0:
+        raise InputError(f"log '{path}': empty, expected an MCAP file")
+    with path.open("rb") as file:
+        head = file.read(len(MAGIC))
+        file.seek(max(size - len(MAGIC), 0))
+        tail = file.read()
+    if head != MAGIC:
+        raise InputError(f"log '{path}': not an MCAP file")
+    if tail != MAGIC:
+        raise InputError(
+            f"log '{path}': truncated after {size} bytes; 'wayproof recover' saves what it can"
+        )

@@ -1,0 +1,327 @@
+"""Writing a log: everything that a replay needs at the head, inputs and decisions in order.
+
+A log grows under the name `<name>.mcap.partial`, which one writer at a time holds, and takes its
+own name by an atomic rename when it is whole. `log_time` is simulated time; `sequence` counts
+through the file.
+
+Topics: `/sensor/<name>/info` and `/sensor/<name>`, `/pose` and `/latency` are inputs, `/decision`
+is what a replay compares, `/truth` is for scoring, `/state` is for forks.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+import zstandard
+from google.protobuf.descriptor import Descriptor, FileDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.codec.container import MAGIC
+from wayproof.harness.log.codec.mcap_file import McapFile
+from wayproof.harness.log.codec.packed import pack
+from wayproof.harness.log.machine import installed_version, this_machine
+from wayproof.harness.outputs import Draft, check_target
+
+FORMAT_VERSION = "6"
+"""Format of the logs written; raised when decisions or settings are recorded differently.
+
+5 holds each reason as a predicate with figures; 6 has settings and the planner `astar` under their
+present names (`harness/renamed.py`).
+"""
+
+WITH_REASONS = ("5", FORMAT_VERSION)
+"""Format versions that hold each reason as a predicate, and a digest of the whole file."""
+
+PACKED_AS = {"3": "4"}
+"""Format version of a packed log, where it differs: 4 is 3, with the longest fields packed."""
+
+READABLE = ("2", "3", "4", *WITH_REASONS)
+"""Format versions that can be read."""
+
+LEAST_FREE_BYTES = 64 * 2**20
+"""Free disk space below which no episode is started; a minute of a 20,000-ray lidar takes less."""
+
+FLUSH_PERIOD_NS = 1_000_000_000
+"""Simulated time that a kill costs at most."""
+
+CHUNK, PACKED_CHUNK = 2**20, 2**24
+"""Of what is compressed at once, bytes; a reader that seeks unpacks a whole one."""
+
+PACKED_SCENE = "scene.xml.zst"
+"""The scene of a packed log; its digest is that of the text."""
+
+PLUGINS = "plugins"
+"""Metadata: SHA-256 of the file of each of the user's classes in use, by name."""
+
+TRACEBACK = "error.txt"
+"""Attachment of an episode that ended as `error`: where the code failed."""
+
+
+class LogWriter:
+    """Writes one episode; use as a context manager. Without `finish` the log stays partial.
+
+    Attributes:
+        path: Final name of the log.
+        partial_path: Its name until it is finished.
+        record: What is kept, see `Config.record`.
+        finished: Whether it has its result.
+    """
+
+    def __init__(
+        self,
+        path: Path | Draft,
+        config: bytes,
+        mission: bytes,
+        scene: str,
+        run: Mapping[str, str] | None = None,
+        flush_period_ns: int = FLUSH_PERIOD_NS,
+        packed: bool = False,
+    ) -> None:
+        """Open the partial file and write the head.
+
+        Args:
+            path: Final name of the log; or a draft that holds the name, whose owner publishes it.
+            config: Resolved config, JSON.
+            mission: What the stack was told, JSON.
+            scene: Flattened MJCF.
+            run: Versions and digests, where a log is written from another one; by default those
+                of what is installed.
+            flush_period_ns: Simulated time after which what was written is flushed.
+            packed: Write as little as can be: a compressed scene, packed fields, large chunks.
+
+        Raises:
+            InputError: The folder cannot be written to or is full, the name cannot be a log's, or
+                another run is writing it.
+        """
+        self._owned = not isinstance(path, Draft)
+        self._draft = draft = path if isinstance(path, Draft) else hold_log(path)
+        self.path = draft.path
+        self.partial_path = draft.partial
+        self.record = "full"
+        self.finished = self._closed = False
+        library = f"wayproof {installed_version('wayproof')}"
+        self._writer = McapFile(draft.file, library, PACKED_CHUNK if packed else CHUNK)
+        self._packed = packed
+        self._channels: dict[str, int] = {}
+        self._count = 0
+        self._now_ns = 0  # instant of the last message
+        self._safe_ns = 0  # last instant that is flushed before another one comes
+        self._flush_period_ns = flush_period_ns
+        attachments = {"config.json": config, "mission.json": mission, "scene.xml": scene.encode()}
+        run = dict(run or _run_metadata(attachments))
+        if packed:
+            run["format_version"] = PACKED_AS.get(run["format_version"], run["format_version"])
+        self._writer.add_metadata("run", run)
+        if packed:
+            attachments[PACKED_SCENE] = zstandard.compress(attachments.pop("scene.xml"), 19)
+        for name, data in attachments.items():
+            self._writer.add_attachment(name, f"application/{name.split('.')[-1]}", data)
+
+    def note(self, name: str, fields: Mapping[str, str]) -> None:
+        """Add metadata."""
+        self._writer.add_metadata(name, dict(fields))
+
+    def attach(self, name: str, text: str) -> None:
+        """Add a text as a file in the file."""
+        self._writer.add_attachment(name, "text/plain", text.encode())
+
+    def flush(self) -> None:
+        """Hand all that was written to the operating system: not even a kill costs it then."""
+        self._writer.hand_on()
+        self._writer.settle()
+
+    def keeps(self, topic: str) -> bool:
+        """Whether messages of a topic are kept: sweeps and states are not among `decisions`."""
+        return self.record != "decisions" or not is_regenerated(topic)
+
+    def write(self, topic: str, message: Message, time_ns: int, data: bytes | None = None) -> None:
+        """Append one message if it is kept.
+
+        What is older than a second of simulated time is with the operating system: a kill costs no
+        more.
+
+        Args:
+            topic: Where it stands.
+            message: The message.
+            time_ns: Its simulated time.
+            data: Its bytes, where they are known already.
+
+        Raises:
+            OSError: It cannot be written, or what was written before could not be.
+        """
+        if not self.keeps(topic):
+            return
+        if time_ns > self._now_ns:
+            self._flush_in_time(time_ns)
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._register(topic, type(message))
+        if self._packed:
+            data = pack(message).SerializeToString(deterministic=True)
+        elif data is None:
+            data = message.SerializeToString(deterministic=True)
+        self._writer.add_message(channel, time_ns, data, self._count)
+        self._count += 1
+
+    def finish(self, result: Mapping[str, str]) -> None:
+        """Write the result, and give the log its name unless a draft's owner does that."""
+        kept = "decisions" if self.record == "decisions" else "full"
+        self._writer.add_result({**result, "record": kept})
+        self._writer.finish()
+        self.finished = True
+        if self._owned:
+            self._draft.publish()
+
+    def close(self) -> None:
+        """Leave the partial log readable up to here; nothing to do once finished."""
+        if not self.finished and not self._closed:
+            self._closed = True
+            with contextlib.suppress(OSError):  # a full disk is what brought us here
+                self._writer.hand_on()
+                self._writer.settle()
+            self._writer.close()
+        if self._owned:
+            self._draft.release()
+
+    def __enter__(self) -> LogWriter:
+        """Return the writer itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close, whatever happened."""
+        self.close()
+
+    def _flush_in_time(self, time_ns: int) -> None:
+        """Flush before an instant, if it would be too late before the next one.
+
+        The thread has until then to write it, so it is rarely waited for.
+        """
+        self._writer.settle()
+        before_ns, self._now_ns = self._now_ns, time_ns
+        if 2 * time_ns - before_ns - self._safe_ns <= self._flush_period_ns:
+            return
+        self._writer.hand_on()
+        if time_ns - self._safe_ns > self._flush_period_ns:
+            self._writer.settle()
+        self._safe_ns = before_ns
+
+    def _register(self, topic: str, kind: type[Message]) -> int:
+        descriptor: Descriptor = kind.DESCRIPTOR  # type: ignore[assignment]
+        return self._writer.add_channel(
+            topic, descriptor.full_name, file_descriptor_set(descriptor)
+        )
+
+
+def is_regenerated(topic: str) -> bool:
+    """Whether a topic's messages follow from the seed: sweeps and states, not the sensors' tables.
+
+    Poses stay, because a decision names them and they are small.
+    """
+    return topic == "/state" or (topic.startswith("/sensor/") and not topic.endswith("/info"))
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder that no log could be written to, before anything is written.
+
+    Raises:
+        InputError: It is no folder, cannot be written to, or has too little space left.
+    """
+    existing = folder
+    while not existing.exists():
+        existing = existing.parent
+    if not existing.is_dir():
+        raise InputError(f"log folder '{folder}': '{existing}' is a file, expected a folder")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(f"log folder '{folder}': no permission to write to '{existing}'")
+    free = shutil.disk_usage(existing).free
+    if free < LEAST_FREE_BYTES:
+        raise InputError(
+            f"log folder '{folder}': {free / 2**20:.1f} MiB free, "
+            f"expected at least {LEAST_FREE_BYTES / 2**20:.0f} MiB"
+        )
+
+
+def hold_log(path: Path) -> Draft:
+    """Take a log's name, for the whole time of its writing.
+
+    Raises:
+        InputError: The folder cannot be written to or is full; the name is that of a folder, a
+            device or a file that is no log; or another run is writing it.
+    """
+    check_target(path, "log")
+    check_folder(path.parent)
+    draft = Draft(path)
+    if path.is_file() and path.stat().st_size:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                draft.release()
+                raise InputError(f"log '{path}': a file that is no log, expected another name")
+    return draft
+
+
+def digest_name(attachment: str) -> str:
+    """Key in the run's metadata of an attachment's digest, which no MCAP reader checks."""
+    return f"sha256 {attachment}"
+
+
+def _run_metadata(attachments: Mapping[str, bytes]) -> dict[str, str]:
+    digests = {
+        digest_name(name): hashlib.sha256(data).hexdigest() for name, data in attachments.items()
+    }
+    return {"format_version": FORMAT_VERSION, **digests, **this_machine()}
+
+
+@functools.cache
+def file_descriptor_set(descriptor: Descriptor) -> bytes:
+    """The message's file and all that it imports, dependencies first.
+
+    Only with the messages that this one is made of: a log holds its schemas twice, uncompressed the
+    second time.
+    """
+    files = FileDescriptorSet()
+    needed = _parts(descriptor)
+    for file in _with_dependencies(descriptor.file):
+        copy = files.file.add()
+        file.CopyToProto(copy)
+        copy.ClearField("options")  # of code generators
+        kept = [one for one in copy.message_type if _full_name(file, one.name) in needed]
+        del copy.message_type[:]
+        copy.message_type.extend(kept)
+    return files.SerializeToString(deterministic=True)
+
+
+def _with_dependencies(file: FileDescriptor) -> list[FileDescriptor]:
+    """All that a file imports, each once and before what imports it, and then the file."""
+    below = (one for dependency in file.dependencies for one in _with_dependencies(dependency))
+    return list({one.name: one for one in (*below, file)}.values())
+
+
+def _parts(descriptor: Descriptor) -> set[str]:
+    """Full names of the top-level messages that a message is made of, its own among them."""
+    names: set[str] = set()
+    ahead = [descriptor]
+    while ahead:
+        one = ahead.pop()
+        while one.containing_type is not None:
+            one = one.containing_type
+        if one.full_name in names:
+            continue
+        names.add(one.full_name)
+        inner = [one]
+        while inner:
+            message = inner.pop()
+            inner.extend(message.nested_types)
+            ahead.extend(f.message_type for f in message.fields if f.message_type is not None)
+    return names
+
+
+def _full_name(file: FileDescriptor, name: str) -> str:
+    return f"{file.package}.{name}" if file.package else name

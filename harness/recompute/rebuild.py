@@ -1,0 +1,117 @@
+"""From a log back to a scenario that can be simulated: its own scene, not one made anew."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import asdict, replace
+
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.log.reader import Log
+from wayproof.harness.recompute.segments import Segment
+from wayproof.harness.recompute.side_by_side import changed_mission
+from wayproof.harness.scenario.mujoco_warnings import tell_warnings
+from wayproof.harness.scenario.robots import find_logged_robot
+from wayproof.harness.scenario.scenario import Scenario, sensor_info
+from wayproof.harness.scenario.scene_text import safe_scene
+from wayproof.harness.scenario.worlds import perturbed
+from wayproof.harness.stack.decision import Difference
+from wayproof.models.robots import ROBOTS
+from wayproof.models.scene import bind, resolve
+from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
+from wayproof.models.worlds import WORLDS, World
+
+
+def rebuild(log: Log, config: Config | None = None) -> Scenario:
+    """The scenario of a log.
+
+    What is simulated is compiled from the scene in the log, so a world that is a file, or that this
+    version would generate otherwise, is simulated as it was.
+
+    Args:
+        log: The log.
+        config: In place of the log's own.
+
+    Raises:
+        InputError: The robot is unknown, or the scene is not one of this robot, or reaches outside
+            itself.
+    """
+    config = config or log.config
+    tell_warnings()
+    text = safe_scene(log.scene)
+    robot = find_logged_robot(config, text)
+    try:
+        config = replace(config, sensors=resolve(robot.spec.mounts, config.sensors))
+        scene = bind(text, robot, config.sensors, config.threads)
+    except (KeyError, TypeError, *NOT_COMPILED) as error:
+        line = " ".join(str(error).split())[:200]
+        raise InputError(f"log '{log.path}': its scene with '{config.robot}': {line}") from None
+    return Scenario(
+        config=config,
+        world=_world(log),
+        scene=replace(scene, mjcf=log.scene),
+        mission=changed_mission(log.mission, log.config, config),
+        spec=robot.spec,
+        warnings=(),
+    )
+
+
+def is_made_from_seed(log: Log) -> bool:
+    """Whether world and robot are registered names, so that a seed makes the scene."""
+    return log.config.world in WORLDS and log.config.robot in ROBOTS
+
+
+def made_otherwise(log: Log) -> list[Difference]:
+    """What of a log's scene, mission and config this version does not make from its seed.
+
+    Nothing is compared where the world or the robot is a file, see `is_made_from_seed`.
+    """
+    from wayproof.harness.scenario.scenario import build
+
+    log = log.as_of(-1)
+    if not is_made_from_seed(log):
+        return []
+    try:
+        built = build(log.config)
+    except InputError as error:
+        return [Difference("scene.xml", "as logged", f"none can be made: {error}")]
+    found = [] if built.scene.mjcf == log.scene else [_scene_difference(log.scene, built)]
+    if built.config != log.config:
+        found.append(Difference("config", "as logged", "as resolved now, which is another"))
+    for name, made in asdict(built.mission).items():
+        if made != getattr(log.mission, name):
+            found.append(Difference(f"mission.{name}", str(getattr(log.mission, name)), str(made)))
+    return found
+
+
+def _scene_difference(scene: str, built: Scenario) -> Difference:
+    """The first line that two scenes hold differently."""
+    pairs = itertools.zip_longest(scene.splitlines(), built.scene.mjcf.splitlines(), fillvalue="")
+    number, (old, new) = next((n, pair) for n, pair in enumerate(pairs, 1) if pair[0] != pair[1])
+    return Difference(f"scene.xml, line {number}", old.strip()[:120], new.strip()[:120])
+
+
+def _world(log: Log) -> World:
+    """The world as its seed makes it; of a world that is a file, what the mission tells."""
+    if log.config.world in WORLDS:
+        world = WORLDS[log.config.world](log.config.seed, log.config.difficulty)
+        return perturbed(world, log.config)
+    mission = log.mission
+    return World(
+        name=log.config.world,
+        seed=log.config.seed,
+        solids=(),
+        low=mission.low,
+        high=mission.high,
+        start=mission.start,
+        start_heading=mission.start_heading,
+        goal=mission.goal,
+    )
+
+
+def segment_of(scenario: Scenario, begin: int = 0) -> Segment:
+    """What a scenario's stack decides, from a decision on."""
+    infos = [sensor_info(caster) for caster in scenario.scene.casters]
+    beams = {info.name: beams_from_info(info) for info in infos}
+    return Segment(begin, scenario.config, scenario.mission, beams)

@@ -1,0 +1,169 @@
+"""Where a body may be, worked out from the states of single cells."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.config import Config
+from wayproof.harness.log.paths import SAME_PLACE, Array, arc_lengths, densely, length
+from wayproof.harness.mission import Mission
+from wayproof.harness.replay.cells import SPACING, Cells, cells_around
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+from wayproof.maps import Representation, UnknownPolicy
+
+PARTS = 4
+"""That the time between two samples is cut into."""
+
+STILL = 0.02
+"""A heading that changes by less stays, rad."""
+
+BESIDE = 0.01
+"""So far a disc may be from where samples, joined by straight lines, put it, m."""
+
+Discs = tuple[tuple[float, float], ...]
+"""Offset along the body's x axis and radius of each, m."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A mission's body under one unknown policy.
+
+    Attributes:
+        config: Of the decisions.
+        mission: Likewise.
+        policy: That paths are held against.
+    """
+
+    config: Config
+    mission: Mission
+    policy: UnknownPolicy
+
+    @property
+    def flat(self) -> bool:
+        """Whether it moves in the plane."""
+        return self.mission.motion == "ground"
+
+    @property
+    def half_diagonal(self) -> float:
+        """Of a cell: a square on the ground, a cube in the air; cells."""
+        return 0.5 * math.sqrt(2.0 if self.flat else 3.0)
+
+    @property
+    def discs(self) -> Discs:
+        """That it is swept as, at its heading; one disc or ball if it has no others."""
+        return self.mission.discs or ((0.0, self.mission.radius),)
+
+    @property
+    def about(self) -> Discs:
+        """The disc or ball about all of it, at any heading."""
+        return ((0.0, max(abs(offset) + radius for offset, radius in self.discs)),)
+
+    @property
+    def slack(self) -> float:
+        """How far beside its track a disc must overlap something as well, to do so at all, m."""
+        return BESIDE if self.mission.discs else 0.0
+
+    def moves(self, trajectory: pb.Trajectory) -> bool:
+        """Whether the body leaves its place, or one that is checked at its heading turns there."""
+        headings = trajectory.heading if self.mission.discs else ()
+        turns = len(headings) > 0 and np.ptp(headings) > STILL
+        return bool(length(path_of(trajectory.path)) >= SAME_PLACE or turns)
+
+    def poses(self, decision: pb.Decision) -> Array:
+        """Where a trajectory leads: x, y, z and heading, (n, 4).
+
+        A body of discs is followed from the decision on, at the samples as they are logged and at
+        the corners of the path. A round one is held against all of the path.
+        """
+        trajectory = decision.trajectory
+        path = path_of(trajectory.path)
+        if not self.mission.discs:
+            return np.column_stack((path, np.zeros(len(path))))
+        arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
+        late = decision.timestamp.ToNanoseconds() - trajectory.start.ToNanoseconds()
+        first = max(math.floor(late * 1e-9 / trajectory.sample_period_s), 0)
+        first = min(first, len(arcs) - 1)
+        lengths = arc_lengths(path)
+        times = np.arange(float(first), len(arcs) - 1 + 1e-9, 1.0 / PARTS)
+        corners = lengths[(lengths > arcs[first]) & (lengths < arcs[-1])]
+        times = np.sort(np.append(times, np.interp(corners, arcs, np.arange(len(arcs)))))
+        along = np.interp(times, np.arange(len(arcs)), arcs)
+        places = [np.interp(along, lengths, path[:, axis]) for axis in range(3)]
+        facing = np.interp(times, np.arange(len(arcs)), headings)
+        poses = np.column_stack((*places, facing))
+        beyond = path[lengths > arcs[-1] + SAME_PLACE]  # no sample says that it is not driven
+        return np.vstack((poses, np.column_stack((beyond, np.full(len(beyond), headings[-1])))))
+
+    def cells(self, voxel_map: Representation, track: Array, reach: float) -> Cells:
+        """The cells within a reach, m, of a track (n, 3), m."""
+        return cells_around(voxel_map, track, reach, self.config, self.mission)
+
+    def first_blocked(
+        self, voxel_map: Representation, poses: Array, margin: float
+    ) -> tuple[Array, str] | None:
+        """The first place of the body, or of one of its discs, that overlaps what it may not.
+
+        Where the disc about all of it has room it may lie as it likes.
+
+        Args:
+            voxel_map: Of the decision.
+            poses: (n, 4) x, y, z, m, and heading, rad.
+            margin: Kept about the body, m.
+
+        Returns:
+            The place, and what it overlaps; None where there is none.
+        """
+        if self.mission.discs:
+            ((_, radius),) = self.about
+            if self.first_overlap(voxel_map, poses[:, :3], radius + margin) is None:
+                return None
+        for offset, radius in self.discs:
+            track = track_of(poses, offset)
+            found = self.first_overlap(voxel_map, track, radius + margin, self.slack)
+            if found is not None:
+                return found
+        return None
+
+    def first_overlap(
+        self, voxel_map: Representation, path: Array, radius: float, slack: float = 0.0
+    ) -> tuple[Array, str] | None:
+        """The first place of a path at which a disc or ball overlaps what it may not, and why.
+
+        With a slack [m] it does so only if it would that far beside as well.
+        """
+        # A surface lies anywhere in its cell: half a diagonal more.
+        reach = radius / voxel_map.resolution + self.half_diagonal  # cells
+        cells = self.cells(voxel_map, path, reach * voxel_map.resolution)
+        places = densely(path, SPACING * cells.size)
+        wrong = cells.not_free if self.policy == "forbid" else cells.occupied
+        sides = np.zeros((2**cells.axes, 3))
+        sides[:, : cells.axes] = list(itertools.product((-slack, slack), repeat=cells.axes))
+        met: dict[tuple[int, ...], bool] = {}
+
+        def overlaps(points: Array) -> bool:
+            for cell in cells.of(points):
+                key = tuple(cell.tolist())
+                if key not in met:
+                    met[key] = bool(cells.within(cell[None], wrong, reach)[0])
+                if not met[key]:
+                    return False
+            return True
+
+        for place in places:
+            if overlaps(place[None]) and (slack == 0.0 or overlaps(place + sides)):
+                occupied = cells.within(cells.of(place[None]), cells.occupied, reach)[0]
+                return place[: cells.axes], "occupied" if occupied else "unknown"
+        return None
+
+
+def track_of(poses: Array, offset: float) -> Array:
+    """Where a disc's centre comes along, (n, 3) m, for poses (n, 4)."""
+    track = poses[:, :3].copy()
+    track[:, 0] += offset * np.cos(poses[:, 3])
+    track[:, 1] += offset * np.sin(poses[:, 3])
+    return track

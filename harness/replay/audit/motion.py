@@ -1,0 +1,138 @@
+"""Whether a body can follow a trajectory, from where it is, and is at rest after it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wayproof.harness.log.paths import SAME_PLACE, length, place_at, speed_at
+from wayproof.harness.replay.audit.moment import Moment, Violation, apart
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+
+LIMIT_SLACK = 1.05
+"""On speed and acceleration, read from samples a tenth of a second apart."""
+
+REST = 0.02
+"""Slower is at rest, m/s."""
+
+FARTHEST = 20.0
+"""A believed place is no farther outside of the operating area than that, m."""
+
+LONGEST = 1000.0
+"""No path is longer, m."""
+
+SAME = 2.0**-20
+"""Grain of logged samples: values that differ by no more are one, m and rad."""
+
+
+def is_malformed(moment: Moment) -> str:
+    """What is wrong with the shape of a trajectory, so that nothing can be read from it."""
+    trajectory, mission = moment.decision.trajectory, moment.mission
+    arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
+    if min(len(moment.path), len(arcs)) == 0 or len(arcs) != len(headings):
+        return (
+            f"a path of {len(moment.path)} points, {len(arcs)} samples of the way and "
+            f"{len(headings)} of the heading; expected one or more, and as many of both"
+        )
+    period = trajectory.sample_period_s
+    if not (np.isfinite(arcs).all() and np.isfinite(headings).all() and 1e-3 <= period <= 10.0):
+        return f"samples that are not finite, or {period:g} s apart"
+    away = np.maximum(np.array(mission.low) - moment.path, moment.path - np.array(mission.high))
+    if not (away <= FARTHEST).all() or length(moment.path) > LONGEST:
+        return f"a path that leaves the operating area by more than {FARTHEST:g} m, or has no end"
+    return ""
+
+
+def check_limits(moment: Moment) -> list[Violation]:
+    """The body can follow the samples of the trajectory, and is at rest after them."""
+    trajectory, mission = moment.decision.trajectory, moment.mission
+    arcs, period = np.array(trajectory.arc_length), trajectory.sample_period_s
+    found: list[Violation] = []
+    if len(arcs) < 2:
+        return found
+    speeds = np.diff(arcs) / period
+    accelerations = np.diff(speeds) / period
+    # The last sample lies at or after the end, so the step to the one before holds the last motion.
+    remaining = arcs[-1] - arcs[-2]
+    stop = math.sqrt(2.0 * max(remaining, 0.0) * mission.max_acceleration)
+    if speeds[-1] > max(REST, stop * LIMIT_SLACK):
+        found.append(moment.broken("rest", f"moves at {speeds[-1]:.2f} m/s when it ends"))
+    if arcs[-1] > length(moment.path) + SAME_PLACE:
+        found.append(moment.broken("rest", "runs on beyond the end of its path"))
+    if speeds.max() > mission.max_speed * LIMIT_SLACK:
+        text = f"{speeds.max():.2f} m/s, {mission.max_speed:g} allowed"
+        found.append(moment.broken("limits", text))
+    hardest = np.abs(accelerations).max() if len(accelerations) else 0.0
+    if hardest > mission.max_acceleration * LIMIT_SLACK:
+        text = f"{hardest:.2f} m/s^2, {mission.max_acceleration:g} allowed"
+        found.append(moment.broken("limits", text))
+    return found
+
+
+def check_joint(moment: Moment) -> list[Violation]:
+    """The trajectory starts where the one before it is at that time, and as fast."""
+    trajectory, before = moment.decision.trajectory, moment.before[-1]
+    start_ns = trajectory.start.ToNanoseconds()
+    if moment.late:
+        return []
+    if start_ns < before.start.ToNanoseconds():
+        return [moment.broken("joined", "starts before the trajectory before it")]
+    off = apart(moment, moment.path[0], place_at(before, start_ns))
+    # Between samples of a tenth of a second the body is off the chord by a t^2 / 8 at most.
+    if off > 2.0 * SAME_PLACE:
+        text = f"starts {off:.2f} m from where the trajectory before it is then"
+        return [moment.broken("joined", text)]
+    speeds = speed_at(trajectory, start_ns), speed_at(before, start_ns)
+    # Each mean may differ from the speed at the joint by as much as a sample's time allows.
+    allowed = moment.mission.max_acceleration * trajectory.sample_period_s * LIMIT_SLACK + REST
+    if abs(speeds[0] - speeds[1]) > allowed:
+        text = f"starts at {speeds[0]:.2f} m/s, the trajectory before it is at {speeds[1]:.2f} then"
+        return [moment.broken("joined", text)]
+    return []
+
+
+def check_rest(moment: Moment) -> list[Violation]:
+    """Who has arrived or gives up stays where it is."""
+    decision = moment.decision
+    if decision.action not in ("goal", "abort") or moment.late:
+        return []
+    moved = length(moment.path)
+    if moved < SAME_PLACE:
+        return []
+    return [moment.broken("rest", f"action {decision.action}: leads on by {moved:.2f} m")]
+
+
+def check_deadline(moment: Moment) -> list[Violation]:
+    """A decision past its deadline says so and leaves the trajectory before it as it was."""
+    decision, found = moment.decision, []
+    if decision.deadline_missed != moment.late:
+        words = {True: "missed", False: "kept"}
+        delay, deadline = moment.record.latency.delay_s, moment.config.latency.deadline
+        text = (
+            f"says that its deadline was {words[decision.deadline_missed]}, "
+            f"took {delay:g} s of {deadline:g} s"
+        )
+        found.append(moment.broken("deadline", text))
+    if not moment.late:
+        return found
+    if decision.action not in ("stop_and_wait", "follow"):  # which of them, its reason tells
+        found.append(moment.broken("deadline", f"late, but its action is {decision.action}"))
+    if not _stands(moment, decision.trajectory, moment.before[-1]):
+        found.append(moment.broken("deadline", "late, but another trajectory than the last one"))
+    return found
+
+
+def _stands(moment: Moment, trajectory: pb.Trajectory, before: pb.Trajectory) -> bool:
+    """Whether a trajectory is the one before; a fork may put its layer at another height."""
+    axes = 2 if moment.mission.motion == "ground" else 3
+    pairs = [
+        (np.array(trajectory.arc_length), np.array(before.arc_length)),
+        (np.array(trajectory.heading), np.array(before.heading)),
+        (moment.path[:, :axes], path_of(before.path)[:, :axes]),
+    ]
+    return trajectory.start == before.start and all(
+        one.shape == other.shape and bool(np.abs(one - other).max(initial=0.0) <= SAME)
+        for one, other in pairs
+    )

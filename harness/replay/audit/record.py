@@ -1,0 +1,136 @@
+"""What a decision says of its inputs, its settings and its figures, against the log's own."""
+
+from __future__ import annotations
+
+import math
+
+from wayproof.harness.log.paths import length
+from wayproof.harness.mission import Mission
+from wayproof.harness.replay.audit.moment import Moment, Violation
+from wayproof.harness.replay.cells import cells_around
+
+ROUNDING = 1e-9
+"""Of figures that are worked out in another order of operations, m and s."""
+
+CELL_ROUNDING = 1e-6
+"""Of a squared number of cells."""
+
+
+def check_version(moment: Moment) -> list[Violation]:
+    """The map that it names is the one that the log's sweeps give."""
+    said = moment.decision.map_version
+    if said == moment.version:
+        return []
+    text = f"names map {said[:8]}, the log's sweeps give {moment.version[:8]}"
+    return [moment.broken("version", text)]
+
+
+def check_inputs(moment: Moment) -> list[Violation]:
+    """What it says went in is what the log holds."""
+    decision, inputs = moment.decision, moment.record.inputs
+    pose = inputs.pose
+    pairs = {
+        "timestamp": (decision.timestamp.ToNanoseconds(), inputs.time_ns),
+        "position": (list(decision.position), pose.position.tolist()),
+        "quaternion": (list(decision.quaternion), pose.quaternion.tolist()),
+        "position_sigma": (decision.position_sigma, pose.position_sigma),
+        "input_digest": (decision.input_digest, inputs.digest),
+        "delay_s": (decision.delay_s, moment.record.latency.delay_s),
+    }
+    return [
+        moment.broken("inputs", f"{name} {said}, the log's input is {logged}")
+        for name, (said, logged) in pairs.items()
+        if said != logged
+    ]
+
+
+def check_settings(moment: Moment) -> list[Violation]:
+    """It was made with the settings of the log."""
+    decision, config = moment.decision, moment.config
+    found = [
+        moment.broken("settings", f"{name} '{said}', the config says '{expected}'")
+        for name, said, expected in (
+            ("representation", decision.representation, config.map.kind),
+            ("unknown_policy", decision.unknown_policy, config.costmap.unknown_policy),
+        )
+        if said != expected
+    ]
+    found += [
+        moment.broken("settings", f"{name} {said:g}, the config says {expected:g}")
+        for name, said, expected in (
+            ("resolution_m", decision.resolution_m, config.map.resolution),
+            ("deadline_s", decision.deadline_s, config.latency.deadline),
+        )
+        if abs(said - expected) > ROUNDING
+    ]
+    return found
+
+
+def check_margin(moment: Moment) -> list[Violation]:
+    """Margin, inflation and the integer that decides follow from settings, pose and body."""
+    decision, margin = moment.decision, moment.margin
+    if not abs(decision.localization_margin_m - margin) <= ROUNDING:
+        text = f"{decision.localization_margin_m:.4f} m, config and pose give {margin:.4f} m"
+        return [moment.broken("margin", text)]
+    said = decision.inflation_radius_m, decision.blocked_at_or_below
+    size = moment.config.map.resolution
+    expected = []
+    for radius in radii_of(moment.mission):
+        inflation = radius + margin + size * moment.body.half_diagonal
+        least = math.floor((inflation / size) ** 2 + CELL_ROUNDING)
+        if abs(said[0] - inflation) <= ROUNDING and said[1] == least:
+            return []
+        expected.append(f"{inflation:.4f} m and {least}")
+    text = (
+        f"inflation {said[0]:.4f} m and {said[1]} squared cells, expected {' or '.join(expected)}"
+    )
+    return [moment.broken("margin", text)]
+
+
+def radii_of(mission: Mission) -> list[float]:
+    """Radii that a decision can be made for, m: of the body, or of its least disc."""
+    if not mission.discs:
+        return [mission.radius]
+    about = max(abs(offset) + radius for offset, radius in mission.discs)
+    return [about, min(radius for _, radius in mission.discs)]
+
+
+def check_figures(moment: Moment) -> list[Violation]:
+    """Length, age of evidence and clearance of the committed path are those that it tells.
+
+    A late decision tells the age and the clearance of the path that was discarded with it.
+    """
+    decision = moment.decision
+    found = []
+    committed = length(moment.path)
+    if not abs(decision.committed_length_m - committed) <= CELL_ROUNDING:
+        text = f"committed_length_m {decision.committed_length_m:.4f}, the path has {committed:.4f}"
+        found.append(moment.broken("figure", text))
+    if moment.late:
+        return found
+    observed = max(int(moment.map.observed_ns_at(moment.path).min()), 0)
+    age = (moment.record.inputs.time_ns - observed) * 1e-9
+    if not abs(decision.evidence_age_s - age) <= CELL_ROUNDING:
+        text = f"evidence_age_s {decision.evidence_age_s:.3f}, the map's is {age:.3f}"
+        found.append(moment.broken("figure", text))
+    return [*found, *_check_clearance(moment)]
+
+
+def _check_clearance(moment: Moment) -> list[Violation]:
+    """The least clearance, to a cell: a path may touch another one, or run along a face of two."""
+    config = moment.config.costmap
+    if config.class_margins or config.max_slope > 0.0:  # the cells that count are not the map's
+        return []
+    size, mission = moment.config.map.resolution, moment.mission
+    radii = radii_of(mission)
+    inflation = (min(radii) + moment.margin) / size + 0.5 * math.sqrt(
+        2.0 if moment.body.flat else 3.0
+    )
+    reach = math.ceil(inflation + (config.cost_range + max(radii) - min(radii)) / size)  # cells
+    cells = cells_around(moment.map, moment.path, reach * size, moment.config, mission)
+    least = cells.least_distance(cells.touched(moment.path), cells.not_free, float(reach))
+    said = moment.decision.least_clearance_m / size
+    if abs(said - least) <= 1.0 + CELL_ROUNDING:
+        return []
+    text = f"least_clearance_m {said * size:.3f}, the map's is {least * size:.3f}"
+    return [moment.broken("figure", text)]

@@ -1,0 +1,133 @@
+"""How near committed paths come to the volumes of cells, not to their centres: exact geometry.
+
+The planner keeps the centre of the cell that the body's middle is in away from the centres of cells
+that are not admitted. Here the body's middle is where it is, and a cell is a square or a cube.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.log.paths import Array
+from wayproof.harness.replay.audit.body import BESIDE, Discs, track_of
+from wayproof.harness.replay.audit.moment import Moment
+
+
+@dataclass(frozen=True)
+class Volumes:
+    """Distances of committed paths from the volumes of cells that are not admitted.
+
+    Attributes:
+        paths: That were measured: the admitted ones.
+        short: Of these, the ones that come nearer than the body's radius and the margin.
+        greatest_m: By how much at most, m; 0 if none does.
+        bound_m: Half a cell's diagonal, which it cannot exceed, m.
+        bare: Paths that come nearer than the body's radius alone.
+    """
+
+    paths: int = 0
+    short: int = 0
+    greatest_m: float = 0.0
+    bound_m: float = 0.0
+    bare: int = 0
+
+
+def together(parts: Iterable[Volumes]) -> Volumes:
+    """Several as one."""
+    parts = list(parts)
+    return Volumes(
+        paths=sum(one.paths for one in parts),
+        short=sum(one.short for one in parts),
+        greatest_m=max((one.greatest_m for one in parts), default=0.0),
+        bound_m=max((one.bound_m for one in parts), default=0.0),
+        bare=sum(one.bare for one in parts),
+    )
+
+
+def measure(moment: Moment) -> Volumes:
+    """One admitted path."""
+    body, size = moment.body, moment.map.resolution
+    discs, slack = swept_as(moment)
+    missing = max(shortfall(moment, discs), 0.0)
+    bound = body.half_diagonal * size + slack
+    return Volumes(1, int(missing > 0.0), missing, bound, int(missing > moment.margin))
+
+
+def swept_as(moment: Moment) -> tuple[Discs, float]:
+    """The disc about the body where that has room, else its discs, with their slack, m."""
+    body = moment.body
+    if not moment.mission.discs:
+        return body.discs, 0.0
+    ((_, radius),) = body.about
+    if body.first_overlap(moment.map, moment.poses[:, :3], radius + moment.margin) is None:
+        return body.about, 0.0
+    return body.discs, math.sqrt(2.0) * BESIDE
+
+
+def shortfall(moment: Moment, discs: Discs) -> float:
+    """By how much some discs come nearer to what is not admitted than radius and margin, m.
+
+    Below 0 where they keep farther away; minus infinity where nothing is near.
+    """
+    size, found = moment.map.resolution, -math.inf
+    for offset, radius in discs:
+        track, kept = track_of(moment.poses, offset), radius + moment.margin
+        # A point is half a diagonal from its cell's centre at most, and so is one of the other
+        # cell; a path may cut off a corner of a cell between two points that are looked at.
+        reach = kept / size + 2.0 * moment.body.half_diagonal + 1.0
+        cells = moment.body.cells(moment.map, track, reach * size)
+        wrong = cells.not_free if moment.body.policy == "forbid" else cells.occupied
+        low = cells.near(cells.touched(track), wrong, reach) * size + cells.corner
+        found = max(found, kept - distance_from_boxes(track[:, : cells.axes], low, low + size))
+    return found
+
+
+def distance_from_boxes(path: Array, low: Array, high: Array) -> float:
+    """Least distance of a path (n, k) from boxes with corners (m, k), m; infinite from none."""
+    least = math.inf
+    for a, b in itertools.pairwise(path) if len(path) > 1 else [(path[0], path[0])]:
+        half = 0.5 * math.dist(a, b)
+        near = _outside(0.5 * (a + b), low, high) < least + half
+        if near.any():
+            least = min(least, segment_from_boxes(a, b, low[near], high[near]))
+    return least
+
+
+def segment_from_boxes(a: Array, b: Array, low: Array, high: Array) -> float:
+    """Least distance of the segment between two points (k,) from boxes (m, k), m.
+
+    The squared distance from a box is a parabola between the places at which the segment crosses
+    the planes of the box's faces, so its least value lies at a vertex or at such a place.
+    """
+    along = b - a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossings = np.concatenate(((low - a) / along, (high - a) / along), axis=1)  # (m, 2 k)
+    crossings = np.where(np.isfinite(crossings), np.clip(crossings, 0.0, 1.0), 0.0)
+    ends = np.broadcast_to([0.0, 1.0], (len(low), 2))
+    times = np.sort(np.concatenate((crossings, ends), axis=1), axis=1)  # (m, t)
+    middles = 0.5 * (times[:, 1:] + times[:, :-1])  # (m, t - 1)
+    excess = _excess(a + middles[..., None] * along, low[:, None], high[:, None])
+    slope = (excess * along).sum(axis=-1)
+    curvature = np.where(excess != 0.0, along * along, 0.0).sum(axis=-1)
+    vertex = middles - np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature > 0.0)
+    vertex = np.clip(vertex, times[:, :-1], times[:, 1:])
+    excess = _excess(a + vertex[..., None] * along, low[:, None], high[:, None])
+    return math.sqrt(float((excess * excess).sum(axis=-1).min()))
+
+
+def _outside(point: Array, low: Array, high: Array) -> Array:
+    """Distance of a point (k,) from boxes (m, k), (m,) m."""
+    excess = _excess(point, low, high)
+    outside: Array = np.sqrt((excess * excess).sum(axis=-1))
+    return outside
+
+
+def _excess(points: Array, low: Array, high: Array) -> Array:
+    """How far points lie beyond boxes, by axis; negative below them, 0 between their faces."""
+    beyond: Array = np.minimum(points - low, 0.0) + np.maximum(points - high, 0.0)
+    return beyond

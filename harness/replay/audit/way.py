@@ -1,0 +1,156 @@
+"""Whether the way that a decision commits to is admitted, or is one of the exceptions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.log.paths import Array, length, rest_of, runs_along, speed_at
+from wayproof.harness.replay.audit.body import Discs, track_of
+from wayproof.harness.replay.audit.moment import Moment, Violation
+from wayproof.harness.stack.decision import path_of
+
+SLOWLY = 0.3
+"""Share of its greatest speed at which a body leaves the inflation."""
+
+SPEED_SLACK = 1.05
+"""On speeds, read from samples a tenth of a second apart."""
+
+NEARER = 1.0
+"""So much nearer to what blocks it may a body come that leaves the inflation, cells."""
+
+ROUNDING = 1e-6
+"""Of a distance, cells."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """What a decision's way turned out to be.
+
+    Attributes:
+        kind: `swept`, `stop`, `recovery` or `late`; empty if the body keeps its place.
+        violations: What is wrong with it.
+    """
+
+    kind: str
+    violations: tuple[Violation, ...] = ()
+
+
+def judge_way(moment: Moment) -> Way:
+    """Sweep the body along the way; hold a stop or a recovery against the rules for it.
+
+    Of a late decision the way is the one before, which was judged with the decision that chose it.
+    """
+    if moment.late:
+        return Way("late")
+    if not moment.moves:
+        return Way("")
+    blocked = moment.body.first_blocked(moment.map, moment.poses, moment.margin)
+    if blocked is None:
+        return Way("swept")
+    action = moment.decision.action
+    if action == "recover":
+        return Way("recovery", tuple(_check_recovery(moment)))
+    if action == "stop_and_wait" and _is_last_resort(moment):
+        return Way("stop", tuple(_check_stop(moment)))
+    place, state = blocked
+    at = ", ".join(f"{value:.2f}" for value in place)
+    text = f"action {action}: the body at ({at}) would overlap {state} space"
+    return Way("swept", (moment.broken("swept", text),))
+
+
+def _check_recovery(moment: Moment) -> list[Violation]:
+    """A way out of the inflation is slow, comes no nearer to what blocks and leads out of it."""
+    body, poses, margin = moment.body, moment.poses, moment.margin
+    ((_, about),) = body.about
+    found = []
+    if body.first_overlap(moment.map, poses[:1, :3], about + margin) is None:
+        found.append("it starts outside of the inflation, and leads through it")
+    if body.first_blocked(moment.map, poses[-1:], margin) is not None:
+        found.append("its end is no admitted place")
+    allowed = SLOWLY * moment.mission.max_speed * moment.config.motion.speed_fraction
+    fastest = _speeds(moment).max(initial=0.0)
+    if fastest > allowed * SPEED_SLACK:
+        found.append(f"{fastest:.2f} m/s, {allowed:.2f} allowed on the way out of the inflation")
+    # What it steps out of is the inflation of its discs as they lie, or of the disc about them.
+    if all(_comes_nearer(moment, discs) for discs in (body.discs, body.about)):
+        found.append("it comes nearer to what blocks it, by more than a cell")
+    if _runs_into(moment):
+        found.append("the bare body overlaps an occupied cell, deeper than at its start")
+    return [moment.broken("recover", text) for text in found]
+
+
+def _comes_nearer(moment: Moment, discs: Discs) -> bool:
+    """Whether any of some discs comes nearer to what is not admitted than one is at the start."""
+    body, poses = moment.body, moment.poses
+    reach = max(radius for _, radius in discs) + moment.margin
+    reach = reach / moment.map.resolution + body.half_diagonal
+    tracks = [track_of(poses, offset) for offset, _ in discs]
+    here = min(_distance(moment, track[:1], reach, body.policy == "forbid") for track in tracks)
+    least = min(_distance(moment, track, reach, body.policy == "forbid") for track in tracks)
+    return least < here - NEARER - ROUNDING
+
+
+def _runs_into(moment: Moment) -> bool:
+    """Whether a disc without margin overlaps what is occupied more than it does at the start."""
+    for offset, radius in moment.body.discs:
+        track, reach = track_of(moment.poses, offset), radius / moment.map.resolution
+        here = _distance(moment, track[:1], reach, unknown=False)
+        if _distance(moment, track, reach, unknown=False) < here - NEARER - ROUNDING:
+            return True
+    return False
+
+
+def _distance(moment: Moment, track: Array, reach: float, unknown: bool) -> float:
+    """Least distance of a track's cells to one that is occupied, or unknown as well, cells."""
+    cells = moment.body.cells(moment.map, track, reach * moment.map.resolution)
+    wrong = cells.not_free if unknown else cells.occupied
+    return cells.least_distance(cells.touched(track), wrong, reach)
+
+
+def _is_last_resort(moment: Moment) -> bool:
+    """Whether a stop that is not free is all that is left.
+
+    It runs along a path that earlier maps admitted; or it leaves it, because this map does not
+    admit as much of that path either, and comes no nearer to what is in the way.
+    """
+    body, poses, path, margin = moment.body, moment.poses, moment.path, moment.margin
+    ways = [path_of(earlier.path) for earlier in moment.before]
+    if any(runs_along(path, way) for way in ways):
+        return True
+    ahead = rest_of(ways[-1], path[0], length(path))
+    if len(ahead) < 2:
+        return False
+    steps = np.vstack((np.diff(ahead, axis=0), ahead[-1:] - ahead[-2:-1]))
+    straight_on = np.column_stack((ahead, np.arctan2(steps[:, 1], steps[:, 0])))
+    if body.first_blocked(moment.map, straight_on, margin) is None:
+        return False
+    for nearer in np.arange(0.0, margin + moment.mission.radius, 0.5 * moment.map.resolution):
+        if body.first_blocked(moment.map, poses, margin - nearer) is None:
+            return True
+        if body.first_blocked(moment.map, straight_on, margin - nearer) is None:
+            return False
+    return False  # its very middle goes where it may not: that is no stop to excuse
+
+
+def _check_stop(moment: Moment) -> list[Violation]:
+    """A stop that is not free brakes at once, as hard as the body can."""
+    mission, period = moment.mission, moment.decision.trajectory.sample_period_s
+    speeds = _speeds(moment)
+    start_ns = moment.decision.trajectory.start.ToNanoseconds()
+    ramp = mission.max_acceleration / mission.max_jerk  # s
+    # It may have been speeding up, which ends after one ramp; another one ends the braking.
+    peak = speed_at(moment.before[-1], start_ns) + mission.max_acceleration * (ramp + period)
+    longest = peak / mission.max_acceleration + 2.0 * ramp + 2.0 * period
+    if len(speeds) * period <= longest and speeds.max(initial=0.0) <= peak * SPEED_SLACK:
+        return []
+    text = f"stops within {len(speeds) * period:.1f} s, {longest:.1f} s is what braking takes"
+    return [moment.broken("stop", text)]
+
+
+def _speeds(moment: Moment) -> Array:
+    """Mean speeds between the samples of the trajectory, (n,) m/s."""
+    trajectory = moment.decision.trajectory
+    speeds: Array = np.diff(np.array(trajectory.arc_length)) / trajectory.sample_period_s
+    return speeds

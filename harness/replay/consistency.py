@@ -1,0 +1,402 @@
+"""Checks of a log against itself, without deciding or simulating anything again.
+
+What a log says twice must be the same both times: its result follows from its decisions and truth,
+each link of the chain from the record that it seals, hashes from the inputs that they are of,
+delays and perturbation records from the config. This is cheap, a reading of the file, so the verbs
+that only read a log do it first.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.ending import BETWEEN_DECISIONS, Limits, goal_distance
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.digest import CONTENT
+from wayproof.harness.log.reader import Log
+from wayproof.harness.log.writer import FORMAT_VERSION, WITH_REASONS
+from wayproof.harness.perturbations import UNPERTURBED
+from wayproof.harness.recompute.segments import Segment, segments_of
+from wayproof.harness.replay.content import Content, read_content
+from wayproof.harness.result import ends_in_error, figures_of
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import Difference, chain_hash
+
+SAME = 1e-9
+"""Relative difference of figures that are the same, summed in another order."""
+
+HALF_STEP_S = 0.005
+"""By which decisions may be off their period: half of the longest physics step, s."""
+
+NUMBERED = ("poses", "latencies", "truths", "streams")
+"""Kinds of messages of which there is one for each decision."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A log and its messages, as the checks take them.
+
+    Attributes:
+        log: The head.
+        content: The messages.
+        runs: Settings by stretch; one if the log was never forked.
+    """
+
+    log: Log
+    content: Content
+    runs: tuple[Segment, ...]
+
+    def run_of(self, number: int) -> Segment:
+        """The settings that a decision was made with."""
+        return next(run for run in reversed(self.runs) if run.begin <= max(number, 0))
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether the log says that the episode broke off."""
+        return ends_in_error(self.log.result)
+
+
+def contradictions(log: Log, content: Content | None = None) -> list[Difference]:
+    """All that a log says in two ways which do not agree: as recorded, and as it follows.
+
+    Args:
+        log: Its head.
+        content: Its messages, if they were read already.
+
+    Raises:
+        InputError: The file breaks off or is damaged, or holds no decision.
+    """
+    content = content or read_content(log)
+    altered = list(_digest(log, content))
+    if not content.decisions:
+        if ends_in_error(log.result):
+            return altered  # a stack can fail before its first decision
+        raise InputError(f"log '{log.path}': no decisions in it")
+    subject = Subject(log, content, tuple(segments_of(log)))
+    found = [*_format(subject), *_numbering(subject)]
+    if not found:  # the checks take the messages by number
+        found = [one for check in CHECKS for one in check(subject)]
+    return found + altered  # the digest tells no place, so whatever else was found comes first
+
+
+def refuse_contradictions(log: Log, content: Content | None = None, hint: str = "") -> None:
+    """Raise an InputError that names the first contradiction in a log, and ends with a hint."""
+    found = contradictions(log, content)
+    if found:
+        one, more = found[0], f", and {len(found) - 1} more" if len(found) > 1 else ""
+        raise InputError(
+            f"log '{log.path}': {one.field} is {one.recorded}, but {one.recomputed} follows from "
+            f"the rest of the log{more}{hint}"
+        )
+
+
+def _digest(log: Log, content: Content) -> Iterator[Difference]:
+    """The digest of all in the file is the result's; logs of formats before 5 may have none."""
+    recorded = log.result.get(CONTENT)
+    if not content.digest or (recorded is None and log.run["format_version"] not in WITH_REASONS):
+        return
+    if recorded != content.digest:
+        yield Difference("content digest", recorded or "none", content.digest)
+
+
+def _format(subject: Subject) -> Iterator[Difference]:
+    """Formats before 5 have no grounds: under such a number replay would leave reasons out."""
+    version = subject.log.run["format_version"]
+    if version not in WITH_REASONS and any(
+        one.HasField("grounds") for one in subject.content.decisions
+    ):
+        yield Difference("run.format_version", version, FORMAT_VERSION)
+
+
+def _numbering(subject: Subject) -> Iterator[Difference]:
+    """Decisions count from 0, and each has its pose, delay, truth and hashes at its time."""
+    content, last_ns = subject.content, -1
+    for number, decision in enumerate(content.decisions):
+        name, now_ns = f"/decision[{number}]", decision.timestamp.ToNanoseconds()
+        if decision.sequence != number:
+            yield Difference(f"{name}.sequence", str(decision.sequence), str(number))
+            return
+        if now_ns <= last_ns:
+            yield Difference(f"{name}.timestamp", f"{now_ns} ns", f"more than {last_ns} ns")
+        last_ns = now_ns
+    stamps = [(one.sequence, one.timestamp.ToNanoseconds()) for one in content.decisions]
+    for kind in NUMBERED:
+        messages: Sequence[pb.Truth] = getattr(content, kind)
+        if kind in ("poses", "latencies") and not messages and not content.inputs:
+            continue  # a row of a study reads neither
+        yield from _stamps(kind, messages, stamps, subject.incomplete)
+
+
+def _stamps(
+    kind: str, messages: Sequence[pb.Truth], stamps: list[tuple[int, int]], may_lead: bool
+) -> Iterator[Difference]:
+    """Numbers and times of one kind; before an error there may be inputs of one decision more."""
+    found = [(one.sequence, one.timestamp.ToNanoseconds()) for one in messages]
+    leads = may_lead and kind in ("poses", "latencies") and len(found) == len(stamps) + 1
+    if len(found) != len(stamps) and not leads:
+        yield Difference(f"number of {kind}", str(len(found)), str(len(stamps)))
+    for number, (one, expected) in enumerate(zip(found, stamps, strict=False)):
+        if one != expected:
+            place = f"{kind}[{number}]"
+            yield Difference(place, "{} at {} ns".format(*one), "{} at {} ns".format(*expected))
+            return
+
+
+def _period(subject: Subject) -> Iterator[Difference]:
+    """Decisions follow each other in the period of the first sensor."""
+    times = [one.timestamp.ToNanoseconds() * 1e-9 for one in subject.content.decisions]
+    for number, (before, now) in enumerate(itertools.pairwise(times), 1):
+        period = subject.run_of(number - 1).period_s
+        if abs(now - before - period) > HALF_STEP_S:
+            name = f"time between decisions {number - 1} and {number}"
+            yield Difference(name, f"{now - before:.3f} s", f"{period:.3f} s")
+            return
+
+
+def _chain(subject: Subject) -> Iterator[Difference]:
+    """Each link is the hash of its record and the link before; the last one is the result's.
+
+    Of a log of decisions most guides were left out, and so their hashes cannot be computed again.
+    """
+    thinned = subject.log.record == "decisions"
+    before = ""
+    for decision in subject.content.decisions:
+        again = chain_hash(decision, before)
+        before = decision.chain
+        if again != before and not (thinned and not decision.guide):
+            yield Difference(f"/decision[{decision.sequence}].chain", before, again)
+            return
+    if subject.log.result["chain"] != before:
+        yield Difference("result.chain", subject.log.result["chain"], before)
+
+
+def _figures(subject: Subject) -> Iterator[Difference]:
+    """Counts and figures of the result; a log that was recovered long ago has few of them."""
+    result, content = subject.log.result, subject.content
+    expected = {
+        "decisions": float(len(content.decisions)),
+        **figures_of(content.decisions, content.truths),
+    }
+    if _ends_at_decision(subject):
+        last = content.truths[-1]
+        mission = subject.runs[-1].mission
+        expected["goal_distance_m"] = goal_distance(mission, np.array(last.position))
+    for name, value in expected.items():
+        recorded = result.get(name)
+        if recorded is None and subject.incomplete:
+            continue
+        if not _is_number(recorded, value):
+            yield Difference(f"result.{name}", str(recorded), f"{value:.10g}")
+
+
+def _end_time(subject: Subject) -> Iterator[Difference]:
+    """An episode ends with its last decision, or in the physics before the next one."""
+    last_s = subject.content.decisions[-1].timestamp.ToNanoseconds() * 1e-9
+    recorded = subject.log.result.get("sim_time_s", "")
+    if _ends_at_decision(subject):
+        if not _is_number(recorded, last_s):
+            yield Difference("result.sim_time_s", recorded, f"{last_s:.10g}")
+        return
+    period = subject.runs[-1].period_s
+    end_s = _number(recorded)
+    if end_s is None or not last_s - SAME <= end_s <= last_s + period + HALF_STEP_S:
+        yield Difference("result.sim_time_s", recorded, f"{last_s:.6g} to {last_s + period:.6g}")
+
+
+def _outcome(subject: Subject) -> Iterator[Difference]:
+    """No decision before the last ends the episode; if the last does, the outcome is that."""
+    content, result = subject.content, subject.log.result
+    positions = [np.array(one.position) for one in content.truths]
+    last = len(content.decisions) - 1
+    for number, decision in enumerate(content.decisions):
+        verdict = _limits(subject, number).ending_at(decision, positions[: number + 1])
+        if number < last and verdict is not None:
+            yield Difference(
+                "number of decisions", str(last + 1), f"{number + 1}: {verdict[0]}, {verdict[1]}"
+            )
+            return
+    outcome, reason = result["outcome"], result.get("reason", "")
+    if verdict is None and outcome not in BETWEEN_DECISIONS:
+        expected = f"one of {', '.join(BETWEEN_DECISIONS)}: decision {last} ends nothing"
+        yield Difference("result.outcome", outcome, expected)
+    if verdict is not None and not subject.incomplete:
+        for name, recorded, expected in zip(
+            ("outcome", "reason"), (outcome, reason), verdict, strict=True
+        ):
+            if recorded != expected:
+                yield Difference(f"result.{name}", recorded, expected)
+
+
+def _contacts(subject: Subject) -> Iterator[Difference]:
+    """A contact ends the episode: there is none before the end, and one in a collision."""
+    result, content = subject.log.result, subject.content
+    for truth in content.truths:
+        touched = truth.collisions + truth.struck
+        if touched:
+            yield Difference(f"/truth[{truth.sequence}] contacts", str(touched), "0")
+            return
+    counts = [_number(result.get(name, "0")) or 0.0 for name in ("collisions", "struck")]
+    if result["outcome"] == "collision":
+        if sum(counts) < 1.0:
+            yield Difference("result.collisions and struck", "0", "at least 1 in a collision")
+    elif sum(counts) > 0.0:
+        yield Difference("result.collisions and struck", f"{sum(counts):g}", "0")
+    elif result.get("contact"):
+        yield Difference("result.contact", result["contact"], "none but of a collision")
+
+
+def _cause(subject: Subject) -> Iterator[Difference]:
+    """Only a failure has a cause."""
+    cause = subject.log.result.get("cause", "")
+    if cause and subject.log.result["outcome"] in ("success", "error"):
+        yield Difference("result.cause", cause, "none")
+
+
+def _geofence(subject: Subject) -> Iterator[Difference]:
+    """To leave it ends the episode, so every decision's truth is inside."""
+    for truth in subject.content.truths:
+        mission = subject.run_of(truth.sequence).mission
+        bounds = zip(mission.low, truth.position, mission.high, strict=False)
+        if len(truth.position) != 3 or not all(low <= x <= high for low, x, high in bounds):
+            place = ", ".join(f"{x:.2f}" for x in truth.position)
+            yield Difference(f"/truth[{truth.sequence}].position", place, "inside the geofence")
+            return
+
+
+def _inputs(subject: Subject) -> Iterator[Difference]:
+    """Each decision names the digest of its sweeps and pose, and repeats the pose."""
+    content = subject.content
+    for decision, had in zip(content.decisions, content.inputs, strict=False):
+        name = f"/decision[{decision.sequence}].input_digest"
+        if decision.input_digest != had.digest:
+            yield Difference(name, decision.input_digest, had.digest)
+            return
+    for decision, pose in zip(content.decisions, content.poses, strict=False):
+        for field in ("position", "quaternion", "position_sigma"):
+            one, other = getattr(decision, field), getattr(pose, field)
+            if one != other:
+                yield Difference(f"/decision[{decision.sequence}].{field}", f"{one}", f"{other}")
+                return
+
+
+def _hashes(subject: Subject) -> Iterator[Difference]:
+    """The running hashes of the input streams are those of the logged inputs."""
+    content = subject.content
+    older = subject.log.run["format_version"] == "3"  # whose first logs have longer hashes
+    for streams, had in zip(content.streams, content.inputs, strict=False):
+        recorded = {one.name: one.hash for one in streams.streams}
+        expected_names = {f"sensor/{name}" for name in subject.run_of(streams.sequence).beams}
+        for name in sorted({*expected_names, "pose", "latency"}):
+            one, other = recorded.get(name, "none"), had.hashes[name]
+            if one != other and not (older and len(one) > len(other)):
+                yield Difference(f"/streams[{streams.sequence}].{name}", one, other)
+                return
+
+
+def _delays(subject: Subject) -> Iterator[Difference]:
+    """A modelled delay follows from the config, and each decision repeats its own."""
+    content = subject.content
+    for decision, latency in zip(content.decisions, content.latencies, strict=False):
+        number = decision.sequence
+        config = subject.run_of(number).config.latency
+        if latency.mode != config.mode:
+            yield Difference(f"/latency[{number}].mode", latency.mode, config.mode)
+            return
+        expected = latency.delay_s
+        if config.mode == "modelled":
+            expected = config.expected + _added_delay(subject, number)
+        for place, recorded in (("latency", latency.delay_s), ("decision", decision.delay_s)):
+            if recorded != expected:
+                yield Difference(f"/{place}[{number}].delay_s", f"{recorded!r}", f"{expected!r}")
+                return
+
+
+def _perturbation(subject: Subject) -> Iterator[Difference]:
+    """Each decision's record of what was perturbed follows from the config, or there is none."""
+    records = {one.sequence: one for one in subject.content.perturbations}
+    for decision in subject.content.decisions:
+        number = decision.sequence
+        place, record = f"/perturbation[{number}]", records.get(number)
+        perturbation = subject.run_of(number).config.perturbation
+        if record is None or perturbation is None:
+            if record is not None or perturbation is not None:
+                kinds = [one.kind if one else "none" for one in (record, perturbation)]
+                yield Difference(place, *kinds)
+                return
+            continue
+        active = _is_active(subject, number)
+        expected = {
+            "kind": perturbation.kind,
+            "severity": math.ceil(perturbation.severity),
+            "amount": perturbation.amount if active else perturbation.nothing,
+            "added_delay_s": _added_delay(subject, number),
+        }
+        for field, value in expected.items():
+            if getattr(record, field) != value:
+                yield Difference(f"{place}.{field}", str(getattr(record, field)), str(value))
+                return
+
+
+def _places(subject: Subject) -> Iterator[Difference]:
+    """The mission's start and goal are those of the resolved config."""
+    for run in subject.runs:
+        for name in ("start", "goal"):
+            placed, mission = getattr(run.config, name), getattr(run.mission, name)
+            if placed is not None and tuple(placed) != tuple(mission)[: len(placed)]:
+                yield Difference(f"config.{name}", str(placed), str(mission))
+
+
+CHECKS: tuple[Callable[[Subject], Iterator[Difference]], ...] = (
+    _outcome,
+    _contacts,
+    _end_time,
+    _figures,
+    _period,
+    _chain,
+    _inputs,
+    _hashes,
+    _delays,
+    _perturbation,
+    _cause,
+    _geofence,
+    _places,
+)
+"""Each on its own; the most telling first, because one line names the first that fails."""
+
+
+def _ends_at_decision(subject: Subject) -> bool:
+    return subject.log.result["outcome"] not in BETWEEN_DECISIONS
+
+
+def _limits(subject: Subject, number: int) -> Limits:
+    run = subject.run_of(number)
+    return Limits(run.config.episode, run.mission, run.period_s)
+
+
+def _is_active(subject: Subject, number: int) -> bool:
+    run = subject.run_of(number)
+    rate = next(iter(run.beams.values())).rate  # as `harness.sim.perturb` has it
+    return (run.config.perturbation or UNPERTURBED).is_active(round(number / rate * 1e9))
+
+
+def _added_delay(subject: Subject, number: int) -> float:
+    """What the perturbation adds to a decision's delay, s."""
+    perturbation = subject.run_of(number).config.perturbation or UNPERTURBED
+    return perturbation.delay if _is_active(subject, number) else 0.0
+
+
+def _is_number(text: str | None, value: float) -> bool:
+    recorded = _number(text)
+    return recorded is not None and math.isclose(recorded, value, rel_tol=SAME, abs_tol=SAME)
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return float(text or "")
+    except ValueError:
+        return None

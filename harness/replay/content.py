@@ -1,0 +1,131 @@
+"""A log's messages as the checks of the log against itself need them: one pass over the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from google.protobuf.message import Message
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import inputs_digest, serialized
+from wayproof.harness.log.codec.container import Packet, walk
+from wayproof.harness.log.codec.messages import decode, is_ours
+from wayproof.harness.log.copy import topic_of
+from wayproof.harness.log.digest import ContentDigest
+from wayproof.harness.log.reader import Log
+from wayproof.harness.log.streams import StreamHashes
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+
+@dataclass(frozen=True)
+class InputRecord:
+    """What the messages before a decision amount to.
+
+    Attributes:
+        digest: Of its sweeps and pose, as `Decision.input_digest` is made.
+        hashes: Running hash of each input stream since the start, by stream.
+        sensors: Whose sweeps it had.
+    """
+
+    digest: str
+    hashes: Mapping[str, str]
+    sensors: frozenset[str]
+
+
+@dataclass(frozen=True)
+class Content:
+    """A log's messages, each kind in file order; sweeps only as hashes.
+
+    Attributes:
+        decisions: What was decided.
+        truths: Of the simulator.
+        streams: Running hashes as they are recorded.
+        perturbations: What was perturbed.
+        poses: As believed.
+        latencies: Delays.
+        inputs: Of each decision; empty where the sweeps were not read.
+        digest: Of all in the file; empty if it was not made.
+    """
+
+    decisions: list[pb.Decision] = field(default_factory=list)
+    truths: list[pb.Truth] = field(default_factory=list)
+    streams: list[pb.Streams] = field(default_factory=list)
+    perturbations: list[pb.Perturbation] = field(default_factory=list)
+    poses: list[pb.Pose] = field(default_factory=list)
+    latencies: list[pb.Latency] = field(default_factory=list)
+    inputs: list[InputRecord] = field(default_factory=list)
+    digest: str = ""
+
+    def add(self, message: Message) -> None:
+        """Append a message of a kind that is kept."""
+        if isinstance(message, pb.Decision):
+            self.decisions.append(message)
+        elif isinstance(message, pb.Truth):
+            self.truths.append(message)
+        elif isinstance(message, pb.Streams):
+            self.streams.append(message)
+        elif isinstance(message, pb.Perturbation):
+            self.perturbations.append(message)
+        elif isinstance(message, pb.Pose):
+            self.poses.append(message)
+        elif isinstance(message, pb.Latency):
+            self.latencies.append(message)
+
+
+def read_content(log: Log) -> Content:
+    """Read a log's messages.
+
+    Raises:
+        InputError: The file breaks off or is damaged.
+    """
+    content, digest = Content(), ContentDigest()
+    running = None if log.record == "decisions" else _Running(log)
+    for item in walk(log.path):
+        digest.add(item)
+        if not (isinstance(item, Packet) and is_ours(item)):
+            continue
+        message = decode(item, log.path)
+        content.add(message)
+        if running is None:
+            continue
+        running.add(message)
+        if isinstance(message, pb.Decision):
+            content.inputs.append(running.close())
+    return replace(content, digest=digest.text())
+
+
+class _Running:
+    """Hashes of inputs, message by message."""
+
+    def __init__(self, log: Log) -> None:
+        self._log = log
+        beams = (log.beams, *(fork.beams for fork in log.forks))
+        self._sensors = {name for one in beams for name in one}
+        names = [f"sensor/{name}" for name in sorted(self._sensors)]
+        self._streams = StreamHashes([*names, "pose", "latency"])
+        self._written: list[bytes] = []
+        self._pose = b""
+        self._arrived: set[str] = set()
+
+    def add(self, message: Message) -> None:
+        if not isinstance(message, (pb.Sweep, pb.Pose, pb.Latency)):
+            return
+        data = serialized(message)
+        if isinstance(message, pb.Sweep):
+            if message.sensor not in self._sensors:
+                name = message.sensor[:40]
+                raise InputError(f"log '{self._log.path}': sweep of '{name}', not declared")
+            self._written.append(data)
+            self._arrived.add(message.sensor)
+        elif isinstance(message, pb.Pose):
+            self._pose = data
+        self._streams.update(topic_of(message)[1:], data)
+
+    def close(self) -> InputRecord:
+        """What one decision had, and start with the next."""
+        hashes = {one.name: one.hash for one in self._streams.message(0, 0).streams}
+        digest = inputs_digest([*self._written, self._pose])
+        record = InputRecord(digest, hashes, frozenset(self._arrived))
+        self._written, self._arrived = [], set()
+        return record

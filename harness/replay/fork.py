@@ -1,0 +1,192 @@
+"""Going on from one decision of a log with other settings: would they have saved the robot?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from wayproof.harness.config import Config, override, to_json
+from wayproof.harness.episode import Episode, Observer, arrival_ns
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.codec.container import walk
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.copy import time_of, topic_of
+from wayproof.harness.log.reader import Log, before, fork_note, open_log, read_head
+from wayproof.harness.log.writer import FORMAT_VERSION, PLUGINS, LogWriter, hold_log
+from wayproof.harness.recompute.rebuild import rebuild, segment_of
+from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.replay.what_if import refuse_sensed
+from wayproof.harness.result import Result
+from wayproof.harness.runner import finish, publishing_failures, settle_log
+from wayproof.harness.scenario.scenario import Scenario, sensor_info
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.user_code import plugin_digests
+from wayproof.planners import Trajectory
+
+FIXED = ("world", "robot", "seed", "start")
+"""Settings that the episode's beginning already followed from."""
+
+
+@dataclass(frozen=True)
+class Past:
+    """What lies before a fork.
+
+    Attributes:
+        navigator: The changed stack, with the recorded one's past.
+        trajectories: Committed before the fork, each after its arrival, ns.
+        decisions: Made before it.
+        truths: Of each of these.
+        state: Of the simulator at the fork; none at the first decision.
+    """
+
+    navigator: Navigator
+    trajectories: tuple[tuple[int, Trajectory], ...]
+    decisions: tuple[pb.Decision, ...]
+    truths: tuple[pb.Truth, ...]
+    state: pb.State | None
+
+
+def fork(
+    path: Path,
+    at: int,
+    settings: Sequence[str],
+    target: Path,
+    allow_plugins: bool = False,
+    observe: Observer | None = None,
+) -> Result:
+    """Simulate a log's episode from one decision on, with other settings.
+
+    The new log begins with the old one's inputs and decisions, so it replays like any other.
+
+    Args:
+        path: The log.
+        at: Number of the first decision with the new settings.
+        settings: As `section.field=value`; with none, the episode ends as it did.
+        target: Name of the new log.
+        allow_plugins: Whether code that its config names may be imported.
+        observe: Called after each decision, for display.
+
+    Raises:
+        InputError: No such log, decision or setting, or no state was kept there.
+    """
+    log = open_log(path, allow_plugins)
+    if target.resolve() == path.resolve():
+        raise InputError(f"--log {target}: the log itself, expected another name")
+    config = override(log.as_of(at).config, settings)
+    return fork_with(log, at, config, target, observe)
+
+
+def fork_with(
+    log: Log,
+    at: int,
+    config: Config,
+    target: Path,
+    observe: Observer | None = None,
+    delays: Mapping[int, float] | None = None,
+    record: str | None = None,
+) -> Result:
+    """Simulate a log's episode from one decision on, with another config.
+
+    Args:
+        log: The log.
+        at: Number of the first decision with the new config.
+        config: The new one.
+        target: Name of the new log.
+        observe: Called after each decision, for display.
+        delays: Of each decision, s, in place of measured ones.
+        record: What to keep in place of the config's `record`.
+
+    Raises:
+        InputError: A setting changes that the episode had begun with, there is no such decision, or
+            no state was kept there.
+    """
+    if log.not_compared:
+        raise InputError(
+            f"log '{log.path}': format version {log.run['format_version']}, expected "
+            f"{FORMAT_VERSION}, whose chain a fork can go on with; --closed-loop --log FILE writes "
+            "it so"
+        )
+    log = log.as_of(at)
+    refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
+    scenario = rebuild(log, config)
+    with hold_log(target) as draft:
+        past = live_through(log, at, scenario)
+        head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
+        with LogWriter(draft, *head) as writer:
+            if digests := plugin_digests(scenario.config):
+                writer.note(PLUGINS, digests)
+            _write_past(writer, log, at, scenario)
+            episode = Episode(scenario, past.navigator, writer, observe)
+            episode.delays.update(delays or {})
+            episode.resume(past.state, past.trajectories, past.decisions, past.truths)
+            with publishing_failures(draft, writer):
+                result = finish(episode, writer, episode.run())
+        return settle_log(draft, result, record or config.record)
+
+
+def live_through(log: Log, at: int, scenario: Scenario) -> Past:
+    """All stacks of a log, and one for a scenario, through every decision before the fork."""
+    stack = SegmentedStack([*segments_of(log), segment_of(scenario, at)])
+    trajectories, decisions = [], []
+    state, reached = None, False
+    for record in log.records():
+        if record.decision.sequence == at:
+            state, reached = record.state, True
+            break
+        recorded = stack.step(record)
+        if recorded.chain != record.decision.chain:
+            raise InputError(
+                f"log '{log.path}': decision {recorded.sequence} is recomputed otherwise, so no "
+                "fork would go on from it; expected a log that replays"
+            )
+        if not recorded.deadline_missed:
+            trajectory = stack.navigator.trajectory
+            trajectories.append((arrival_ns(recorded, trajectory), trajectory))
+        decisions.append(recorded)
+    if not reached:
+        raise InputError(f"--from {at}: expected a decision from 0 to {len(decisions) - 1}")
+    if state is None and at > 0:
+        raise InputError(
+            f"log '{log.path}': no state kept at decision {at} (record = '{log.config.record}'); "
+            "--closed-loop --log FILE writes it in full"
+        )
+    truths = [truth for truth in log.truth() if truth.sequence < at]
+    if len(truths) != len(decisions):
+        raise InputError(f"log '{log.path}': {len(truths)} truths before decision {at}")
+    return Past(stack.go_to(at), tuple(trajectories), tuple(decisions), tuple(truths), state)
+
+
+def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> None:
+    """The forks so far and this one, all sensors' tables, and every message before it."""
+    runs = segments_of(log)
+    for number, (run, after) in enumerate(zip(runs, [*runs[1:], None], strict=True), 1):
+        told = {
+            "at": str(at if after is None else after.begin),
+            "config": to_json(run.config).decode(),
+            "mission": run.mission.to_json().decode(),
+        }
+        writer.note(fork_note(number), told)
+    for caster in scenario.scene.casters:
+        info = sensor_info(caster)
+        writer.write(f"/sensor/{info.name}/info", info, 0)
+    head = read_head(walk(log.path, head_only=True), log.path, allow_plugins=True)
+    groups = [before(number) for number in range(1, len(runs))]
+    own = before(len(runs)) if before(len(runs)) in head.before else "/sensor/"
+    for topic, info in head.tables:
+        if topic.startswith(own):
+            writer.write(f"{before(len(runs))}{info.name}", info, 0)
+        elif topic.removesuffix(info.name) in groups:
+            writer.write(topic, info, 0)
+    for message in read_messages(log.path):
+        if not isinstance(message, pb.SensorInfo) and message.sequence < at:  # type: ignore[attr-defined]
+            writer.write(topic_of(message), message, time_of(message))
+
+
+def fork_name(path: Path, at: int, config: Config) -> Path:
+    """Where a fork's log goes by default: beside the log that it is forked from."""
+    import hashlib
+
+    digest = hashlib.sha256(to_json(config)).hexdigest()[:8]
+    return path.with_name(f"{path.stem}-from-{at}-{digest}.mcap")

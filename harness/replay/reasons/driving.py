@@ -1,0 +1,133 @@
+"""What reasons claim of a robot that follows a path to its goal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.log.paths import length
+from wayproof.harness.replay.reasons.along import (
+    NEAR,
+    direction,
+    heading_of_body,
+    nearest,
+    same,
+    same_arc,
+    turn_at,
+)
+from wayproof.harness.replay.reasons.overlap import free_before, obstructed
+from wayproof.harness.replay.reasons.past import STILL, Past
+from wayproof.harness.replay.reasons.scene import Scene
+from wayproof.harness.replay.reasons.stopping import stop_from, stops
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+FIRST_PIECES = (0.1, 0.2, 0.3)
+"""A path may bend at once: where it leads is looked at over these lengths, m."""
+
+TURNED_INTO = 0.5
+"""So far is the direction in which a path begins from that of its thinned form, rad."""
+
+TURNED = 0.35
+"""So far is the direction of a path from that of its thinned form, or a body off its heading, rad.
+"""
+
+
+def path_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """All of the path is admitted, and it ends where it says."""
+    yield from _path_ends(scene, reason)
+    if not len(scene.guide):
+        return
+    yield from free_before(scene, scene.guide, math.inf)
+    if not scene.mission.discs:
+        yield from same("path_m", reason.path_m, length(scene.path))
+
+
+def braking_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """The path to its end is no longer than the robot needs to stop."""
+    yield from path_to_goal(scene, past, reason)
+    yield from stops(scene, reason)
+    if reason.path_m - reason.stop_m > 0.011:
+        yield f"{reason.path_m:.2f} m are left, and {reason.stop_m:.2f} m are enough to stop"
+
+
+def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """The committed part ends at a corner of the path that is too sharp to take in motion."""
+    yield from _path_ends(scene, reason)
+    yield from _committed(scene, reason.free_m)
+    if not reason.free_m < reason.path_m or not len(scene.guide):
+        yield "the corner is not on the path"
+        return
+    # Near its begin a thinned path has no corner, but the one before it has.
+    ways = [way for way in (scene.guide, past.way) if len(way) > 1]
+    ends = [nearest(way, scene.path[-1], scene)[0] for way in ways]
+    if scene.mission.discs:  # which may fit along less than what leads to the corner
+        begins = [nearest(way, scene.path[0], scene)[0] for way in ways]
+        ends = [begin + reason.free_m for begin in begins]
+    turn = max(turn_at(way, scene.path, end) for way, end in zip(ways, ends, strict=True))
+    if turn < scene.config.behaviour.max_corner_angle - TURNED:
+        yield f"the path turns by {turn:.2f} rad at {reason.free_m:.2f} m, which is no corner"
+
+
+def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """The way is free up to a cell, and slow is what that costs."""
+    yield from obstructed(scene, reason, scene.guide, scene.unknown_blocks)
+    yield from _committed(scene, reason.free_m)
+    limits = scene.mission
+    full = stop_from(limits.max_speed * scene.config.motion.speed_fraction, limits)
+    yield from same("full_speed_stop_m", reason.full_speed_stop_m, full, 0.01)
+    slow = reason.free_m < reason.full_speed_stop_m
+    if (scene.decision.action == "slow") != slow:
+        yield f"action {scene.decision.action}, with {reason.free_m:.2f} m admitted"
+
+
+def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """The committed part leads through unknown space, which the policy lets it, slowly."""
+    yield from obstructed(scene, reason, scene.guide, unknown_blocks=True)
+    if scene.config.costmap.unknown_policy != "penalize":
+        yield f"unknown policy {scene.config.costmap.unknown_policy}"
+    yield from same(
+        "speed_share", reason.speed_share, scene.config.behaviour.unknown_speed_fraction
+    )
+    if reason.free_m > length(scene.path) + NEAR:
+        yield "what is unknown lies beyond the committed part"
+
+
+def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """The body stays in its place and turns to where the path leads."""
+    if length(scene.path) >= STILL:
+        yield "the trajectory leaves its place"
+    towards = heading_of_body(scene.decision) + reason.turn_rad
+    firsts = [direction(scene.guide, 0.0, reach) for reach in FIRST_PIECES]
+    turns = [towards - first - tail for first in firsts for tail in (0.0, math.pi)]
+    off = min(abs(wrap_angle(turn)) for turn in turns)
+    if off > TURNED_INTO:
+        yield f"the path leads {off:.2f} rad off where it turns to"
+
+
+def keeping_course(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """The trajectory is the last one."""
+    last = past.trajectories[-1] if past.trajectories else None
+    if last is None or last.path != scene.decision.trajectory.path:
+        yield "the trajectory is another one than the last"
+
+
+def _path_ends(scene: Scene, reason: pb.Reason) -> Iterator[str]:
+    """The way is as long as it says, and ends as near to the goal."""
+    if not len(scene.guide):
+        yield "it names no path"
+        return
+    yield from same("path_m", reason.path_m, scene.decision.path_length_m)
+    yield from same_arc("path_m", reason.path_m, length(scene.guide))
+    beside = scene.apart(scene.guide[-1], scene.goal)
+    yield from same("short_m", reason.short_m, beside, 0.011)
+
+
+def _committed(scene: Scene, free: float) -> Iterator[str]:
+    """The committed part is that long; a long body may fit along less of it."""
+    committed = length(scene.path)
+    if scene.mission.discs:
+        if committed > free + NEAR:
+            yield f"{free:.3f} m are free, {committed:.3f} m committed"
+        return
+    yield from same("free_m", free, committed)

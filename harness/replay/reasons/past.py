@@ -1,0 +1,81 @@
+"""What the decisions before said and did, as far as reasons speak of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wayproof.harness.log.paths import Array, length
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+
+STILL = 0.02
+"""A shorter trajectory stays where it is, m."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One earlier decision.
+
+    Attributes:
+        time_ns: Simulated.
+        kind: Of its reason.
+        label: Its own.
+        action: Likewise.
+        grounds: All of its reason.
+        moves: Whether its trajectory leaves its place.
+        position: (3,) believed, m.
+    """
+
+    time_ns: int
+    kind: str
+    label: str
+    action: str
+    grounds: pb.Reason
+    moves: bool
+    position: Array
+
+
+@dataclass
+class Past:
+    """All decisions before one.
+
+    Attributes:
+        steps: By number.
+        trajectories: The last ones, the newest last.
+        way: (n, 3) the last way that was named, m.
+    """
+
+    steps: dict[int, Step] = field(default_factory=dict)
+    trajectories: list[pb.Trajectory] = field(default_factory=list)
+    way: Array = field(default_factory=lambda: np.empty((0, 3)))
+
+    def take(self, decision: pb.Decision) -> None:
+        """Add the next decision."""
+        path = path_of(decision.trajectory.path)
+        self.steps[decision.sequence] = Step(
+            time_ns=decision.timestamp.ToNanoseconds(),
+            kind=decision.grounds.kind,
+            label=decision.label,
+            action=decision.action,
+            grounds=decision.grounds,
+            moves=length(path) >= STILL,
+            position=np.array(decision.position),
+        )
+        self.trajectories = [*self.trajectories[-9:], decision.trajectory]
+        if len(decision.guide) > 1:
+            self.way = path_of(decision.guide)
+
+    def followed(self, time_ns: int) -> pb.Trajectory | None:
+        """The trajectory that the robot follows at a time; none before the first takes effect."""
+        begun = [one for one in self.trajectories if one.start.ToNanoseconds() <= time_ns]
+        return begun[-1] if begun else None
+
+    def since(self, first: int, last: int) -> list[Step]:
+        """The decisions from one up to, but not with, another."""
+        return [self.steps[k] for k in range(first, last) if k in self.steps]
+
+    def at(self, time_ns: int) -> int | None:
+        """Number of the decision at a time."""
+        return next((k for k, one in self.steps.items() if one.time_ns == time_ns), None)

@@ -1,0 +1,52 @@
+"""What each kind of reason claims, worked out anew from the map, the pose and the log's own past.
+
+A predicate yields a text for each part of its claim that does not hold. Paths in a log are thinned,
+so that lengths along them are compared to within `along.ARC` and `along.ARC_SHARE`, and room along
+them is looked for with a body that is a cell smaller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from wayproof.harness.replay.reasons import driving, elsewhere, stopping, waiting
+from wayproof.harness.replay.reasons.past import Past
+from wayproof.harness.replay.reasons.scene import Scene
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+Claim = Callable[[Scene, Past, pb.Reason], Iterator[str]]
+
+PREDICATES: dict[str, Claim] = {
+    "path_to_goal": driving.path_to_goal,
+    "braking_to_goal": driving.braking_to_goal,
+    "path_to_corner": driving.path_to_corner,
+    "unknown_ahead": driving.driving_ahead,
+    "blocked_ahead": driving.driving_ahead,
+    "through_unknown": driving.through_unknown,
+    "turning_into_path": driving.turning_into_path,
+    "keeping_course": driving.keeping_course,
+    "looking_elsewhere": elsewhere.looking_elsewhere,
+    "at_viewpoint": elsewhere.at_viewpoint,
+    "backing_up": elsewhere.backing_up,
+    "off_trajectory": elsewhere.off_trajectory,
+    "escaping_inflation": elsewhere.escaping_inflation,
+    "turning_out_of_inflation": elsewhere.turning_out_of_inflation,
+    "braking_before_unknown": stopping.braking_ahead,
+    "braking_before_blocked": stopping.braking_ahead,
+    "path_too_short": stopping.path_too_short,
+    "goal_place_moved": stopping.goal_place_moved,
+    "coming_to_rest": stopping.coming_to_rest,
+    "waiting_before_unknown": waiting.waiting_ahead,
+    "waiting_before_blocked": waiting.waiting_ahead,
+    "no_path_in_map": waiting.no_path_in_map,
+    "no_path_found": waiting.no_path_found,
+    "goal_blocked": waiting.goal_blocked,
+    "goal_inside_inflation": waiting.goal_inside_inflation,
+    "no_room_to_turn": waiting.no_room,
+    "no_room_along_path": waiting.no_room,
+    "no_way_out": waiting.no_way_out,
+    "way_out_blocked": waiting.way_out_blocked,
+    "at_goal": stopping.at_goal,
+    "deadline_missed": stopping.deadline_missed,
+}
+"""What each kind of reason claims."""

@@ -1,0 +1,122 @@
+"""What a reason is held against: the map of its decision, cell by cell, and the body in it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wayproof.harness.config import Config
+from wayproof.harness.log.paths import Array
+from wayproof.harness.mission import Mission
+from wayproof.harness.replay.cells import NAMES, Cells, cells_around
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+from wayproof.maps import Representation
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One decision and the map that it was made on.
+
+    Attributes:
+        decision: The one whose reason is checked.
+        map: As the log's sweeps give it.
+        config: Of the decision.
+        mission: Likewise.
+    """
+
+    decision: pb.Decision
+    map: Representation
+    config: Config
+    mission: Mission
+
+    @property
+    def axes(self) -> int:
+        """2 for a body that walks, 3 for one that flies."""
+        return 2 if self.mission.motion == "ground" else 3
+
+    @property
+    def size(self) -> float:
+        """Edge of a cell, m."""
+        return self.map.resolution
+
+    @property
+    def comparable(self) -> bool:
+        """Whether the cells that count are the map's: slopes and margins by class add some."""
+        config = self.config.costmap
+        return not config.class_margins and config.max_slope == 0.0
+
+    @property
+    def unknown_blocks(self) -> bool:
+        """Whether the policy keeps the body out of unknown space."""
+        return self.config.costmap.unknown_policy == "forbid"
+
+    @property
+    def offsets(self) -> list[float]:
+        """Of the discs of the body along its axis, m; 0 alone for the disc about all of it."""
+        return [0.0] if self.wide else [offset for offset, _ in self.mission.discs]
+
+    @property
+    def radii(self) -> list[float]:
+        """Of the discs that the decision was made for, m."""
+        if not self.mission.discs:
+            return [self.mission.radius]
+        if self.wide:
+            return [max(abs(offset) + radius for offset, radius in self.mission.discs)]
+        return [radius for _, radius in self.mission.discs]
+
+    @cached_property
+    def wide(self) -> bool:
+        """Whether the decision was made for the disc about all of the body."""
+        if not self.mission.discs:
+            return True
+        about = max(abs(offset) + radius for offset, radius in self.mission.discs)
+        slim = min(radius for _, radius in self.mission.discs)
+        named = self.decision.inflation_radius_m - self.decision.localization_margin_m
+        half = 0.5 * math.sqrt(self.axes) * self.size
+        return abs(named - half - about) < abs(named - half - slim)
+
+    def reach(self, radius: float) -> float:
+        """How near to a disc's cell a cell is overlapped, between centres, cells."""
+        margin = self.decision.localization_margin_m
+        return (radius + margin) / self.size + 0.5 * math.sqrt(self.axes)
+
+    @cached_property
+    def path(self) -> Array:
+        """That it commits to, (n, 3) m."""
+        return path_of(self.decision.trajectory.path)
+
+    @cached_property
+    def guide(self) -> Array:
+        """The way that it names, (n, 3) m; of no points if it names none."""
+        return path_of(self.decision.guide)
+
+    @property
+    def goal(self) -> Array:
+        """The mission's, (3,) m."""
+        return np.array(self.mission.goal)
+
+    def apart(self, a: Array, b: Array) -> float:
+        """Distance between places (3,), m, in the plane for a body that walks."""
+        return float(np.linalg.norm((a - b)[: self.axes]))
+
+    def cells_about(self, points: Array, reach: float) -> Cells:
+        """The cells within a reach, m, of points (n, 3), m."""
+        return cells_around(self.map, points, reach, self.config, self.mission)
+
+    @cached_property
+    def everywhere(self) -> Cells:
+        """All cells of the operating area."""
+        bounds = np.array([self.mission.low, self.mission.high])
+        return self.cells_about(bounds, 0.0)
+
+    def state_at(self, place: Point) -> str:
+        """Name of the state of the cell about a place."""
+        point = np.array([place])
+        cells = self.cells_about(point, 0.0)
+        return NAMES[int(cells.states[tuple(cells.of(point)[0])])]

@@ -1,0 +1,141 @@
+"""Recomputing all of a log that follows from the rest of it, and comparing bit by bit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import Log, Record, open_log
+from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.replay.consistency import contradictions
+from wayproof.harness.replay.scope import Scope, scope_of
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import Difference, differences
+
+
+@dataclass(frozen=True)
+class Replay:
+    """How a replay compares with its recording.
+
+    Attributes:
+        log: The log's path.
+        identical: Every decision and the chain are the same bits, and all else that follows from
+            the log's content is what the log says.
+        decisions: Decisions in the log.
+        differing: Decisions that differ.
+        first_difference: Sequence number of the first of them; none if identical.
+        differences: What differs there, value by value.
+        contradictions: What else of the log does not follow from its content: result, times, cause,
+            hashes.
+        chain: Hash over the recomputed decisions.
+        outcome: What the log says of the episode.
+        scope: What was recomputed, what only the closed loop shows, and what is a claim.
+        not_compared: Fields of decisions that the log's older format gave otherwise.
+        wall_time_s: Time that the replay took.
+    """
+
+    log: str
+    identical: bool
+    decisions: int
+    differing: int
+    first_difference: int | None
+    differences: tuple[Difference, ...]
+    contradictions: tuple[Difference, ...]
+    chain: str
+    outcome: str
+    scope: Scope
+    not_compared: tuple[str, ...]
+    wall_time_s: float
+
+
+def replay(
+    path: Path, allow_plugins: bool = False, threads: int | None = None, with_cause: bool = True
+) -> Replay:
+    """Recompute a log's decisions, and all else that follows from it.
+
+    Args:
+        path: The log.
+        allow_plugins: Whether code that its config names may be imported.
+        threads: In place of the log's own; no decision depends on them.
+        with_cause: Whether the cause of a failure is worked out again as well.
+
+    Raises:
+        InputError: The file is no finished log, holds no decision, or its sweeps were left out.
+    """
+    log = open_log(path, allow_plugins)
+    if threads is not None:
+        log = log.on_threads(threads)
+    began = time.perf_counter()
+    first: tuple[int, list[Difference]] | None = None
+    decisions = differing = 0
+    chain = ""
+    for record, recomputed in recomputations(log):
+        found = differences(record.decision, recomputed, log.not_compared)
+        if found:
+            differing += 1
+            first = first or (record.decision.sequence, found)
+        decisions += 1
+        chain = recomputed.chain
+    if decisions == 0:
+        raise InputError(f"log '{path}': no decisions in it")
+    others = contradictions(log)
+    cause = None if others or differing or not with_cause else cause_differences(log)
+    others += cause or []
+    return Replay(
+        log=str(path),
+        identical=not differing
+        and (bool(log.not_compared) or chain == log.result["chain"])
+        and not others,
+        decisions=decisions,
+        differing=differing,
+        first_difference=None if first is None else first[0],
+        differences=() if first is None else tuple(first[1]),
+        contradictions=tuple(others),
+        chain=chain,
+        outcome=log.result["outcome"],
+        scope=scope_of(log, with_cause=cause is not None),
+        not_compared=log.not_compared,
+        wall_time_s=time.perf_counter() - began,
+    )
+
+
+def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
+    """Each record with what is decided on it now; a forked log changes its settings on the way.
+
+    Raises:
+        InputError: The log is damaged, or cannot be recomputed.
+    """
+    stack = SegmentedStack(segments_of(log))
+    for record in log.records():
+        yield record, stack.step(record)
+
+
+def cause_differences(log: Log) -> list[Difference] | None:
+    """How the cause that a log states differs from the one that is worked out of it now.
+
+    Returns:
+        Nothing where the cause is the same; none where it is not worked out: the log states none,
+        or MuJoCo, whose geometry it needs, is not installed.
+
+    Raises:
+        InputError: The log's scene cannot be compiled.
+    """
+    if not log.result.get("cause") or log.record == "decisions":
+        return None
+    try:
+        from wayproof.harness.attribution import find_cause, read_case
+    except ImportError:
+        return None
+    finding = find_cause(read_case(log))
+    now = ("none", "", "-1")
+    if finding is not None:
+        now = (finding.cause, finding.evidence, str(finding.decision))
+    names = ("cause", "cause_evidence", "cause_decision")
+    return [
+        Difference(f"result.{name}", log.result.get(name, "not recorded"), one)
+        for name, one in zip(names, now, strict=True)
+        if log.result.get(name) != one
+    ]

@@ -1,0 +1,81 @@
+"""What can be recomputed of a log, what only a new simulation shows, and what its author claims."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wayproof.harness.ending import BETWEEN_DECISIONS
+from wayproof.harness.log.reader import Log
+from wayproof.harness.recompute.segments import segments_of
+from wayproof.harness.result import ends_in_error, is_recovered
+
+OF_A_FILE = "@"
+"""In the name of a world or a robot that is a file: before the hash of its text."""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """The parts of a log by what stands behind them.
+
+    Attributes:
+        recomputed: What follows from the rest of the log and is compared with it.
+        simulation: What only the closed loop can show: to simulate the episode anew.
+        claims: What nobody can recompute, and only a signature protects.
+    """
+
+    recomputed: tuple[str, ...]
+    simulation: tuple[str, ...]
+    claims: tuple[str, ...]
+
+
+def scope_of(log: Log, with_cause: bool) -> Scope:
+    """Sort the parts of a log.
+
+    Args:
+        log: The log.
+        with_cause: Whether the cause was recomputed.
+    """
+    result = ["number and times of decisions", "least clearance", "path length", "deadline misses"]
+    physics = ["truth", "contact"] if log.result.get("contact") else ["truth"]
+    if not ends_in_error(log.result):
+        between = log.result["outcome"] in BETWEEN_DECISIONS
+        (physics if between else result).extend(["outcome", "reason", "goal distance"])
+    if log.result.get("cause"):
+        (result if with_cause else physics).append("cause")
+    inputs = ["poses", "streams world and control", "scene, mission and config from the seed"]
+    perturbed = any(run.config.perturbation for run in segments_of(log))
+    if perturbed:
+        result.append("perturbation's kind, amount and delay")
+        inputs.append("perturbation's effect")
+    if log.record == "decisions":
+        return Scope(
+            recomputed=("chain where guides are kept", *result),
+            simulation=("decisions", "rest of the chain", *inputs, *physics),
+            claims=_claims(log),
+        )
+    return Scope(
+        recomputed=("decisions", "chain", "input digests", "streams of inputs", *result),
+        simulation=("sweeps", "states", *inputs, *physics),
+        claims=_claims(log),
+    )
+
+
+def _claims(log: Log) -> tuple[str, ...]:
+    claims = ["stage latencies", "versions", "machine"]
+    if log.not_compared:
+        claims.append(f"{', '.join(log.not_compared)} of decisions, as an older format gave them")
+    runs = segments_of(log)
+    if any(run.config.latency.mode == "measured" for run in runs):
+        claims.append("measured delays")
+    for name, value in (("world", log.config.world), ("robot", log.config.robot)):
+        if OF_A_FILE in value:
+            claims.append(f"{name} file {value}")
+    if is_recovered(log.result):
+        claims.append("that its end is missing")
+    elif ends_in_error(log.result):
+        claims.append("the error that ended it")
+    if log.check:
+        claims.append("verdict of its counterfactual check")
+    if log.plugins:
+        claims.append("files of the user's classes")
+    return tuple(claims)

@@ -1,0 +1,219 @@
+"""One verdict on a log: whether what it says follows from its inputs, its config and its seed.
+
+What can be recomputed is recomputed: the log against itself, the decisions from the inputs, and
+the whole episode from the seed. Each step is costlier than the one before, and the first that finds
+something ends it. What no step can reach is listed as a claim of the log's author.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.machine import CODE, this_machine
+from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.closed_loop import ClosedLoop, simulate_again
+from wayproof.harness.replay.consistency import contradictions
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.replay.scope import Scope, scope_of
+from wayproof.harness.replay.signature import fault_of_signature, fingerprint, signature_path
+from wayproof.harness.result import ends_in_error, is_recovered
+from wayproof.harness.stack.decision import Difference
+
+Step = Literal["signature", "content", "replay", "simulation"]
+
+MISSING_SWEEPS = "left out of the log"
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What `verify` found of one log.
+
+    Attributes:
+        log: The log's path.
+        verified: Nothing that was recomputed differs from what the log says.
+        whole: The log has the episode's end; one that was recovered, or that code which failed
+            broke off, has not, and says so.
+        failed: The step that found something; none if nothing was found.
+        findings: What it found, as recorded and as recomputed.
+        steps: That were gone through, in order.
+        scope: What was recomputed, what only a simulation would show, and what is a claim.
+        elsewhere: Fields of the log's run that are different here; they matter to a simulation.
+        violations: Of the audit; none if it was not reached. They tell of the robot, not the log.
+        decisions: In the log.
+        outcome: What the log says of the episode.
+        chain: Of its result.
+        signed_by: Fingerprint of the key that signed it, if one was given and its signature holds.
+        wall_time_s: Time that it took.
+    """
+
+    log: str
+    verified: bool
+    whole: bool
+    failed: Step | None
+    findings: tuple[Difference, ...]
+    steps: tuple[Step, ...]
+    scope: Scope
+    elsewhere: tuple[Difference, ...]
+    violations: int | None
+    decisions: int
+    outcome: str
+    chain: str
+    signed_by: str | None
+    wall_time_s: float
+
+
+def verify(
+    path: Path,
+    allow_plugins: bool = False,
+    simulate: bool = True,
+    key: Ed25519PublicKey | None = None,
+) -> Verification:
+    """Recompute all of a log that can be recomputed.
+
+    Args:
+        path: The log.
+        allow_plugins: Whether code that its config names may be imported.
+        simulate: Whether to simulate the episode anew; without, truth and outcome may be claims.
+        key: The log must have a signature by this one beside it.
+
+    Raises:
+        InputError: The file is no finished log, is damaged, or holds no decision.
+    """
+    began = time.perf_counter()
+    log = open_log(path, allow_plugins)
+    if next(log.decisions(), None) is None:
+        raise InputError(f"log '{path}': no decisions in it")
+    trial = _Trial(log, allow_plugins, simulate, key)
+    failed, findings = trial.run()
+    return Verification(
+        log=str(path),
+        verified=failed is None,
+        whole=not ends_in_error(log.result),
+        failed=failed,
+        findings=tuple(findings),
+        steps=tuple(trial.steps),
+        scope=trial.scope(),
+        elsewhere=trial.elsewhere,
+        violations=trial.violations,
+        decisions=sum(1 for _ in log.decisions()),
+        outcome=log.result["outcome"],
+        chain=log.result["chain"],
+        signed_by=None if key is None or failed == "signature" else fingerprint(key),
+        wall_time_s=time.perf_counter() - began,
+    )
+
+
+class _Trial:
+    """The steps of one log's verification, and what they leave behind."""
+
+    def __init__(
+        self, log: Log, allow_plugins: bool, simulate: bool, key: Ed25519PublicKey | None
+    ) -> None:
+        self._log = log
+        self._plugins = allow_plugins
+        self._simulate = simulate
+        self._key = key
+        self.steps: list[Step] = []
+        self.elsewhere: tuple[Difference, ...] = ()
+        self.violations: int | None = None
+        self._with_cause = False
+
+    def run(self) -> tuple[Step | None, list[Difference]]:
+        """Go through the steps until one finds something."""
+        for step, do in self._plan():
+            self.steps.append(step)
+            try:
+                findings = do()
+            except InputError as error:  # what was readable cannot be recomputed
+                findings = [Difference(step, "recorded", str(error))]
+            if findings:
+                return step, findings
+        return None, []
+
+    def scope(self) -> Scope:
+        """What stands behind the verdict."""
+        known = scope_of(self._log, self._with_cause)
+        if "simulation" not in self.steps:
+            return known
+        return Scope((*known.recomputed, *known.simulation), (), known.claims)
+
+    def _plan(self) -> Iterator[tuple[Step, Callable[[], list[Difference]]]]:
+        if self._key is not None:
+            yield "signature", self._check_signature
+        yield "content", self._check_content
+        if self._log.record == "full":
+            yield "replay", self._replay
+        if self._broke_off_in_code():
+            return  # what broke off the process once can break off this one
+        if self._simulate or self._log.record == "decisions":
+            yield "simulation", self._simulate_again
+
+    def _broke_off_in_code(self) -> bool:
+        result = self._log.result
+        return ends_in_error(result) and not is_recovered(result)
+
+    def _check_signature(self) -> list[Difference]:
+        assert self._key is not None
+        fault = fault_of_signature(self._log.path, self._key)
+        name = signature_path(self._log.path).name
+        return [] if fault is None else [Difference(name, fault, "a signature that holds")]
+
+    def _check_content(self) -> list[Difference]:
+        return [*_code_and_version(self._log), *contradictions(self._log)]
+
+    def _replay(self) -> list[Difference]:
+        # A new simulation works the cause out again, too.
+        replayed = replay(self._log.path, self._plugins, with_cause=not self._simulate)
+        self._with_cause = "cause" in replayed.scope.recomputed
+        number = replayed.first_difference
+        found = [
+            Difference(f"/decision[{number}].{one.field}", one.recorded, one.recomputed)
+            for one in replayed.differences
+        ]
+        if not found and not replayed.contradictions and not replayed.identical:
+            found = [Difference("result.chain", self._log.result["chain"], replayed.chain)]
+        found += replayed.contradictions
+        if not found:
+            self._audit(self._log.path)
+        return found
+
+    def _simulate_again(self) -> list[Difference]:
+        if not self._simulate:
+            return [Difference("sweeps", MISSING_SWEEPS, "only a simulation gives them again")]
+        with tempfile.TemporaryDirectory() as folder:
+            target = Path(folder) / "again.mcap"
+            again = simulate_again(self._log.path, self._plugins, target)
+            self.elsewhere = again.elsewhere
+            if not again.identical:
+                return _findings_of(again)
+            if again.regenerated:
+                self._audit(target)
+        return []
+
+    def _audit(self, path: Path) -> None:
+        """Count what the audit finds: the log may be true and the robot unsafe."""
+        self.violations = len(audit(path, allow_plugins=self._plugins).violations)
+
+
+def _findings_of(again: ClosedLoop) -> list[Difference]:
+    """All that differs; at least one, or the comparison itself would be wrong."""
+    findings = again.findings
+    assert findings, "a closed loop differs by nothing"
+    return findings
+
+
+def _code_and_version(log: Log) -> list[Difference]:
+    """A log of this very code names the version that this code has."""
+    here = this_machine()
+    if log.run.get(CODE) != here[CODE] or log.run.get("wayproof") == here["wayproof"]:
+        return []
+    return [Difference("run.wayproof", log.run.get("wayproof", "none"), here["wayproof"])]
