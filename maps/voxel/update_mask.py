@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps.grid import FLOOR_LAYER
-from wayproof.maps.kernels import beams, bricks, update
-from wayproof.maps.kernels import carve as carving
+from wayproof.maps.kernels import beam_targets, beams, bricks, carve, update
+from wayproof.maps.kernels.beam_columns import MAX_STEPS
+from wayproof.maps.kernels.early_stop import SLOPES
 from wayproof.maps.kernels.work_queue import new_queue
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.sweep import Sweep
@@ -21,8 +22,6 @@ from wayproof.maps.sweep import Sweep
 MAX_WINDOW_WORDS = 1 << 26
 BEAM_US, END_US, TARGET_US, WORD_US = 0.01, 0.008, 0.3, 0.001
 """About: to place a beam, to list an end, to carve a target, to gather a word."""
-
-NO_GUARD = -1
 
 BELOW = 0, 0, bricks.BELOW_FLOOR
 BITS = bricks.EDGE_BITS, bricks.EDGE_BITS, 6  # of a cell's place in its brick
@@ -120,8 +119,8 @@ class SweepRasterizer:
         self._flags = np.zeros(0, np.uint8)
         self._ends = np.empty(0, np.int64)
         self._misses = np.zeros((team.size, 0), np.uint64)
-        self._targets, self._bits = np.empty((0, 5), np.int32), np.empty(0, np.uint64)
-        self._columns, self._ranks, self._order = np.empty((3, 0), np.int32)
+        self._targets = _new_targets(0)
+        self._columns, self._order = np.empty((2, 0), np.int32)
 
     @property
     def nbytes(self) -> int:
@@ -141,25 +140,24 @@ class SweepRasterizer:
         if len(self._ends) < size * stripes * each:
             self._ends = np.empty(size * stripes * each, np.int64)
         ends = self._ends[: size * stripes * each].reshape(size, stripes * each)
-        groups, sensors, directions = sweep.groups, sweep.sensors, sweep.directions.reshape(-1)
+        sweep_beams = beams.SweepBeams(
+            sweep.origins,
+            sweep.sensors,
+            sweep.groups,
+            sweep.directions.reshape(-1),
+            sweep.ranges_mm,
+            sweep.limits_mm,
+            sweep.resolution,
+        )
         boxes, counts = np.empty((size, 2, 3), np.int64), np.zeros((size, 4), np.int64)
         listed, whole = np.empty((size, stripes), np.int64), [True] * size
 
         def work(_: int, some: tuple[int, int]) -> None:
             for k in range(*some):
                 whole[k] = beams.place_ends(
-                    sweep.origins,
-                    sensors,
-                    groups,
-                    directions,
-                    sweep.ranges_mm,
-                    sweep.limits_mm,
-                    sweep.resolution,
+                    sweep_beams,
                     (each * k, each * (k + 1)),
-                    ends[k],
-                    listed[k],
-                    boxes[k],
-                    counts[k],
+                    beams.EndLists(ends[k], listed[k], boxes[k], counts[k]),
                     np.empty((4, beams.CHUNK), np.int64),
                     np.empty(beams.CHUNK, np.int64),
                 )
@@ -200,67 +198,56 @@ class SweepRasterizer:
         nx, ny, words = shape
         self._reserve(nx * ny, words)
         layer = FLOOR_LAYER - z
-        guarded = layer if guard and 0 <= layer < 64 * words else NO_GUARD
+        guarded = layer if guard and 0 <= layer < 64 * words else beam_targets.NO_LAYER
         corner = [(2 * cell << beams.SUBCELL_BITS) - 1 for cell in (x, y, z)]
         sensors = 2 * sweep.sensors - np.array(corner)
         (x0, y0, z0), (x1, y1, z1) = endpoints.box
         within = x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z
+        window = beam_targets.Window(shape, within, guarded)
         most = [sum(end - begin for begin, end in parts) for parts in endpoints.parts]
         edges = [0, *itertools.accumulate(most)]  # of the targets of each stripe
         parts = np.array(endpoints.parts)  # (stripes, p, 2)
-        if len(self._bits) < edges[-1]:  # new memory would be cleared anew by the system
-            self._targets = np.empty((edges[-1], 5), np.int32)
-            self._bits = np.empty(edges[-1], np.uint64)
-            self._columns, self._ranks, self._order = np.empty((3, edges[-1]), np.int32)
-        targets, bits, order = self._targets, self._bits, self._order
+        if len(self._order) < edges[-1]:  # new memory would be cleared anew by the system
+            self._targets = _new_targets(edges[-1])
+            self._columns, self._order = np.empty((2, edges[-1]), np.int32)
+        targets, order = self._targets, self._order
         groups = np.empty((len(most), len(sensors) + 1), np.int64)
 
         def list_targets(_: int, stripes: tuple[int, int]) -> None:
             for k in range(*stripes):
                 own = slice(edges[k], edges[k + 1])
-                beams.list_targets(
+                beam_targets.list_targets(
                     endpoints.ends,
                     parts[k],
                     sensors,
-                    within,
-                    guarded,
-                    shape,
+                    window,
                     SPREAD,
-                    self._hits,
-                    self._aims,
-                    self._flags,
-                    self._columns[own],
-                    targets[own],
-                    bits[own],
-                    self._ranks[own],
+                    beam_targets.EndMasks(self._hits, self._aims, self._flags, self._columns[own]),
+                    beam_targets.Targets(targets.words[own], targets.bits[own], targets.ranks[own]),
                     groups[k],
                 )
 
         self._team.parallel_for(list_targets, len(most), 1, END_US * edges[-1] / len(most))
         count = int(groups[:, -1].sum())
-        wedges = np.empty((min(count, beams.WEDGES * len(sensors)), 3), np.int64)
-        starts, firsts = np.empty(beams.SECTORS + 1, np.int64), np.array(edges[:-1])
-        used = beams.order_targets(self._ranks, firsts, groups, starts, order, wedges)
+        wedges = np.empty((min(count, beam_targets.WEDGES * len(sensors)), 3), np.int64)
+        starts, firsts = np.empty(beam_targets.SECTORS + 1, np.int64), np.array(edges[:-1])
+        used = beam_targets.order_targets(targets.ranks, firsts, groups, starts, order, wedges)
         queue = new_queue()
 
         def work(worker: int) -> None:
             # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
-            steps = carving.MAX_STEPS + 1
-            carving.carve(
-                targets,
-                bits,
-                order,
-                wedges[:used],
-                queue,
-                sensors,
-                within,
-                guarded,
-                shape,
-                tuple(np.empty(steps, np.int64) for _ in range(5)),
-                np.empty(steps, np.uint64),
-                np.empty((carving.MAX_RUNS * words, 3), np.int64),
-                self._misses[worker],
+            steps = MAX_STEPS + 1
+            scratch = carve.CarveScratch(
+                fractions=np.empty(steps, np.int64),
+                columns=np.empty(steps, np.int64),
+                lower=np.empty(steps, np.int64),
+                upper=np.empty(steps, np.int64),
+                marked=np.empty(SLOPES, np.int64),
+                masks=np.empty(steps, np.uint64),
+                runs=np.empty((carve.MAX_RUNS * words, 3), np.int64),
             )
+            free = self._misses[worker]
+            carve.carve(targets, order, wedges[:used], queue, sensors, window, scratch, free)
 
         self._team.run_all(work, TARGET_US * count)
         return self._collect(endpoints.frame)
@@ -323,6 +310,13 @@ class SweepRasterizer:
             hits=self._hits,
             misses=self._misses[0],
         )
+
+
+def _new_targets(count: int) -> beam_targets.Targets:
+    """Return memory for targets."""
+    return beam_targets.Targets(
+        np.empty((count, 5), np.int32), np.empty(count, np.uint64), np.empty(count, np.int32)
+    )
 
 
 def brick_of(cells: NDArray[np.int64]) -> NDArray[np.int64]:

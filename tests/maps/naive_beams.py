@@ -1,0 +1,49 @@
+"""Beams straight from their definition in `maps.kernels.beams`: slow walks, cell by cell."""
+
+from fractions import Fraction
+
+import numpy as np
+
+HALVES = 1024
+WHOLE = 2**40
+
+
+def from_middle(sensor, end):
+    """The vector from the middle of the end cell to the sensor, in 1/1024 of a cell."""
+    return [q - (HALVES * c + HALVES // 2) for q, c in zip(sensor, end, strict=True)]
+
+
+def naive_cells(sensor, end, returned, guard):
+    """The cells that a beam crosses, from its end cell to the sensor (in 1/1024 of a cell)."""
+    cell = [q // HALVES for q in sensor]
+    way = from_middle(sensor, end)
+    faces = []
+    for axis in range(2):
+        half = 2**49 // abs(way[axis])
+        for k in range(abs(cell[axis] - end[axis])):
+            faces.append(((2 * k + 1) * half, axis))
+    x, y, z = end
+    crossed = set()
+    for fraction, axis in [*sorted(faces), (None, None)]:
+        leave = cell[2]
+        if fraction is not None:
+            middle = HALVES * end[2] + HALVES // 2
+            leave = int((middle + Fraction(fraction, WHOLE) * way[2]) // HALVES)
+        crossed |= {(x, y, height) for height in range(min(z, leave), max(z, leave) + 1)}
+        z = leave
+        x += (axis == 0) * (1 if way[0] > 0 else -1)
+        y += (axis == 1) * (1 if way[1] > 0 else -1)
+    if guard and returned and end[2] == 0 and cell[2] > 0:
+        crossed = {c for c in crossed if c[2] != 0}
+    return crossed
+
+
+def random_sweep(rng, count, reach_mm):
+    directions = rng.normal(size=(count, 3))
+    directions[::7] = np.eye(3)[rng.integers(0, 3, len(directions[::7]))]
+    directions[3::7] = rng.choice([-1.0, 1.0], (len(directions[3::7]), 3)) * [1.0, 1.0, 0.0]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    ranges_mm = rng.integers(1, reach_mm, count).astype(np.uint16)
+    ranges_mm[::5] = 65535
+    ranges_mm[::11] = 0
+    return directions, ranges_mm
