@@ -12,12 +12,10 @@ import operator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.poses import Trail
 from wayproof.models.random_streams import stream
-
-Array = NDArray[np.float64]
 
 QUANTUM = 1e-6
 """Errors are told in whole micrometres and microradians."""

@@ -9,14 +9,12 @@ import numpy as np
 
 from wayproof.models.classes import CLASSES
 from wayproof.models.robots import Controller, Robot
+from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import Caster, make_caster
 from wayproof.models.sensors.devices import DEVICES, OWN, Device, Mount, Rangefinder, SensorConfig
 from wayproof.models.worlds import World
 
 FLOOR = CLASSES.index("floor")
-
-PREFIX = "robot_"
-"""Before every name of the robot, so that a world may use any name itself."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ def compose(
     """
     spec = mujoco.MjSpec.from_string(world.mjcf())
     robot_spec = mujoco.MjSpec.from_string(robot.mjcf())
-    spec.attach(robot_spec, prefix=PREFIX, frame=spec.worldbody.add_frame())
+    spec.attach(robot_spec, prefix=ROBOT_PREFIX, frame=spec.worldbody.add_frame())
     spec.compile()
     return bind(spec.to_xml(), robot, sensors, threads)
 
@@ -67,13 +65,13 @@ def bind(mjcf: str, robot: Robot, sensors: SensorConfig | None = None, threads: 
     """
     sensors = sensors or SensorConfig()
     model = mujoco.MjModel.from_xml_string(mjcf)
-    base = model.body(PREFIX + "base").id
+    base = model.body(ROBOT_PREFIX + "base").id
     return Scene(
         model=model,
         mjcf=mjcf,
-        controller=robot.controller(model, PREFIX),
+        controller=robot.controller(model, ROBOT_PREFIX),
         casters=tuple(
-            make_caster(model, mount, base, PREFIX, sensors, threads)
+            make_caster(model, mount, base, ROBOT_PREFIX, sensors, threads)
             for mount in equip(robot.spec.mounts, sensors)
         ),
         base=base,

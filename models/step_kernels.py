@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
-
-Array = NDArray[np.float64]
+from wayproof.models.arrays import Array
 
 BANDWIDTH = 10.0
 """Of the filter between estimate and controller, rad/s: half that of the quadrotor's reference.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.classes import CLASSES
-from wayproof.models.scene import PREFIX
+from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.worlds.traffic import AWAY
 
@@ -45,7 +45,7 @@ class TrueSpace:
         self._floor = np.flatnonzero(floor & ~robot)
         self._obstacles = np.flatnonzero(solid & ~robot & ~floor)
         self._moves = model.body_mocapid[model.geom_bodyid] >= 0
-        base = int(model.body(PREFIX + "base").jntadr[0])
+        base = int(model.body(ROBOT_PREFIX + "base").jntadr[0])
         self._base = int(model.jnt_qposadr[base])
         self._fromto = np.zeros(6)
         mujoco.mj_kinematics(model, self._data)

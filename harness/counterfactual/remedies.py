@@ -28,7 +28,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.models.odometry import OdometryConfig
 from wayproof.models.robots import Controller, Setpoint
-from wayproof.models.scene import PREFIX
+from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import make_caster
 from wayproof.models.sensors.devices import Mount, RangeNoise
 from wayproof.models.worlds.traffic import MoverState, Traffic
@@ -101,7 +101,9 @@ def true_ranges(log: Log, case: Case) -> Change:
     def exact(scenario: Scenario) -> Scenario:
         scene, sensors = scenario.scene, scenario.config.sensors
         casters = tuple(
-            make_caster(scene.model, _exact(one.mount), scene.base, PREFIX, sensors, config.threads)
+            make_caster(
+                scene.model, _exact(one.mount), scene.base, ROBOT_PREFIX, sensors, config.threads
+            )
             for one in scene.casters
         )
         return replace(scenario, scene=replace(scene, casters=casters))

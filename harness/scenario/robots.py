@@ -18,7 +18,7 @@ from wayproof.models.robots.custom import (
     parse_spec,
     read_robot,
 )
-from wayproof.models.scene import PREFIX
+from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.world_files.reading import read_text
 
 EXAMPLES = Path(custom.__file__).parent / "examples"
@@ -95,7 +95,7 @@ def find_logged_robot(config: Config, scene: str) -> Robot:
     if HASHED not in config.robot or not config.robot_file:
         raise unknown_name("robot", config.robot, ROBOTS)
     try:
-        return logged_robot(config.robot_file, scene, PREFIX)
+        return logged_robot(config.robot_file, scene, ROBOT_PREFIX)
     except (ValueError, KeyError) as error:
         line = " ".join(str(error).split())[:200]
         raise InputError(f"robot '{config.robot}': {line}") from None

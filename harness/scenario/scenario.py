@@ -16,7 +16,8 @@ from wayproof.harness.scenario.worlds import find_world, perturbed, told_world
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.checks import check
 from wayproof.models.robots import ROBOTS, Robot, RobotSpec
-from wayproof.models.scene import PREFIX, Scene, bind, compose, device_name, resolve
+from wayproof.models.robots.robot import ROBOT_PREFIX
+from wayproof.models.scene import Scene, bind, compose, device_name, resolve
 from wayproof.models.sensors.caster import Caster
 from wayproof.models.sensors.devices import DepthCamera, Device, Rangefinder
 from wayproof.models.worlds import World, shortest_path_length
@@ -137,7 +138,7 @@ def _inspect(scene: Scene, world: World, config: Config) -> tuple[str, ...]:
     scene.controller.reset(data, np.array(config.start), world.start_heading)
     mujoco.mj_kinematics(scene.model, data)
     mounts = [caster.mount for caster in scene.casters]
-    findings = check(scene.model, data, mounts, scene.base, config.sensors.engine, PREFIX)
+    findings = check(scene.model, data, mounts, scene.base, config.sensors.engine, ROBOT_PREFIX)
     errors = [finding.text for finding in findings if finding.severity == "error"]
     if errors:
         raise InputError(f"world '{config.world}' with robot '{config.robot}': {errors[0]}")

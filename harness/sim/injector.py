@@ -14,7 +14,8 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.classes import UNKNOWN_CLASS
 from wayproof.models.odometry import PoseError
 from wayproof.models.poses import Trail
-from wayproof.models.scene import PREFIX, Scene
+from wayproof.models.robots.robot import ROBOT_PREFIX
+from wayproof.models.scene import Scene
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 from wayproof.models.sensors.caster import Caster
 
@@ -66,7 +67,7 @@ class PerturbationInjector:
             return self._measured(caster, data, trail, sequence)
         if self._displacement is not None:
             # Until the next kinematics; nothing else in the episode reads a sensor's site.
-            site = self._model.site(PREFIX + caster.mount.site).id
+            site = self._model.site(ROBOT_PREFIX + caster.mount.site).id
             self._displacement.move_site(data.site_xpos[site], data.site_xmat[site])
             trail = self._displacement.move_trail(trail, *caster.mounting)
         ranges, classes = self._measured(caster, data, trail, sequence)

@@ -5,7 +5,6 @@ it cannot know: neighbouring beams meet the same few geoms. Here beams are group
 geoms are ruled out for a tile at a time, and the rest is a loop over beams that vectorises. Beams
 form a grid or lie scattered, and leave from one pose or, of a rolling sweep, each from its own.
 What is made of triangles follows in a second pass, down a tree that eight beams walk together.
-Rays that share nothing have a caster of their own.
 """
 
 import mujoco
@@ -13,11 +12,10 @@ import numpy as np
 
 from wayproof.models.rays.caster import TileCaster
 from wayproof.models.rays.kernels import Pattern
-from wayproof.models.rays.ray_caster import RayCaster
 from wayproof.models.rays.tiles import cut_grid, cut_scattered
 from wayproof.models.sensors.beams import rotate
 
-__all__ = ["Pattern", "RayCaster", "TileCaster", "cut_grid", "cut_scattered", "warm_up"]
+__all__ = ["Pattern", "TileCaster", "cut_grid", "cut_scattered", "warm_up"]
 
 
 def warm_up() -> None:
@@ -34,4 +32,3 @@ def warm_up() -> None:
     caster = TileCaster(model, groups, range=2.0)
     for poses in (1, 2):
         caster.cast(data, pattern, np.repeat(above, poses, axis=0), np.eye(3))
-    RayCaster(model, groups, range=2.0).cast(data, above, down)

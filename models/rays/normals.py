@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.rays.surfaces import SHAPES, Surfaces
-
-Array = NDArray[np.float64]
 
 
 def surface_normals(

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
+from wayproof.models.arrays import Array
 from wayproof.models.rays.tree import DEEPEST
-
-Array = NDArray[np.float64]
 
 WIDTH = 8
 """Rays of a packet: a row of a tile, and one 512-bit register of doubles."""

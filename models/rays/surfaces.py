@@ -6,13 +6,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.rays import surface_kernels
 from wayproof.models.rays.geometry import PRIMITIVES, shape_name, visible
 from wayproof.models.rays.kernels import Pattern
 from wayproof.models.rays.surface_kernels import Placed, Soup
 from wayproof.models.rays.tree import Tree, build_tree
-
-Array = NDArray[np.float64]
 
 MESH, HEIGHT_FIELD = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 SHAPES = (MESH, HEIGHT_FIELD)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
-
-Array = NDArray[np.float64]
+from wayproof.models.arrays import Array
 
 MARGIN = 1e-9
 """Boxes are wider than what they bound by this, m, so that rounding never rules out a hit."""

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from wayproof.models.sensors.devices import Mount
 
+ROBOT_PREFIX = "robot_"
+"""Prefix of every name of the robot in a scene."""
+
 
 class Setpoint:
     """Where the body should be now, as sampled from a trajectory.

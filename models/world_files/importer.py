@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.heights import read_heights
 from wayproof.models.world_files.meshes import read_mesh
 from wayproof.models.world_files.mjcf_scenes import read_mjcf
 from wayproof.models.world_files.occupancy_maps import read_occupancy_map
 from wayproof.models.world_files.octomaps import read_octomap
 from wayproof.models.world_files.options import Ends, Found, ImportOptions
-from wayproof.models.world_files.parts import Vector3, bounds_of
+from wayproof.models.world_files.parts import bounds_of
 from wayproof.models.world_files.reading import WorldFileError, check_file
 from wayproof.models.world_files.sdf import read_sdf
 from wayproof.models.world_files.solids import solid_of

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from wayproof.models.world_files.parts import Part, Vector3
+from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.parts import Part
 
 UnknownCells = Literal["occupied", "free"]
 

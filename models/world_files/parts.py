@@ -9,9 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wayproof.models.arrays import Vector3
+
 Shape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "mesh", "heights"]
 
-Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 SIZES: dict[str, int] = {

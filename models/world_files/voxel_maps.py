@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import Part, Vector3, moved, turned_by, vector
+from wayproof.models.world_files.parts import Part, moved, turned_by, vector
 from wayproof.models.world_files.reading import MOST_CELLS, MOST_SOLIDS, WorldFileError, read_text
 
 LONGEST_HEAD = 200

@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
@@ -16,7 +17,7 @@ from wayproof.models.worlds.layout import (
     slabs_around,
     with_groups,
 )
-from wayproof.models.worlds.solids import Box, Capsule, Cylinder, TriangleMesh, Vector3
+from wayproof.models.worlds.solids import Box, Capsule, Cylinder, TriangleMesh
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -12,7 +13,7 @@ from wayproof.models.worlds.layout import (
     room_walls,
     with_crates,
 )
-from wayproof.models.worlds.solids import Box, Vector3
+from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 

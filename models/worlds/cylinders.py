@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
-from wayproof.models.worlds.solids import Cylinder, Vector3
+from wayproof.models.worlds.solids import Cylinder
 from wayproof.models.worlds.solvability import first_solvable, passage_radius
 from wayproof.models.worlds.world import World
 

@@ -7,6 +7,7 @@ from math import cos, pi, sin
 
 import numpy as np
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
@@ -14,7 +15,7 @@ from wayproof.models.worlds.layout import (
     room_walls,
     with_groups,
 )
-from wayproof.models.worlds.solids import Capsule, Cylinder, Sphere, Vector3
+from wayproof.models.worlds.solids import Capsule, Cylinder, Sphere
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.layout import heading_towards, room_walls
 from wayproof.models.worlds.movers import Mover
-from wayproof.models.worlds.solids import Box, Vector3
+from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 

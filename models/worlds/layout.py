@@ -10,7 +10,8 @@ from math import atan2, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.worlds.solids import Box, Capsule, Cylinder, Solid, Vector3
+from wayproof.models.arrays import Vector3
+from wayproof.models.worlds.solids import Box, Capsule, Cylinder, Solid
 from wayproof.models.worlds.solvability import (
     GROUND_BAND,
     REFERENCE_RADIUS,

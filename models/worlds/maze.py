@@ -7,8 +7,9 @@ from itertools import groupby
 
 import numpy as np
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
-from wayproof.models.worlds.solids import Box, Vector3
+from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 

@@ -8,7 +8,8 @@ from functools import cached_property
 from math import atan2, hypot, inf
 from typing import NamedTuple
 
-from wayproof.models.worlds.solids import Solid, Vector3
+from wayproof.models.arrays import Vector3
+from wayproof.models.worlds.solids import Solid
 
 STANDS_OFF = 0.8
 """How near people let a robot come that is in their way before they stop, m; assumed."""

@@ -8,6 +8,7 @@ from math import cos, pi, sin
 
 import numpy as np
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     WALL_HEIGHT,
@@ -17,7 +18,7 @@ from wayproof.models.worlds.layout import (
     room_walls,
     with_groups,
 )
-from wayproof.models.worlds.solids import Box, Cylinder, Vector3
+from wayproof.models.worlds.solids import Box, Cylinder
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 

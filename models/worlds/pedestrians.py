@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.movers import STANDS_OFF, Mover
-from wayproof.models.worlds.solids import Box, Capsule, Solid, Vector3
+from wayproof.models.worlds.solids import Box, Capsule, Solid
 from wayproof.models.worlds.solvability import (
     GROUND_BAND,
     RESOLUTION,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -15,7 +16,7 @@ from wayproof.models.worlds.layout import (
     with_crates,
 )
 from wayproof.models.worlds.shelves import AISLE, shelf_rows
-from wayproof.models.worlds.solids import Box, Vector3
+from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 

@@ -9,9 +9,10 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.materials import class_of
 from wayproof.models.worlds.movers import Mover
-from wayproof.models.worlds.solids import FRICTION, Box, Solid, Vector3
+from wayproof.models.worlds.solids import FRICTION, Box, Solid
 from wayproof.models.worlds.solids.solid import numbers
 
 _SCENE = """\

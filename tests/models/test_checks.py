@@ -8,7 +8,8 @@ import pytest
 
 from wayproof.models.checks import Finding, check
 from wayproof.models.robots import ROBOTS
-from wayproof.models.scene import PREFIX, compose
+from wayproof.models.robots.robot import ROBOT_PREFIX
+from wayproof.models.scene import compose
 from wayproof.models.sensors.beams import directions
 from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.sensors.devices import DEVICES, DepthCamera, Mount, SpinningLidar, evenly
@@ -61,7 +62,7 @@ def test_our_robots_are_sound_with_any_device(name, device):
     scene.controller.reset(data, start, world.start_heading)
     mujoco.mj_kinematics(scene.model, data)
     mounts = [Mount("lidar", "lidar", DEVICES[device])]
-    assert check(scene.model, data, mounts, scene.base, "mujoco", PREFIX) == []
+    assert check(scene.model, data, mounts, scene.base, "mujoco", ROBOT_PREFIX) == []
 
 
 @pytest.mark.parametrize(

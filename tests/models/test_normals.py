@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.rays.ray_caster import RayCaster
+from wayproof.models.rays import TileCaster, cut_scattered
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
 HEAD = """
@@ -35,6 +35,12 @@ def posed(geom):
     return model, data
 
 
+def cast(model, data, origins, directions):
+    """Distances, geom ids and normals of world rays, each from an origin of its own."""
+    pattern = cut_scattered(directions, np.arange(len(origins), dtype=np.int32))
+    return TileCaster(model, ALL, 20.0).cast_with_normals(data, pattern, origins, np.eye(3))
+
+
 @pytest.mark.parametrize("reach", [0.1, 3.0])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_normals_as_mujoco_reports_them(shape, reach):
@@ -44,7 +50,7 @@ def test_normals_as_mujoco_reports_them(shape, reach):
     origins = data.geom_xpos + reach * rng.normal(size=(600, 3))
     directions = data.geom_xpos - origins + 0.4 * rng.normal(size=(600, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    _, ids, normals = RayCaster(model, ALL, 20.0).cast_with_normals(data, origins, directions)
+    _, ids, normals = cast(model, data, origins, directions)
     expected = np.empty(3)
     for ray in range(600):
         mujoco.mj_ray(
@@ -74,7 +80,7 @@ def test_normals_as_mujoco_reports_them(shape, reach):
 def test_normals_by_hand(geom, origin, direction, expected):
     model, data = posed(f"<geom {geom}/>")
     rays = np.array([origin], float), np.array([direction], float)
-    normals = RayCaster(model, ALL, 20.0).cast_with_normals(data, *rays)[2]
+    normals = cast(model, data, *rays)[2]
     np.testing.assert_allclose(normals[0], expected, rtol=0.0, atol=1e-12)
 
 
@@ -89,6 +95,6 @@ def test_a_slope_by_hand():
     mujoco.mj_kinematics(model, data)
     origins = np.array([[0.3, 0.1, 3.0], [3.0, 0.1, 0.4], [0.1, -3.0, -0.2]])
     directions = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    normals = RayCaster(model, ALL, 20.0).cast_with_normals(data, origins, directions)[2]
+    normals = cast(model, data, origins, directions)[2]
     slope = np.array([-1.0, 0.0, 2.0]) / np.sqrt(5.0)
     np.testing.assert_allclose(normals, [slope, [1, 0, 0], [0, -1, 0]], rtol=0.0, atol=1e-12)

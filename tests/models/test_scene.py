@@ -9,7 +9,8 @@ import pytest
 from tests.models.watching import watch
 from wayproof.models.poses import Trail
 from wayproof.models.robots import ROBOTS, Setpoint
-from wayproof.models.scene import PREFIX, compose, equip, resolve
+from wayproof.models.robots.robot import ROBOT_PREFIX
+from wayproof.models.scene import compose, equip, resolve
 from wayproof.models.sensors.beams import NO_RETURN, directions, moments
 from wayproof.models.sensors.caster import ROBOT_GROUP, SweepCaster
 from wayproof.models.sensors.devices import DEVICES, Mount, SensorConfig
@@ -83,7 +84,7 @@ def test_a_rolling_shutter_sees_from_where_the_sensor_was(placed, engine):
     device = dataclasses.replace(DEVICES["ideal-lidar-floor"], azimuths=40, moments=40)
     mount = Mount("lidar", "lidar", device)
     config = SensorConfig(engine=engine)
-    caster = SweepCaster(scene.model, mount, scene.base, PREFIX, config)
+    caster = SweepCaster(scene.model, mount, scene.base, ROBOT_PREFIX, config)
     trail = rolling_trail(scene, data)
     ranges = caster.cast(data, trail, 0, 0)
     position, R_base_sensor = caster.mounting

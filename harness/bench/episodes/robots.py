@@ -17,15 +17,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wayproof.harness.bench.jobs import run_jobs
-from wayproof.models.robots.estimate import EstimateNoise
+from wayproof.harness.bench.trials import quadrotor as flights
+from wayproof.harness.bench.trials import quadruped as walks
+from wayproof.harness.bench.trials.estimate import EstimateNoise
+from wayproof.harness.bench.trials.quadruped_sim import TIMESTEP, Conditions, TrialSim
 from wayproof.models.robots.quadrotor import Quadrotor
-from wayproof.models.robots.quadrotor import trials as flights
 from wayproof.models.robots.quadrotor import warm_up as warm_up_quadrotor
 from wayproof.models.robots.quadrotor.parameters import Parameters, Smoothing
 from wayproof.models.robots.quadruped import Quadruped
-from wayproof.models.robots.quadruped import trials as walks
 from wayproof.models.robots.quadruped import warm_up as warm_up_quadruped
-from wayproof.models.robots.quadruped.trial_sim import TIMESTEP, Plant, Ride
 
 NOISE = EstimateNoise()
 GUSTS = 6.0  # m/s, mean
@@ -194,10 +194,10 @@ def _timed(work: Callable[[], None]) -> float:
 
 def _walk_for_speed() -> None:
     rng = np.random.default_rng(0)
-    ride = Ride(Quadruped(), Plant(), None, SPEED_TIME, rng)
+    sim = TrialSim(Quadruped(), Conditions(), None, SPEED_TIME, rng)
     command = np.array([0.8, 0.1, 0.3])
-    while ride.tick * TIMESTEP < SPEED_TIME:
-        ride.walk(command)
+    while sim.tick * TIMESTEP < SPEED_TIME:
+        sim.walk(command)
 
 
 def _fly_for_speed() -> None:
@@ -216,13 +216,13 @@ def _commands(
 ) -> Run:
     """Random commands; friction and the payload's place on the back are drawn."""
     place = rng.uniform([-0.05, -0.03, 0.12], [0.05, 0.03, 0.14])
-    plant = Plant(rng.uniform(*friction), payload, tuple(place.tolist()), delay)
-    result = walks.follow_commands(Quadruped(), plant, noise, rng, speeds=speeds, kick=kick)
+    conditions = Conditions(rng.uniform(*friction), payload, tuple(place.tolist()), delay)
+    result = walks.follow_commands(Quadruped(), conditions, noise, rng, speeds=speeds, kick=kick)
     return Run(result.fallen, errors=result.errors)
 
 
 def _terrain(rng: np.random.Generator, name: str) -> Run:
-    result = walks.cross_terrain(Quadruped(), Plant(), NOISE, rng, name)
+    result = walks.cross_terrain(Quadruped(), Conditions(), NOISE, rng, name)
     return Run(result.fallen, result.arrived)
 
 

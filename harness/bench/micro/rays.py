@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.bench.micro.ray_peers import Cast, Hits, installed_peers
+from wayproof.harness.bench.raycast.caster import RayCaster
+from wayproof.harness.bench.raycast.scenes import clutter, field_terrain, mesh_terrain
 from wayproof.models import rays
-from wayproof.models.rays import RayCaster, TileCaster, cut_grid
-from wayproof.models.rays.scenes import clutter, field_terrain, mesh_terrain
+from wayproof.models.rays import TileCaster, cut_grid
 from wayproof.models.sensors.beams import beam_directions, rotate
 
 ORIGIN = np.array([0.0, 0.0, 1.0])  # m, in the clearing of the clutter

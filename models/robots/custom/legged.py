@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.robots.custom.legged_parameters import legged_parameters
 from wayproof.models.robots.custom.source import RobotSpecError, Source, find
 from wayproof.models.robots.custom.spec_file import SpecFile
@@ -32,7 +32,6 @@ from wayproof.models.robots.custom.writing import (
 from wayproof.models.robots.quadruped.model import FOOT_CONTACT, TOUCH_MARGIN
 from wayproof.models.robots.quadruped.parameters import JOINTS, LEGS, standing_joints
 
-Array = NDArray[np.float64]
 Objects = mujoco.mjtObj
 
 ASKEW = 0.01

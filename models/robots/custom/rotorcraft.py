@@ -10,8 +10,8 @@ from math import hypot
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.robots.custom.source import RobotSpecError, Source, find
 from wayproof.models.robots.custom.spec_file import SpecFile
 from wayproof.models.robots.custom.writing import (
@@ -28,8 +28,6 @@ from wayproof.models.robots.custom.writing import (
 )
 from wayproof.models.robots.quadrotor.model import DISC, ROTORS, rotor_motor
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Parameters
-
-Array = NDArray[np.float64]
 
 UNEQUAL = 0.05
 """Rotors may be off a rectangle about the centre of mass by this share of their distance."""

@@ -9,13 +9,11 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.world_files.mjcf_files import check_scene
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 from wayproof.models.world_files.reading import WorldFileError
-
-Array = NDArray[np.float64]
 
 
 class RobotSpecError(ValueError):

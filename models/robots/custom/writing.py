@@ -6,14 +6,13 @@ from collections.abc import Iterable, Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.robots.custom.source import RobotSpecError, Source
 from wayproof.models.robots.custom.spec_file import SpecFile
 from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.sensors.devices import Rangefinder
 
-Array = NDArray[np.float64]
 Geoms = mujoco.mjtGeom
 
 SHAPES = {

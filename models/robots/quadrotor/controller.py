@@ -6,15 +6,13 @@ from math import cos, sin
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadrotor.kernels import air_drag, fly, rotation_matrix
 from wayproof.models.robots.quadrotor.model import ROTORS
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Parameters
 from wayproof.models.robots.robot import Setpoint
-
-Array = NDArray[np.float64]
 
 
 class QuadrotorController:

@@ -11,12 +11,10 @@ from math import cos, floor, isfinite, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
+from wayproof.models.arrays import Array
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing
-
-Array = NDArray[np.float64]
 
 ROTOR_X = (-1.0, -1.0, 1.0, 1.0)
 ROTOR_Y = (-1.0, 1.0, 1.0, -1.0)

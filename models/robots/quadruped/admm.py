@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
+from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Prediction
 
-Array = NDArray[np.float64]
 Slots = NDArray[np.int64]
 
 

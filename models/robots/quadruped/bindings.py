@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import JOINTS, LEGS
-
-Array = NDArray[np.float64]
 
 
 class Wiring(NamedTuple):

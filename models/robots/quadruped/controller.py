@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.arrays import Array
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped.admm import solve_forces
 from wayproof.models.robots.quadruped.bindings import views_of, wire
@@ -20,8 +21,6 @@ from wayproof.models.robots.quadruped.rigid_body import composite_rigid_body
 from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from wayproof.models.robots.quadruped.torque import joint_torques
 from wayproof.models.robots.robot import Setpoint
-
-Array = NDArray[np.float64]
 
 INERTIA_PERIOD = 0.01
 """Time between reads of the legs' inertia, which changes with the joint angles only, s."""

@@ -12,12 +12,10 @@ from math import atan2, cos, floor, hypot, isfinite, pi, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
+from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Tracking
-
-Array = NDArray[np.float64]
 
 
 @kernel

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
+from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Prediction
-
-Array = NDArray[np.float64]
 
 
 @kernel

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
+from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Actuators, Gait, Legs
-
-Array = NDArray[np.float64]
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from wayproof.models.worlds.solids.box import Box
 from wayproof.models.worlds.solids.round import Capsule, Cylinder, Sphere
-from wayproof.models.worlds.solids.solid import FRICTION, Band, Solid, Vector3
+from wayproof.models.worlds.solids.solid import FRICTION, Band, Solid
 from wayproof.models.worlds.solids.surfaces import HeightField, TriangleMesh
 
 __all__ = [
@@ -15,5 +15,4 @@ __all__ = [
     "Solid",
     "Sphere",
     "TriangleMesh",
-    "Vector3",
 ]

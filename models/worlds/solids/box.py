@@ -9,7 +9,8 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.models.worlds.solids.solid import Band, Bounded, Vector3, numbers, write_geom
+from wayproof.models.arrays import Vector3
+from wayproof.models.worlds.solids.solid import Band, Bounded, numbers, write_geom
 from wayproof.models.worlds.solids.triangles import BOX_FACES, distance_to_triangles
 
 

@@ -9,10 +9,10 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.solids.solid import (
     Band,
     Bounded,
-    Vector3,
     least_and_greatest,
     numbers,
     write_geom,

@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.materials import class_of, colour_of
 
-Vector3 = tuple[float, float, float]
 Band = tuple[float, float]
 
 FRICTION = 0.8

@@ -9,7 +9,7 @@ import mujoco
 from wayproof.harness.bench.attribution.breaks.broken import Broken, Edit, Kind, Rng
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
-from wayproof.models.scene import PREFIX
+from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
 
@@ -51,8 +51,8 @@ def _loaded(
     """Adds a load to the robot's base: size and place in its frame, m."""
 
     def load(spec: mujoco.MjSpec) -> None:
-        spec.body(PREFIX + "base").add_geom(
-            name=PREFIX + "load", type=shape, size=size, pos=place, mass=kilograms,
+        spec.body(ROBOT_PREFIX + "base").add_geom(
+            name=ROBOT_PREFIX + "load", type=shape, size=size, pos=place, mass=kilograms,
             contype=int(touches), conaffinity=int(touches), group=ROBOT_GROUP,
         )  # fmt: skip
 

@@ -15,7 +15,7 @@ from wayproof.harness.bench.attribution.breaks.broken import (
 )
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
-from wayproof.models.scene import PREFIX
+from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.worlds import Capsule
 
 CLEAR = [0.8, 0.9, 1.0, 0.0]
@@ -36,7 +36,7 @@ def _glass(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
     def vanish(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:
-            of_robot = geom.name.startswith(PREFIX) or geom.group == 3
+            of_robot = geom.name.startswith(ROBOT_PREFIX) or geom.group == 3
             floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE or geom.name.startswith("floor")
             if not of_robot and not floor and not geom.name.startswith("wall"):
                 geom.rgba = CLEAR

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from wayproof.harness.bench.micro.ray_peers import FAR, triangles
-from wayproof.models.rays.scenes import field_terrain
+from wayproof.harness.bench.raycast.scenes import field_terrain
 
 VOLUMES = {
     "sphere": ("0.5", 4 / 3 * math.pi * 0.5**3),

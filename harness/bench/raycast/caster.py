@@ -6,13 +6,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.bench.raycast.kernels import cast_rays
+from wayproof.models.arrays import Array
 from wayproof.models.rays.geometry import PRIMITIVES, visible
-from wayproof.models.rays.kernels import PLANE, SPHERE, cast_rays
+from wayproof.models.rays.kernels import PLANE, SPHERE
 from wayproof.models.rays.normals import surface_normals
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tree import build_tree
-
-Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-9
 """By how much a direction's length may differ from 1."""

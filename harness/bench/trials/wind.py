@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from wayproof.models.arrays import Array
 
 FOOT = 0.3048
 LOWEST = 10.0 * FOOT

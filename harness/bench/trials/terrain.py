@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-Vector3 = tuple[float, float, float]
+from wayproof.models.arrays import Vector3
 
 FIRST = 0.7
 """Nothing lies nearer than this to the origin, m."""

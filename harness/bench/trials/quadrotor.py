@@ -10,19 +10,17 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 import ruckig
-from numpy.typing import NDArray
 
-from wayproof.models.robots.estimate import Estimate, EstimateNoise
+from wayproof.harness.bench.trials.estimate import Estimate, EstimateNoise
+from wayproof.harness.bench.trials.wind import dryden_gusts
+from wayproof.models.arrays import Array
 from wayproof.models.robots.quadrotor.parameters import AIR_DENSITY, Airframe
 from wayproof.models.robots.quadrotor.robot import Quadrotor
-from wayproof.models.robots.robot import Setpoint
-from wayproof.models.robots.wind import dryden_gusts
+from wayproof.models.robots.robot import ROBOT_PREFIX, Setpoint
 
-Array = NDArray[np.float64]
 Course = Callable[[float], tuple[float, float, float, float]]
 """From time, s, to x, y, z, m, and heading, rad."""
 
-PREFIX = "robot_"
 TIMESTEP = 0.002
 CHECK_EVERY = 5
 """Ticks between two looks at whether it has crashed."""
@@ -104,7 +102,7 @@ def fly(
     ticks = round(seconds / TIMESTEP)
     model = _compile(robot)
     data = mujoco.MjData(model)
-    controller = robot.controller(model, PREFIX)
+    controller = robot.controller(model, ROBOT_PREFIX)
     wind = dryden_gusts(rng, ticks, TIMESTEP, wind_speed)
     estimate = None if noise is None else Estimate(model, noise, ticks, rng)
     x, y, z, heading = course(0.0)
@@ -143,7 +141,7 @@ _NO_VELOCITY = 0.0, 0.0, 0.0
 def _compile(robot: Quadrotor) -> mujoco.MjModel:
     world = mujoco.MjSpec.from_string(_SCENE)
     body = mujoco.MjSpec.from_string(robot.mjcf())
-    world.attach(body, prefix=PREFIX, frame=world.worldbody.add_frame())
+    world.attach(body, prefix=ROBOT_PREFIX, frame=world.worldbody.add_frame())
     return world.compile()
 
 

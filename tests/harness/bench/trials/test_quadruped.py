@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wayproof.models.robots.estimate import Error, Estimate, EstimateNoise
+from wayproof.harness.bench.trials import quadruped as walks
+from wayproof.harness.bench.trials.estimate import Error, Estimate, EstimateNoise
+from wayproof.harness.bench.trials.quadruped_sim import TIMESTEP, Conditions, TrialSim
+from wayproof.harness.bench.trials.terrain import COURSE_END, FIRST, TERRAINS, Block
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped import Quadruped, warm_up
-from wayproof.models.robots.quadruped import trials as walks
 from wayproof.models.robots.quadruped.gait import advance
 from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Prediction
 from wayproof.models.robots.quadruped.reference import look_ahead
 from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from wayproof.models.robots.quadruped.torque import limit_torque
-from wayproof.models.robots.quadruped.trial_sim import TIMESTEP, Plant, Ride
-from wayproof.models.robots.terrain import COURSE_END, FIRST, TERRAINS, Block
 
 ROBOT = Quadruped()
 NOISE = EstimateNoise()
@@ -34,30 +34,30 @@ def rng(number):
 
 
 def test_tracks_random_commands_with_a_noisy_estimate():
-    result = walks.follow_commands(ROBOT, Plant(), NOISE, rng(0), 10.0)
+    result = walks.follow_commands(ROBOT, Conditions(), NOISE, rng(0), 10.0)
     assert not result.fallen
     assert result.seconds == pytest.approx(10.0)
     assert (np.array(result.errors) < [0.07, 0.06, 0.03]).all()
 
 
 @pytest.mark.parametrize(
-    ("plant", "kick"),
+    ("conditions", "kick"),
     [
-        (Plant(friction=0.4), 0.0),
-        (Plant(payload=5.0), 0.0),
-        (Plant(delay=0.006), 0.0),
-        (Plant(), 1.0),
+        (Conditions(friction=0.4), 0.0),
+        (Conditions(payload=5.0), 0.0),
+        (Conditions(delay=0.006), 0.0),
+        (Conditions(), 1.0),
     ],
 )
-def test_stays_up_on_what_it_is_not_told(plant, kick):
-    result = walks.follow_commands(ROBOT, plant, NOISE, rng(1), SECONDS, kick=kick)
+def test_stays_up_on_what_it_is_not_told(conditions, kick):
+    result = walks.follow_commands(ROBOT, conditions, NOISE, rng(1), SECONDS, kick=kick)
     assert not result.fallen
     assert (np.array(result.errors) < 0.3).all()
 
 
 @pytest.mark.parametrize("terrain", ["planks", "stairs", "rubble", "ramps"])
 def test_crosses_terrain_blindly(terrain):
-    result = walks.cross_terrain(ROBOT, Plant(), NOISE, rng(2), terrain)
+    result = walks.cross_terrain(ROBOT, Conditions(), NOISE, rng(2), terrain)
     assert result.arrived
     assert not result.fallen
 
@@ -76,8 +76,8 @@ def test_stops_stands_and_follows_a_path():
 
 
 def test_no_limit_of_torque_speed_or_joint_is_exceeded_at_any_tick():
-    ride = Ride(ROBOT, Plant(), NOISE, 10.0, rng(6))
-    model, data, actuators = ride.model, ride.data, ROBOT.parameters.actuators
+    sim = TrialSim(ROBOT, Conditions(), NOISE, 10.0, rng(6))
+    model, data, actuators = sim.model, sim.data, ROBOT.parameters.actuators
     speed = np.tile(actuators.speed, 4)
     torque = np.tile(actuators.torque, 4)
     low, high = model.jnt_range[1:].T
@@ -86,60 +86,60 @@ def test_no_limit_of_torque_speed_or_joint_is_exceeded_at_any_tick():
         if tick % 1000 == 0:
             command = commands.uniform([0.5, -0.4, -1.0], [1.5, 0.4, 1.0])
         if tick == 2500:
-            ride.push(np.array([0.3, -0.8]))
-        ride.walk(command)
+            sim.push(np.array([0.3, -0.8]))
+        sim.walk(command)
         assert (np.abs(data.ctrl) <= torque).all()
         assert (np.abs(data.qvel[6:]) <= speed).all()
         assert (data.qpos[7:] >= low).all()
         assert (data.qpos[7:] <= high).all()
-        believed = ride._estimate.data  # the envelope holds at the speeds that it reads
+        believed = sim._estimate.data  # the envelope holds at the speeds that it reads
         if tick % 50 == 0:
             for joint in range(12):
                 got, turning = believed.ctrl[joint], believed.qvel[6 + joint]
                 assert limit_torque(actuators, joint % 3, got, turning) == got
-    assert not ride.fallen
+    assert not sim.fallen
 
 
 def test_friction_is_the_floors():
     for friction in (0.4, 0.9):
-        ride = Ride(ROBOT, Plant(friction=friction), None, 1.0, rng(8))
+        sim = TrialSim(ROBOT, Conditions(friction=friction), None, 1.0, rng(8))
         for _ in range(20):
-            ride.walk(np.zeros(3))
-        assert ride.data.ncon >= 4
-        sliding = {contact.friction[0] for contact in ride.data.contact}
+            sim.walk(np.zeros(3))
+        assert sim.data.ncon >= 4
+        sliding = {contact.friction[0] for contact in sim.data.contact}
         assert sliding == {friction}
 
 
 def test_a_payload_weighs_on_the_plant_but_not_in_the_controller():
-    light = Ride(ROBOT, Plant(), None, 1.0, rng(9))
-    heavy = Ride(ROBOT, Plant(payload=5.0), NOISE, 1.0, rng(9))
+    light = TrialSim(ROBOT, Conditions(), None, 1.0, rng(9))
+    heavy = TrialSim(ROBOT, Conditions(payload=5.0), NOISE, 1.0, rng(9))
     total = heavy.model.body_subtreemass[0] - light.model.body_subtreemass[0]
     assert total == pytest.approx(5.0)
     assert heavy.controller.body.mass == light.controller.body.mass
 
 
 def test_delay_postpones_torques_by_its_ticks():
-    ride = Ride(ROBOT, Plant(delay=0.006), None, 1.0, rng(9))
+    sim = TrialSim(ROBOT, Conditions(delay=0.006), None, 1.0, rng(9))
     for _ in range(3):
-        ride.walk(np.zeros(3))
-        assert not ride.data.ctrl.any()
-    ride.walk(np.zeros(3))
-    assert ride.data.ctrl.any()
+        sim.walk(np.zeros(3))
+        assert not sim.data.ctrl.any()
+    sim.walk(np.zeros(3))
+    assert sim.data.ctrl.any()
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1.2])
 def test_a_body_on_the_floor_has_fallen_at_any_tilt(tilt):
-    ride = Ride(ROBOT, Plant(), None, 1.0, rng(10))
+    sim = TrialSim(ROBOT, Conditions(), None, 1.0, rng(10))
     for _ in range(5):
-        ride.walk(np.zeros(3))
-    assert not ride.fallen
-    ride.data.qpos[2] = 0.057 if tilt == 0.0 else 1.0  # half as high as the trunk
-    ride.data.qpos[7:] = np.tile([0.0, 2.6, -1.6], 4)  # feet beside the back
-    ride.data.qpos[3:7] = math.cos(tilt / 2), math.sin(tilt / 2), 0.0, 0.0
-    mujoco.mj_forward(ride.model, ride.data)
+        sim.walk(np.zeros(3))
+    assert not sim.fallen
+    sim.data.qpos[2] = 0.057 if tilt == 0.0 else 1.0  # half as high as the trunk
+    sim.data.qpos[7:] = np.tile([0.0, 2.6, -1.6], 4)  # feet beside the back
+    sim.data.qpos[3:7] = math.cos(tilt / 2), math.sin(tilt / 2), 0.0, 0.0
+    mujoco.mj_forward(sim.model, sim.data)
     for _ in range(5):
-        ride.walk(np.zeros(3))
-    assert ride.fallen
+        sim.walk(np.zeros(3))
+    assert sim.fallen
 
 
 def test_errors_have_the_spread_and_memory_that_they_say():
@@ -150,24 +150,26 @@ def test_errors_have_the_spread_and_memory_that_they_say():
 
 
 def test_an_exact_estimate_is_the_truth():
-    ride = Ride(ROBOT, Plant(), None, 1.0, rng(12))
+    sim = TrialSim(ROBOT, Conditions(), None, 1.0, rng(12))
     for _ in range(100):
-        ride.walk(np.array([0.5, 0.1, 0.3]))
-    mujoco.mj_forward(ride.model, ride.data)
+        sim.walk(np.array([0.5, 0.1, 0.3]))
+    mujoco.mj_forward(sim.model, sim.data)
     exact = EstimateNoise(*[Error()] * 6)
-    estimate = Estimate(ride.model, exact, 3, rng(13))
-    estimate.update(ride.data, 0)
+    estimate = Estimate(sim.model, exact, 3, rng(13))
+    estimate.update(sim.data, 0)
     for name in ("qpos", "qvel", "qfrc_bias", "qfrc_passive", "sensordata"):
-        expected = getattr(ride.data, name)
+        expected = getattr(sim.data, name)
         np.testing.assert_allclose(getattr(estimate.data, name), expected, rtol=1e-12, atol=1e-12)
-    full = np.zeros((2, ride.model.nv, ride.model.nv))
-    mujoco.mj_fullM(ride.model, ride.data, full[0])
-    mujoco.mj_fullM(ride.model, estimate.data, full[1])
+    full = np.zeros((2, sim.model.nv, sim.model.nv))
+    mujoco.mj_fullM(sim.model, sim.data, full[0])
+    mujoco.mj_fullM(sim.model, estimate.data, full[1])
     np.testing.assert_allclose(full[1], full[0], rtol=1e-12, atol=1e-15)
 
 
 def test_the_same_draw_walks_the_same_way():
-    once, again = (walks.follow_commands(ROBOT, Plant(), NOISE, rng(14), 1.0) for _ in range(2))
+    once, again = (
+        walks.follow_commands(ROBOT, Conditions(), NOISE, rng(14), 1.0) for _ in range(2)
+    )
     assert once == again
 
 

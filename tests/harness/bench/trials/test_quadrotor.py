@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.models.robots.estimate import EstimateNoise
+from wayproof.harness.bench.trials import quadrotor as flights
+from wayproof.harness.bench.trials.estimate import EstimateNoise
+from wayproof.harness.bench.trials.wind import dryden_gusts
 from wayproof.models.robots.quadrotor import Quadrotor, warm_up
-from wayproof.models.robots.quadrotor import trials as flights
 from wayproof.models.robots.quadrotor.parameters import Airframe
-from wayproof.models.robots.wind import dryden_gusts
 
 ROBOT = Quadrotor()
 

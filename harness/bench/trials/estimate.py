@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from wayproof.models.arrays import Array
 
 
 class Error(NamedTuple):

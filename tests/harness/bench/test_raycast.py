@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.rays import kernels
-from wayproof.models.rays.ray_caster import RayCaster
-from wayproof.models.rays.scenes import clutter
+from tests.models.interpreting import interpret_kernels
+from wayproof.harness.bench.raycast.caster import RayCaster
+from wayproof.harness.bench.raycast.scenes import clutter
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
 PRIMITIVES = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
@@ -211,9 +211,7 @@ def test_compiled_kernels_do_what_the_source_says(monkeypatch):
     model, data = posed(everything(rng))
     origins, directions = random_rays(rng, 40, data.geom_xpos)
     compiled = RayCaster(model, ALL, 9.0).cast(data, origins, directions)
-    for name in ("reach_shape", "reach_row", "between", "enters", "cast_rays"):
-        monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
-    monkeypatch.setattr("wayproof.models.rays.ray_caster.cast_rays", kernels.cast_rays)
+    interpret_kernels(monkeypatch, "wayproof.harness.bench.raycast")
     with np.errstate(all="ignore"):
         interpreted = RayCaster(model, ALL, 9.0).cast(data, origins, directions)
     assert (compiled[1] >= 0).sum() > 15

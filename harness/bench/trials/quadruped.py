@@ -10,17 +10,16 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from wayproof.models.robots.estimate import EstimateNoise
+from wayproof.harness.bench.trials.estimate import EstimateNoise
+from wayproof.harness.bench.trials.quadruped_sim import TIMESTEP, Conditions, TrialSim
+from wayproof.harness.bench.trials.terrain import COURSE_END, TERRAINS
+from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import LEGS
 from wayproof.models.robots.quadruped.robot import Quadruped
-from wayproof.models.robots.quadruped.trial_sim import PREFIX, TIMESTEP, Plant, Ride
-from wayproof.models.robots.robot import Setpoint
-from wayproof.models.robots.terrain import COURSE_END, TERRAINS
+from wayproof.models.robots.robot import ROBOT_PREFIX, Setpoint
 
-Array = NDArray[np.float64]
 Velocity = tuple[float, float, float]
 
 STRIDE = 0.4
@@ -47,7 +46,7 @@ class Tracked(NamedTuple):
 
 def follow_commands(
     robot: Quadruped,
-    plant: Plant,
+    conditions: Conditions,
     noise: EstimateNoise | None,
     rng: np.random.Generator,
     seconds: float = 20.0,
@@ -58,29 +57,29 @@ def follow_commands(
 
     Args:
         robot: Under trial.
-        plant: What it is not told.
+        conditions: What it is not told.
         noise: Of its estimate.
         rng: Of the commands, kicks and noise.
         seconds: Length.
         speeds: Largest commands.
         kick: Speed that is added in a random horizontal direction every 3 to 5 s, m/s.
     """
-    ride = Ride(robot, plant, noise, seconds, rng)
+    sim = TrialSim(robot, conditions, noise, seconds, rng)
     ticks = round(seconds / TIMESTEP)
     moved, wanted = np.zeros((ticks, 3)), np.zeros((ticks, 3))
     command, change_at, kick_at = np.zeros(3), 0.0, rng.uniform(3.0, 5.0)
-    while ride.tick < ticks and not ride.fallen:
-        now = ride.tick * TIMESTEP
+    while sim.tick < ticks and not sim.fallen:
+        now = sim.tick * TIMESTEP
         if now >= change_at:
             command, change_at = draw_command(rng, speeds), now + rng.uniform(1.5, 4.0)
         if kick and now >= kick_at:
             angle = rng.uniform(0.0, 2.0 * math.pi)
-            ride.push(kick * np.array([math.cos(angle), math.sin(angle)]))
+            sim.push(kick * np.array([math.cos(angle), math.sin(angle)]))
             kick_at = now + rng.uniform(3.0, 5.0)
-        ride.walk(command)
-        moved[ride.tick - 1] = body_velocity(ride.data)
-        wanted[ride.tick - 1] = ride.controller.memory.command
-    return Tracked(ride.fallen, stride_rms(moved - wanted, ride.tick), ride.tick * TIMESTEP)
+        sim.walk(command)
+        moved[sim.tick - 1] = body_velocity(sim.data)
+        wanted[sim.tick - 1] = sim.controller.memory.command
+    return Tracked(sim.fallen, stride_rms(moved - wanted, sim.tick), sim.tick * TIMESTEP)
 
 
 def draw_command(rng: np.random.Generator, speeds: Velocity) -> Array:
@@ -130,7 +129,7 @@ class Crossed(NamedTuple):
 
 def cross_terrain(
     robot: Quadruped,
-    plant: Plant,
+    conditions: Conditions,
     noise: EstimateNoise | None,
     rng: np.random.Generator,
     terrain: str,
@@ -142,15 +141,15 @@ def cross_terrain(
     """
     blocks = TERRAINS[terrain](rng)
     seconds = 2.0 * COURSE_END / speed
-    ride = Ride(robot, plant._replace(blocks=blocks), noise, seconds, rng)
-    while ride.tick * TIMESTEP < seconds and not ride.fallen:
-        x, y = ride.data.qpos[:2].tolist()
+    sim = TrialSim(robot, conditions._replace(blocks=blocks), noise, seconds, rng)
+    while sim.tick * TIMESTEP < seconds and not sim.fallen:
+        x, y = sim.data.qpos[:2].tolist()
         if x > COURSE_END:
             break
-        heading = 2.0 * math.atan2(ride.data.qpos[6], ride.data.qpos[3])
+        heading = 2.0 * math.atan2(sim.data.qpos[6], sim.data.qpos[3])
         steer = np.clip([-y, -2.0 * heading], [-0.2, -0.5], [0.2, 0.5])
-        ride.walk(np.array([speed, *steer]))
-    return Crossed(ride.fallen, bool(ride.data.qpos[0] > COURSE_END), ride.tick * TIMESTEP)
+        sim.walk(np.array([speed, *steer]))
+    return Crossed(sim.fallen, bool(sim.data.qpos[0] > COURSE_END), sim.tick * TIMESTEP)
 
 
 class Stopped(NamedTuple):
@@ -176,20 +175,20 @@ def stop_from(
 ) -> Stopped:
     """Run for 2 to 3 s, then brake as hard as the gait does, the deceleration limited in jerk."""
     deceleration = robot.parameters.gait.linear_acceleration
-    ride = Ride(robot, Plant(), noise, 6.0, rng)
+    sim = TrialSim(robot, Conditions(), noise, 6.0, rng)
     run_time = rng.uniform(2.0, 3.0)
-    while ride.tick * TIMESTEP < run_time:
-        ride.walk(np.array([speed, 0.0, 0.0]))
-    start = ride.data.qpos[:2].copy()
+    while sim.tick * TIMESTEP < run_time:
+        sim.walk(np.array([speed, 0.0, 0.0]))
+    start = sim.data.qpos[:2].copy()
     command, rate = speed, 0.0
-    while ride.tick * TIMESTEP < run_time + 3.0 and not ride.fallen:
+    while sim.tick * TIMESTEP < run_time + 3.0 and not sim.fallen:
         # Ease off where the speed left is what easing off at this jerk takes.
         wanted = deceleration if command > rate * rate / (2.0 * jerk) else 0.0
         rate += min(max(wanted - rate, -jerk * TIMESTEP), jerk * TIMESTEP)
         command = max(command - rate * TIMESTEP, 0.0)
-        ride.walk(np.array([command, 0.0, 0.0]))
-    distance = float(np.hypot(*(ride.data.qpos[:2] - start)))
-    return Stopped(ride.fallen, distance, ride.tick * TIMESTEP)
+        sim.walk(np.array([command, 0.0, 0.0]))
+    distance = float(np.hypot(*(sim.data.qpos[:2] - start)))
+    return Stopped(sim.fallen, distance, sim.tick * TIMESTEP)
 
 
 class Stood(NamedTuple):
@@ -213,15 +212,15 @@ def stand(
     seconds: float = 60.0,
 ) -> Stood:
     """No command at all."""
-    ride = Ride(robot, Plant(), noise, seconds, rng)
-    feet = [ride.model.geom(f"{PREFIX}{leg}_foot").id for leg in LEGS]
+    sim = TrialSim(robot, Conditions(), noise, seconds, rng)
+    feet = [sim.model.geom(f"{ROBOT_PREFIX}{leg}_foot").id for leg in LEGS]
     places = []
-    while ride.tick * TIMESTEP < seconds and not ride.fallen:
-        ride.walk(np.zeros(3))
-        if ride.tick % 500 == 0:
-            places.append(ride.data.geom_xpos[feet, :2].copy())
+    while sim.tick * TIMESTEP < seconds and not sim.fallen:
+        sim.walk(np.zeros(3))
+        if sim.tick % 500 == 0:
+            places.append(sim.data.geom_xpos[feet, :2].copy())
     moved = np.linalg.norm(np.array(places) - places[0], axis=2)
-    return Stood(ride.fallen, float(moved.max()), ride.tick * TIMESTEP)
+    return Stood(sim.fallen, float(moved.max()), sim.tick * TIMESTEP)
 
 
 class Followed(NamedTuple):
@@ -249,20 +248,20 @@ def follow_path(
     """Setpoints along straight lines and arcs in turn, from rest, facing along the path."""
     course = draw_course(rng, length)
     ticks = round((length / speed + 0.5 * speed / acceleration) / TIMESTEP)
-    ride = Ride(robot, Plant(), noise, ticks * TIMESTEP, rng)
+    sim = TrialSim(robot, Conditions(), noise, ticks * TIMESTEP, rng)
     wanted, was = np.zeros((ticks, 2)), np.zeros((ticks, 2))
     along = pace = 0.0
-    while ride.tick < ticks and not ride.fallen:
+    while sim.tick < ticks and not sim.fallen:
         pace = min(pace + acceleration * TIMESTEP, speed)
         along += pace * TIMESTEP
         x, y, heading, curvature = course_at(course, along)
         velocity = pace * math.cos(heading), pace * math.sin(heading), 0.0
-        ride.follow(Setpoint((x, y, 0.0), velocity, heading, pace * curvature))
-        wanted[ride.tick - 1] = x, y
-        was[ride.tick - 1] = ride.data.qpos[:2]
-    distances, _ = KDTree(wanted[: ride.tick]).query(was[: ride.tick])
+        sim.follow(Setpoint((x, y, 0.0), velocity, heading, pace * curvature))
+        wanted[sim.tick - 1] = x, y
+        was[sim.tick - 1] = sim.data.qpos[:2]
+    distances, _ = KDTree(wanted[: sim.tick]).query(was[: sim.tick])
     error = math.sqrt(float((distances**2).mean()))
-    return Followed(ride.fallen, error, ride.tick * TIMESTEP)
+    return Followed(sim.fallen, error, sim.tick * TIMESTEP)
 
 
 Course = list[tuple[float, float]]

@@ -1,0 +1,1 @@
+"""Robots under trial: random commands, terrain, wind and estimates with errors."""
