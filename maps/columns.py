@@ -137,12 +137,32 @@ class Window:
         return touching[:count], (slice(x0, x1), slice(y0, y1)) if count else None
 
 
+def region_of_interest(
+    low: ArrayLike | None, high: ArrayLike | None, resolution: float
+) -> Window | None:
+    """Return the least window that covers a region of interest, None without corners.
+
+    Raises:
+        ValueError: Only one corner, or the region is empty, not finite or too large.
+    """
+    if low is None and high is None:
+        return None
+    if low is None or high is None:
+        raise ValueError(f"low, high: got {low!r} and {high!r}, expected both corners or neither")
+    return Window.covering(low, high, resolution)
+
+
 def layer_bits(first: int, end: int, layers: int) -> NDArray[np.uint64]:
     """Words (words,) of a column of `layers` cells, whose set bits are the cells first to end."""
     words = -(-layers // WORD_BITS)
     cells = np.arange(words * WORD_BITS)
     bits = np.packbits((first <= cells) & (cells < end), bitorder="little")
     return bits.view("<u8").astype(np.uint64)
+
+
+def pack(cells: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    """Pack cells (nx, ny, 64 words) into columns (nx, ny, words): bit k of word w is 64 w + k."""
+    return np.packbits(cells, axis=2, bitorder="little").view("<u8").astype(np.uint64, copy=False)
 
 
 def unpack(words: NDArray[np.uint64], cells: int) -> NDArray[np.uint8]:

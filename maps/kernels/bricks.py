@@ -193,26 +193,6 @@ def list_blocks(
 
 
 @kernel
-def list_changed(
-    held: NDArray[np.bool_],  # (slots,)
-    stamps: NDArray[np.int64],  # (slots,)
-    keys: NDArray[np.int32],  # (slots, 3)
-    since: int,
-    boxes: NDArray[np.int64],  # (n, 6) out: their cells, for the first n slots at most
-) -> int:
-    """List the bricks that changed after a stamp, and return their number."""
-    count = int(np.int64(0))
-    for slot in range(boxes.shape[0]):
-        if held[slot] and stamps[slot] > since:
-            x, y = int(keys[slot, 0]) * EDGE, int(keys[slot, 1]) * EDGE
-            z = int(keys[slot, 2]) * HEIGHT - BELOW_FLOOR
-            boxes[count, 0], boxes[count, 1], boxes[count, 2] = x, y, z
-            boxes[count, 3], boxes[count, 4], boxes[count, 5] = x + EDGE, y + EDGE, z + HEIGHT
-            count += 1
-    return count
-
-
-@kernel
 def rewrite_columns(
     heads: NDArray[np.int32],
     links: NDArray[np.int32],

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from wayproof.maps.columns import ColumnMap, Window
+from wayproof.maps.columns import ColumnMap, Window, region_of_interest
 from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import cells_at
 from wayproof.maps.kernels import blocks as kernels
@@ -52,7 +52,7 @@ class BlockMap(ColumnMap):
         self.config = config
         self.resolution = config.resolution
         self._team = ThreadTeam(threads)
-        self._region = _region(low, high, config.resolution)
+        self._region = _box_of(region_of_interest(low, high, config.resolution))
         self._blocks = Blocks(config.memory_mib, shape, {**layers, "fresh": np.bool_})
         self._losses = decay_per_tick(config)
         self._tick_ns = round(config.decay_period * 1e9)
@@ -114,7 +114,7 @@ class BlockMap(ColumnMap):
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
-        return self._blocks.changed(since), self._stamp
+        return self._blocks.changed_boxes(since), self._stamp
 
     def counts(self) -> dict[str, int]:
         """Number of free and of occupied cells by the name of their state."""
@@ -126,7 +126,7 @@ class BlockMap(ColumnMap):
 
     def version(self) -> str:
         """Digest of the content and the tick, 32 hex digits: equal content, equal version."""
-        total = self._blocks.digest(self.told, self._team)
+        total = self._blocks.digest_layers(self.told, self._team)
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
         head = struct.pack("<dq", self.resolution, ticks) + self._units()
         return hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16).hexdigest()
@@ -179,16 +179,9 @@ class BlockMap(ColumnMap):
         blocks.release(live[~alive], self._stamp)
 
 
-def _region(low: ArrayLike | None, high: ArrayLike | None, resolution: float) -> CellBox | None:
-    """The cells of a region of interest, if there is one.
-
-    Raises:
-        ValueError: Only one corner, or the region is empty, not finite or too large.
-    """
-    if low is None and high is None:
+def _box_of(region: Window | None) -> CellBox | None:
+    """Least cell (3,) of a region of interest and one past the greatest, if there is one."""
+    if region is None:
         return None
-    if low is None or high is None:
-        raise ValueError(f"low, high: got {low!r} and {high!r}, expected both corners or neither")
-    window = Window.covering(low, high, resolution)
-    first = np.array(window.first, np.int64)
-    return first, first + np.array(window.shape, np.int64)
+    first = np.array(region.first, np.int64)
+    return first, first + np.array(region.shape, np.int64)

@@ -20,8 +20,9 @@ from wayproof.maps.kernels import tracking as kernels
 from wayproof.maps.others.ever_free import EverFreeSpace
 from wayproof.maps.others.tracking import NO_CELLS, Traffic
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
+from wayproof.maps.store.slot_pool import EVERYWHERE, ChangeLog
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
-from wayproof.maps.voxel.bricks import EVERYWHERE, MAX_GONE
+from wayproof.maps.voxel.bricks import brick_boxes
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.update_mask import brick_cells, brick_of
 from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
@@ -103,13 +104,12 @@ class DynamicMap(VoxelMap):
     ) -> None:
         """Make an unknown map, as `Maker` says."""
         super().__init__(config, threads, low, high)
-        self._space = EverFreeSpace()
+        self._ever_free = EverFreeSpace()
         self._traffic = Traffic(config.resolution, round(config.dynamic.prediction_horizon * 1e9))
         none = np.empty(0, np.int64)
         self._sightings = Sightings(NO_CELLS, none, none, none, np.empty(0, np.bool_))
         self._overlay = Overlay(NO_CELLS, NO_CELLS)
-        self._turned: dict[tuple[int, int, int], int] = {}  # stamps of bricks
-        self._lost_before = 0  # of the changes up to this stamp not all are remembered
+        self._overlay_changes = ChangeLog()  # by brick
         self._period_ns = round(config.dynamic.burn_in * 1e9)
         self._period = 0
         self._seen = 0  # stamp up to which the confident space knows the map
@@ -144,7 +144,7 @@ class DynamicMap(VoxelMap):
         self._now_ns = max(self._now_ns, time_ns)
         self._learn_free()
         hits = ends.points[ends.returned] >> beams.SUBCELL_BITS
-        met = as_set(hits[self._space.strike(hits)])
+        met = as_set(hits[self._ever_free.record_hits(hits)])
         self._sightings = self._retire(self._meet(met, crossed))
         self._close_period()
         self._foretell()
@@ -183,11 +183,10 @@ class DynamicMap(VoxelMap):
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
         boxes, now = super().changed(since)
-        if 0 < since < self._lost_before:
+        keys = self._overlay_changes.after(since)
+        if keys is None:
             return EVERYWHERE.copy(), now
-        turned = [key for key, stamp in self._turned.items() if stamp > since]
-        keys = np.array(turned, np.int64).reshape(-1, 3)
-        return np.concatenate([boxes, np.hstack([brick_cells(keys), brick_cells(keys + 1)])]), now
+        return np.concatenate([boxes, brick_boxes(keys)]), now
 
     def cast_ray(
         self,
@@ -225,14 +224,6 @@ class DynamicMap(VoxelMap):
             return RayEnd(OCCUPIED, nearest, start + nearest * toward)
         return end
 
-    def occupied_centres(self) -> NDArray[np.float64]:
-        """Centres of all occupied cells, (n, 3) m, world, by brick and then by cell."""
-        cells, _ = cells_at(super().occupied_centres(), self.resolution)
-        claimed, vacated = self._overlay
-        cells = np.concatenate([cells[~member(vacated, cells) & ~member(claimed, cells)], claimed])
-        order = np.lexsort((*cells.T[::-1], *brick_of(cells).T[::-1]))
-        return centres(cells[order], self.resolution)
-
     def counts(self) -> dict[str, int]:
         """Number of free and of occupied cells by the name of their state."""
         counts = super().counts()
@@ -250,7 +241,7 @@ class DynamicMap(VoxelMap):
         what is foretold.
         """
         whole = hashlib.blake2b(super().version().encode(), digest_size=16)
-        whole.update(self._space.digest().to_bytes(16, "little"))
+        whole.update(self._ever_free.digest().to_bytes(16, "little"))
         whole.update(struct.pack("<q", self._period))
         sightings = self._sightings
         times = sightings.since_ns, sightings.hit_ns
@@ -263,7 +254,7 @@ class DynamicMap(VoxelMap):
 
     def memory_bytes(self) -> int:
         """Bytes of the bricks in use, of the masks of a sweep, and of the confident space."""
-        return super().memory_bytes() + self._space.nbytes
+        return super().memory_bytes() + self._ever_free.nbytes
 
     def dynamic_centres(self) -> NDArray[np.float64]:
         """Centres of the cells in which something moving is now, (n, 3) m, world, in order."""
@@ -297,8 +288,8 @@ class DynamicMap(VoxelMap):
         boxes, now = super().changed(self._seen)
         keys = brick_of(boxes[:, :3])
         if np.any(boxes[:, 3] - boxes[:, 0] > BRICK_SHAPE[0]):  # all of space
-            keys = np.concatenate([brick_of(super().changed(0)[0][:, :3]), self._space.keys()])
-        self._space.narrow(keys, self._read_free(keys), self._sightings.cells)
+            keys = np.concatenate([brick_of(super().changed(0)[0][:, :3]), self._ever_free.keys()])
+        self._ever_free.keep_free(keys, self._read_free(keys), self._sightings.cells)
         self._seen = now
 
     def _meet(self, met: NDArray[np.int64], crossed: NDArray[np.bool_]) -> Sightings:
@@ -328,14 +319,14 @@ class DynamicMap(VoxelMap):
         old = age_ns >= round(self.config.dynamic.static_after * 1e9)
         done = (left & (lasting == FREE)) | (old & ~(left & (lasting == OCCUPIED)))
         kept, surfaces = sightings.part(~done), sightings.cells[done & (lasting != FREE)]
-        self._space.forget(surfaces, kept.cells)
+        self._ever_free.remove(surfaces, kept.cells)
         return kept
 
     def _close_period(self) -> None:
         period = self._now_ns // self._period_ns
         if period > self._period:
             self._period = period
-            self._space.close_period(self._read_free)
+            self._ever_free.close_period(self._read_free)
 
     def _is_loose(self, cells: NDArray[np.int64]) -> bool:
         """Whether most of the cells (k, 3) lie apart from what stays.
@@ -370,7 +361,4 @@ class DynamicMap(VoxelMap):
         if len(keys) == 0:
             return
         self._stamp += 1
-        self._turned.update(((x, y, z), self._stamp) for x, y, z in keys.tolist())
-        if len(self._turned) > MAX_GONE:
-            self._turned.clear()
-            self._lost_before = self._stamp
+        self._overlay_changes.note(keys, self._stamp)

@@ -14,9 +14,9 @@ from wayproof.maps.grid import FLOOR_LAYER, cell_box, cells_at
 from wayproof.maps.kernels import beams
 from wayproof.maps.kernels import grid2d as kernels
 from wayproof.maps.others.block_map import BlockMap
-from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
+from wayproof.maps.states import OCCUPIED, UNKNOWN
 from wayproof.maps.voxel.endpoints import BeamEndpoints
-from wayproof.maps.voxel.log_odds import LogOddsModel
+from wayproof.maps.voxel.log_odds import LogOddsModel, states_of
 
 TILE = 64  # cells along a tile's edge
 MAX_WINDOW_CELLS = 1 << 26
@@ -142,14 +142,14 @@ class Grid2D(BlockMap):
 
     def _states_of(self, cells: NDArray[np.int64]) -> NDArray[np.uint8]:
         values, z = self._log_odds(cells[:, :2]), cells[:, 2]
-        states = np.where(values > 0, OCCUPIED, np.where(values < 0, FREE, UNKNOWN))
+        states = states_of(values)
         states[(z == FLOOR_LAYER) & (values != 0)] = OCCUPIED
         states[z < FLOOR_LAYER] = UNKNOWN
-        return states.astype(np.uint8)
+        return states
 
     def _held_states(self, slot: int) -> NDArray[np.uint8]:
         values = self._blocks.layers["log_odds"][slot]
-        return np.where(values > 0, OCCUPIED, np.where(values < 0, FREE, UNKNOWN)).astype(np.uint8)
+        return states_of(values)
 
     def _log_odds(self, cells: NDArray[np.int64]) -> NDArray[np.int8]:
         """Log-odds (n,) of cells (n, 2) of the floor, units; 0 where unknown."""
@@ -212,7 +212,7 @@ class Grid2D(BlockMap):
         touched = np.flatnonzero(tiles.any(axis=1))
         x, y = np.divmod(touched, max(along, 1))
         keys = np.stack([x + tile[0], y + tile[1], np.zeros_like(x)], axis=1)
-        slots = blocks.reserve(keys, self._stamp)
+        slots = blocks.reserve(keys, self._stamp).slots
         touched, slots = touched[slots >= 0], slots[slots >= 0]  # the others found no room
         told = tiles[touched]
         before = blocks.layers["log_odds"][slots].astype(np.int64)

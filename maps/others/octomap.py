@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps._jit import kernel
 from wayproof.maps.cell_sets import ball_cells, box_cells, floor_cells
-from wayproof.maps.columns import WORD_BITS, ColumnMap
+from wayproof.maps.columns import WORD_BITS, ColumnMap, pack
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import exponentials
 from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
-from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
+from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import BeamRanges
+from wayproof.maps.voxel.log_odds import states_of
 
 UNITS = 1000
 """Log-odds are told in thousandths; OctoMap holds them as single precision floats."""
@@ -146,7 +147,7 @@ class OctoMap(ColumnMap):
         """The occupied and the free cells of a box, each (nx, ny, words): z = 64 word + bit."""
         nx, ny, words = shape
         box = self._box(low_cell, (nx, ny, WORD_BITS * words))
-        return _words(box > 0), _words(box < 0)
+        return pack(box > 0), pack(box < 0)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Boxes (k, 6) of cells that may have changed since a stamp (0: all), and a new stamp."""
@@ -154,7 +155,7 @@ class OctoMap(ColumnMap):
 
     def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
         """The state at points (n, 3), m, world: (n,)."""
-        return _states(self._values_at(points))
+        return states_of(self._values_at(points))
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """The probability of occupancy at points (n, 3), m, world: (n,); 0.5 where unknown."""
@@ -180,7 +181,7 @@ class OctoMap(ColumnMap):
 
     def counts(self) -> dict[str, int]:
         """Number of free and of occupied cells by the name of their state."""
-        states = _states(self._leaves()[1])
+        states = states_of(self._leaves()[1])
         return {STATE_NAMES[state]: int((states == state).sum()) for state in (FREE, OCCUPIED)}
 
     def memory_bytes(self) -> int:
@@ -314,13 +315,6 @@ def _empty_tree(config: MapConfig) -> Any:
     return tree
 
 
-def _states(log_odds: NDArray[np.int16]) -> NDArray[np.uint8]:
-    states = np.full(log_odds.shape, UNKNOWN, np.uint8)
-    states[log_odds < 0] = FREE
-    states[log_odds > 0] = OCCUPIED
-    return states
-
-
 def _names(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """One number for each cell (k, 3), 16 bits an axis: (k,); -1 for those outside a tree."""
     inside = np.all((cells >= -HALF_TREE) & (cells < HALF_TREE), axis=1)
@@ -331,9 +325,3 @@ def _names(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 def _cells(names: NDArray[np.int64]) -> NDArray[np.int64]:
     """The cells (k, 3) of names (k,)."""
     return np.stack([names >> 32, names >> 16 & 0xFFFF, names & 0xFFFF], axis=1) - HALF_TREE
-
-
-def _words(bits: NDArray[np.bool_]) -> NDArray[np.uint64]:
-    """Bits (nx, ny, 64 words) along z as words (nx, ny, words)."""
-    packed = np.packbits(bits, axis=-1, bitorder="little")
-    return packed.view("<u8").astype(np.uint64)

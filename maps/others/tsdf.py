@@ -228,7 +228,7 @@ class TsdfMap(BlockMap):
         self._stamp += 1
         places = np.flatnonzero(touched)
         keys = np.stack(np.unravel_index(places, shape), axis=1) + corner
-        slots = blocks.reserve(keys, self._stamp)
+        slots = blocks.reserve(keys, self._stamp).slots
         changes, updated = np.zeros(len(places), np.uint8), np.zeros(len(places), np.int64)
         layers = blocks.layers["distance"], blocks.layers["weight"], blocks.layers["fresh"]
 

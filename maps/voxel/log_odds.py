@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import LN_2, exponential_less_one, exponentials, logarithm
 from wayproof.maps.kernels import decay as kernels
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 MAX_UNITS = 127  # units that an int8 holds on either side of 0
 
@@ -67,19 +68,11 @@ class LogOddsModel:
         odds = exponentials(np.asarray(units, np.float64) / self.units)
         return np.asarray(odds / (1.0 + odds))
 
-    def rounding(self, config: MapConfig) -> dict[str, tuple[float, float]]:
-        """What whole units make of a configuration.
 
-        Returns:
-            By name the value asked for and the one in effect: `hit` and `miss` as log-odds,
-            `clamp_low` and `clamp_high` as probabilities.
-        """
-        return {
-            "log_odds_hit": (config.log_odds_hit, self.hit / self.units),
-            "log_odds_miss": (config.log_odds_miss, self.miss / self.units),
-            "prob_min": (config.prob_min, float(self.probability(self.low))),
-            "prob_max": (config.prob_max, float(self.probability(self.high))),
-        }
+def states_of(log_odds: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """States of cells by the sign of their log-odds, of the same shape."""
+    states = np.where(log_odds < 0, FREE, np.where(log_odds > 0, OCCUPIED, UNKNOWN))
+    return states.astype(np.uint8)
 
 
 def decay_per_tick(config: MapConfig) -> NDArray[np.uint64]:

@@ -99,7 +99,7 @@ def restore(records: NDArray[np.void], bricks: Bricks, stamp: int) -> None:
     """
     if len(records) > bricks.capacity:
         raise ValueError(f"map: got {len(records)} bricks, expected at most {bricks.capacity}")
-    slots = bricks.reserve(np.ascontiguousarray(records["key"], np.int32), 0, stamp)
+    slots = bricks.obtain(np.ascontiguousarray(records["key"], np.int32), 0, stamp)
     bricks.observed_ns[slots] = records["observed_ns"]
     bricks.ticks[slots] = records["ticks"]
     bricks.dues[slots] = records["dues"]

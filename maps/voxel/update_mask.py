@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.maps.columns import pack
 from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.kernels import beam_targets, beams, bricks, carve, update
 from wayproof.maps.kernels.beam_columns import MAX_STEPS
@@ -266,7 +267,7 @@ class SweepRasterizer:
         )
         dense[inside] = cells
         masks = self._hits if raised else self._misses[0]
-        masks[: nx * ny * words] = pack_bits(dense).reshape(-1)
+        masks[: nx * ny * words] = pack(dense).reshape(-1)
         return self._collect(frame)
 
     def _clip(self, cell: Iterable[int]) -> Cell:
@@ -330,17 +331,6 @@ def brick_cells(keys: NDArray[np.integer]) -> NDArray[np.int64]:
     size = np.array([bricks.EDGE, bricks.EDGE, bricks.HEIGHT])
     low: NDArray[np.int64] = keys.astype(np.int64) * size - [0, 0, bricks.BELOW_FLOOR]
     return low
-
-
-def pack_bits(cells: NDArray[np.bool_]) -> NDArray[np.uint64]:
-    """Cells (nx, ny, 64 words) as words (nx, ny, words); bit k of word w is cell 64 w + k."""
-    return np.packbits(cells, axis=2, bitorder="little").view(np.uint64)
-
-
-def unpack_bits(words: NDArray[np.uint64]) -> NDArray[np.bool_]:
-    """The reverse: cells (nx, ny, 64 words)."""
-    bits = np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=2, bitorder="little")
-    return bits.view(np.bool_)
 
 
 def _frame(low: Cell, high: Cell) -> Frame:

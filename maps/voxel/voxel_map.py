@@ -4,32 +4,46 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from dataclasses import dataclass
 from os import PathLike
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps.columns import Window
+from wayproof.maps.columns import WORD_BITS, ColumnMap, Window, region_of_interest, unpack
 from wayproof.maps.config import MapConfig
-from wayproof.maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
-from wayproof.maps.kernels import decay
+from wayproof.maps.elementary import norm
+from wayproof.maps.grid import FLOOR_LAYER, cell_box, cells_at, centres, finite_vector
+from wayproof.maps.kernels import beams, decay
 from wayproof.maps.kernels import update as updates
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
 from wayproof.maps.voxel.bricks import Bricks
-from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick
-from wayproof.maps.voxel.queries import RayEnd, VoxelQueries
-from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, unpack_bits
-
-__all__ = ["RayEnd", "VoxelMap"]
+from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask
 
 UPDATE_US, FADE_US = 5.0, 9.0  # about, a brick
 
 
-class VoxelMap(VoxelQueries):
+@dataclass(frozen=True)
+class RayEnd:
+    """Where a ray through the map ends.
+
+    Attributes:
+        state: Of the cell that stopped it: occupied or unknown.
+        distance: To where it enters that cell, m.
+        point: (3,) that place, m, world.
+    """
+
+    state: int
+    distance: float
+    point: NDArray[np.float64]
+
+
+class VoxelMap(ColumnMap):
     """Cells over all space, each with the log-odds that it is occupied.
 
     A cell's update is l += logit P(m|z) - l0 with l0 = 0, clamped (Hornung et al. 2013, "OctoMap",
@@ -74,7 +88,9 @@ class VoxelMap(VoxelQueries):
         self.resolution = config.resolution
         self.evidence = LogOddsModel.from_config(config)
         self._team = ThreadTeam(threads)
-        self._rasterizer = SweepRasterizer(self._team, _region(low, high, config.resolution))
+        self._rasterizer = SweepRasterizer(
+            self._team, _bounds(region_of_interest(low, high, config.resolution))
+        )
         self._bricks = Bricks(config.memory_mib)
         self._losses = decay_per_tick(config)
         self._tick_ns = round(config.decay_period * 1e9)
@@ -234,13 +250,120 @@ class VoxelMap(VoxelQueries):
             self._stamp += 1
             self._fade(due, to_now=False)
 
+    def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
+        """The state at points (n, 3), m, world: (n,)."""
+        return states_of(self._values_at(points)[0])
+
+    def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """The probability of occupancy at points (n, 3), m, world: (n,); 0.5 where unknown."""
+        values, slots = self._values_at(points)
+        ticks = np.where(slots >= 0, self._bricks.ticks[slots], self._ticks)
+        decay.fade_values(values, ticks, self._ticks, self._losses)
+        return self.evidence.probability(values)
+
+    def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
+        """When the bricks of points (n, 3), m, world, were last observed: (n,) ns; -1 never."""
+        _, slots = self._values_at(points)
+        return np.where(slots >= 0, self._bricks.observed_ns[slots], -1)
+
+    def columns(
+        self, low_cell: ArrayLike, shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """The states of a window of cells, a bit each.
+
+        Args:
+            low_cell: (3,) least cell of the window.
+            shape: (nx, ny, words) columns and words of 64 cells along z.
+
+        Returns:
+            Occupied and free cells, (nx, ny, words) each: bit k of word w is the cell
+            low_z + 64 w + k. One that is neither is unknown.
+        """
+        occupied, free = np.empty(shape, np.uint64), np.empty(shape, np.uint64)
+        x, y, z = (int(cell) for cell in np.ravel(low_cell))
+        if occupied.size:
+            whole = np.array([[x, y, z, x + shape[0], y + shape[1], z + 64 * shape[2]]])
+            # Not a subclass's, which may lay something over them.
+            VoxelMap.rewrite_columns(self, (x, y, z), whole, occupied, free)
+        return occupied, free
+
+    def rewrite_columns(
+        self,
+        low_cell: tuple[int, int, int],
+        boxes: NDArray[np.int64],
+        occupied: NDArray[np.uint64],
+        free: NDArray[np.uint64],
+    ) -> None:
+        """Write the states of a window of cells anew where they changed.
+
+        Args:
+            low_cell: Least cell of the window.
+            boxes: (k, 6) where, as `changed` tells; columns of bricks above and below are included.
+            occupied: (nx, ny, words) what `columns` told before; brought up to date.
+            free: (nx, ny, words) likewise.
+        """
+        self._bricks.rewrite_columns(low_cell, boxes, occupied, free, self._team)
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Where states changed since an earlier call.
+
+        Args:
+            since: What that call returned as `now`; 0 for everything that is held.
+
+        Returns:
+            Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), one for each brick, and `now`. A box
+            may also hold a state that changed and changed back. One box of all space is told if
+            since then more bricks were given up than are remembered (65536).
+        """
+        return self._bricks.changed_boxes(since), self._stamp
+
+    def cast_ray(
+        self,
+        origin: ArrayLike,
+        direction: ArrayLike,
+        max_range: float,
+        stop_at_unknown: bool = False,
+    ) -> RayEnd | None:
+        """Follow a ray to the first occupied cell, or the first that is unknown as well.
+
+        Args:
+            origin: (3,) m, world.
+            direction: (3,) of any length but 0, world.
+            max_range: m.
+            stop_at_unknown: Whether an unknown cell stops it.
+
+        Returns:
+            Where it ends; None if nothing stops it within the range.
+
+        Raises:
+            ValueError: The ray is not finite, or the range is not more than 0 and at most 1e6 m.
+        """
+        start, toward = finite_vector("origin", origin), finite_vector("direction", direction)
+        length = norm(toward)
+        if length == 0.0 or not 0.0 < max_range <= 1e6:
+            raise ValueError(f"ray: got length {length:g} and range {max_range:g}, expected more")
+        toward /= length
+        scaled = start / self.resolution + [0.0, 0.0, beams.FLOOR_SUBCELLS / beams.SUBCELLS]
+        distance, state = self._bricks.cast_ray(
+            scaled, toward, max_range / self.resolution, stop_at_unknown
+        )
+        if state == FREE:
+            return None
+        return RayEnd(
+            state, distance * self.resolution, start + distance * self.resolution * toward
+        )
+
+    def counts(self) -> dict[str, int]:
+        """Number of free and of occupied cells by the name of their state."""
+        return self._bricks.counts()
+
     def version(self) -> str:
         """Digest of the content, 32 hex digits: the same sweeps and ticks give the same one.
 
         Of each brick it holds what the last update or change of a state left, and at which tick;
         what decay made of it since follows from the number of ticks, which is in as well.
         """
-        total = self._bricks.digest(self._team)
+        total = self._bricks.digest_cells(self._team)
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
         head = struct.pack("<dqq", self.resolution, self.evidence.units, ticks)
         whole = hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16)
@@ -286,6 +409,13 @@ class VoxelMap(VoxelQueries):
         storage.restore(records, loaded._bricks, loaded._stamp)
         return loaded
 
+    def _values_at(self, points: ArrayLike) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
+        """Log-odds at points (n, 3) as their bricks hold them, and the slots of these."""
+        cells, inside = cells_at(points, self.resolution)
+        values, slots = self._bricks.values_at(cells)
+        values[~inside], slots[~inside] = 0, -1
+        return values, slots
+
     def _mark(
         self, first: NDArray[np.int64], cells: NDArray[np.bool_], except_for: int, time_ns: int
     ) -> None:
@@ -294,8 +424,8 @@ class VoxelMap(VoxelQueries):
         if cells.size == 0:
             return
         nx, ny, nz = cells.shape
-        occupied, free = self.columns(first, (nx, ny, -(-nz // 64)))
-        spared = unpack_bits(occupied if except_for == OCCUPIED else free)[:, :, :nz]
+        occupied, free = self.columns(first, (nx, ny, -(-nz // WORD_BITS)))
+        spared = unpack(occupied if except_for == OCCUPIED else free, nz).view(np.bool_)
         mask = self._rasterizer.fill(first, cells & ~spared, raised=except_for == FREE)
         self._apply(mask, time_ns)
 
@@ -303,7 +433,7 @@ class VoxelMap(VoxelQueries):
         """Update the marked cells; return their number."""
         bricks, count = self._bricks, len(mask.bricks)
         self._stamp += 1
-        slots = bricks.reserve(mask.bricks, self._ticks, self._stamp)
+        slots = bricks.obtain(mask.bricks, self._ticks, self._stamp)
         self._fade(slots[slots >= 0], to_now=True)
         due = self._ticks + 1 if self.config.half_life > 0.0 else decay.NEVER
         updated: list[int] = []
@@ -366,14 +496,8 @@ class VoxelMap(VoxelQueries):
             bricks.release(behind[~alive], self._stamp)
 
 
-def _region(
-    low: ArrayLike | None, high: ArrayLike | None, resolution: float
-) -> NDArray[np.int64] | None:
+def _bounds(region: Window | None) -> NDArray[np.int64] | None:
     """Least and greatest cell (2, 3) of a region of interest, if there is one."""
-    if low is None and high is None:
+    if region is None:
         return None
-    if low is None or high is None:
-        raise ValueError(f"low, high: got {low!r} and {high!r}, expected both corners or neither")
-    window = Window.covering(low, high, resolution)
-    first = np.array(window.first)
-    return np.stack([first, first + window.shape - 1])
+    return np.stack([region.first, np.add(region.first, region.shape) - 1])

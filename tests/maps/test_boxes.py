@@ -57,17 +57,6 @@ def test_blocks_that_boxes_meet(run):
         assert all(x in edges[0] or y in edges[1] for x, y in set(listed) - met)
 
 
-def test_bricks_that_changed_since_a_stamp(run):
-    rng = np.random.default_rng(2)
-    held, stamps = rng.uniform(size=50) < 0.6, rng.integers(0, 9, 50)
-    keys = rng.integers(-9, 9, (50, 3)).astype(np.int32)
-    for since in range(10):
-        boxes = np.empty((40, 6), np.int64)
-        count = run(bricks.list_changed)(held, stamps, keys, since, boxes)
-        low = keys[:40][(held & (stamps > since))[:40]].astype(np.int64) * [16, 16, 64] - [0, 0, 2]
-        np.testing.assert_array_equal(boxes[:count], np.hstack([low, np.add(low, [16, 16, 64])]))
-
-
 def test_bricks_that_hold_marks(run):
     touched = np.random.default_rng(3).uniform(size=(3, 4, 2)) < 0.5
     keys, places = np.empty((24, 3), np.int32), np.empty(24, np.int64)

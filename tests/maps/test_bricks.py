@@ -171,7 +171,7 @@ def test_the_directory_finds_what_was_entered_and_not_struck_out():
         if key in held and turn % 2:
             bricks.release(np.array([held.pop(key)]), stamp=1)
         elif len(held) < bricks.capacity - 1:
-            slot = int(bricks.reserve(np.array([key], np.int32), 0, 1)[0])
+            slot = int(bricks.obtain(np.array([key], np.int32), 0, 1)[0])
             assert held.setdefault(key, slot) == slot
         keys = np.stack(np.indices((7, 7, 7)), axis=-1).reshape(-1, 3) - 3
         expected = [held.get(tuple(key), -1) for key in keys.tolist()]

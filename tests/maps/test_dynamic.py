@@ -5,7 +5,17 @@ from itertools import product
 import numpy as np
 import pytest
 
-from wayproof.maps import FREE, MAPS, OCCUPIED, DynamicConfig, DynamicMap, MapConfig, VoxelMap
+from tests.maps.cells import occupied_centres
+from wayproof.maps import (
+    FREE,
+    MAPS,
+    OCCUPIED,
+    DynamicConfig,
+    DynamicMap,
+    MapConfig,
+    VoxelMap,
+    states_in,
+)
 from wayproof.maps.kernels import tracking as kernels
 from wayproof.maps.others.ever_free import EverFreeSpace
 from wayproof.maps.others.tracking import POINTS, Traffic, clusters_of, way_ahead
@@ -13,6 +23,7 @@ from wayproof.maps.others.tracking import POINTS, Traffic, clusters_of, way_ahea
 TENTH = 100_000_000  # ns
 ORIGIN = (0.05, 0.55, 0.55)  # cell (0, 5, 6)
 ALONG_X = np.array([[1.0, 0.0, 0.0]])
+LOW, HIGH = (-3.0, -3.0, -3.0), (3.0, 3.0, 3.0)
 NOTHING = 0  # mm: a dropped beam
 AT_ONCE = DynamicConfig(flag_on_first_hit=True)
 AHEAD = np.array([[1.05, 0.55, 0.55]])  # in cell (10, 5, 6)
@@ -83,8 +94,8 @@ def test_a_dynamic_cell_is_told_alike_by_every_question():
     before = voxel_map.counts(), voxel_map.version()
     beam(voxel_map, 1000, k)
     np.testing.assert_allclose(voxel_map.dynamic_centres(), [[1.05, 0.55, 0.575]])
-    np.testing.assert_allclose(voxel_map.occupied_centres(), [[1.05, 0.55, 0.575]])
-    states = voxel_map.states_in((1.0, 0.5, 0.525), (1.1, 0.6, 0.625))
+    np.testing.assert_allclose(occupied_centres(voxel_map, LOW, HIGH), [[1.05, 0.55, 0.575]])
+    states = states_in(voxel_map, (1.0, 0.5, 0.525), (1.1, 0.6, 0.625))
     assert states.tolist() == [[[OCCUPIED]]]
     occupied, free = voxel_map.columns((10, 5, 0), (1, 1, 1))
     assert int(occupied[0, 0, 0]) == 1 << 6
@@ -95,7 +106,7 @@ def test_a_dynamic_cell_is_told_alike_by_every_question():
     end = voxel_map.cast_ray(ORIGIN, (2.0, 0.0, 0.0), 2.0)
     assert end.state == OCCUPIED
     assert end.distance == pytest.approx(0.95)
-    assert not voxel_map.is_free_along(ORIGIN, (1.5, 0.55, 0.55))
+    assert voxel_map.cast_ray(ORIGIN, (1.0, 0.0, 0.0), 0.95, stop_at_unknown=True) is not None
     assert voxel_map.cast_ray(ORIGIN, (1.0, 0.0, 0.0), 0.9) is None
     assert voxel_map.cast_ray(ORIGIN, (1.0, 0.1, 0.0), 0.9) is None
     # The lasting evidence is that of one hit: -60 + 27 of 30 units to one of log-odds.
@@ -114,11 +125,11 @@ def test_a_vacated_cell_is_told_alike_by_every_question():
     assert int(occupied[0, 0, 0]) == 0
     assert int(free[0, 0, 0]) & 1 << 6
     # The second beam's end, 2 m on, was in confident space as well.
-    np.testing.assert_allclose(voxel_map.occupied_centres(), [[2.05, 0.55, 0.575]])
+    np.testing.assert_allclose(occupied_centres(voxel_map, LOW, HIGH), [[2.05, 0.55, 0.575]])
     assert voxel_map.counts()["occupied"] == 1
     end = voxel_map.cast_ray(ORIGIN, (1.0, 0.0, 0.0), 3.0)
     assert end.distance == pytest.approx(1.95)
-    assert voxel_map.is_free_along(ORIGIN, (1.5, 0.55, 0.55))
+    assert voxel_map.cast_ray(ORIGIN, (1.0, 0.0, 0.0), 0.95, stop_at_unknown=True) is None
 
 
 def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
@@ -315,18 +326,18 @@ def test_confidence_needs_a_period_and_every_neighbour():
     full = np.full((1, 256), np.uint64(2**64 - 1))
     none = np.empty((0, 3), np.int64)
     middle, edge = np.array([[8, 8, 8]]), np.array([[0, 8, 8]])
-    space.narrow(key, full, none)
+    space.keep_free(key, full, none)
     space.close_period(lambda keys: np.repeat(full, len(keys), axis=0))
-    assert not space.holds(middle)[0]
+    assert not space.contains(middle)[0]
     space.close_period(lambda keys: np.repeat(full, len(keys), axis=0))
-    assert space.holds(middle)[0]
-    assert not space.holds(edge)[0]  # its neighbours were never seen
+    assert space.contains(middle)[0]
+    assert not space.contains(edge)[0]  # its neighbours were never seen
     digest = space.digest()
-    space.forget(middle, middle + np.array([1, 0, 0]))
-    told = space.holds(middle + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 2, 0]]))
+    space.remove(middle, middle + np.array([1, 0, 0]))
+    told = space.contains(middle + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 2, 0]]))
     assert told.tolist() == [False, True, False, True]
     assert space.digest() != digest
-    space.narrow(key, np.zeros((1, 256), np.uint64), none)
+    space.keep_free(key, np.zeros((1, 256), np.uint64), none)
     space.close_period(lambda keys: np.zeros((len(keys), 256), np.uint64))
     assert len(space.keys()) == 0
     assert space.digest() == EverFreeSpace().digest()

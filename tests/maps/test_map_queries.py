@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap, states_in
 from wayproof.maps.kernels import bricks as kernels
-from wayproof.maps.voxel.bricks import EVERYWHERE
+from wayproof.maps.store.slot_pool import EVERYWHERE
 
 EYE = (0.55, 1.05, 0.475)
 
@@ -78,23 +78,11 @@ def test_a_bad_ray_is_refused(voxel_map, origin, direction, reach):
         voxel_map.cast_ray(origin, direction, reach)
 
 
-def test_a_line_is_free_if_all_its_cells_are(voxel_map):
-    assert voxel_map.is_free_along(EYE, (2.45, 1.05, 0.475))
-    assert not voxel_map.is_free_along(EYE, (2.55, 1.05, 0.475))
-    assert not voxel_map.is_free_along(EYE, (2.45, 1.15, 0.475))
-    assert voxel_map.is_free_along(EYE, EYE)
-
-
 def test_a_box_has_the_states_of_its_cells(voxel_map):
-    states = voxel_map.states_in((2.3, 1.0, 0.4), (2.7, 1.2, 0.6))
+    states = states_in(voxel_map, (2.3, 1.0, 0.4), (2.7, 1.2, 0.6))
     assert states.shape == (4, 2, 2)
     assert states[:, 0, 0].tolist() == [FREE, FREE, OCCUPIED, UNKNOWN]
     assert not states[:, 1].any()
-
-
-def test_occupied_cells_are_exported_by_their_centres(voxel_map):
-    np.testing.assert_allclose(voxel_map.occupied_centres(), [[2.55, 1.05, 0.475]])
-    assert VoxelMap(MapConfig(memory_mib=1)).occupied_centres().shape == (0, 3)
 
 
 @pytest.mark.parametrize("run", ["compiled", "python"])

@@ -3,7 +3,7 @@
 import numpy as np
 import pyoctomap
 
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap, states_in
 from wayproof.maps.grid import cell_box
 
 LOW, HIGH = np.array([0.0, 0.0, 1.0]), np.array([8.0, 6.0, 4.0])
@@ -36,7 +36,7 @@ def test_states_agree_with_octomap():
         # OctoMap's cells begin at multiples of the resolution, ours along z a quarter below.
         shift = np.array([0.0, 0.0, 0.75 * config.resolution])
         peer.insertPointCloud(ends + shift, origin + shift, -1.0, False, True)
-    states = ours.states_in(LOW, HIGH)
+    states = states_in(ours, LOW, HIGH)
     first, _ = cell_box(LOW, HIGH, config.resolution)
     theirs = np.full(states.shape, UNKNOWN, np.uint8)
     for cell in np.ndindex(states.shape):

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, SweepStatistics, VoxelMap
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, SweepStatistics, VoxelMap, states_in
 
 FORWARD = np.array([[1.0, 0.0, 0.0]])
 EYE = (0.55, 1.05, 0.475)  # the middle of a cell
@@ -151,7 +151,7 @@ def test_a_beam_onto_the_floor_spares_the_floor_before_its_end(voxel_map, slope)
     direction = np.array([[1.0, 0.0, -slope]]) / math.hypot(1.0, slope)
     origin = (0.55, 1.05, slope * 2.0)
     look(voxel_map, round(2000 * math.hypot(1.0, slope)), directions=direction, origin=origin)
-    floor = voxel_map.states_in((0.0, 1.0, -0.07), (4.0, 1.1, 0.02))[:, 0, 0]
+    floor = states_in(voxel_map, (0.0, 1.0, -0.07), (4.0, 1.1, 0.02))[:, 0, 0]
     assert np.flatnonzero(floor == OCCUPIED).tolist() == [25]
     assert np.count_nonzero(floor == FREE) == 0
     assert voxel_map.counts()["free"] > 15
@@ -178,8 +178,8 @@ def test_a_flat_floor_seen_while_walking_stays_whole(height):
     ever_hit = np.zeros((180, 180), bool)
     for k in range(11):
         voxel_map.integrate((0.1 * k, 0.0, height), directions, ranges_mm, 8.0, k * 10**8)
-        ever_hit |= voxel_map.states_in(*floor_box)[:, :, 0] == OCCUPIED
-    floor = voxel_map.states_in(*floor_box)[:, :, 0]
+        ever_hit |= states_in(voxel_map, *floor_box)[:, :, 0] == OCCUPIED
+    floor = states_in(voxel_map, *floor_box)[:, :, 0]
     assert ever_hit.sum() > 2000
     assert np.all(floor[ever_hit] == OCCUPIED)
 
@@ -204,7 +204,7 @@ def test_a_free_sphere_holds_the_centres_within_its_radius(voxel_map):
 def test_a_standing_body_tells_of_the_floor_unless_a_beam_went_through(voxel_map):
     voxel_map.mark_free((1.0, 1.0, -0.1), (1.1, 1.1, 0.0), 0)
     voxel_map.mark_floor((1.0, 1.0), (1.2, 1.2), 0)
-    assert voxel_map.states_in((1.0, 1.0, -0.07), (1.2, 1.2, 0.02))[:, :, 0].tolist() == [
+    assert states_in(voxel_map, (1.0, 1.0, -0.07), (1.2, 1.2, 0.02))[:, :, 0].tolist() == [
         [1, 2],
         [2, 2],
     ]
@@ -261,30 +261,26 @@ def test_a_read_only_sweep_as_a_log_yields_it(voxel_map):
 @pytest.mark.parametrize(
     "settings", [{}, {"prob_min": 0.001, "prob_max": 0.999, "log_odds_hit": 0.85}]
 )
-def test_rounding_tells_what_was_asked_and_what_is_in_effect(settings):
+def test_steps_and_clamps_are_the_configured_ones_in_whole_units(settings):
     config = MapConfig(half_life=0.0, **settings)
     voxel_map = VoxelMap(config)
-    rounding = voxel_map.rounding()
-    assert {name: asked for name, (asked, _) in rounding.items()} == {
-        name: getattr(config, name)
-        for name in ("log_odds_hit", "log_odds_miss", "prob_min", "prob_max")
-    }
+    model = voxel_map.evidence
     look(voxel_map, 2000)
     seen = voxel_map.probability_at([*CELL, *BEFORE])
-    np.testing.assert_allclose(
-        np.log(seen / (1 - seen)), [rounding["log_odds_hit"][1], -rounding["log_odds_miss"][1]]
-    )
+    steps = [model.hit / model.units, -model.miss / model.units]
+    configured = [config.log_odds_hit, -config.log_odds_miss]
+    np.testing.assert_allclose(np.log(seen / (1 - seen)), steps)
+    np.testing.assert_allclose(steps, configured, atol=0.5 / model.units)
     for _ in range(60):
         look(voxel_map, 2000)
-    clamps = [rounding["prob_max"][1], rounding["prob_min"][1]]
+    clamps = [float(model.probability(units)) for units in (model.high, model.low)]
     np.testing.assert_allclose(voxel_map.probability_at([*CELL, *BEFORE]), clamps)
     np.testing.assert_allclose(clamps, [config.prob_max, config.prob_min], atol=0.004)
 
 
 def test_the_default_steps_are_whole_units():
-    rounding = VoxelMap(MapConfig()).rounding()
-    assert rounding["log_odds_hit"] == (0.9, 0.9)
-    assert rounding["log_odds_miss"] == (0.4, 0.4)
+    model = VoxelMap(MapConfig()).evidence
+    assert (model.hit / model.units, model.miss / model.units) == (0.9, 0.4)
 
 
 def room_sweep(count=4000):
