@@ -5,19 +5,19 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import msgspec
 
+from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.renamed import current_value, renamed, with_current_names
-from wayproof.harness.stack.labels import check_margins
-from wayproof.harness.stack.types import BehaviourConfig
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
 from wayproof.maps.bounds import Bounds, check_fields
+from wayproof.models.classes import CLASSES
 from wayproof.models.odometry import OdometryConfig
 from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
 from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
@@ -171,7 +171,7 @@ class Config:
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
         check_fields(self, "")
-        check_margins(self.costmap.class_margins, self.sensors.semantics)
+        _check_class_margins(self.costmap.class_margins, self.sensors.semantics)
 
 
 NAMED: dict[str, Iterable[str]] = {
@@ -287,6 +287,19 @@ def _check_controller(config: Config, allow_plugins: bool) -> None:
         raise InputError(
             f"config names the controller '{name}', which is code outside Wayproof; "
             "expected --allow-plugins to load it"
+        )
+
+
+def _check_class_margins(margins: Mapping[str, float], semantics: bool) -> None:
+    """Raise a ValueError unless every name is a class and the sweeps have classes."""
+    for name in margins:
+        if name not in CLASSES:
+            raise ValueError(
+                f"costmap.class_margins: got '{name}', expected one of {', '.join(CLASSES)}"
+            )
+    if margins and not semantics:
+        raise ValueError(
+            "costmap.class_margins: got margins without classes, expected sensors.semantics=true"
         )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.labels import decode_classes
+from wayproof.models.classes import CLASSES
 from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors import range_codec
 from wayproof.models.sensors.beams import (
@@ -200,6 +200,23 @@ def inputs_from_messages(
         ),
         digest=inputs_digest(written),
     )
+
+
+def decode_classes(sweep: pb.Sweep) -> NDArray[np.uint8] | None:  # (rows * columns,)
+    """Class of the surface that each beam hit; None without semantics.
+
+    Raises:
+        InputError: Not one byte for each beam, or one that is no class.
+    """
+    count = sweep.rows * sweep.columns
+    if not sweep.classes:
+        return None
+    if len(sweep.classes) != count:
+        raise InputError(f"sweep of {len(sweep.classes)} classes, expected {count}")
+    classes = np.frombuffer(sweep.classes, np.uint8)
+    if classes.max() >= len(CLASSES):
+        raise InputError(f"sweep with class {classes.max()}, expected 0 to {len(CLASSES) - 1}")
+    return classes
 
 
 def inputs_digest(written: Sequence[bytes]) -> str:

@@ -16,15 +16,31 @@ ALLOWED = {
 }
 
 
-def imported_packages(source: Path) -> set[str]:
+ORDER = (
+    *("errors", "schema", "geometry", "perturbations", "renamed", "behaviour_config", "config"),
+    *("mission", "inputs", "stack", "result", "ending", "outputs", "supervision", "user_code"),
+    *("log", "scenario", "recompute", "attribution"),
+    *("warm_up", "sim", "episode", "runner"),
+    *("replay", "counterfactual", "study.statistics", "metrics", "clearance", "explain", "viewer"),
+    *("study", "bench", "cli", "bench.soak"),
+)
+"""Parts of the harness; each imports only those before it, be it in a function or for types."""
+
+
+def imported_names(source: Path) -> set[str]:
+    """Full names of all that a file imports, at any depth of its code."""
     names = set()
     for node in ast.walk(ast.parse(source.read_text())):
         if isinstance(node, ast.Import):
-            names |= {package_of(alias.name) for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{source}: relative import"
-            names |= {package_of(f"{node.module}.{alias.name}") for alias in node.names}
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return names
+
+
+def imported_packages(source: Path) -> set[str]:
+    return {package_of(name) for name in imported_names(source)}
 
 
 def package_of(module):
@@ -61,6 +77,35 @@ def test_imports_point_one_way(package):
     for source in sources:
         ours = imported_packages(source) & ALLOWED.keys()
         assert ours <= ALLOWED[package], f"{source} imports {sorted(ours - ALLOWED[package])}"
+
+
+def part_of(module):
+    """The longest name in the order that a module of the harness belongs to; None if not ours."""
+    name = module.removeprefix("wayproof.harness.")
+    inside = [part for part in ORDER if f"{name}.".startswith(f"{part}.")]
+    if name != module:
+        assert inside, f"{module} has no place in ORDER"
+        return max(inside, key=len)
+    return None
+
+
+def module_of(source):
+    return ".".join(("wayproof", *source.relative_to(ROOT).with_suffix("").parts))
+
+
+@pytest.mark.parametrize("part", ORDER)
+def test_parts_of_the_harness_import_only_those_before_them(part):
+    allowed = {*ORDER[: ORDER.index(part) + 1], None}
+    sources = [
+        source
+        for source in (ROOT / "harness").rglob("*.py")
+        if source.parent.name != "harness" or source.stem != "__init__"
+        if part_of(module_of(source)) == part
+    ]
+    assert sources
+    for source in sources:
+        later = {part_of(name) for name in imported_names(source)} - allowed
+        assert not later, f"{source} imports {sorted(later)}"
 
 
 def test_maps_needs_numpy_and_numba_alone():

@@ -10,9 +10,7 @@ from rich.console import Console
 
 from wayproof.harness.cli.study import add_inconclusive, print_study
 from wayproof.harness.cli.verb import Document, Verb, add_plugins
-
-DEFAULT_GATES = ("success.drop <= 0.1", "collisions.rise <= 0.1")
-"""Held from about 50 pairs on in which nothing changed."""
+from wayproof.harness.study.default_gates import DEFAULT_GATES
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:

@@ -16,9 +16,10 @@ from rich.console import Console
 
 from wayproof.harness.cli import RENAMED, VERBS, Document
 from wayproof.harness.cli.arguments import check_options
+from wayproof.harness.cli.parent_process import fork_child, names_user_code
 from wayproof.harness.cli.stdout import CheckedStdout, OutputError
 from wayproof.harness.errors import InputError, Interrupted, unknown_name
-from wayproof.harness.supervision import ended, names_user_code, supervised
+from wayproof.harness.supervision import ended
 
 EXAMPLE = """\
   wayproof run warehouse --robot drone --seed 4 --perturb pose_jump:5 --log d.mcap
@@ -72,9 +73,9 @@ def _run(arguments: Sequence[str], console: Console, own_process: bool) -> tuple
         check_options(verbs[arguments[0]], arguments[1:])
     options = parser.parse_args(arguments)
     if own_process and options.verb == "run" and names_user_code(options):
-        ended_as = supervised()
-        if ended_as is not None:
-            return ended_as, {}
+        exit_code = fork_child()
+        if exit_code is not None:
+            return exit_code, {}
     return VERBS[options.verb].run(options, console)
 
 

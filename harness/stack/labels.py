@@ -4,39 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.errors import InputError
-from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.inputs import PlacedSweep
 from wayproof.maps import ClassMargins, MapConfig, Representation, SemanticLayer
 from wayproof.maps.semantic import UNLABELLED
 from wayproof.models.classes import CLASSES, UNKNOWN_CLASS
 
-if TYPE_CHECKING:  # which reads classes with what stands here
-    from wayproof.harness.inputs import PlacedSweep
-
 TURNS = 4
 """A sweep's beams vote in so many parts, one a sweep: what a thing is does not change."""
-
-
-def check_margins(margins: Mapping[str, float], semantics: bool) -> None:
-    """Refuse margins for classes that there are not, or that no sweep tells of.
-
-    Raises:
-        ValueError: A name is no class, or sweeps tell no classes.
-    """
-    for name in margins:
-        if name not in CLASSES:
-            raise ValueError(
-                f"costmap.class_margins: got '{name}', expected one of {', '.join(CLASSES)}"
-            )
-    if margins and not semantics:
-        raise ValueError(
-            "costmap.class_margins: got margins without classes, expected sensors.semantics=true"
-        )
 
 
 def make_layer(config: MapConfig, semantics: bool) -> SemanticLayer | None:
@@ -91,20 +69,3 @@ def bound_version(version: str, layer: SemanticLayer | None) -> str:
         return version
     both = (version + layer.version()).encode()
     return hashlib.blake2b(both, digest_size=16).hexdigest()
-
-
-def decode_classes(sweep: pb.Sweep) -> NDArray[np.uint8] | None:  # (rows * columns,)
-    """The class of what each beam met, if the sweep tells.
-
-    Raises:
-        InputError: Not one byte for each beam, or one that is no class.
-    """
-    count = sweep.rows * sweep.columns
-    if not sweep.classes:
-        return None
-    if len(sweep.classes) != count:
-        raise InputError(f"sweep of {len(sweep.classes)} classes, expected {count}")
-    classes = np.frombuffer(sweep.classes, np.uint8)
-    if classes.max() >= len(CLASSES):
-        raise InputError(f"sweep with class {classes.max()}, expected 0 to {len(CLASSES) - 1}")
-    return classes

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from wayproof.harness.cli.compare import DEFAULT_GATES
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
+from wayproof.harness.study.default_gates import DEFAULT_GATES
 from wayproof.harness.study.file import PACKAGED, Arm, Gate, plan_episodes, read_gate, read_study
 from wayproof.harness.study.gates import GateResult, judge
 from wayproof.harness.study.rows import Row

@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from tests.maps.test_distance_field import scipy_squared
+from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.types import BehaviourConfig, PlannerInput, PlannerState
+from wayproof.harness.stack.types import PlannerInput, PlannerState
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
 

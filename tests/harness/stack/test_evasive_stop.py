@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.evasive_stop import clearest_stop
-from wayproof.harness.stack.types import BehaviourConfig, PlannerInput
+from wayproof.harness.stack.types import PlannerInput
 from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold
 
 LIMITS = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)

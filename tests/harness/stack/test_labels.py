@@ -9,12 +9,12 @@ import pytest
 
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import decode_classes
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
-from wayproof.harness.stack.labels import decode_classes
 from wayproof.maps.grid import centres
 from wayproof.models.classes import CLASSES, class_of_geoms
 from wayproof.models.worlds import WORLDS, Box

@@ -8,9 +8,10 @@ import pytest
 
 from tests.maps.test_distance_field import scipy_squared
 from tests.planners.garbage import told
+from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack import planner_input
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.types import BehaviourConfig, PlannerInput, PlannerState
+from wayproof.harness.stack.types import PlannerInput, PlannerState
 from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold, plan
 
 SHAPE = (110, 70, 16)

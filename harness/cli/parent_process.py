@@ -1,0 +1,78 @@
+"""Parent of a process that runs a user's code: whatever that code does, the log is finished.
+
+Python code can be interrupted (`harness.user_code`). A process that is killed, crashes or hangs in
+compiled code can finish nothing. So it is forked off before anything is loaded; its parent waits,
+and makes a whole log of what the child had written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import tempfile
+import tomllib
+from argparse import Namespace
+from pathlib import Path
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.supervision import ENDED, connect
+
+
+def names_user_code(options: Namespace) -> bool:
+    """Whether the options of `wayproof run` name a planner or a controller of the user's own."""
+    settings = [one.partition("=") for one in options.set]
+    if any(key == "planner.name" and ":" in value for key, _, value in settings):
+        return True
+    with contextlib.suppress(OSError, ValueError):  # bad specs are refused where they are read
+        spec = tomllib.loads(Path(options.robot).read_text(encoding="utf-8"))
+        return ":" in str(spec.get("controller", ""))
+    return False
+
+
+def fork_child() -> int | None:
+    """Fork; return None in the child, and the exit code in the parent when the child has ended."""
+    read, write = os.pipe()
+    with tempfile.TemporaryFile() as stacks:
+        child = os.fork()
+        if child == 0:
+            os.close(read)
+            connect(write, os.fdopen(os.dup(stacks.fileno()), "wb"))
+            return None
+        os.close(write)
+        status = _wait(child)
+        with os.fdopen(read, "rb") as report:
+            *logs, last = report.read().splitlines() or [b""]
+        code = os.waitstatus_to_exitcode(status)
+        if last == ENDED:
+            return code
+        stacks.seek(0)
+        text = stacks.read(2**16).decode(errors="replace")
+    log = Path(os.fsdecode((logs or [last])[-1]))
+    return _finish(log, code, text) if log.name else (code if code >= 0 else 128 - code)
+
+
+def _wait(child: int) -> int:
+    """Wait for the child, which gets the terminal's Ctrl-C itself, and SIGTERM from here."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: os.kill(child, signal.SIGTERM))
+    return os.waitpid(child, 0)[1]
+
+
+def _finish(log: Path, code: int, stacks: str) -> int:
+    """Make a whole log of what the child left, and say so; exit code 1."""
+    from wayproof.harness.log.recover import finish_partial
+
+    how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+    if stacks:
+        how = "did not return, and could not be interrupted (plugins.wall_s)"
+    partial = log.with_name(f"{log.name}.partial")
+    try:
+        reason, _ = finish_partial(partial, log, how, stacks)
+    except InputError as error:
+        print(f"wayproof: a user's code: the process {how}; {error}", file=sys.stderr)
+        return 1
+    print(f"{stacks}wayproof: error: {reason}", file=sys.stderr)
+    print(f"explain: wayproof explain {log} --allow-plugins\nlog: {log}")
+    return 1
