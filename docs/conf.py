@@ -1,6 +1,6 @@
-"""The site that `make docs` builds: Sphinx over the same plain Markdown that one reads without it.
+"""The site that `make docs` builds: Sphinx over plain Markdown.
 
-The source folder is the repository's root, so that links between its pages are what they are.
+The source folder is the repository's root, so that links between pages work in both.
 """
 
 project = "Wayproof"
@@ -17,36 +17,35 @@ suppress_warnings = [
 ]
 
 CHAPTERS = {
-    "Begin": ["get-started", "concepts", "guarantees", "verbs", "seeing", "comparison", "measured"],
-    "Tutorials": [
-        f"tutorials/{name}"
-        for name in (
-            "planner",
-            "sensor",
-            "robot",
-            "pose-drift",
-            "why-it-failed",
-            "lost-echoes",
-            "gate",
-        )
+    "Get started": ["get-started", "concepts", "comparison"],
+    "Use your own": [
+        *("tutorials/planner", "tutorials/robot", "robots"),
+        *("tutorials/sensor", "sensors", "imports"),
     ],
-    "What there is": [
-        *("robots", "sensors", "worlds", "imports", "maps", "representations", "moving"),
-        *("unknown", "planning", "perturbations", "benchmarks"),
+    "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "replay", "seeing"],
+    "Study and gate": [
+        *("studies", "tutorials/gate", "perturbations"),
+        *("tutorials/pose-drift", "tutorials/lost-echoes", "statistics"),
     ],
-    "A log": ["log", "replay", "explain", "causes"],
-    "Reference": ["reference/cli", "reference/config", "reference/metrics"],
+    "How it works": [
+        *("maps", "representations", "moving", "planning", "unknown", "worlds"),
+        *("log", "hostile"),
+    ],
+    "Reference": [
+        *("reference/cli", "reference/config", "reference/metrics"),
+        *("measured", "reference/dependencies"),
+    ],
 }
-"""What the side bar shows first; pages that are not named here come after."""
+"""Sections of the side bar; other pages come after them."""
 
 
 def setup(app):
-    """Give the first page a side bar, which no Markdown has."""
+    """Add a side bar to the first page."""
     app.connect("source-read", add_side_bar)
 
 
 def add_side_bar(app, page, source):
-    """Append the list of all pages to the first."""
+    """Append the list of all pages to the first page."""
     if page != root_doc:
         return
     named = [f"docs/{name}" for names in CHAPTERS.values() for name in names]

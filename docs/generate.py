@@ -25,9 +25,24 @@ from wayproof.harness.study.statistics.support import Support
 FOLDER = Path(__file__).parent / "reference"
 
 MACHINE = {"jobs"}
-"""Options whose defaults follow from the machine."""
+"""Options whose defaults depend on the machine."""
 
-NOTE = "Written from the code by `python -m docs.generate`; a test holds it against the code."
+NOTE = "Generated from the code by `python -m docs.generate`; a test compares the two."
+
+EXIT_CODES = [
+    "| exit code | meaning |",
+    "|---|---|",
+    "| 0 | goal reached, replay identical, log verified, no violation, every gate held |",
+    "| 1 | not so; `falsify`: a failure was found |",
+    "| 2 | bad input, reported in one line on stderr; nothing was run |",
+    "| 3 | a study is incomplete, or too small to decide a gate |",
+    "| 130 | Ctrl-C; the last line says what is kept |",
+    "",
+    "`--json` prints one JSON document on stdout and nothing else. `NO_COLOR=1` turns colours off; "
+    "a pipe gets none. `python -m wayproof` is the same as `wayproof`. For completion in bash or "
+    'zsh: `eval "$(wayproof completion bash)"`.',
+]
+"""What holds for all verbs."""
 
 
 def pages() -> dict[str, str]:
@@ -36,33 +51,28 @@ def pages() -> dict[str, str]:
 
 
 def cli() -> str:
-    """Each verb with its arguments."""
-    lines = ["# The command line", "", NOTE, "", "Every verb takes `--json`: one JSON document on "]
-    lines[-1] += "stdout and nothing else. Exit codes: 0 as hoped, 1 not so, 2 bad input, told in "
-    lines[-1] += "one line on stderr, 3 for a study that is incomplete or decides no gate. "
-    lines[-1] += "`NO_COLOR=1` turns colours off; a pipe gets none."
-    lines += ["", "| verb | does |", "|---|---|"]
+    """Each verb with its arguments, and the exit codes."""
+    lines = ["# Command line", "", "Every verb of `wayproof` with its arguments and exit codes."]
+    lines += ["", NOTE, "", "| verb | does |", "|---|---|"]
     lines += [f"| [`{name}`](#{name}) | {cell(verb.help)} |" for name, verb in VERBS.items()]
+    lines += ["", *EXIT_CODES]
     for name, parser in verb_parsers().items():
         lines += ["", f"## {name}", "", sentence(VERBS[name].help), ""]
         lines += [*_typed(VERBS[name].example), ""]
-        lines += ["| argument | default | is |", "|---|---|---|"]
+        lines += ["| argument | default | meaning |", "|---|---|---|"]
         lines += [_argument(action) for action in _arguments(parser)]
         if lines[-1].startswith("|---"):
-            lines[-2:] = ["It takes no arguments."]
+            lines[-2:] = ["No arguments."]
     return "\n".join(lines) + "\n"
 
 
 def config() -> str:
     """Each setting with its default, and each perturbation."""
-    lines = [
-        "# Settings",
-        "",
-        NOTE,
-        "",
-        "Any of them by `--set NAME=VALUE`, in a study's `[axes]` ",
+    lines = ["# Settings", "", "Every setting with its type, default and bounds.", "", NOTE, ""]
+    lines += [
+        "Set one by `--set NAME=VALUE`, in a study under `[set]` or `[axes]`. The `config.json` in "
+        "a log holds all of them, resolved."
     ]
-    lines[-1] += "and in the `config.json` of a log, which holds all of them, resolved."
     set_two = "--set map.resolution=0.2 --set planner.name=rrtconnect"
     lines += ["", *_typed(f"wayproof run empty --robot drone --seed 1 {set_two}")]
     lines += ["", "## The episode", "", *_settings(Config, ""), *_sections(Config)]
@@ -70,11 +80,10 @@ def config() -> str:
         "",
         "## Perturbations",
         "",
-        "By `--perturb KIND:SEVERITY[:MODE]`, severity 1 to 5 or between; ",
+        "`--perturb KIND:SEVERITY[:MODE]`, severity 1 to 5, fractions allowed; at most one per "
+        "episode. [Perturbations](../perturbations.md) has the amount of each severity.",
     ]
-    lines[-1] += "an episode has one or none. What each severity is stands in "
-    lines[-1] += "[perturbations](../perturbations.md)."
-    lines += ["", "| kind | modes | is |", "|---|---|---|"]
+    lines += ["", "| kind | modes | meaning |", "|---|---|---|"]
     for kind, one in PERTURBATIONS.items():
         fields = [each for each in msgspec.structs.fields(one) if each.name not in WITHIN]
         modes = ", ".join(f"`{mode}`" for each in fields for mode in get_args(each.type))
@@ -85,26 +94,20 @@ def config() -> str:
 def metrics() -> str:
     """Each metric of an episode with its unit."""
     better = {True: "higher", False: "lower", None: ""}
-    lines = [
-        "# Metrics",
-        "",
-        NOTE,
-        "",
-        "`wayproof score LOG` works them out from the log alone; a ",
-    ]
-    lines[-1] += "study's gates name them."
-    lines += ["", *_typed("wayproof score logs/empty-drone-1.mcap")]
-    lines += ["", "The support is that of the [intervals](../statistics.md) of its mean."]
-    lines += ["", "| metric | unit | better | support | is |", "|---|---|---|---|---|"]
+    lines = ["# Metrics", "", "Every metric of an episode, computed from its log alone.", "", NOTE]
+    lines += ["", "`wayproof score LOG` prints them; gates of a study name them.", ""]
+    lines += _typed("wayproof score logs/empty-drone-1.mcap")
+    lines += ["", "The support decides the [interval](../statistics.md) of the mean."]
+    lines += ["", "| metric | unit | better | support | meaning |", "|---|---|---|---|---|"]
     for name, metric in METRICS.items():
-        told = cell(summary(metric.function))
-        side = better[metric.higher_is_better]
-        lines.append(f"| `{name}` | {metric.unit} | {side} | {_support(metric.support)} | {told} |")
+        meaning = cell(summary(metric.function))
+        side, support = better[metric.higher_is_better], _support(metric.support)
+        lines.append(f"| `{name}` | {metric.unit} | {side} | {support} | {meaning} |")
     return "\n".join(lines) + "\n"
 
 
 def _support(support: Support) -> str:
-    """Kind and ends, in words."""
+    """The kind and bounds of a support, in words."""
     high = "the time limit" if support.timed else f"{support.high:g}"
     ends = f"{support.low:g} to {high}" if support.timed or support.high < math.inf else "0 or more"
     return f"{support.kind}, {ends}"
@@ -144,7 +147,7 @@ def _sections(parent: type, prefix: str = "") -> list[str]:
 
 def _settings(section: type, prefix: str) -> list[str]:
     descriptions, hints = attributes(section), get_type_hints(section, include_extras=True)
-    rows = ["| setting | type | default | is |", "|---|---|---|---|"]
+    rows = ["| setting | type | default | meaning |", "|---|---|---|---|"]
     for entry in dataclasses.fields(section):
         if dataclasses.is_dataclass(entry.default_factory):
             continue  # a section of its own
@@ -172,7 +175,7 @@ def _default(entry: dataclasses.Field[Any]) -> str:
 
 
 def attributes(section: type) -> dict[str, str]:
-    """What a class's docstring says of each attribute, each as one line."""
+    """Each attribute's description in a class's docstring, as one line."""
     _, _, block = inspect.cleandoc(section.__doc__ or "").partition("Attributes:\n")
     found: dict[str, str] = {}
     name = ""
@@ -194,12 +197,12 @@ def summary(thing: object) -> str:
 
 
 def sentence(text: str) -> str:
-    """With a capital and a full stop."""
+    """The text with a capital letter and a full stop."""
     return f"{text[0].upper()}{text[1:]}."
 
 
 def cell(text: str) -> str:
-    """Fit for a table."""
+    """The text, escaped for a cell of a table."""
     return text.replace("|", r"\|")
 
 

@@ -44,10 +44,14 @@ OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
 OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
 GUIDE, COMMITTED, TRAIL = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0), (0.85, 0.1, 0.1, 1.0)
 
-DISTANCE, ELEVATION = 3.6, -38.0  # of the camera from the robot, m and degrees
+DISTANCE, ELEVATION = 2.3, -38.0
+"""Distance of the camera from the robot, m, and its pitch, degrees."""
 
-CUT_ABOVE = 0.4
-"""So far above the robot's base everything is cut away, m."""
+CUT_ABOVE = 0.15
+"""Height above the robot's base at which walls and cells are cut, m."""
+
+SKIN = 0.004
+"""Extra half extent of a drawn occupied cell, m, so that its faces do not flicker with a wall's."""
 
 SIGHT = 10.0
 """Farther from the robot no occupied cells are drawn, m: most of them would be out of the picture,
@@ -178,7 +182,7 @@ class Stage:
         off = middles[:, :2] - np.array(moment.truth.position)[:2]
         near = np.hypot(off[:, 0], off[:, 1]) < SIGHT
         for middle, half in zip(middles[near], halves[near], strict=True):
-            self._add_box(middle, half, OCCUPIED_COLOUR)
+            self._add_box(middle, half + SKIN, OCCUPIED_COLOUR)
         lift = np.array([0.0, 0.0, 0.05 if mission.motion == "ground" else 0.0])
         decision = moment.decision
         self._add_line(path_of(decision.guide) + lift, 0.015, GUIDE)

@@ -73,8 +73,8 @@ def test_attributes_are_read_over_several_lines():
             ValueError: Never.
         """
 
-    told = generate.attributes(Section)
-    assert told == {"one": "The first, in two lines.", "two": "The `second`."}
+    found = generate.attributes(Section)
+    assert found == {"one": "The first, in two lines.", "two": "The `second`."}
 
 
 def built(source, out):
