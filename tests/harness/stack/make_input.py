@@ -1,7 +1,7 @@
-"""Views for `decide`, made by hand: a room of 8 x 4 m in the plane, and a robot in it.
+"""Planner inputs made by hand: a room of 8 x 4 m in the plane, and a robot in it.
 
-A room is all free. Rectangles of it are made unknown or occupied; the distances that a decision
-plans on are worked out from its cells as a costmap would.
+A room is all free but for rectangles that are unknown or occupied; the distances that a decision
+plans on are computed from its cells as a costmap does.
 """
 
 from dataclasses import replace
@@ -17,9 +17,9 @@ from wayproof.planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
 
 CELL = 0.1  # m
 SHAPE = (80, 40, 1)
-REACH = 20  # cells that the distances go
+REACH = 20  # maximum distance, cells
 PERIOD_NS = 100_000_000  # between decisions, and from a decision to its effect
-HEIGHT = 0.5 * CELL  # of all places, m
+HEIGHT = 0.5 * CELL  # z of all positions, m
 
 ROUND = Body((0.0,), (0.3,))
 LONG = Body((-0.3, 0.0, 0.3), (0.2, 0.2, 0.2))
@@ -48,7 +48,7 @@ def make_states(unknown=(), occupied=()):
 
 
 def make_space(blocked, body=ROUND):
-    """Where a body fits among blocked cells (nx, ny, 1); at its heading if it is long."""
+    """Free space of a body among blocked cells (nx, ny, 1); at its heading if it is elongated."""
     discs = body.discs(margin=0.0, resolution=CELL, flat=True)
     distances = scipy_squared(blocked, REACH).astype(np.uint16)
     least = min(disc.collision_distance_sq for disc in discs)
@@ -59,16 +59,16 @@ def make_space(blocked, body=ROUND):
 def make_input(
     states=None, body=ROUND, policy="forbid", position=START, goal=GOAL, sequence=0, **others
 ):
-    """What one decision sees.
+    """Make the input of one decision.
 
     Args:
         states: From `make_states`; a free room by default.
         body: `ROUND` or `LONG`.
-        policy: For unknown space.
-        position: (2,) where the robot believes to be, m.
+        policy: `forbid`, `penalize` or `allow` unknown space.
+        position: (2,) estimated, m.
         goal: (2,) m.
-        sequence: Number of the decision; the others follow from it.
-        others: Fields of the input in place of its own.
+        sequence: Number of the decision, which sets its times.
+        others: Fields of the input in place of these.
     """
     states = make_states() if states is None else states
     known, passable = make_space(states != FREE, body), make_space(states == OCCUPIED, body)
@@ -101,14 +101,14 @@ def at_rest(position=START, heading=0.0, **others):
 
 
 def sample_at(state, time_ns):
-    """Where a robot is that follows what was committed, as a `TrajectorySample`."""
+    """Sample the trajectories that a robot has committed to, as a `TrajectorySample`."""
     committed = (*state.earlier, state.trajectory)
     begun = [one for one in committed if one.start_ns <= time_ns]
     return (begun or committed[:1])[-1].at(time_ns)
 
 
 def next_input(state, sequence, **room):
-    """What the robot sees at a decision, having followed what it committed to before."""
+    """Make the input of a decision after the robot has followed its committed trajectories."""
     now = sample_at(state, sequence * PERIOD_NS)
     x, y, _ = now.position
     return make_input(position=(x, y), heading=now.heading, sequence=sequence, **room)
@@ -126,3 +126,14 @@ def drive(decisions, state=None, **room):
     for sequence in range(decisions):
         _, state = decide(next_input(state, sequence, **room), state)
     return state
+
+
+def final_sample(trajectory):
+    """The last sample of a trajectory."""
+    return trajectory.at(trajectory.start_ns + round(trajectory.duration_s * 1e9))
+
+
+def top_speed(trajectory):
+    """The greatest speed of a trajectory, m/s, to a millisecond."""
+    steps = range(0, round(trajectory.duration_s * 1e3) + 1)
+    return max(trajectory.at(trajectory.start_ns + 1_000_000 * step).speed for step in steps)

@@ -1,23 +1,195 @@
-"""Stepping out of the inflation comes nearer neither to the unknown nor to an obstacle."""
+"""Recovery manoeuvres: escape, explore, backtrack, abort; each called alone."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from tests.harness.stack.make_input import at_rest, make_input, make_states
+from tests.harness.stack.make_input import (
+    LONG,
+    PERIOD_NS,
+    START,
+    at_rest,
+    final_sample,
+    make_input,
+    make_states,
+    place,
+    top_speed,
+)
 from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.maneuvers import wait
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.recovery import (
+    ESCAPE_SPEED_SHARE,
+    abort,
+    backtrack,
+    escape_inflation,
+    explore_frontier,
+    recover_after_timeout,
+)
+from wayproof.harness.stack.types import BehaviourConfig, Exploration
 
-START = (2.05, 2.05)
-LANE = [(0.0, 2.6, 0.0, 2.0), (0.0, 2.6, 2.3, 4.0)]
-"""What is unknown on both sides of the robot."""
+BESIDE = (2.05, 2.05)
+BETWEEN = [(0.0, 2.6, 0.0, 2.0), (0.0, 2.6, 2.3, 4.0)]
+"""Unknown space on both sides of the robot."""
 
 PILLAR = (2.3, 2.4, 2.1, 2.2)
+
+WALL = (4.0, 4.3, 0.0, 4.0)
+"""From one side of the room to the other, between start and goal."""
+
+CORNER = (2.5, 4.0, 3.0, 4.0)
+"""A corner before the wall, which may be unknown."""
+
+REASON = Reason("no_path_found", iterations=12)
 
 
 @pytest.mark.parametrize(
     ("pillars", "action", "kind"),
     [([], "recover", "escaping_inflation"), ([PILLAR], "stop_and_wait", "way_out_blocked")],
 )
-def test_a_way_out_does_not_brush_an_obstacle(pillars, action, kind):
-    """It stands in a lane, a cell from what is unknown; the way out leads past the pillar."""
-    input = make_input(make_states(unknown=LANE, occupied=pillars), position=START)
-    command, _ = decide(input, at_rest(START))
+def test_an_escape_does_not_brush_an_obstacle(pillars, action, kind):
+    """In a lane, a cell from unknown space; the way out leads past the pillar."""
+    input = make_input(make_states(unknown=BETWEEN, occupied=pillars), position=BESIDE)
+    command, _ = decide(input, at_rest(BESIDE))
     assert (command.action, command.label, command.reason.kind) == (action, "start_blocked", kind)
+
+
+def escape(input, state):
+    return escape_inflation(input, state, state.trajectory.at(input.effect_ns))
+
+
+def test_an_escape_leads_straight_and_slowly_to_the_nearest_traversable_position():
+    input = make_input(make_states(occupied=[(0.0, 0.8, 0.0, 4.0)]))
+    state = at_rest(exploration=Exploration(since=1), rest_since_ns=0)
+    command, after = escape(input, state)
+    assert (command.action, command.label) == ("recover", "start_blocked")
+    target = final_sample(command.trajectory).position
+    assert input.traversable.is_free(target)
+    assert not input.traversable.is_free(input.position)
+    assert np.linalg.norm(target - input.position) == pytest.approx(
+        command.reason.distance_m, abs=1e-6
+    )
+    assert command.reason.distance_m < 0.15
+    assert top_speed(command.trajectory) <= ESCAPE_SPEED_SHARE * input.limits.speed + 1e-9
+    assert (after.global_path, after.exploration, after.rest_since_ns) == (None, None, -1)
+
+
+def test_a_body_with_no_traversable_position_within_reach_waits():
+    input = make_input(make_states(occupied=[(0.0, 4.0, 0.0, 4.0)]))
+    command, after = escape(input, at_rest())
+    assert (command.action, command.label) == ("stop_and_wait", "start_blocked")
+    assert command.reason.kind == "no_way_out"
+    assert command.reason.waited_s == 0.0
+    assert after.rest_since_ns == 0
+
+
+def test_a_long_body_turns_out_of_the_inflation_by_the_smallest_turn_that_helps():
+    lane = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])
+    input = make_input(lane, LONG, position=(3.05, 2.05), heading=0.7)
+    command, _ = escape(input, at_rest((3.05, 2.05), heading=0.7))
+    assert command.reason.kind == "turning_out_of_inflation"
+    end = final_sample(command.trajectory)
+    np.testing.assert_array_equal(end.position, input.position)
+    assert input.traversable.pose_free(end.position, end.heading)
+    nearer = end.heading + 0.1  # the turns are tried in tenths of a radian
+    assert not input.traversable.pose_free(end.position, nearer)
+    assert command.reason.turn_rad == pytest.approx(end.heading - 0.7, abs=1e-5)
+
+
+def waiting(seconds, states=None, **state):
+    """Input and result of a wait at the start that has lasted for some time."""
+    sequence = round(seconds * 1e9) // PERIOD_NS
+    input = make_input(states, sequence=sequence)
+    state = at_rest(rest_since_ns=0, **state)
+    start = state.trajectory.at(input.effect_ns)
+    return input, start, wait(input, state, start, "no_path", REASON)
+
+
+def test_a_wait_goes_on_until_the_timeout():
+    assert BehaviourConfig().wait_timeout == 1.0
+    for seconds, same in ((0.9, True), (1.0, False)):
+        states = make_states(occupied=[WALL], unknown=[CORNER])
+        input, start, decided = waiting(seconds, states)
+        assert (recover_after_timeout(input, start, decided) is decided) is same
+
+
+def test_only_a_wait_is_replaced_after_the_timeout():
+    input, start, decided = waiting(5.0)
+    command = replace(decided.command, action="follow", reason=REASON)
+    moving = decided._replace(command=command)
+    assert recover_after_timeout(input, start, moving) is moving
+
+
+@pytest.mark.parametrize(("viewpoints", "action"), [(11, "explore"), (12, "abort")])
+def test_the_mission_is_aborted_after_as_many_explorations_as_allowed(viewpoints, action):
+    assert BehaviourConfig().max_recoveries == 12
+    places = np.tile(place(*START), (viewpoints, 1))
+    states = make_states(occupied=[WALL], unknown=[CORNER])
+    input, start, decided = waiting(1.0, states, viewpoints=places)
+    command, after = recover_after_timeout(input, start, decided)
+    assert command.action == action
+    assert len(after.viewpoints) == 12
+
+
+def test_an_abort_keeps_the_reason_of_the_wait_and_counts_the_viewpoints():
+    _, _, decided = waiting(1.5, viewpoints=np.tile(place(*START), (3, 1)))
+    command, after = abort(decided.command, decided.state)
+    assert (command.action, command.label) == ("abort", "no_path")
+    assert command.reason.places == 3
+    assert command.reason.iterations == REASON.iterations
+    assert command.reason.waited_s == pytest.approx(1.5, abs=1e-6)
+    assert after is decided.state
+
+
+def test_exploration_leads_to_the_unknown_corner_and_remembers_the_viewpoint():
+    states = make_states(occupied=[WALL], unknown=[CORNER])
+    input, start, decided = waiting(1.0, states)
+    command, after = explore_frontier(input, start, decided)
+    assert (command.action, command.reason.kind) == ("explore", "looking_elsewhere")
+    end = after.global_path[-1]
+    assert 2.2 < end[0] < 4.0
+    assert 2.3 < end[1] < 3.0
+    assert input.traversable.is_free(end)
+    assert after.exploration == Exploration(since=input.sequence)
+    np.testing.assert_array_equal(after.viewpoints, [place(*START)])
+    assert command.search.waypoints is not None
+    assert command.search_seed > 0
+    assert after.rest_since_ns == -1
+
+
+def test_without_a_frontier_the_robot_backtracks_and_without_breadcrumbs_it_waits_once_more():
+    states = make_states(occupied=[WALL])
+    input, start, decided = waiting(1.0, states)
+    command, after = explore_frontier(input, start, decided)
+    assert (command.action, command.label) == ("stop_and_wait", "no_path")
+    assert command.reason.frontier == "none"
+    assert after.exploration is None
+    assert after.global_path is None
+    crumbs = np.array([place(x, 2.05) for x in np.arange(2.05, 1.0, -0.1)])
+    state = replace(decided.state, breadcrumbs=crumbs)
+    command, after = explore_frontier(input, start, decided._replace(state=state))
+    assert (command.action, command.reason.kind) == ("recover", "backing_up")
+    assert after.exploration.backtracking
+    assert after.backtracks == 1
+
+
+def test_a_frontier_explored_from_before_is_not_chosen_again():
+    states = make_states(occupied=[WALL], unknown=[CORNER])
+    input, start, decided = waiting(1.0, states)
+    _, after = explore_frontier(input, start, decided)
+    seen = replace(decided.state, viewpoints=after.global_path[-1:])
+    _, again = explore_frontier(input, start, decided._replace(state=seen))
+    assert np.linalg.norm(again.global_path[-1] - after.global_path[-1]) > 0.3
+
+
+def test_backtracking_follows_the_breadcrumbs_as_an_exploration():
+    input = make_input(sequence=9, position=(3.05, 2.05))
+    state = at_rest((3.05, 2.05))
+    path = np.array([place(3.05, 2.05), place(2.15, 2.05)])
+    command, after = backtrack(input, state, state.trajectory.at(input.effect_ns), path)
+    assert (command.action, command.reason.kind) == ("recover", "backing_up")
+    np.testing.assert_allclose(final_sample(command.trajectory).position, path[-1])
+    assert command.reason.target[0] == pytest.approx(2.15, abs=1e-5)
+    assert after.exploration == Exploration(since=9, backtracking=True)
+    assert after.backtracks == 1

@@ -1,0 +1,151 @@
+"""Choice between the circumscribed and the oriented footprint of an elongated body."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.harness.stack.make_input import (
+    CELL,
+    GOAL,
+    LONG,
+    START,
+    at_rest,
+    make_input,
+    make_states,
+    place,
+)
+from wayproof.harness.stack.footprint_mode import decide_with_footprint
+from wayproof.planners import Body
+
+DISC = Body((0.0,), (LONG.circumscribed_radius,))
+"""The disc about the long body."""
+
+GAP = make_states(occupied=[(3.0, 4.5, 0.0, 1.7), (3.0, 4.5, 2.4, 4.0)])
+"""A gap of 0.7 m between start and goal: the disc of 1 m does not fit, the body of 0.4 m does."""
+
+PATH = np.array([place(*START), place(*GOAL)])
+
+
+class Oriented:
+    """Makes the input of the oriented footprint, and counts how often."""
+
+    def __init__(self, **room):
+        self.calls, self._room = 0, room
+
+    def __call__(self):
+        self.calls += 1
+        return make_input(body=LONG, **self._room)
+
+
+def decide_in(states=None, state=None, **room):
+    """The decision in a room, and how often the oriented input was made."""
+    oriented = Oriented(states=states, **room)
+    circumscribed = make_input(states, DISC, **room)
+    decided = decide_with_footprint(circumscribed, oriented, state or at_rest())
+    assert decided.input.traversable.discs == (
+        make_input(states, LONG).traversable.discs if decided.state.oriented else ()
+    )
+    return decided, oriented.calls
+
+
+def test_where_the_disc_fits_the_oriented_footprint_is_not_even_built():
+    decided, calls = decide_in()
+    assert decided.command.action == "follow"
+    assert not decided.state.oriented
+    assert calls == 0
+
+
+def test_a_gap_too_narrow_for_the_disc_is_taken_at_the_heading():
+    decided, calls = decide_in(GAP)
+    assert decided.state.oriented
+    assert calls == 1
+    assert decided.command.action == "follow"
+    assert decided.command.global_path[-1] == pytest.approx(place(*GOAL))
+    inside = np.abs(decided.command.global_path[:, 0] - 3.75) < 0.75
+    assert inside.any()
+    assert np.abs(decided.command.global_path[inside, 1] - 2.05).max() < 0.2
+
+
+def test_where_neither_footprint_leads_on_the_decision_is_that_of_the_disc():
+    wall = make_states(occupied=[(3.0, 4.5, 0.0, 4.0)])
+    decided, calls = decide_in(wall)
+    assert calls == 1
+    assert not decided.state.oriented
+    assert (decided.command.action, decided.command.label) == ("stop_and_wait", "no_path")
+
+
+def in_gap(heading=0.0, **state):
+    """A long body inside the gap on its way to the goal, and the room about it."""
+    position = (3.75, 2.05)
+    path = np.array([place(*position), place(*GOAL)])
+    return at_rest(position, heading, global_path=path, oriented=True, **state), {
+        "position": position,
+        "heading": heading,
+    }
+
+
+def test_the_oriented_footprint_is_kept_where_the_rest_of_the_path_is_too_narrow():
+    state, room = in_gap()
+    decided, calls = decide_in(GAP, state, **room)
+    assert decided.state.oriented
+    assert calls == 1
+
+
+def test_the_disc_returns_once_the_rest_of_the_path_has_room():
+    position = (5.3, 2.05)
+    path = np.array([place(*position), place(*GOAL)])
+    state = at_rest(position, global_path=path, oriented=True)
+    decided, calls = decide_in(GAP, state, position=position)
+    assert not decided.state.oriented
+    assert calls == 0
+
+
+def test_the_disc_does_not_return_while_the_body_moves_tail_first():
+    position = (5.3, 2.05)
+    path = np.array([place(*position), place(*GOAL)])
+    for heading, oriented in ((0.0, False), (np.pi, True)):
+        state = at_rest(position, heading, global_path=path, oriented=True)
+        decided, _ = decide_in(GAP, state, position=position, heading=heading)
+        assert decided.state.oriented is oriented
+
+
+def test_the_disc_returns_where_no_path_is_left():
+    state = at_rest(oriented=True)
+    decided, calls = decide_in(state=state)
+    assert not decided.state.oriented
+    assert calls == 0
+
+
+@pytest.mark.parametrize(
+    ("length_before", "oriented", "calls"), [(5.5, False, 0), (1.85, True, 1), (1.0, False, 1)]
+)
+def test_a_detour_of_the_disc_loses_to_the_oriented_footprint_that_makes_none(
+    length_before, oriented, calls
+):
+    """A gap for the body straight ahead, 5.5 m, and a way of 5.9 m for the disc.
+
+    Longer than twice the path before and 2 m more is a detour: 13 m, 5.7 m and 4 m here.
+    """
+    states = make_states(occupied=[(3.0, 3.5, 0.0, 1.7), (3.0, 3.5, 2.4, 2.5)])
+    before = np.array([place(*START), place(START[0] + length_before, 2.05)])
+    decided, made = decide_in(states, at_rest(global_path=before))
+    assert decided.command.action in ("follow", "slow")
+    assert (decided.state.oriented, made) == (oriented, calls)
+
+
+def test_the_state_before_is_not_written_to():
+    state, room = in_gap()
+    copy = replace(state)
+    decide_in(GAP, state, **room)
+    assert state == copy
+
+
+def test_the_disc_is_the_one_about_the_body():
+    assert pytest.approx(0.5) == DISC.radii[0]
+    wide, narrow = make_input(GAP, DISC), make_input(GAP, LONG)
+    middle = place(3.75, 2.05)
+    assert not wide.traversable.is_free(middle)
+    assert narrow.traversable.pose_free(middle, 0.0)
+    assert not narrow.traversable.pose_free(middle, 0.5 * np.pi)
+    assert CELL == 0.1

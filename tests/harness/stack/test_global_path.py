@@ -1,0 +1,181 @@
+"""Keeping, replanning and projecting: the global path."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.harness.stack.make_input import (
+    CELL,
+    GOAL,
+    LONG,
+    PERIOD_NS,
+    START,
+    at_rest,
+    drive,
+    make_input,
+    make_states,
+    next_input,
+    place,
+)
+from wayproof.harness.stack.global_path import (
+    ARRIVED,
+    drop_duplicates,
+    heading_at,
+    keep_or_replan,
+    project_goal_to_free,
+)
+from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length, distance
+
+STRAIGHT = np.array([place(*START), place(*GOAL)])
+DETOUR = np.array([place(*START), place(3.05, 3.55), place(*GOAL)])
+WALL = (4.0, 4.3, 0.0, 3.0)
+"""A wall with an opening of 1 m at its end."""
+
+
+def replanned(input, state):
+    return keep_or_replan(input, state, state.trajectory.at(input.effect_ns))
+
+
+def test_without_a_path_one_is_planned_to_the_goal():
+    planned = replanned(make_input(), at_rest())
+    np.testing.assert_allclose(planned.state.global_path[[0, -1]], STRAIGHT)
+    assert planned.search.label == "none"
+    assert planned.seed > 0
+
+
+def test_a_valid_path_is_kept_until_the_replan_period_has_passed():
+    period = round(BehaviourConfig().replan_period * 1e9) // PERIOD_NS
+    state = at_rest(global_path=STRAIGHT)
+    planned = replanned(make_input(sequence=period - 1), state)
+    assert planned.search is None
+    np.testing.assert_array_equal(planned.state.global_path, STRAIGHT)
+    planned = replanned(make_input(sequence=period), state)
+    assert planned.search is not None
+    assert planned.state.improved_ns == period * PERIOD_NS
+
+
+def test_a_detour_is_replaced_by_a_much_shorter_path_and_a_good_one_kept():
+    sequence = 20
+    planned = replanned(make_input(sequence=sequence), at_rest(global_path=DETOUR))
+    assert arc_length(planned.state.global_path) < arc_length(DETOUR) - 0.3
+    planned = replanned(make_input(sequence=sequence), at_rest(global_path=STRAIGHT))
+    np.testing.assert_array_equal(planned.state.global_path, STRAIGHT)
+
+
+def test_a_blocked_path_is_replanned_at_once_around_the_obstacle():
+    input = make_input(make_states(occupied=[WALL]), sequence=1)
+    state = at_rest(global_path=STRAIGHT, improved_ns=PERIOD_NS)
+    planned = replanned(input, state)
+    path = planned.state.global_path
+    assert input.optimistic.free_length(path) == pytest.approx(arc_length(path))
+    assert path[:, 1].max() > 3.2
+
+
+def test_a_path_to_another_place_than_the_goal_is_replanned():
+    near = np.array([place(*START), place(GOAL[0] - 2 * CELL, GOAL[1])])
+    far = np.array([place(*START), place(GOAL[0] - 4 * CELL, GOAL[1])])
+    for path, searched in ((near, False), (far, True)):
+        planned = replanned(make_input(), at_rest(global_path=path))
+        assert (planned.search is not None) is searched
+
+
+def test_without_a_way_to_the_goal_there_is_no_path():
+    wall = make_states(occupied=[(4.0, 4.3, 0.0, 4.0)])
+    planned = replanned(make_input(wall), at_rest(global_path=STRAIGHT))
+    assert planned.state.global_path is None
+    assert planned.search.label == "no_path"
+
+
+def test_a_robot_in_motion_keeps_the_part_on_which_it_can_stop():
+    state = drive(8)
+    input = next_input(state, 8, states=make_states(occupied=[WALL]))
+    start = state.trajectory.at(input.effect_ns)
+    planned = keep_or_replan(input, state, start)
+    path = planned.state.global_path
+    np.testing.assert_allclose(path[0], start.position, atol=1e-9)
+    reach = start.position[0] + 0.5
+    before = path[path[:, 0] <= reach]
+    np.testing.assert_allclose(before[:, 1], START[1], atol=1e-6)
+
+
+def test_a_robot_in_motion_that_cannot_stop_before_an_obstacle_drops_its_path():
+    state = drive(8)
+    x = state.trajectory.at(9 * PERIOD_NS).position[0]
+    input = next_input(state, 8, states=make_states(occupied=[(round(x, 1) + 0.6, 8.0, 0.0, 4.0)]))
+    planned = replanned(input, state)
+    assert planned.state.global_path is None
+    assert planned.search is None
+
+
+def test_an_exploration_is_dropped_for_any_way_to_the_goal_and_else_kept():
+    to_corner = np.array([place(*START), place(1.05, 3.05)])
+    exploring = at_rest(global_path=to_corner, exploration=Exploration(since=1))
+    planned = replanned(make_input(sequence=20), exploring)
+    assert planned.state.exploration is None
+    np.testing.assert_allclose(planned.state.global_path[-1], place(*GOAL))
+    walled = make_states(occupied=[(4.0, 4.3, 0.0, 4.0)])
+    planned = replanned(make_input(walled, sequence=20), exploring)
+    assert planned.state.exploration == Exploration(since=1)
+    np.testing.assert_array_equal(planned.state.global_path, to_corner)
+
+
+def test_an_exploration_ends_at_its_viewpoint():
+    here = np.array([place(*START), place(START[0] + 0.9 * ARRIVED, START[1])])
+    wall = make_states(occupied=[(4.0, 4.3, 0.0, 4.0)])
+    state = at_rest(global_path=here, exploration=Exploration(since=1))
+    planned = replanned(make_input(wall), state)
+    assert planned.state.global_path is None
+    assert planned.state.exploration is None
+
+
+def test_keeping_and_replanning_write_to_no_state():
+    state = at_rest(global_path=DETOUR)
+    copy = replace(state)
+    replanned(make_input(sequence=20), state)
+    assert state == copy
+
+
+def test_a_free_goal_is_its_own_projection():
+    input = make_input()
+    assert project_goal_to_free(input) is input.goal
+
+
+@pytest.mark.parametrize("body", [None, LONG])
+def test_a_goal_inside_the_inflation_is_projected_to_the_nearest_free_position(body):
+    states = make_states(occupied=[(6.5, 8.0, 0.0, 4.0)])
+    room = {} if body is None else {"body": body}
+    input = make_input(states, goal=(6.45, 2.05), **room)
+    goal = project_goal_to_free(input)
+    assert 6.0 < goal[0] < 6.4
+    if body is None:
+        assert input.optimistic.is_free(goal)
+        assert goal[0] == pytest.approx(6.15, abs=0.051)
+    else:
+        headings = np.linspace(0.0, np.pi, 8, endpoint=False)
+        assert any(input.optimistic.pose_free(goal, heading) for heading in headings)
+
+
+def test_a_goal_deeper_inside_than_the_search_radius_stays_where_it_is():
+    states = make_states(occupied=[(5.0, 8.0, 0.0, 4.0)])
+    input = make_input(states, goal=(7.05, 2.05))
+    assert project_goal_to_free(input) is input.goal
+
+
+def test_an_unknown_goal_needs_no_projection():
+    input = make_input(make_states(unknown=[(5.0, 8.0, 0.0, 4.0)]))
+    assert project_goal_to_free(input) is input.goal
+
+
+def test_duplicates_are_dropped_and_a_path_of_one_place_stays():
+    a, b = place(1.0, 1.0), place(2.0, 1.0)
+    np.testing.assert_array_equal(drop_duplicates(np.array([a, a, b, b, b])), [a, b])
+    same = np.array([a, a])
+    assert drop_duplicates(same) is same
+
+
+def test_the_heading_of_a_path_is_that_of_the_edge_at_an_arc_length():
+    path = np.array([place(0.0, 0.0), place(1.0, 0.0), place(1.0, 1.0)])
+    assert heading_at(path, 0.5) == 0.0
+    assert heading_at(path, 1.5) == pytest.approx(0.5 * np.pi, abs=1e-9)
+    assert distance(path[0], path[2]) == pytest.approx(np.sqrt(2.0))

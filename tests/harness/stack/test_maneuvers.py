@@ -1,0 +1,172 @@
+"""Manoeuvres that end where the robot is, each called alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.harness.stack.make_input import (
+    GOAL,
+    PERIOD_NS,
+    START,
+    at_rest,
+    drive,
+    final_sample,
+    make_input,
+    make_states,
+    next_input,
+    place,
+    sample_at,
+)
+from wayproof.harness.stack.global_path import GlobalPlan
+from wayproof.harness.stack.maneuvers import (
+    arrive,
+    brake,
+    hold_position,
+    stop_without_path,
+    wait,
+    wait_at_blocked_goal,
+)
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.types import BehaviourConfig, Exploration, PathLoss
+from wayproof.planners import Plan
+
+NO_PATH = Reason("no_path_found", iterations=12)
+SEARCH = Plan(None, np.inf, np.inf, 0.0, 12, "no_path")
+
+
+def standing_at(position, heading=0.0):
+    """The start of a new trajectory of a robot at rest."""
+    return at_rest(position, heading).trajectory.at(0)
+
+
+def in_motion(decisions=8):
+    """State of a robot that drives, its next input, and the start of its next trajectory."""
+    state = drive(decisions)
+    input = next_input(state, decisions)
+    return state, input, state.trajectory.at(input.effect_ns)
+
+
+def test_a_robot_off_its_trajectory_holds_the_estimated_pose_and_drops_its_path():
+    input = make_input(position=(1.05, 3.05), heading=0.4)
+    state = at_rest(global_path=np.array([place(*START), place(*GOAL)]))
+    command, after = hold_position(input, state, standing_at(START))
+    assert (command.action, command.label) == ("recover", "localization_lost")
+    assert command.reason.distance_m == pytest.approx(1.0, abs=1e-6)
+    assert command.reason.limit_m == pytest.approx(BehaviourConfig().tracking_tolerance, abs=1e-6)
+    held = command.trajectory.at(input.effect_ns)
+    np.testing.assert_array_equal(held.position, input.position)
+    assert held.heading == 0.4
+    assert held.at_rest
+    assert after.trajectory is command.trajectory
+    assert after.global_path is None
+
+
+def test_a_robot_that_arrives_stands_where_it_is_and_states_the_distance_left():
+    input = make_input(position=(6.45, 2.05))
+    command, after = arrive(input, at_rest((6.45, 2.05)), standing_at((6.45, 2.05)))
+    assert (command.action, command.label, command.reason.kind) == ("goal", "none", "at_goal")
+    assert command.reason.distance_m == pytest.approx(0.1, abs=1e-6)
+    assert command.trajectory.duration_s == 0.0
+    assert after.trajectory is command.trajectory
+
+
+@pytest.mark.parametrize(("seconds", "action"), [(4.9, "stop_and_wait"), (5.0, "abort")])
+def test_a_robot_beside_a_blocked_goal_waits_for_the_timeout_and_then_aborts(seconds, action):
+    assert BehaviourConfig().goal_wait_timeout == 5.0
+    sequence = 10 + round(seconds * 1e9) // PERIOD_NS
+    block = make_states(occupied=[(6.5, 6.7, 2.0, 2.2)])
+    input = make_input(block, sequence=sequence, position=(6.05, 2.05))
+    state = at_rest((6.05, 2.05), rest_since_ns=10 * PERIOD_NS)
+    command, after = wait_at_blocked_goal(input, state, standing_at((6.05, 2.05)))
+    assert (command.action, command.label) == (action, "goal_blocked")
+    assert command.reason.waited_s == pytest.approx(seconds, abs=1e-6)
+    assert command.reason.distance_m == pytest.approx(0.5, abs=1e-6)
+    assert command.reason.cell_state == "occupied"
+    assert after.rest_since_ns == 10 * PERIOD_NS
+
+
+def test_the_wait_beside_a_blocked_goal_begins_with_the_first_decision_there():
+    block = make_states(occupied=[(6.5, 6.7, 2.0, 2.2)])
+    input = make_input(block, sequence=7, position=(6.05, 2.05))
+    command, after = wait_at_blocked_goal(input, at_rest((6.05, 2.05)), standing_at((6.05, 2.05)))
+    assert command.reason.waited_s == 0.0
+    assert after.rest_since_ns == 7 * PERIOD_NS
+
+
+def test_a_wait_keeps_the_global_path_and_counts_the_time_from_its_first_decision():
+    path = np.array([place(*START), place(*GOAL)])
+    state = at_rest(global_path=path)
+    start = standing_at(START)
+    command, state = wait(make_input(sequence=3), state, start, "no_path", NO_PATH)
+    assert (command.action, command.label) == ("stop_and_wait", "no_path")
+    assert command.reason.waited_s == 0.0
+    assert command.global_path is path
+    command, state = wait(make_input(sequence=8), state, start, "no_path", NO_PATH)
+    assert command.reason.waited_s == pytest.approx(0.5, abs=1e-6)
+    assert state.rest_since_ns == 3 * PERIOD_NS
+    assert state.global_path is path
+
+
+def test_a_robot_that_brakes_stops_on_its_path_and_drops_the_global_path():
+    state, input, start = in_motion()
+    assert start.speed > 1.0
+    path = np.array([start.position, place(*GOAL)])
+    command, after = brake(input, state, start, path, NO_PATH, "no_path")
+    assert (command.action, command.label, command.reason) == ("stop_and_wait", "no_path", NO_PATH)
+    begun = command.trajectory.at(input.effect_ns)
+    assert begun.speed == pytest.approx(start.speed)
+    np.testing.assert_allclose(begun.position, start.position)
+    end = final_sample(command.trajectory).position
+    assert start.position[0] + 0.3 < end[0] < GOAL[0]
+    assert end[1] == pytest.approx(START[1])
+    assert after.global_path is None
+    assert after.exploration is None
+
+
+def test_a_robot_at_rest_for_which_no_path_was_found_waits_with_the_label_of_the_search():
+    wall = make_states(occupied=[(4.0, 4.3, 0.0, 4.0)])
+    planned = GlobalPlan(at_rest(), SEARCH, seed=5)
+    input = make_input(wall)
+    command, _ = stop_without_path(input, planned, standing_at(START), previous=at_rest())
+    assert (command.action, command.label) == ("stop_and_wait", "no_path")
+    assert command.reason.waited_s == 0.0
+    assert command.trajectory.duration_s == 0.0
+
+
+def test_a_robot_in_motion_for_which_no_path_was_found_brakes_on_its_last_trajectory():
+    state, input, start = in_motion()
+    planned = GlobalPlan(state, SEARCH, seed=5)
+    command, after = stop_without_path(input, planned, start, previous=state)
+    assert (command.action, command.label) == ("stop_and_wait", "no_path")
+    assert command.reason.waited_s is None
+    assert command.reason.stop_m > 0.3
+    assert command.trajectory.duration_s > 0.5
+    assert after.global_path is None
+
+
+def test_a_robot_that_has_reached_its_viewpoint_comes_to_rest_there():
+    state, input, start = in_motion()
+    path = start.position + np.array([[-start.arc_length, 0.0, 0.0], [0.02, 0.0, 0.0]])
+    previous = replace(state, global_path=path, exploration=Exploration(since=2))
+    planned = GlobalPlan(replace(state, global_path=None))
+    command, _ = stop_without_path(input, planned, start, previous=previous)
+    assert (command.action, command.label) == ("stop_and_wait", "none")
+    assert command.reason.kind == "at_viewpoint"
+    assert command.reason.path_m > 0.3  # the way that the stop takes
+
+
+def test_a_robot_that_dropped_its_path_before_states_since_when_and_why():
+    state, input, start = in_motion()
+    planned = GlobalPlan(state)
+    loss = PathLoss(sequence=6, kind="braking_before_blocked", label="path_blocked")
+    previous = replace(state, global_path=None, path_loss=loss)
+    command, _ = stop_without_path(input, planned, start, previous=previous)
+    assert command.reason.kind == "coming_to_rest"
+    assert command.reason.since == 6
+    assert command.label == "path_blocked"
+
+
+def test_the_helper_for_motion_follows_what_was_committed():
+    state, input, start = in_motion()
+    np.testing.assert_allclose(sample_at(state, input.effect_ns).position, start.position)

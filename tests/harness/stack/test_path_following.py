@@ -1,0 +1,229 @@
+"""Following the global path, one manoeuvre at a time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.harness.stack.make_input import (
+    GOAL,
+    LIMITS,
+    LONG,
+    PERIOD_NS,
+    START,
+    at_rest,
+    drive,
+    final_sample,
+    make_input,
+    make_states,
+    next_input,
+    place,
+    top_speed,
+)
+from wayproof.harness.stack.path_following import (
+    brake_on_path,
+    drive_along,
+    fit_trajectory,
+    follow_global_path,
+    keep_course,
+    plan_trajectory,
+    set_out,
+    turn_into_path,
+)
+from wayproof.harness.stack.types import BehaviourConfig, Exploration
+from wayproof.planners import stopping_distance
+
+PATH = np.array([place(*START), place(*GOAL)])
+FULL_STOP = stopping_distance(LIMITS.speed, 0.0, LIMITS)
+LANE = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])
+"""A lane of 0.7 m along x, in which the long body cannot turn."""
+
+
+def follow(input, state, previous=None):
+    start = state.trajectory.at(input.effect_ns)
+    return follow_global_path(input, state, start, previous=previous or state)
+
+
+def test_all_of_a_free_path_is_driven_at_full_speed():
+    state = at_rest(global_path=PATH, rest_since_ns=0)
+    command, after = follow(make_input(), state)
+    assert (command.action, command.label, command.reason.kind) == (
+        "follow",
+        "none",
+        "path_to_goal",
+    )
+    assert top_speed(command.trajectory) == pytest.approx(LIMITS.speed, rel=1e-3)
+    assert final_sample(command.trajectory).at_rest
+    np.testing.assert_allclose(command.trajectory.path[-1], PATH[-1])
+    assert command.global_path is PATH
+    assert after.rest_since_ns == -1
+
+
+@pytest.mark.parametrize(
+    ("unknown_from", "action"), [(2.2, "slow"), (round(1.8 + FULL_STOP, 1), "follow")]
+)
+def test_a_path_is_driven_up_to_the_unknown_slowly_if_full_speed_could_not_stop(
+    unknown_from, action
+):
+    input = make_input(make_states(unknown=[(unknown_from, 8.0, 0.0, 4.0)]))
+    command, _ = follow(input, at_rest(global_path=PATH))
+    assert (command.action, command.label) == (action, "unknown_ahead")
+    assert command.trajectory.path[-1, 0] == pytest.approx(
+        START[0] + command.reason.free_m, abs=1e-5
+    )
+    assert command.trajectory.path[-1, 0] < unknown_from - 0.3
+    assert command.reason.cell[0] == pytest.approx(unknown_from, abs=0.1)
+
+
+def test_less_than_the_minimum_advance_is_not_worth_leaving_rest_for():
+    input = make_input(make_states(unknown=[(1.6, 8.0, 0.0, 4.0)]))
+    command, after = follow(input, at_rest(global_path=PATH))
+    assert (command.action, command.label) == ("stop_and_wait", "unknown_ahead")
+    assert command.reason.kind == "waiting_before_unknown"
+    assert 0.0 < command.reason.free_m < BehaviourConfig().min_advance
+    assert after.rest_since_ns == 0
+
+
+@pytest.mark.parametrize(("angle", "turns"), [(0.5, False), (0.7, True)])
+def test_a_ground_robot_turns_in_place_beyond_its_angle(angle, turns):
+    assert BehaviourConfig().rotate_in_place_angle == 0.6
+    input = make_input(turns_in_place=True, heading=angle)
+    command, _ = follow(input, at_rest(heading=angle, global_path=PATH))
+    assert (command.reason.kind == "turning_into_path") is turns
+    moved = final_sample(command.trajectory).position[0] - START[0]
+    assert (moved < 1e-9) == turns
+    if turns:
+        assert command.reason.turn_rad == pytest.approx(-angle, abs=1e-6)
+
+
+def test_a_flying_robot_never_turns_in_place():
+    command, _ = follow(make_input(heading=3.0), at_rest(heading=3.0, global_path=PATH))
+    assert command.reason.kind == "path_to_goal"
+
+
+def test_a_path_too_sharp_to_be_driven_round_is_driven_to_its_corner():
+    bent = np.array([place(1.05, 2.05), place(3.05, 2.05), place(3.05, 3.55)])
+    command, _ = follow(make_input(goal=(3.05, 3.55)), at_rest(global_path=bent))
+    assert command.reason.kind == "path_to_corner"
+    np.testing.assert_allclose(command.trajectory.path[-1], bent[1])
+
+
+def test_a_robot_that_cannot_stop_within_the_free_part_brakes_on_it():
+    state = drive(8)
+    input = next_input(state, 8, states=make_states(occupied=[(2.8, 3.0, 0.0, 4.0)]))
+    start = state.trajectory.at(input.effect_ns)
+    state = replace(state, global_path=np.array([start.position, place(*GOAL)]))
+    command, after = follow_global_path(input, state, start, previous=state)
+    assert (command.action, command.label) == ("stop_and_wait", "path_blocked")
+    assert command.reason.free_m < command.reason.stop_m
+    assert after.global_path is None
+
+
+def test_braking_before_the_end_of_a_free_path_has_no_label():
+    state = drive(8)
+    input = next_input(state, 8)
+    start = state.trajectory.at(input.effect_ns)
+    path = start.position + np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
+    state = replace(state, global_path=path)
+    command, _ = brake_on_path(input, state, start, 0.2, blocked=False)
+    assert (command.action, command.label) == ("stop_and_wait", "none")
+    assert command.reason.kind == "path_too_short"
+    assert command.reason.path_m == pytest.approx(0.2, abs=1e-6)
+
+
+def test_a_turn_that_leads_to_the_heading_already_goes_on():
+    input = make_input(turns_in_place=True, sequence=0)
+    state = at_rest(heading=0.0, global_path=PATH)
+    command, state = turn_into_path(input, state, state.trajectory.at(input.effect_ns), 1.5)
+    later = make_input(turns_in_place=True, sequence=3)
+    start = state.trajectory.at(later.effect_ns)
+    assert not start.at_rest
+    again, _ = turn_into_path(later, state, start, 1.55)
+    assert again.trajectory is command.trajectory
+    other, _ = turn_into_path(later, state, start, 1.8)
+    assert other.trajectory is not command.trajectory
+
+
+def test_a_robot_that_turns_while_exploring_says_that_it_explores():
+    input = make_input(turns_in_place=True)
+    state = at_rest(global_path=PATH, exploration=Exploration(since=4))
+    command, _ = turn_into_path(input, state, state.trajectory.at(input.effect_ns), 1.5)
+    assert (command.action, command.reason.kind) == ("explore", "looking_elsewhere")
+    assert command.reason.since == 4
+
+
+@pytest.mark.parametrize(("heading", "tail_first"), [(0.0, False), (np.pi, True)])
+def test_a_long_body_in_a_lane_sets_out_as_it_lies(heading, tail_first):
+    input = make_input(LANE, LONG, heading=heading)
+    state = at_rest(heading=heading, global_path=PATH)
+    start = state.trajectory.at(input.effect_ns)
+    command, _ = set_out(input, state, start, 5.5, blocked=False)
+    assert command.action == "follow"
+    poses = command.trajectory.poses(0.1)
+    assert poses[-1, 0] > 3.0
+    off = np.abs((poses[:, 3] - heading + np.pi) % (2 * np.pi) - np.pi)
+    assert off.max() < 1e-6  # it does not turn about
+    share = BehaviourConfig().reverse_speed_fraction if tail_first else 1.0
+    assert top_speed(command.trajectory) <= share * LIMITS.speed + 1e-6
+
+
+def test_a_long_body_with_no_room_to_turn_into_its_path_waits_and_drops_it():
+    input = make_input(LANE, LONG, heading=0.0, position=(3.05, 2.05))
+    across = np.array([place(3.05, 2.05), place(3.05, 3.55)])
+    state = at_rest((3.05, 2.05), global_path=across)
+    start = state.trajectory.at(input.effect_ns)
+    command, after = set_out(input, state, start, 0.4, blocked=True)
+    assert (command.action, command.label) == ("stop_and_wait", "no_path")
+    assert command.reason.kind == "no_room_to_turn"
+    assert command.reason.cell_state == "occupied"
+    assert after.global_path is None
+
+
+def test_a_long_body_keeps_its_course_where_that_is_free_and_else_stops_on_it():
+    state = drive(8, body=LONG)
+    input = next_input(state, 8, body=LONG)
+    start = state.trajectory.at(input.effect_ns)
+    fresh = replace(state, improved_ns=123)
+    command, after = keep_course(input, fresh, start, previous=state)
+    assert (command.action, command.reason.kind) == ("follow", "keeping_course")
+    assert command.trajectory is state.trajectory
+    assert after.improved_ns == 123
+    walled = next_input(state, 8, body=LONG, states=make_states(occupied=[(4.0, 4.3, 0.0, 4.0)]))
+    command, after = keep_course(walled, fresh, start, previous=state)
+    assert (command.action, command.label) == ("stop_and_wait", "path_blocked")
+    assert command.reason.cell[0] == pytest.approx(4.05)
+    assert after.global_path is None
+
+
+def test_a_path_through_the_unknown_is_driven_at_the_fraction_of_the_speed():
+    states = make_states(unknown=[(2.2, 8.0, 0.0, 4.0)])
+    input = make_input(states, policy="penalize")
+    state = at_rest(global_path=PATH)
+    start = state.trajectory.at(input.effect_ns)
+    command, _ = drive_along(input, state, start, 5.5, blocked=False, tail_first=False)
+    assert (command.action, command.label) == ("slow", "unknown_ahead")
+    share = BehaviourConfig().unknown_speed_fraction
+    assert top_speed(command.trajectory) == pytest.approx(share * LIMITS.speed, rel=1e-3)
+
+
+def test_a_trajectory_is_shortened_to_where_a_long_body_fits():
+    states = make_states(occupied=[(3.0, 3.2, 0.0, 4.0)])
+    input = make_input(states, LONG)
+    start = at_rest().trajectory.at(input.effect_ns)
+    fitted = fit_trajectory(input, start, PATH, 1.0, tail_first=False)
+    end = fitted.poses(0.01)[-1, 0]
+    assert 2.2 < end < 3.0 - 0.5  # its nose is 0.5 m ahead of its centre
+    assert input.traversable.free_poses(fitted.poses(0.01)) == len(fitted.poses(0.01))
+    ahead = np.array([place(*START), place(1.15, 2.05)])
+    assert fit_trajectory(make_input(make_states(occupied=[(1.6, 1.8, 0.0, 4.0)]), LONG), start,
+                          ahead, 1.0, tail_first=False) is None  # fmt: skip
+
+
+def test_a_trajectory_begins_with_the_speed_of_its_start():
+    state = drive(8)
+    input = next_input(state, 8)
+    start = state.trajectory.at(input.effect_ns)
+    planned = plan_trajectory(input, start, np.array([start.position, place(*GOAL)]), 0.5)
+    assert planned.start_ns == 9 * PERIOD_NS
+    assert planned.at(planned.start_ns).speed == pytest.approx(start.speed)
+    assert planned.at(planned.start_ns + 2 * 10**9).speed == pytest.approx(1.0, rel=1e-3)
