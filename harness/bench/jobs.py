@@ -1,13 +1,9 @@
-"""Many runs in two processes: each row is told as it comes, and kept in a file if one is given."""
+"""Jobs of a benchmark in two processes, and their rows kept in a file."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -19,6 +15,7 @@ from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.warm_up import warm_up
+from wayproof.harness.worker_pool import WorkerPool
 from wayproof.models.worlds import World
 
 PROCESSES = 2
@@ -30,11 +27,11 @@ Value = TypeVar("Value")
 
 
 class RowOfJob(Protocol):
-    """A dataclass whose fields tell of which job it is."""
+    """A dataclass that identifies its job."""
 
     @property
     def job(self) -> tuple[Any, ...]:
-        """What it is the row of."""
+        """Arguments of the job that the row is the result of."""
         ...
 
 
@@ -42,24 +39,24 @@ Row = TypeVar("Row", bound=RowOfJob)
 
 
 class KeptRows(Generic[Row]):
-    """Rows in a file, one JSON object a line, each written as soon as it is there.
+    """Rows in a file, one JSON object a line, each written as soon as it is measured.
 
-    A bench that was ended goes on from its file. The file does not tell the code that its rows come
-    from: who changes the code starts another.
+    An interrupted benchmark continues from its file. The file does not record the version of the
+    code that measured its rows: after a change of the code, start a new file.
 
     Attributes:
         rows: By job.
     """
 
     def __init__(self, path: Path | None, kind: type[Row]) -> None:
-        """Read what is there; a last line that was cut off is left out.
+        """Read the rows of the file; drop a last line that was cut off.
 
         Args:
-            path: None keeps nothing.
-            kind: Of the rows.
+            path: The file; None keeps rows in memory only.
+            kind: Class of the rows.
 
         Raises:
-            InputError: The file cannot be written to, or a line is no such row.
+            InputError: The file cannot be written to, or a line is not such a row.
         """
         self._path = path
         self.rows: dict[tuple[Any, ...], Row] = {}
@@ -81,7 +78,7 @@ class KeptRows(Generic[Row]):
             path.write_text(whole, encoding="utf-8")
 
     def add(self, row: Row) -> None:
-        """Take in one more."""
+        """Add a row and append it to the file."""
         self.rows[row.job] = row
         if self._path is not None:
             with self._path.open("ab") as file:
@@ -89,11 +86,11 @@ class KeptRows(Generic[Row]):
 
 
 def unlogged(config: Config, world: World | None = None) -> Result:
-    """Run one episode, and throw its log away.
+    """Run one episode without keeping its log.
 
     Args:
-        config: Of the episode.
-        world: In place of the one that it names.
+        config: Settings of the episode.
+        world: World to use instead of the one that the config names.
     """
     warm_up(config)
     with tempfile.TemporaryDirectory() as folder:
@@ -103,13 +100,13 @@ def unlogged(config: Config, world: World | None = None) -> Result:
 def rows_of(
     jobs: Sequence[Job], run: Callable[..., Row], kept: KeptRows[Row], progress: Progress
 ) -> list[Row]:
-    """The row of every job, in their order; those that are kept already are not run again.
+    """Return the row of every job, in the order of the jobs; jobs with a kept row are not run.
 
     Args:
-        jobs: Arguments of `run`.
-        run: A function of a module.
-        kept: What there is; each new row is added.
-        progress: Told of each new row.
+        jobs: Arguments of each call of `run`.
+        run: Function of a module.
+        kept: Rows measured before; new rows are added to it.
+        progress: Called with a line after each new row.
     """
     left = [job for job in jobs if job not in kept.rows]
     for done, (_, row) in enumerate(run_jobs(left, run), len(jobs) - len(left) + 1):
@@ -119,27 +116,8 @@ def rows_of(
 
 
 def run_jobs(jobs: Iterable[Job], run: Callable[..., Value]) -> Iterator[tuple[Job, Value]]:
-    """Call `run` with the arguments of each job in one of two processes; told in order of ends."""
-    context = multiprocessing.get_context("spawn")
-    with _one_thread_each(), ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
-        running = {pool.submit(run, *job): job for job in jobs}
-        try:
-            for done in as_completed(running):
-                yield running.pop(done), done.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Spawned processes inherit the environment."""
-    name = "OPENBLAS_NUM_THREADS"
-    before = os.environ.get(name)
-    os.environ[name] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
-        else:
-            os.environ[name] = before
+    """Call `run` with the arguments of each job in two processes; yield each job as it ends."""
+    listed = list(jobs)
+    with WorkerPool(PROCESSES) as pool:
+        for ended in pool.run(run, listed):
+            yield listed[ended.number], ended.result()

@@ -22,9 +22,9 @@ from rich.progress import (
 from wayproof.harness.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
-    from wayproof.harness.study.file import Bounds
     from wayproof.harness.study.job import Done
     from wayproof.harness.study.study import Engine
+    from wayproof.harness.worker_pool import Bounds
 
 ENGINES = ("processes", "ray")
 
@@ -71,9 +71,9 @@ def open_engine(options: argparse.Namespace, bounds: Bounds) -> Iterator[Engine]
             run_on_ray, workers=options.jobs, bounds=bounds, address=options.address
         )
         return
-    from wayproof.harness.study.processes import Workers
+    from wayproof.harness.study.processes import ProcessEngine
 
-    with Workers(options.jobs, bounds) as engine:
+    with ProcessEngine(options.jobs, bounds) as engine:
         yield engine
 
 

@@ -26,8 +26,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.perturbations import check_kind
     from wayproof.harness.study.falsify.falsify import Search, search
     from wayproof.harness.study.falsify.search import NO_RATE
-    from wayproof.harness.study.file import Bounds
     from wayproof.harness.study.store import Store
+    from wayproof.harness.worker_pool import Bounds
 
     check_kind(options.perturb, "the search chooses it, up to --greatest")
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.file import Bounds
 from wayproof.harness.study.job import Done, Job, run_job
-from wayproof.harness.study.processes import TRIES, Finished, took_too_long
+from wayproof.harness.study.processes import Finished
+from wayproof.harness.worker_pool import TRIES, Bounds
 
 POLL = 1.0
 """How often the jobs under way are held against their time, s."""
@@ -80,7 +80,7 @@ def _run(ray: Any, jobs: Sequence[Job], bounds: Bounds, finished: Finished) -> N
             if time.monotonic() - began > bounds.wall_s:
                 del running[reference]
                 ray.cancel(reference, force=True)
-                finished(Done(job.key, took_too_long(bounds)))
+                finished(Done(job.key, bounds.exceeded_time))
 
 
 def _collect(ray: Any, reference: Any, job: Job) -> Done:

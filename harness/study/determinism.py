@@ -19,10 +19,11 @@ from wayproof.harness.config import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of, named_by
-from wayproof.harness.study.file import Bounds, Planned, name_of
+from wayproof.harness.study.file import Planned, name_of
 from wayproof.harness.study.job import Done, Job, episode_key
-from wayproof.harness.study.processes import Finished, Workers
+from wayproof.harness.study.processes import Finished, ProcessEngine
 from wayproof.harness.study.store import Store
+from wayproof.harness.worker_pool import Bounds
 
 FILE = "determinism.json"
 """In a study's folder: the latest certificate."""
@@ -196,7 +197,8 @@ def _run_again(
             errors[keys[done.key]] = done.error
             finished(done)
 
-        with Workers(min(arrangement.workers, len(jobs)), bounds, arrangement.fresh) as engine:
+        workers = min(arrangement.workers, len(jobs))
+        with ProcessEngine(workers, bounds, arrangement.fresh) as engine:
             engine(jobs, [jobs[0].config], note)
         return [
             _compare(key, Path(folder) / f"{key}.mcap", chains[key], arrangement, errors[key])

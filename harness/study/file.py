@@ -23,6 +23,7 @@ from wayproof.harness.scenario.robots import controller_of
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.job import episode_key
+from wayproof.harness.worker_pool import Bounds
 from wayproof.models.robots import ROBOTS
 from wayproof.models.worlds import WORLDS
 
@@ -40,18 +41,6 @@ MOST_ARMS = 5000
 
 MOST_BYTES = 2**20
 """Of a study file."""
-
-
-class Bounds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What one episode may take before it becomes an `error` row.
-
-    Attributes:
-        wall_s: Wall time, s.
-        memory_mib: Private memory of its process, MiB.
-    """
-
-    wall_s: float = 900.0
-    memory_mib: int = 6144
 
 
 class StudyFile(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-import os
-import threading
-import time
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,9 +15,6 @@ from wayproof.harness.config import Config, from_json, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import installed_version
 from wayproof.harness.study.contents import contents_of, named_by
-
-PARENT_POLL = 0.2
-"""How often a worker looks whether whoever started it is still there, s."""
 
 
 @dataclass(frozen=True)
@@ -96,22 +91,8 @@ def run_job(job: Job) -> Done:
 
 
 def warm_up_job(config: bytes) -> None:
-    """Compile what episodes of this config need, so that workers find it cached."""
+    """Compile the kernels of this config into the cache; its episodes report what fails here."""
     from wayproof.harness.warm_up import warm_up
 
-    warm_up(from_json(config, allow_plugins=True))
-
-
-def start_worker(memory_mib: int, parent: int) -> None:
-    """Bound this process's memory, and end it with its parent: nobody would read its answers."""
-    import resource
-
-    limit = memory_mib * 2**20
-    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(PARENT_POLL)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    with contextlib.suppress(Exception):
+        warm_up(from_json(config, allow_plugins=True))

@@ -19,11 +19,12 @@ from typing import Any, NamedTuple
 import msgspec
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.file import Bounds, StudyFile, plan_episodes
+from wayproof.harness.study.file import StudyFile, plan_episodes
 from wayproof.harness.study.job import Done
 from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, read_rows, run_study
+from wayproof.harness.worker_pool import Bounds
 
 Progress = Callable[[str], None]
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +15,7 @@ from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.warm_up import warm_up
+from wayproof.harness.worker_pool import WorkerPool
 from wayproof.models.world_files import FileWorld
 
 PROCESSES = 2
@@ -71,9 +70,9 @@ def run_trials(trials: Iterable[Trial], progress: Progress) -> Iterator[Finished
         return
     progress("compiling kernels (a minute the first time, then cached)")
     warm_up(trials[0].config)  # once, not in both processes at the same time
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
-        for number, finished in enumerate(pool.map(run_trial, trials), start=1):
+    with WorkerPool(PROCESSES) as pool:
+        finished_trials = pool.run_in_order(run_trial, [(trial,) for trial in trials])
+        for number, finished in enumerate(finished_trials, start=1):
             trial = finished.trial
             outcome = finished.refused or (finished.result and finished.result.outcome)
             name = f"{trial.world.name}, seed {trial.config.seed}"

@@ -6,9 +6,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import get_args
 
@@ -27,6 +25,7 @@ from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.warm_up import warm_up
+from wayproof.harness.worker_pool import WorkerPool
 from wayproof.maps import MAPS, MapConfig, UnknownPolicy
 from wayproof.models.robots import ROBOTS
 from wayproof.models.worlds import WORLDS
@@ -126,9 +125,8 @@ def soak_episodes(
 
 def _trials(numbers: range, seed: int, jobs: int) -> Iterator[Trial]:
     """All trials in order; each worker keeps its process for fresh replays to its end."""
-    context = get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin) as pool:
-        yield from pool.map(run_trial, numbers, [seed] * len(numbers))
+    with WorkerPool(jobs, initializer=_begin) as pool:
+        yield from pool.run_in_order(run_trial, [(number, seed) for number in numbers])
 
 
 def _begin() -> None:

@@ -14,10 +14,9 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import chain
-from multiprocessing import get_context
 from pathlib import Path
 
 import msgspec
@@ -28,6 +27,7 @@ from wayproof.harness.bench.soak.kinds import draw
 from wayproof.harness.bench.soak.replays import Arithmetic, Verdict, arithmetic
 from wayproof.harness.runner import run_episode
 from wayproof.harness.warm_up import warm_up
+from wayproof.harness.worker_pool import WorkerPool
 
 ROOT = Path(__file__).resolve().parents[3]
 AVX_512 = "X86_V4"
@@ -242,8 +242,8 @@ def replay_all(
 
 
 def _record_all(numbers: range, seed: int, folder: Path, jobs: int) -> list[tuple[str, Path]]:
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(record, numbers, [seed] * len(numbers), [folder] * len(numbers)))
+    with WorkerPool(jobs) as pool:
+        return list(pool.run_in_order(record, [(number, seed, folder) for number in numbers]))
 
 
 def record(number: int, seed: int, folder: Path) -> tuple[str, Path]:

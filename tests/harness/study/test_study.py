@@ -20,11 +20,12 @@ from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
 from wayproof.harness.log.reader import open_log, read_head
 from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.file import Bounds, files_of, plan_episodes, read_gate, read_study
+from wayproof.harness.study.file import files_of, plan_episodes, read_gate, read_study
 from wayproof.harness.study.job import Done, Job, run_job
 from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store, merge
 from wayproof.harness.study.study import StudyResult, count_missing, read_rows, run_study, shard
+from wayproof.harness.worker_pool import Bounds
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.world_file import world_text
 

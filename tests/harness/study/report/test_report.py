@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.study.file import Bounds, plan_episodes, read_study
+from wayproof.harness.study.file import plan_episodes, read_study
 from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
+from wayproof.harness.worker_pool import Bounds
 
 STUDY = """
 name = "page"
