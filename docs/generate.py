@@ -19,7 +19,7 @@ from wayproof.harness.cli import VERBS
 from wayproof.harness.cli.main import verb_parsers
 from wayproof.harness.config import Config
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.perturbations import PERTURBATIONS, WITHIN
+from wayproof.harness.perturbations import PERTURBATIONS, WITHIN, AnyPerturbation
 from wayproof.harness.study.statistics.support import Support
 
 FOLDER = Path(__file__).parent / "reference"
@@ -158,6 +158,8 @@ def _settings(section: type, prefix: str) -> list[str]:
 
 def _type_name(hint: Any) -> str:
     """A field's type: its choices, or its name with the bounds of its values."""
+    if hint == AnyPerturbation | None:
+        return "one of the [perturbations](#perturbations), or `None`"
     if get_origin(hint) is Literal:
         return ", ".join(f"`{choice}`" for choice in get_args(hint))
     if get_origin(hint) is not Annotated:
