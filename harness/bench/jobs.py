@@ -9,6 +9,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import msgspec
 
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.result import Result
@@ -19,8 +20,6 @@ from wayproof.harness.worker_pool import WorkerPool
 from wayproof.models.worlds import World
 
 PROCESSES = 2
-
-Progress = Callable[[str], None]
 
 Job = TypeVar("Job", bound=tuple[Any, ...])
 Value = TypeVar("Value")

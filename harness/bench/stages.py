@@ -1,4 +1,4 @@
-"""What `wayproof bench STAGE` measures: how fast one stage is, and that it is right meanwhile.
+"""Registry and runner of the benchmarks of `wayproof bench STAGE`.
 
 A stage is one function from (repeats, seed, progress) to flat rows, and one line of `STAGES`.
 """
@@ -6,15 +6,10 @@ A stage is one function from (repeats, seed, progress) to flat rows, and one lin
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
-from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
-
-from rich import box
-from rich.console import Console, JustifyMethod
-from rich.table import Table
+from typing import NamedTuple
 
 from wayproof.harness.bench.episodes.ablations import bench_delays, bench_planners, bench_policies
 from wayproof.harness.bench.episodes.crossing import bench_crossing
@@ -31,22 +26,22 @@ from wayproof.harness.bench.micro.rays import bench_rays
 from wayproof.harness.bench.published import BENCHMARKS, Files, find_benchmark
 from wayproof.harness.bench.statistics.coverage import PARTS as COVERAGE_PARTS
 from wayproof.harness.bench.statistics.coverage import bench_coverage
+from wayproof.harness.bench.table import Row, documents
 from wayproof.harness.errors import InputError, unknown_name
-
-Row = dict[str, Any]
 
 
 class Stage(NamedTuple):
-    """One thing that can be measured.
+    """A benchmark.
 
     Attributes:
-        measure: From (repeats, seed, progress) to rows; from a file of kept rows too if it `keeps`.
-        repeats: By default: sweeps, whole episodes, or fourteen queries each.
-        keeps: Whether it can go on from a file of the rows so far.
-        parts: Names of parts of which one can be measured alone.
+        measure: Function from (repeats, seed, progress) to rows; it also takes `kept`, a file of
+            rows, if `keeps` is set, and `only`, the name of a part, if there are `parts`.
+        repeats: Default number of sweeps, of episodes, or of batches of fourteen queries.
+        keeps: Whether it can continue from a file of rows.
+        parts: Names of the parts that can be measured alone.
     """
 
-    measure: Callable[..., list[Row]]
+    measure: Callable[..., Sequence[Row]]
     repeats: int
     keeps: bool = False
     parts: Collection[str] = ()
@@ -71,33 +66,6 @@ STAGES: dict[str, Stage] = {
 
 MOST_REPEATS = 1000
 
-SHORT_HEADINGS = {
-    "mray_per_s": "Mray/s",
-    "id_mismatches": "ids differ",
-    "resolution_m": "cell m",
-    "ms_per_sweep": "ms",
-    "ms_p99": "p99",
-    "ratio_vs_pyoctomap": "ratio",
-    "trajectory_m": "path m",
-    "floor_columns_lost": "floor lost",
-    "agreement": "agree",
-    "optimal_s": "OT s",
-    "clearance_m": "clear m",
-    "least_clearance_m": "clear m",
-    "episodes": "runs",
-    "success": "ok",
-    "edge_share": "edge",
-    "unknown_share": "unkn",
-    "unknown_cells": "cells",
-    "collisions": "hits",
-    "speed_m_s": "m/s",
-    "length_m": "m",
-    "plan_ms_p50": "ms",
-    "plan_ms_p99": "p99",
-    "agreement_above_floor": "above floor",
-}
-"""Of fields whose name is too wide for a table of 80 columns."""
-
 
 def run_stage(
     name: str,
@@ -110,7 +78,7 @@ def run_stage(
     """Measure one stage; its figures depend on the machine, its scenes on the seed alone.
 
     Args:
-        name: In `STAGES`, or in `harness.bench.published.BENCHMARKS` where files are given.
+        name: Key of `STAGES`; of `BENCHMARKS` in `bench.published` if files are given.
         repeats: None for as many as the stage needs.
         seed: Of the scenes.
         files: Of a published benchmark.
@@ -132,7 +100,7 @@ def run_stage(
     if seed < 0:
         raise InputError(f"seed: got {seed}, expected an integer >= 0")
     try:
-        return stage.measure(repeats, seed, _show_progress)
+        return documents(stage.measure(repeats, seed, _show_progress))
     finally:
         _show_progress("")
 
@@ -148,56 +116,27 @@ def _find_stage(name: str) -> Stage:
 
 
 def _from_files(name: str, files: Files) -> Stage:
-    one = find_benchmark(name, files.option)
-    return Stage(partial(one.measure, files), one.repeats)
+    benchmark = find_benchmark(name, files.option)
+    return Stage(partial(benchmark.measure, files), benchmark.repeats)
 
 
 def _from_rows(name: str, stage: Stage, kept: Path) -> Stage:
     if not stage.keeps:
-        able = ", ".join(key for key, one in STAGES.items() if one.keeps)
+        able = ", ".join(key for key, known in STAGES.items() if known.keeps)
         raise InputError(f"--rows: got bench {name}, expected one of: {able}")
     return stage._replace(measure=partial(stage.measure, kept=kept))
 
 
 def _part_of(name: str, stage: Stage, only: str) -> Stage:
     if not stage.parts:
-        able = ", ".join(key for key, one in STAGES.items() if one.parts)
+        able = ", ".join(key for key, known in STAGES.items() if known.parts)
         raise InputError(f"--only: got bench {name}, expected one of: {able}")
     if only not in stage.parts:
         raise unknown_name(f"part of bench {name}", only, stage.parts)
     return stage._replace(measure=partial(stage.measure, only=only))
 
 
-def print_rows(console: Console, title: str, rows: list[Row]) -> None:
-    """Rows as tables, one column for each field; rows with the same fields told share one."""
-    for fields, alike in groupby(rows, _fields_told):
-        told = [{field: row[field] for field in fields} for row in alike]
-        console.print(_table(title, told))
-        title = ""
-
-
-def _fields_told(row: Row) -> tuple[str, ...]:
-    return tuple(field for field, value in row.items() if value is not None)
-
-
-def _table(title: str, rows: list[Row]) -> Table:
-    style = box.SIMPLE_HEAD
-    table = Table(title=title, title_justify="left", box=style, padding=0, show_edge=False)
-    for field, value in rows[0].items():
-        word = isinstance(value, str)
-        heading = SHORT_HEADINGS.get(field, field.replace("_", " "))
-        side: JustifyMethod = "left" if word else "right"
-        table.add_column(heading, justify=side, no_wrap=word)
-    for row in rows:
-        table.add_row(*(_cell(value) for value in row.values()))
-    return table
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
 def _show_progress(line: str) -> None:
-    """Rewrite one line; no spinner, because its thread would run while something is timed."""
+    """Rewrite one line; a spinner would need a thread, which would disturb what is timed."""
     if sys.stderr.isatty():
         print(f"\r\x1b[2K{line}", end="", file=sys.stderr, flush=True)

@@ -20,7 +20,8 @@ FILES = {
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Measure one stage."""
     from wayproof.harness.bench.published import Files
-    from wayproof.harness.bench.stages import print_rows, run_stage
+    from wayproof.harness.bench.stages import run_stage
+    from wayproof.harness.bench.table import print_rows
 
     given = [name for name in FILES if getattr(options, name) is not None]
     if len(given) > 1:

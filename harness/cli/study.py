@@ -104,7 +104,8 @@ def _checks(
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """A published benchmark by its own protocol and scores: every world, so many seeds of each."""
     from wayproof.harness.bench.published import Files
-    from wayproof.harness.bench.stages import print_rows, run_stage
+    from wayproof.harness.bench.stages import run_stage
+    from wayproof.harness.bench.table import print_rows
 
     files = Files("--worlds", options.worlds, options.out or LOGS)
     rows = run_stage(options.file, options.repeats, seed=0, files=files)

@@ -8,14 +8,15 @@ all of them.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import from_document, override
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.result import Result
@@ -57,7 +58,7 @@ DELAYS = tuple(
 
 
 @dataclass(frozen=True)
-class Row:
+class ArmRow:
     """Episodes of one arm.
 
     Attributes:
@@ -118,34 +119,29 @@ class Trial(NamedTuple):
     plan_ms: list[float]
 
 
-Progress = Callable[[str], None]
-
-
-def bench_policies(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
-    """A drone under each unknown policy; one row (see `Row`) for each."""
+def bench_policies(repeats: int, seed: int, progress: Progress) -> list[ArmRow]:
+    """A drone under each unknown policy; one row (see `ArmRow`) for each."""
     return _compare(POLICIES, repeats, seed, progress)
 
 
-def bench_planners(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+def bench_planners(repeats: int, seed: int, progress: Progress) -> list[ArmRow]:
     """Both robots with our planner and with RRT-Connect."""
     return _compare(PLANNING, repeats, seed, progress)
 
 
-def bench_delays(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+def bench_delays(repeats: int, seed: int, progress: Progress) -> list[ArmRow]:
     """Both robots with delays of 60, 300 and 600 ms from a sweep to the decision's effect."""
     return _compare(DELAYS, repeats, seed, progress)
 
 
-def _compare(
-    arms: Iterable[Arm], repeats: int, seed: int, progress: Progress
-) -> list[dict[str, Any]]:
+def _compare(arms: Iterable[Arm], repeats: int, seed: int, progress: Progress) -> list[ArmRow]:
     trials: dict[Arm, list[Trial]] = {arm: [] for arm in arms}
     with tempfile.TemporaryDirectory() as folder:
         for one in range(seed, seed + repeats):
             for arm, done in trials.items():
                 progress(f"{arm.robot}, {arm.name}, seed {one}")
                 done.append(_run(arm, one, Path(folder) / "episode.mcap"))
-    return [asdict(_row(arm, done)) for arm, done in trials.items()]
+    return [_row(arm, done) for arm, done in trials.items()]
 
 
 def _run(arm: Arm, seed: int, path: Path) -> Trial:
@@ -207,12 +203,12 @@ def _unknown_in(voxel_map: Any, place: NDArray[np.float64], radius: float) -> ND
     return np.asarray(cells[inside] + first.astype(np.int64), np.int64)
 
 
-def _row(arm: Arm, trials: list[Trial]) -> Row:
+def _row(arm: Arm, trials: list[Trial]) -> ArmRow:
     reached = [trial.result for trial in trials if trial.result.outcome == "success"]
     time_s = float(np.mean([result.sim_time_s for result in reached])) if reached else 0.0
     length = float(np.mean([result.path_length_m for result in reached])) if reached else 0.0
     plan_ms = np.concatenate([trial.plan_ms for trial in trials])
-    return Row(
+    return ArmRow(
         robot=arm.robot,
         arm=arm.name,
         episodes=len(trials),

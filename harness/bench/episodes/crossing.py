@@ -6,11 +6,11 @@ once without it: what the traffic costs is the time beyond that.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from wayproof.harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
+from wayproof.harness.bench.jobs import KeptRows, rows_of, unlogged
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.scenario.worlds import find_world
 
@@ -28,7 +28,7 @@ ALONE = "alone"
 
 
 @dataclass(frozen=True)
-class Row:
+class CrossingRow:
     """One episode.
 
     Attributes:
@@ -62,7 +62,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Summary:
+class CrossingSummary:
     """All seeds of one robot in one way.
 
     Attributes:
@@ -92,8 +92,8 @@ class Summary:
 
 def bench_crossing(
     repeats: int, seed: int, progress: Progress, kept: Path | None = None
-) -> list[dict[str, Any]]:
-    """Run `crossing` with both robots in all ways; a `Row` for each episode, then `Summary` rows.
+) -> list[CrossingRow | CrossingSummary]:
+    """Run world `crossing` with both robots on all maps; a row for each episode, then summaries.
 
     Args:
         repeats: Seeds.
@@ -107,15 +107,15 @@ def bench_crossing(
     seeds = range(seed, seed + repeats)
     pairs = [(robot, way) for robot in ROBOTS for way in (ALONE, *WAYS)]
     jobs = [(*pair, each) for each in seeds for pair in pairs]
-    rows = rows_of(jobs, run_one, KeptRows(kept, Row), progress)
+    rows = rows_of(jobs, run_one, KeptRows(kept, CrossingRow), progress)
     alone = {(row.robot, row.seed): row for row in rows if row.way == ALONE}
     summaries = [
         summarise([row for row in rows if (row.robot, row.way) == pair], alone) for pair in pairs
     ]
-    return [*map(asdict, rows), *map(asdict, summaries)]
+    return [*rows, *summaries]
 
 
-def run_one(robot: str, way: str, seed: int) -> Row:
+def run_one(robot: str, way: str, seed: int) -> CrossingRow:
     """One episode, its log thrown away."""
     settings = () if way == ALONE else WAYS[way]
     config = override(Config("crossing", robot, seed), settings)
@@ -123,7 +123,7 @@ def run_one(robot: str, way: str, seed: int) -> Row:
     if way == ALONE:
         world = replace(world, movers=())
     result = unlogged(config, world)
-    return Row(
+    return CrossingRow(
         robot=robot,
         way=way,
         seed=seed,
@@ -137,12 +137,14 @@ def run_one(robot: str, way: str, seed: int) -> Row:
     )
 
 
-def summarise(rows: list[Row], alone: dict[tuple[str, int], Row]) -> Summary:
+def summarise(
+    rows: list[CrossingRow], alone: dict[tuple[str, int], CrossingRow]
+) -> CrossingSummary:
     """Of one robot in one way, against the same seeds alone."""
     reached = [row for row in rows if row.outcome == "success"]
     pairs = [(row, alone[row.robot, row.seed]) for row in reached]
     lost = [row.time_s - free.time_s for row, free in pairs if free.outcome == "success"]
-    return Summary(
+    return CrossingSummary(
         robot=rows[0].robot,
         way=rows[0].way,
         episodes=len(rows),

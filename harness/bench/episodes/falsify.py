@@ -7,10 +7,9 @@ random within three times that budget.
 
 from __future__ import annotations
 
-from typing import Any
-
 from wayproof.harness.bench.episodes.glass_pole import SPACE, cross_pole_room, pole_room
-from wayproof.harness.bench.jobs import Progress, run_jobs
+from wayproof.harness.bench.jobs import run_jobs
+from wayproof.harness.bench.table import Document, Progress
 from wayproof.harness.study.falsify.search import hunt
 from wayproof.harness.warm_up import warm_up
 
@@ -18,7 +17,7 @@ BUDGET = 100
 RANDOM_BUDGET = 3 * BUDGET
 
 
-def bench_falsify(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+def bench_falsify(repeats: int, seed: int, progress: Progress) -> list[Document]:
     """A row for each repeat, and one for all of them."""
     warm_up(pole_room(None).config)
     found = {}
@@ -29,7 +28,7 @@ def bench_falsify(repeats: int, seed: int, progress: Progress) -> list[dict[str,
     return [*rows, _all(rows)]
 
 
-def _repeat(seed: int) -> dict[str, Any]:
+def _repeat(seed: int) -> Document:
     warm_up(pole_room(None).config)
     evolved = hunt(SPACE, cross_pole_room, BUDGET, seed)
     drawn = hunt(SPACE, cross_pole_room, RANDOM_BUDGET, seed, "random")
@@ -43,7 +42,7 @@ def _repeat(seed: int) -> dict[str, Any]:
     }
 
 
-def _all(rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _all(rows: list[Document]) -> Document:
     """How often each found it within the budget, and how often evolution was the quicker one."""
     return {
         "repeats": len(rows),

@@ -10,13 +10,14 @@ import math
 import time
 import zlib
 from collections.abc import Callable, Collection
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from wayproof.harness.bench.jobs import run_jobs
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.bench.trials import quadrotor as flights
 from wayproof.harness.bench.trials import quadruped as walks
 from wayproof.harness.bench.trials.estimate import EstimateNoise
@@ -36,7 +37,7 @@ SPEED = "speed"  # the part that is no case
 
 
 @dataclass(frozen=True)
-class Row:
+class RobotRow:
     """What all runs of one case came to; None where a figure does not apply.
 
     Attributes:
@@ -101,9 +102,9 @@ class Case(NamedTuple):
 
 
 def bench_robots(
-    repeats: int, seed: int, progress: Callable[[str], None], only: str | None = None
-) -> list[dict[str, Any]]:
-    """Run every case in two processes, then time both robots alone; one row (see `Row`) for each.
+    repeats: int, seed: int, progress: Progress, only: str | None = None
+) -> list[RobotRow]:
+    """Run every case in two processes, then time both robots alone; one row for each.
 
     Args:
         repeats: Scales the number of runs of each case (see `Case.share`).
@@ -119,11 +120,11 @@ def bench_robots(
     if only in (None, SPEED):
         progress("robots: speed")
         rows += speed_rows()
-    return [asdict(row) for row in rows]
+    return rows
 
 
 def run_cases(
-    repeats: int, seed: int, progress: Callable[[str], None], names: Collection[str] | None = None
+    repeats: int, seed: int, progress: Progress, names: Collection[str] | None = None
 ) -> list[list[Run]]:
     """Every run of every case, or of those named, in the order of `CASES`."""
     jobs = [
@@ -150,7 +151,7 @@ def run_once(seed: int, number: int, run: int) -> Run:
     return case.run(np.random.default_rng([seed, own, run]))
 
 
-def summarise(case: Case, runs: list[Run]) -> Row:
+def summarise(case: Case, runs: list[Run]) -> RobotRow:
     """A row of all runs of one case; errors are of those that stayed up."""
     up = [run for run in runs if not run.fallen]
     errors = [run.errors for run in up if run.errors is not None]
@@ -160,7 +161,7 @@ def summarise(case: Case, runs: list[Run]) -> Row:
     creeps = [run.creep for run in up if run.creep is not None]
     energies = [run.energy for run in up if run.energy is not None]
     arrived = [run.arrived for run in runs if run.arrived is not None]
-    return Row(
+    return RobotRow(
         robot=case.robot,
         case=case.name,
         runs=len(runs),
@@ -176,13 +177,13 @@ def summarise(case: Case, runs: list[Run]) -> Row:
     )
 
 
-def speed_rows() -> list[Row]:
+def speed_rows() -> list[RobotRow]:
     """Controller and physics on one core, the controller reading the truth, nothing drawn."""
     quadruped = min(_timed(_walk_for_speed) for _ in range(SPEED_TRIES))
     drone = min(_timed(_fly_for_speed) for _ in range(SPEED_TRIES))
     return [
-        Row("quadruped", SPEED, SPEED_TRIES, 0, realtime_factor=SPEED_TIME / quadruped),
-        Row("drone", SPEED, SPEED_TRIES, 0, realtime_factor=SPEED_TIME / drone),
+        RobotRow("quadruped", SPEED, SPEED_TRIES, 0, realtime_factor=SPEED_TIME / quadruped),
+        RobotRow("drone", SPEED, SPEED_TRIES, 0, realtime_factor=SPEED_TIME / drone),
     ]
 
 

@@ -11,13 +11,13 @@ import functools
 import importlib.util
 import tempfile
 import time
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
+from wayproof.harness.bench.table import Document, Progress
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.file import StudyFile, plan_episodes
 from wayproof.harness.study.job import Done
@@ -25,8 +25,6 @@ from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, read_rows, run_study
 from wayproof.harness.worker_pool import Bounds
-
-Progress = Callable[[str], None]
 
 LEAST = 4
 """Episodes of `study`."""
@@ -49,7 +47,7 @@ def brief_study(episodes: int, first: int, seconds: float) -> StudyFile:
     )
 
 
-def bench_study(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+def bench_study(repeats: int, seed: int, progress: Progress) -> list[Document]:
     """Episodes an hour on each engine; `repeats` of them, of 10 s simulated, in each round.
 
     Engines take turns, so that a machine whose speed changes meanwhile does not favour one. Only
@@ -109,7 +107,7 @@ def _timed(engine: Engine, workers: int, study: StudyFile) -> Run:
     return Run(result.errors, ends[0] - began, len(ends) - 2 * workers + 1, steady)
 
 
-def _told(name: str, runs: list[Run]) -> dict[str, Any]:
+def _told(name: str, runs: list[Run]) -> Document:
     episodes, seconds = sum(run.steady_episodes for run in runs), sum(run.steady_s for run in runs)
     return {
         "engine": name,
@@ -120,7 +118,7 @@ def _told(name: str, runs: list[Run]) -> dict[str, Any]:
     }
 
 
-def bench_study_size(repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+def bench_study_size(repeats: int, seed: int, progress: Progress) -> list[Document]:
     """A study of `repeats` episodes of 1 s on two processes, in ten parts, then its table."""
     study = brief_study(repeats, seed, 1.0)
     ends: list[float] = []

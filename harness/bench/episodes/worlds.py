@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from wayproof.harness.bench.jobs import KeptRows, Progress, rows_of, unlogged
+from wayproof.harness.bench.jobs import KeptRows, rows_of, unlogged
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config
 from wayproof.models.worlds import WORLDS
 
@@ -14,7 +14,7 @@ ROBOTS = ("quadruped", "drone")
 
 
 @dataclass(frozen=True)
-class Row:
+class WorldRow:
     """One episode with the default settings.
 
     Attributes:
@@ -47,7 +47,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Summary:
+class WorldSummary:
     """All episodes of one robot in one world.
 
     Attributes:
@@ -71,8 +71,8 @@ class Summary:
 
 def bench_worlds(
     repeats: int, seed: int, progress: Progress, kept: Path | None = None
-) -> list[dict[str, Any]]:
-    """Run every world with both robots; a `Row` for each episode, then `Summary` rows.
+) -> list[WorldRow | WorldSummary]:
+    """Run every world with both robots; a `WorldRow` for each episode, then `WorldSummary` rows.
 
     Args:
         repeats: Seeds of each pair.
@@ -86,21 +86,21 @@ def bench_worlds(
     seeds = range(seed, seed + repeats)
     pairs = [(world, robot) for world in WORLDS for robot in ROBOTS]
     jobs = [(*pair, each) for each in seeds for pair in pairs]
-    rows = rows_of(jobs, run_one, KeptRows(kept, Row), progress)
+    rows = rows_of(jobs, run_one, KeptRows(kept, WorldRow), progress)
     rows.sort(key=lambda row: pairs.index((row.world, row.robot)))  # seeds stay in order
     summaries = [
         _summarise([row for row in rows if (row.world, row.robot) == pair]) for pair in pairs
     ]
-    return [*map(asdict, rows), *map(asdict, summaries)]
+    return [*rows, *summaries]
 
 
-def run_one(world: str, robot: str, seed: int) -> Row:
+def run_one(world: str, robot: str, seed: int) -> WorldRow:
     """One episode, its log thrown away."""
     result = unlogged(Config(world, robot, seed))
     success = result.outcome == "success"
     shortest = result.route_length_m or 0.0
     longest = max(result.path_length_m, shortest)
-    return Row(
+    return WorldRow(
         world=world,
         robot=robot,
         seed=seed,
@@ -113,9 +113,9 @@ def run_one(world: str, robot: str, seed: int) -> Row:
     )
 
 
-def _summarise(rows: list[Row]) -> Summary:
+def _summarise(rows: list[WorldRow]) -> WorldSummary:
     times = [row.time_s for row in rows if row.outcome == "success"]
-    return Summary(
+    return WorldSummary(
         world=rows[0].world,
         robot=rows[0].robot,
         episodes=len(rows),

@@ -36,7 +36,7 @@ NOISE_MM = 10.0
 
 
 @dataclass(frozen=True)
-class Row:
+class LogRow:
     """One episode's log.
 
     Attributes:
@@ -73,7 +73,7 @@ class Row:
     wall_of_episode: float
 
 
-def bench_log(robot: str, lidar: str) -> Row:
+def bench_log(robot: str, lidar: str) -> LogRow:
     """Run one warehouse episode and measure its log."""
     config = override(Config("warehouse", robot, 1), [*SETTINGS, f"sensors.lidar={lidar}"])
     warm_up(config)
@@ -101,7 +101,7 @@ def bench_log(robot: str, lidar: str) -> Row:
         sizes["noisy"] = _write(folder / "c.mcap", head, messages, "full") / minutes
         kept = replace(config, record="decisions")
         sizes["decisions"] = run_episode(build(kept), folder / "d.mcap").log_mb_per_min
-    return Row(
+    return LogRow(
         robot=robot,
         lidar=lidar,
         sim_time_s=result.sim_time_s,

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import from_document, override
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
@@ -26,7 +25,7 @@ LOADS = {"light": LIGHT, "dense": DENSE, "dense-on-two": (*DENSE, "threads=2")}
 
 
 @dataclass(frozen=True)
-class Row:
+class LoopRow:
     """Episodes of one robot under one load.
 
     Attributes:
@@ -58,9 +57,9 @@ class Row:
 
 
 def bench_loop(
-    repeats: int, seed: int, progress: Callable[[str], None], only: str | None = None
-) -> list[dict[str, Any]]:
-    """Run episodes of both robots under all loads; one row (see `Row`) for each.
+    repeats: int, seed: int, progress: Progress, only: str | None = None
+) -> list[LoopRow]:
+    """Run episodes of both robots under all loads; one row (see `LoopRow`) for each.
 
     Args:
         repeats: Number of episodes for each row.
@@ -72,13 +71,11 @@ def bench_loop(
     for robot in ROBOTS:
         for load in [only] if only else LOADS:
             seeds = range(seed, seed + repeats)
-            rows.append(asdict(_measure(robot, LOADS[load], seeds, progress)))
+            rows.append(_measure(robot, LOADS[load], seeds, progress))
     return rows
 
 
-def _measure(
-    robot: str, settings: tuple[str, ...], seeds: range, progress: Callable[[str], None]
-) -> Row:
+def _measure(robot: str, settings: tuple[str, ...], seeds: range, progress: Progress) -> LoopRow:
     simulated = wall = 0.0
     reached = rays = 0
     stages: list[list[float]] = []  # (decisions, stages) ms
@@ -100,7 +97,7 @@ def _measure(
             reached += result.outcome == "success"
     table = np.array(stages)
     decision = table.sum(axis=1)
-    return Row(
+    return LoopRow(
         robot=robot,
         rays=rays,
         resolution_m=scenario.config.map.resolution,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from wayproof.harness.bench.micro.map_workload import (
     octomap_installed,
     room_sweeps,
 )
+from wayproof.harness.bench.table import Progress
 from wayproof.maps import MapConfig, VoxelMap, warm_up
 from wayproof.models import rays
 
@@ -61,7 +62,7 @@ MODES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class MapRow:
     """One measurement; what does not apply to its part is None.
 
     Attributes:
@@ -133,13 +134,11 @@ class Lab(NamedTuple):
     room: Sequence[Sweep]
     repeats: int
     seed: int
-    progress: Callable[[str], None]
+    progress: Progress
 
 
-def bench_map(
-    repeats: int, seed: int, progress: Callable[[str], None], only: str | None = None
-) -> list[dict[str, Any]]:
-    """Measure the map; one flat row (see `Row`) for each figure or pair of figures.
+def bench_map(repeats: int, seed: int, progress: Progress, only: str | None = None) -> list[MapRow]:
+    """Measure the map; one flat row (see `MapRow`) for each figure or pair of figures.
 
     Args:
         repeats: Sweeps that are timed.
@@ -153,14 +152,14 @@ def bench_map(
     progress("map: casting sweeps")
     lab = Lab(room_sweeps(seed), repeats, seed, progress)
     measured = PARTS.values() if only is None else [PARTS[only]]
-    return [asdict(row) for measure in measured for row in measure(lab)]
+    return [row for measure in measured for row in measure(lab)]
 
 
-def _workloads(lab: Lab) -> Iterator[Row]:
+def _workloads(lab: Lab) -> Iterator[MapRow]:
     yield from (workload(lab.room, resolution) for resolution in RESOLUTIONS)
 
 
-def _speeds(lab: Lab) -> Iterator[Row]:
+def _speeds(lab: Lab) -> Iterator[MapRow]:
     for resolution in RESOLUTIONS:
         lab.progress(f"map: speed at {resolution:g} m")
         yield from speed(lab.room, resolution, RANGE, lab.repeats, peers=octomap_installed())
@@ -168,37 +167,37 @@ def _speeds(lab: Lab) -> Iterator[Row]:
     yield from speed(lab.room, FINE, FINE_RANGE, lab.repeats, {"clamped": STILL})
 
 
-def _extents(lab: Lab) -> Iterator[Row]:
+def _extents(lab: Lab) -> Iterator[MapRow]:
     lab.progress(f"map: {SHORT:g} m and {LONG:g} m")
     yield from extent(lab.seed, SHORT, LONG, 0.05)
 
 
-def _fields(lab: Lab) -> Iterator[Row]:
+def _fields(lab: Lab) -> Iterator[MapRow]:
     lab.progress("map: distances and inflation")
     for found in field_times(lab.room, 0.05, lab.repeats):
         yield _found_row("fields", found)
 
 
-def _ghosts(lab: Lab) -> Iterator[Row]:
+def _ghosts(lab: Lab) -> Iterator[MapRow]:
     lab.progress("map: ghosts")
     yield from (_found_row("ghosts", ghost) for ghost in ghosts())
 
 
-def _accuracies(lab: Lab) -> Iterator[Row]:
+def _accuracies(lab: Lab) -> Iterator[MapRow]:
     for resolution in (0.05, 0.1):
         lab.progress(f"map: accuracy at {resolution:g} m")
         for found in accuracies(lab.room, resolution):
             yield _found_row("accuracy", found)
 
 
-def _agreement(lab: Lab) -> Iterator[Row]:
+def _agreement(lab: Lab) -> Iterator[MapRow]:
     if octomap_installed():
         lab.progress("map: agreement")
         for found in agreements_with_octomap(lab.room, 0.1):
             yield _found_row("agreement", found)
 
 
-PARTS: dict[str, Callable[[Lab], Iterator[Row]]] = {
+PARTS: dict[str, Callable[[Lab], Iterator[MapRow]]] = {
     "workload": _workloads,
     "speed": _speeds,
     "extent": _extents,
@@ -210,7 +209,7 @@ PARTS: dict[str, Callable[[Lab], Iterator[Row]]] = {
 """In the order of the rows."""
 
 
-def workload(room: Sequence[Sweep], resolution: float) -> Row:
+def workload(room: Sequence[Sweep], resolution: float) -> MapRow:
     """How much work the room's sweeps are."""
     lengths, steps, ends = [], [], []
     voxel_map = VoxelMap(replace(STILL, resolution=resolution))
@@ -222,7 +221,7 @@ def workload(room: Sequence[Sweep], resolution: float) -> Row:
         lengths.append(length.mean())
         steps.append(np.abs(last - first).sum() + len(last))
         ends.append(len(np.unique(packed(last))))
-    return Row(
+    return MapRow(
         part="workload",
         rays=RAYS,
         resolution_m=resolution,
@@ -240,7 +239,7 @@ def speed(
     sweeps: int,
     modes: Mapping[str, MapConfig] = MODES,
     peers: bool = False,
-) -> list[Row]:
+) -> list[MapRow]:
     """Every mode and the peer on the same sweeps, in turns, so that load meets them alike.
 
     A turn is a few sweeps, each turn in another order: a map in use finds in the caches what its
@@ -274,7 +273,7 @@ def speed(
     ]
 
 
-def extent(seed: int, short: float, long: float, resolution: float) -> list[Row]:
+def extent(seed: int, short: float, long: float, resolution: float) -> list[MapRow]:
     """One long trajectory, and its every stretch again with a new map: the same work, twice.
 
     Args:
@@ -311,10 +310,10 @@ def extent(seed: int, short: float, long: float, resolution: float) -> list[Row]
     ]
 
 
-def _timed_row(part: str, ms: Sequence[float], fastest_peer_ms: float | None) -> Row:
+def _timed_row(part: str, ms: Sequence[float], fastest_peer_ms: float | None) -> MapRow:
     median = float(np.median(ms))
     ratio = None if fastest_peer_ms is None else float(fastest_peer_ms / median)
-    return Row(
+    return MapRow(
         part=part,
         rays=RAYS,
         ms_per_sweep=median,
@@ -323,5 +322,5 @@ def _timed_row(part: str, ms: Sequence[float], fastest_peer_ms: float | None) ->
     )
 
 
-def _found_row(part: str, found: FieldTime | Ghost | Accuracy | Agreement) -> Row:
-    return Row(part=part, **asdict(found))
+def _found_row(part: str, found: FieldTime | Ghost | Accuracy | Agreement) -> MapRow:
+    return MapRow(part=part, **asdict(found))

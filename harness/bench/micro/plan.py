@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from wayproof.harness.bench.micro.lazy_theta import reference_path, scratch_for
+from wayproof.harness.bench.table import Progress
 from wayproof.planners import (
     PLANNERS,
     Body,
@@ -60,7 +61,7 @@ LIMITS = {
 
 
 @dataclass(frozen=True)
-class Row:
+class PlanRow:
     """What one planner did.
 
     Attributes:
@@ -104,12 +105,12 @@ class Query:
         return float(kernels.path_length(self.reference))
 
 
-def bench_plan(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Time every planner on seeded queries; one flat row (see `Row`) for each."""
+def bench_plan(repeats: int, seed: int, progress: Progress) -> list[PlanRow]:
+    """Time every planner on seeded queries; one flat row (see `PlanRow`) for each."""
     progress("compiling kernels (some seconds the first time, then cached)")
     warm_up()
     blocked = warehouse(seed)
-    rows: list[Row] = []
+    rows: list[PlanRow] = []
     for robot, spaces in (("drone", air(blocked)), ("quadruped", ground(blocked))):
         progress(f"plan: references of the {robot}")
         queries = make_queries(spaces, QUERIES_PER_REPEAT * repeats, seed)
@@ -124,7 +125,7 @@ def bench_plan(repeats: int, seed: int, progress: Callable[[str], None]) -> list
         progress(f"plan: {robot}, replanning and trajectories")
         rows += [row, *_replan_rows(robot, spaces[0], queries)]
         rows += _trajectory_rows(robot, spaces[0], plans)
-    return [asdict(row) for row in rows]
+    return rows
 
 
 def warehouse(seed: int) -> NDArray[np.bool_]:
@@ -228,7 +229,7 @@ def _timed(work: Callable[..., Any], *given: Any) -> tuple[Any, float]:
 
 def _plan_row(
     robot: str, name: str, space: FreeSpace, queries: list[Query], config: PlannerConfig
-) -> tuple[Row, list[Plan]]:
+) -> tuple[PlanRow, list[Plan]]:
     plans, times = [], []
     for query in queries:
         found, elapsed = _timed(
@@ -242,7 +243,7 @@ def _plan_row(
 def _row(
     robot: str, name: str, space: FreeSpace, plans: list[Plan], times: list[float],
     lengths: list[float],
-) -> Row:  # fmt: skip
+) -> PlanRow:  # fmt: skip
     ratios = [
         one.length / length
         for one, length in zip(plans, lengths, strict=True)
@@ -251,7 +252,7 @@ def _row(
     paths = [one.waypoints for one in plans if one.waypoints is not None]
     clearances = [clearance_mean(space, path) for path in paths] or [0.0]
     p50, p99 = np.percentile(times, [50, 99])
-    return Row(
+    return PlanRow(
         robot, name, len(plans), len(paths) / len(plans), float(p50), float(p99),
         float(np.mean(ratios)), float(np.percentile(ratios, 99)), float(np.mean(clearances)),
     )  # fmt: skip
@@ -265,7 +266,7 @@ def clearance_mean(space: FreeSpace, path: Array) -> float:
     return float(np.sqrt(space.field[tuple(cells.T)]).mean()) * space.resolution
 
 
-def _replan_rows(robot: str, space: FreeSpace, queries: list[Query]) -> Iterator[Row]:
+def _replan_rows(robot: str, space: FreeSpace, queries: list[Query]) -> Iterator[PlanRow]:
     """Plans from kept costs-to-go: the first, again, and after a box came into the way."""
     config = PlannerConfig()
     kept: dict[str, list[tuple[Plan, float, float]]] = {"first": [], "again": [], "changed": []}
@@ -318,7 +319,7 @@ def put_box(
     return changed, (first, end)
 
 
-def _trajectory_rows(robot: str, space: FreeSpace, plans: list[Plan]) -> Iterator[Row]:
+def _trajectory_rows(robot: str, space: FreeSpace, plans: list[Plan]) -> Iterator[PlanRow]:
     """Corners blended, and then the motion timed, for each path found."""
     found = [one for one in plans if one.waypoints is not None]
     lengths = [one.length for one in found]
@@ -334,7 +335,7 @@ def _trajectory_rows(robot: str, space: FreeSpace, plans: list[Plan]) -> Iterato
     yield _row(robot, "trajectory", space, blends, times, lengths)
 
 
-def _reference_row(robot: str, point: FreeSpace, queries: list[Query]) -> Row:
+def _reference_row(robot: str, point: FreeSpace, queries: list[Query]) -> PlanRow:
     times = [query.reference_ms for query in queries]
     lengths = [query.length for query in queries]
     plans = [Plan(query.reference, 0.0, query.length, 0.0, 1, "none") for query in queries]

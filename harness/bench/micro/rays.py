@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from statistics import median
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from wayproof.harness.bench.micro.ray_peers import Cast, Hits, installed_peers
 from wayproof.harness.bench.raycast.caster import RayCaster
 from wayproof.harness.bench.raycast.scenes import clutter, field_terrain, mesh_terrain
+from wayproof.harness.bench.table import Progress
 from wayproof.models import rays
 from wayproof.models.rays import TileCaster, cut_grid
 from wayproof.models.sensors.beams import beam_directions, rotate
@@ -102,7 +102,7 @@ SCENES = (
 
 
 @dataclass(frozen=True)
-class Row:
+class RaysRow:
     """One engine on one scene.
 
     Attributes:
@@ -129,15 +129,15 @@ class Row:
     id_mismatches: int
 
 
-def bench_rays(repeats: int, seed: int, progress: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Time every engine on every scene; one flat row (see `Row`) for each."""
+def bench_rays(repeats: int, seed: int, progress: Progress) -> list[RaysRow]:
+    """Time every engine on every scene; one flat row (see `RaysRow`) for each."""
     progress("compiling kernels (some seconds the first time, then cached)")
     rays.warm_up()
-    rows: list[Row] = []
+    rows: list[RaysRow] = []
     for number, scene in enumerate(SCENES, 1):
         progress(f"rays {number}/{len(SCENES)}: {scene.name}, {scene.geoms} geoms")
         rows += _measure(scene, repeats, seed)
-    return [asdict(row) for row in rows]
+    return rows
 
 
 def within(hits: Hits, range: float) -> Hits:
@@ -151,7 +151,7 @@ def disagreement(got: Hits, expected: Hits) -> tuple[float, int]:
     return float(np.abs(got[0] - expected[0]).max()), int((got[1] != expected[1]).sum())
 
 
-def _measure(scene: Scene, sweeps: int, seed: int) -> list[Row]:
+def _measure(scene: Scene, sweeps: int, seed: int) -> list[RaysRow]:
     """Sweep after sweep: all engines in turn on the same poses, so that load meets them alike."""
     rng = np.random.default_rng(seed)
     posed = _Posed(scene, seed)
@@ -168,7 +168,7 @@ def _measure(scene: Scene, sweeps: int, seed: int) -> list[Row]:
             engine.compare(engine.hits, multi_ray.hits)
             engine.compare(_at(engine.hits, posed.sample), one_ray.hits)
     return [
-        Row(
+        RaysRow(
             scene.name, scene.geoms, engine.name, engine.threads, len(engine.hits[0]),
             engine.rate(), engine.rate() / multi_ray.rate(), engine.max_error,
             engine.id_mismatches,

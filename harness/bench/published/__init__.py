@@ -1,29 +1,28 @@
-"""Published benchmarks, run on files that the user has: `wayproof bench NAME --worlds DIR`."""
+"""Published benchmarks, run on files of the user: `wayproof bench NAME --worlds DIR`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from wayproof.harness.bench.published.barn import bench_barn
 from wayproof.harness.bench.published.dodge import bench_dodge
-from wayproof.harness.bench.published.files import Files, Progress
+from wayproof.harness.bench.published.files import Files
 from wayproof.harness.bench.published.voxel_problems import bench_scenarios
+from wayproof.harness.bench.table import Progress, Row
 from wayproof.harness.errors import unknown_name
-
-Row = dict[str, Any]
 
 
 class Benchmark(NamedTuple):
-    """A published protocol.
+    """The protocol of a published benchmark.
 
     Attributes:
-        measure: From (files, repeats, seed, progress) to flat rows.
-        repeats: By default: seeds of each world, or problems of each planner compared.
-        option: The option that names its files.
+        measure: Function from (files, repeats, seed, progress) to flat rows.
+        repeats: Default number of seeds of each world, or of problems for each planner.
+        option: Command-line option that names its files.
     """
 
-    measure: Callable[[Files, int, int, Progress], list[Row]]
+    measure: Callable[[Files, int, int, Progress], Sequence[Row]]
     repeats: int
     option: str
 
@@ -33,16 +32,16 @@ BENCHMARKS: dict[str, Benchmark] = {
     "dodge": Benchmark(bench_dodge, 20, "--worlds"),
     "plan": Benchmark(bench_scenarios, 25, "--scenarios"),
 }
-"""Name -> protocol on files given by the user."""
+"""Name -> protocol."""
 
 
 def find_benchmark(name: str, option: str) -> Benchmark:
-    """The protocol that takes its files by an option.
+    """Return the benchmark of a name that takes its files by an option.
 
     Raises:
         InputError: There is none of that name, or it takes them by another option.
     """
-    fitting = [key for key, one in BENCHMARKS.items() if one.option == option]
+    fitting = [key for key, known in BENCHMARKS.items() if known.option == option]
     if name not in fitting:
         raise unknown_name(f"stage with {option}", name, fitting)
     return BENCHMARKS[name]

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.bench.published.files import Files, Progress, files_named
+from wayproof.harness.bench.published.files import Files, files_named
 from wayproof.harness.bench.published.trials import Finished, Trial, run_trials
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.models.robots import ROBOTS, RobotSpec
@@ -59,7 +60,7 @@ SETTINGS = (
 
 
 @dataclass(frozen=True)
-class Row:
+class BarnRow:
     """One episode.
 
     Attributes:
@@ -91,7 +92,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Summary:
+class BarnSummary:
     """All episodes.
 
     Attributes:
@@ -113,7 +114,9 @@ class Summary:
     total_collisions: int
 
 
-def bench_barn(files: Files, repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+def bench_barn(
+    files: Files, repeats: int, seed: int, progress: Progress
+) -> list[BarnRow | BarnSummary]:
     """Cross every world of a folder with `repeats` seeds; a row for each, and a summary.
 
     Raises:
@@ -138,7 +141,7 @@ def bench_barn(files: Files, repeats: int, seed: int, progress: Progress) -> lis
         if ways[world.name] is None
         for number in seeds
     ]
-    return [*(asdict(row) for row in rows), asdict(summarise(rows))]
+    return [*rows, summarise(rows)]
 
 
 def _log_name(folder: Path, world: FileWorld, seed: int) -> Path:
@@ -226,12 +229,12 @@ def barn_score(success: bool, time_s: float, optimal_s: float) -> float:
     return success * optimal_s / taken
 
 
-def summarise(rows: list[Row]) -> Summary:
+def summarise(rows: list[BarnRow]) -> BarnSummary:
     """Means over all episodes, and over those in worlds that are open."""
     possible = [row for row in rows if row.outcome != "impossible"]
     of = [[row.outcome == "success" for row in some] for some in (rows, possible)]
     scores = [[row.score for row in some] for some in (rows, possible)]
-    return Summary(
+    return BarnSummary(
         episodes=len(rows),
         impossible=len(rows) - len(possible),
         success=_mean(of[0]),
@@ -246,7 +249,7 @@ def _mean(values: list[bool] | list[float]) -> float:
     return float(np.mean(values)) if values else 0.0
 
 
-def _row(finished: Finished, way: float | None) -> Row:
+def _row(finished: Finished, way: float | None) -> BarnRow:
     trial, result = finished.trial, finished.result
     world, seed = trial.world, trial.config.seed
     if result is None:
@@ -256,15 +259,15 @@ def _row(finished: Finished, way: float | None) -> Row:
     success = passed is not None and passed <= LIMIT
     time = passed if passed is not None and success else result.sim_time_s
     outcome = "success" if success else result.outcome
-    return Row(
+    return BarnRow(
         world.name, seed, outcome, barn_score(success, time, optimal), best, time, optimal, _CLIP,
         result.path_length_m, result.min_clearance_m, 0 if success else result.collisions,
     )  # fmt: skip
 
 
-def _unrun(world: FileWorld, seed: int, outcome: str, way: float | None) -> Row:
+def _unrun(world: FileWorld, seed: int, outcome: str, way: float | None) -> BarnRow:
     optimal, best = optimal_time(world), best_score(world, way)
-    return Row(world.name, seed, outcome, 0.0, best, 0.0, optimal, _CLIP, 0.0, 0.0, 0)
+    return BarnRow(world.name, seed, outcome, 0.0, best, 0.0, optimal, _CLIP, 0.0, 0.0, 0)
 
 
 _CLIP = f"{FASTEST:g}-{SLOWEST:g} OT"

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wayproof.harness.bench.published.files import Files, Progress, files_named
+from wayproof.harness.bench.published.files import Files, files_named
 from wayproof.harness.bench.published.trials import Finished, Trial, run_trials
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.models.robots import ROBOTS
@@ -53,7 +54,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Row:
+class DodgeRow:
     """One flight.
 
     Attributes:
@@ -80,7 +81,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Summary:
+class DodgeSummary:
     """All flights in one field, or in `all`.
 
     Attributes:
@@ -100,7 +101,9 @@ class Summary:
     total_collisions: int
 
 
-def bench_dodge(files: Files, repeats: int, seed: int, progress: Progress) -> list[dict[str, Any]]:
+def bench_dodge(
+    files: Files, repeats: int, seed: int, progress: Progress
+) -> list[DodgeRow | DodgeSummary]:
     """Fly through every field of a folder with `repeats` seeds; a row for each, and summaries.
 
     Raises:
@@ -115,12 +118,12 @@ def bench_dodge(files: Files, repeats: int, seed: int, progress: Progress) -> li
         for number in range(seed, seed + repeats)
     )
     rows = [_row(finished) for finished in run_trials(trials, progress)]
-    groups: dict[str, list[Row]] = defaultdict(list)
+    groups: dict[str, list[DodgeRow]] = defaultdict(list)
     for row in rows:
         groups[row.field].append(row)
     groups["all"] = rows
     summaries = [summarise(name, some) for name, some in groups.items()]
-    return [*map(asdict, rows), *map(asdict, summaries)]
+    return [*rows, *summaries]
 
 
 def read_field(path: Path) -> FileWorld:
@@ -171,11 +174,11 @@ def flight_ends(world: FileWorld, seed: int) -> tuple[Point, Point]:
     raise InputError(f"field '{world.name}': no free goal at x = {GOAL_X:g} m")
 
 
-def summarise(name: str, rows: list[Row]) -> Summary:
+def summarise(name: str, rows: list[DodgeRow]) -> DodgeSummary:
     """Shares and means of some flights."""
     times = [row.time_s for row in rows if row.outcome == "success"]
     limited = [row.time_s if row.outcome == "success" else LIMIT for row in rows]
-    return Summary(
+    return DodgeSummary(
         fields=name,
         flights=len(rows),
         success=len(times) / len(rows),
@@ -185,19 +188,19 @@ def summarise(name: str, rows: list[Row]) -> Summary:
     )
 
 
-def _row(finished: Finished) -> Row:
+def _row(finished: Finished) -> DodgeRow:
     trial, result = finished.trial, finished.result
     height = trial.config.start[2] if trial.config.start else 0.0
     told = (LIMIT, FINISH, height)
     if result is None:
-        return Row(trial.world.name, trial.config.seed, "refused", 0.0, *told, 0.0, 0)
+        return DodgeRow(trial.world.name, trial.config.seed, "refused", 0.0, *told, 0.0, 0)
     passed = finished.first(lambda x, y, z: x >= FINISH)
     if passed is not None and passed <= LIMIT:
         outcome, time, collisions = "success", passed, 0  # an episode ends at its first collision
     else:
         outcome, time, collisions = result.outcome, result.sim_time_s, result.collisions
         outcome = "timeout" if outcome == "success" else outcome
-    return Row(
+    return DodgeRow(
         trial.world.name,
         trial.config.seed,
         outcome,

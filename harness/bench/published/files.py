@@ -1,8 +1,7 @@
-"""What a published benchmark is given: where its files lie, and where logs go."""
+"""Input files of a published benchmark, and the folder of its logs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,11 +9,11 @@ from wayproof.harness.errors import InputError
 
 
 class Files(NamedTuple):
-    """Paths that the user gave.
+    """Paths given on the command line.
 
     Attributes:
-        option: The option that named them.
-        path: A file or a folder, as the option says.
+        option: Option that named the path.
+        path: File or folder, depending on the option.
         logs: Folder for the logs of episodes.
     """
 
@@ -23,14 +22,11 @@ class Files(NamedTuple):
     logs: Path
 
 
-Progress = Callable[[str], None]
-
-
 def files_named(folder: Path, pattern: str) -> list[Path]:
-    """The files of a folder that fit a pattern, by name, numbers in their order.
+    """Return the files of a folder that match a pattern, sorted by name, numbers by value.
 
     Raises:
-        InputError: No such folder, or nothing in it that fits.
+        InputError: There is no such folder, or no match in it.
     """
     if not folder.is_dir():
         raise InputError(f"--worlds: no folder '{folder}'")

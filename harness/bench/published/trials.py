@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from wayproof.harness.bench.published.files import Progress
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.writer import check_folder

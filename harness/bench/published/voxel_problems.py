@@ -8,16 +8,16 @@ file. They may go straight in any direction, so a ratio below 1 is no error.
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.bench.micro.plan import REACH, squared_distances
-from wayproof.harness.bench.published.files import Files, Progress
+from wayproof.harness.bench.published.files import Files
 from wayproof.harness.bench.published.voxel_search import Moves, VoxelSearch
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.errors import InputError
 from wayproof.models.world_files.reading import WorldFileError, beside, read_text
 from wayproof.models.world_files.voxel_maps import read_voxels
@@ -45,7 +45,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Row:
+class ProblemsRow:
     """What one planner did.
 
     Attributes:
@@ -71,9 +71,7 @@ class Row:
     p99_ms: float
 
 
-def bench_scenarios(
-    files: Files, repeats: int, seed: int, progress: Progress
-) -> list[dict[str, Any]]:
+def bench_scenarios(files: Files, repeats: int, seed: int, progress: Progress) -> list[ProblemsRow]:
     """Solve every problem of a file exactly, and `repeats` of them by each planner compared.
 
     Raises:
@@ -92,7 +90,7 @@ def bench_scenarios(
         config = PlannerConfig(name=name, clearance_weight=0.0)
         warm_up(config)
         rows.append(_planner_row(map_name, space, sample, config, seed))
-    return [asdict(row) for row in rows]
+    return rows
 
 
 def read_problems(path: Path) -> tuple[str, NDArray[np.bool_], list[Problem]]:
@@ -139,7 +137,7 @@ def _space(occupied: NDArray[np.bool_]) -> FreeSpace:
     return FreeSpace(padded, np.zeros(3), RESOLUTION, 0, np.zeros(REACH * REACH + 1))
 
 
-def _exact_row(name: str, search: VoxelSearch, problems: list[Problem]) -> Row:
+def _exact_row(name: str, search: VoxelSearch, problems: list[Problem]) -> ProblemsRow:
     times, ways = [], []
     for problem in problems:
         began = time.process_time()
@@ -156,7 +154,7 @@ def _is_off(way: Moves | None, problem: Problem) -> bool:
 
 def _planner_row(
     name: str, space: FreeSpace, problems: list[Problem], config: PlannerConfig, seed: int
-) -> Row:
+) -> ProblemsRow:
     times, lengths = [], []
     for number, problem in enumerate(problems):
         start, goal = ((np.array(at) + 0.5) * RESOLUTION for at in (problem.start, problem.goal))
@@ -170,11 +168,11 @@ def _planner_row(
 def _row(
     name: str, planner: str, problems: list[Problem], lengths: list[float], times: list[float],
     differing: int | None,
-) -> Row:  # fmt: skip
+) -> ProblemsRow:  # fmt: skip
     ratios = np.array(lengths) / [problem.length for problem in problems]
     solved = ratios[np.isfinite(ratios)]
     p50, p99 = 1e3 * np.percentile(times, [50, 99])
-    return Row(
+    return ProblemsRow(
         name, planner, len(problems), len(solved) / len(problems), differing,
         float(solved.mean()) if len(solved) else None,
         float(np.percentile(solved, 99)) if len(solved) else None,

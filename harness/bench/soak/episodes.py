@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import get_args
@@ -15,6 +15,7 @@ import numpy as np
 
 from wayproof.harness.bench.soak.child import scratch
 from wayproof.harness.bench.soak.fresh import FreshReplays, replay_by_command
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
@@ -97,7 +98,7 @@ class Tally:
 
 
 def soak_episodes(
-    count: int, seed: int, progress: Callable[[str], None], first: int = 0, jobs: int = 2
+    count: int, seed: int, progress: Progress, first: int = 0, jobs: int = 2
 ) -> Tally:
     """Run random episodes and everything that must give them again.
 

@@ -19,6 +19,7 @@ import numpy as np
 from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.bench.soak.child import in_child, scratch
 from wayproof.harness.bench.soak.mutate import forge, mutate, mutate_values
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import from_json, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
@@ -60,7 +61,7 @@ class Fuzzed:
     failures: tuple[str, ...]
 
 
-def soak_fuzz(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Fuzzed:
+def soak_fuzz(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzzed:
     """Mutate a small log `count` times, by turns its bytes, its content, its settings and scene.
 
     Args:

@@ -18,6 +18,7 @@ from pathlib import Path
 from wayproof.harness.bench.soak.child import in_child, scratch
 from wayproof.harness.bench.soak.hostile_files import BOX, FILES, Maker
 from wayproof.harness.bench.soak.hostile_logs import LOGS
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.cli.main import main
 
 MOST_MEMORY_MIB = 1024.0
@@ -82,7 +83,7 @@ class Refused:
     failures: tuple[str, ...]
 
 
-def soak_hostile(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Refused:
+def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> Refused:
     """Give each hostile file to the command that reads it, in a watched process.
 
     Args:

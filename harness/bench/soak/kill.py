@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.harness.bench.soak.child import Kill, in_child, scratch
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
@@ -57,7 +58,7 @@ class Killed:
     failures: tuple[str, ...]
 
 
-def soak_kill(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Killed:
+def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Killed:
     """Kill episodes with SIGKILL, each a random moment after a random decision of it.
 
     Args:

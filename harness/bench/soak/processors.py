@@ -25,6 +25,7 @@ import numpy as np
 from wayproof.harness.bench.soak.child import scratch
 from wayproof.harness.bench.soak.kinds import draw
 from wayproof.harness.bench.soak.replays import Arithmetic, Verdict, arithmetic
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.runner import run_episode
 from wayproof.harness.warm_up import warm_up
 from wayproof.harness.worker_pool import WorkerPool
@@ -182,7 +183,7 @@ def replay_under(
 def soak_processors(
     count: int,
     seed: int,
-    progress: Callable[[str], None],
+    progress: Progress,
     first: int = 0,
     jobs: int = 2,
     pythons: Sequence[str] = (),

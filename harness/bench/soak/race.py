@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from wayproof.harness.bench.soak.child import Ended, listen, scratch, start_child
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
@@ -52,7 +53,7 @@ class Raced:
     failures: tuple[str, ...]
 
 
-def soak_race(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Raced:
+def soak_race(count: int, seed: int, progress: Progress, first: int = 0) -> Raced:
     """Start two episodes `count` times for one log; both wait where they open it for each other.
 
     Args:

@@ -8,12 +8,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from wayproof.harness.bench.table import Progress
 from wayproof.harness.study.file import plan_episodes, read_study
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import read_rows
@@ -55,9 +55,7 @@ class Disturbed:
     failures: tuple[str, ...]
 
 
-def soak_studies(
-    count: int, seed: int, progress: Callable[[str], None], first: int = 0
-) -> Disturbed:
+def soak_studies(count: int, seed: int, progress: Progress, first: int = 0) -> Disturbed:
     """Kill -9 by turns a worker and the parent, at random moments, `count` times in all.
 
     Each study gets one kill; one whose parent died is started again. Then its chains are compared.

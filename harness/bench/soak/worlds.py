@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import ceil
 
 import mujoco
 
 from wayproof.harness.bench.jobs import run_jobs
+from wayproof.harness.bench.table import Progress
 from wayproof.models.worlds import WORLDS, World
 
 DIFFICULTIES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -57,7 +58,7 @@ class Batch:
     failures: list[str]
 
 
-def soak_worlds(count: int, seed: int, progress: Callable[[str], None], first: int = 0) -> Drawn:
+def soak_worlds(count: int, seed: int, progress: Progress, first: int = 0) -> Drawn:
     """Draw `count` worlds or a few more, as many of each name, in two processes.
 
     Args:

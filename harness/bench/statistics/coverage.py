@@ -10,17 +10,15 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
 from wayproof.harness.bench.statistics.verdicts import bench_alarms, bench_power
+from wayproof.harness.bench.table import Document, Progress
 from wayproof.harness.study.statistics.bounds import Array, Ends
 from wayproof.harness.study.statistics.intervals import interval_ends, pair_ends
 from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
-
-Row = dict[str, Any]
-Progress = Callable[[str], None]
 
 CLUSTERS = (2, 3, 5, 10, 25, 50)
 
@@ -53,7 +51,7 @@ SAMPLE = 400_000
 
 def bench_coverage(
     repeats: int, seed: int, progress: Progress, only: str | None = None
-) -> list[Row]:
+) -> list[Document]:
     """Coverage of 95 % intervals, false alarms of gates and their power, from `repeats` samples.
 
     Args:
@@ -62,7 +60,7 @@ def bench_coverage(
         progress: Called with what is under way.
         only: The part that is measured alone.
     """
-    rows: list[Row] = []
+    rows: list[Document] = []
     if only in (None, "intervals"):
         rows += _intervals(repeats, seed, progress)
     if only in (None, "alarms"):
@@ -72,10 +70,10 @@ def bench_coverage(
     return rows
 
 
-def _intervals(repeats: int, seed: int, progress: Progress) -> list[Row]:
+def _intervals(repeats: int, seed: int, progress: Progress) -> list[Document]:
     """A row for each statistic, data and episodes a cluster: `coverage width` by clusters."""
     cases = list(itertools.product(STATISTICS, get_args(Data), EPISODES))
-    cells: dict[tuple[str, Data, int], list[Row]] = {case: [] for case in cases}
+    cells: dict[tuple[str, Data, int], list[Document]] = {case: [] for case in cases}
     for clusters in CLUSTERS:  # outermost: what is drawn for samples of one size is drawn once
         for statistic, data, episodes in cases:
             progress(f"{clusters} clusters: {statistic}, {data}, {episodes} episodes of each")
@@ -93,7 +91,7 @@ def _intervals(repeats: int, seed: int, progress: Progress) -> list[Row]:
     ]
 
 
-def _cell(row: Row) -> str:
+def _cell(row: Document) -> str:
     """Coverage, and the median width, or the share of intervals that have none."""
     if row["width"] is None:
         return f"{row['coverage']:.3f} open"
@@ -102,7 +100,7 @@ def _cell(row: Row) -> str:
 
 def coverage_of(
     statistic: str, data: Data, clusters: int, episodes: int, samples: int, seed: int
-) -> Row:
+) -> Document:
     """How often the 95 % interval of one statistic holds the true mean.
 
     Args:

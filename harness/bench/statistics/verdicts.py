@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from wayproof.harness.bench.table import Document, Progress
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
 from wayproof.harness.study.default_gates import DEFAULT_GATES
@@ -61,8 +61,8 @@ CHANGES: dict[str, tuple[Stack, Stack, str]] = {
 
 
 def bench_alarms(
-    repeats: int, seed: int, clusters: Sequence[int], progress: Callable[[str], None]
-) -> list[dict[str, Any]]:
+    repeats: int, seed: int, clusters: Sequence[int], progress: Progress
+) -> list[Document]:
     """How often a study fails in which nothing is wrong: A against A, means at their bound.
 
     Studies are those of `wayproof compare` and the packaged ones with gates, with all their arms.
@@ -115,8 +115,8 @@ def _at_bound(gates: Sequence[Gate]) -> Stack:
 
 
 def bench_power(
-    repeats: int, seed: int, clusters: Sequence[int], progress: Callable[[str], None]
-) -> list[dict[str, Any]]:
+    repeats: int, seed: int, clusters: Sequence[int], progress: Progress
+) -> list[Document]:
     """How often a single gate on a known change is `failed / inconclusive / held`."""
     rows = []
     for change, (before, after, text) in CHANGES.items():

@@ -10,7 +10,8 @@ from rich.console import Console
 from wayproof.harness.bench.micro import loop
 from wayproof.harness.bench.micro.rays import SAMPLE, SCENES, disagreement, within
 from wayproof.harness.bench.raycast.scenes import RELIEF, clutter, field_terrain, mesh_terrain
-from wayproof.harness.bench.stages import STAGES, print_rows
+from wayproof.harness.bench.stages import STAGES
+from wayproof.harness.bench.table import print_rows
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override
 from wayproof.harness.scenario.scenario import build

@@ -5,14 +5,14 @@ from dataclasses import asdict
 
 import pytest
 
-from wayproof.harness.bench.episodes.crossing import ALONE, Row, run_one, summarise
+from wayproof.harness.bench.episodes.crossing import ALONE, CrossingRow, run_one, summarise
 from wayproof.harness.bench.jobs import KeptRows, rows_of
 from wayproof.harness.bench.stages import STAGES, run_stage
 from wayproof.harness.errors import InputError
 
 
 def row(way, seed, outcome, time_s, own=0, at_rest=0):
-    return Row("drone", way, seed, outcome, own, at_rest, time_s, 0.1 * seed, "", "")
+    return CrossingRow("drone", way, seed, outcome, own, at_rest, time_s, 0.1 * seed, "", "")
 
 
 def test_what_traffic_costs_by_hand():
@@ -35,18 +35,18 @@ def test_a_drone_stops_short_of_a_person_who_comes_into_its_way():
 
 
 def half(number, parity):
-    return Row("drone", parity, number, "success", 0, 0, number / 2, 1.0, "", "")
+    return CrossingRow("drone", parity, number, "success", 0, 0, number / 2, 1.0, "", "")
 
 
 def test_rows_are_kept_as_they_come_and_not_run_again(tmp_path):
     path = tmp_path / "rows.jsonl"
     jobs = [("drone", parity, n) for n in range(3) for parity in ("odd", "even")]
-    first = KeptRows(path, Row)
+    first = KeptRows(path, CrossingRow)
     for _, parity, number in jobs[:4]:
         first.add(half(number, parity))
     with path.open("a") as file:
         file.write('{"robot": "dro')  # killed while it wrote
-    kept = KeptRows(path, Row)
+    kept = KeptRows(path, CrossingRow)
     assert list(kept.rows) == jobs[:4]
     told = []
     rows = rows_of(jobs, one_of, kept, told.append)
@@ -66,9 +66,9 @@ def test_a_file_of_something_else_is_refused(tmp_path):
     path = tmp_path / "rows.jsonl"
     path.write_text('{"robot": "drone"}\n')
     with pytest.raises(InputError, match=r"--rows .*rows\.jsonl: line 1: "):
-        KeptRows(path, Row)
+        KeptRows(path, CrossingRow)
     with pytest.raises(InputError, match="--rows"):
-        KeptRows(tmp_path / "no" / "rows.jsonl", Row)
+        KeptRows(tmp_path / "no" / "rows.jsonl", CrossingRow)
     with pytest.raises(InputError, match="got bench rays, expected one of: crossing, worlds"):
         run_stage("rays", 1, 0, kept=path)
     assert STAGES["crossing"].keeps

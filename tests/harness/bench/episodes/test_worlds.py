@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.bench.episodes.worlds import Row, _summarise, run_one
+from wayproof.harness.bench.episodes.worlds import WorldRow, _summarise, run_one
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
@@ -16,7 +16,7 @@ SHORT = ("episode.time_limit=3",)
 
 
 def row(outcome, time_s, spl, clearance_m):
-    return Row("maze", "drone", 0, outcome, time_s, clearance_m, spl, 0, "")
+    return WorldRow("maze", "drone", 0, outcome, time_s, clearance_m, spl, 0, "")
 
 
 def test_an_episode_among_movers_logs_them_and_replays(recorded):

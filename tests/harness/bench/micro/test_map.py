@@ -10,7 +10,7 @@ from rich.console import Console
 from wayproof.harness.bench.micro.map import (
     MODES,
     THREADS,
-    Row,
+    MapRow,
     bench_map,
     extent,
     speed,
@@ -38,7 +38,8 @@ from wayproof.harness.bench.micro.map_workload import (
     hall_sweeps,
     room_sweeps,
 )
-from wayproof.harness.bench.stages import STAGES, print_rows
+from wayproof.harness.bench.stages import STAGES
+from wayproof.harness.bench.table import print_rows
 from wayproof.maps import FREE, MapConfig, VoxelMap
 
 COARSE = 0.2
@@ -184,8 +185,8 @@ def test_the_map_agrees_with_octomap_but_where_the_floor_is_guarded(room):
 
 
 def test_rows_have_every_field_and_are_json(room):
-    rows = [dataclasses.asdict(row) for row in (workload(room[:1], COARSE), Row(part="speed"))]
-    fields = [field.name for field in dataclasses.fields(Row)]
+    rows = [dataclasses.asdict(row) for row in (workload(room[:1], COARSE), MapRow(part="speed"))]
+    fields = [field.name for field in dataclasses.fields(MapRow)]
     assert [list(row) for row in rows] == [fields, fields]
     assert fields[:10] == [
         "part",
