@@ -125,9 +125,7 @@ class SemanticLayer:
         if len(sources) not in (0, count) or sources.max(initial=0) >= len(starts):
             raise ValueError(f"moments: got {sources.shape}, expected ({count},) of the origins")
         self._check_labels(labels[labels != UNLABELLED])
-        cells, votes = np.empty((count, 3), np.int64), np.empty(count, np.uint8)
-        counts = np.empty(count, np.uint32)
-        count = kernels.end_runs(
+        beams = kernels.LabelledBeams(
             starts,
             np.require(sources, np.int32, ["C", "W"]),
             np.require(directions, np.float64, ["C", "W"]),
@@ -135,11 +133,11 @@ class SemanticLayer:
             (round(1000 * limits[0]), round(1000 * limits[1])),
             np.require(labels, None, ["C", "W"]),
             self.resolution,
-            cells,
-            votes,
-            counts,
         )
-        self._vote(cells[:count], votes[:count], counts[:count])
+        cells, classes = np.empty((count, 3), np.int64), np.empty(count, np.uint8)
+        counts = np.empty(count, np.uint32)
+        count = kernels.list_ballots(beams, kernels.Ballots(cells, classes, counts))
+        self._vote(cells[:count], classes[:count], counts[:count])
 
     def label_at(self, points: ArrayLike) -> NDArray[np.uint8]:
         """The labels at points (n, 3), m, world: (n,) uint8; 255 where there are no votes.
@@ -196,18 +194,9 @@ class SemanticLayer:
         self, cells: NDArray[np.int64], labels: NDArray[np.uint8], counts: NDArray[np.uint32]
     ) -> None:
         box = np.array([[1 << 62] * 3, [-(1 << 62)] * 3])
-        self._used, lost = kernels.vote(
-            self._directory,
-            self._cells,
-            self._votes,
-            self._winners,
-            self._used,
-            cells,
-            labels,
-            counts,
-            self._sums,
-            box,
-        )
+        table = kernels.VoteTable(self._directory, self._cells, self._votes, self._winners)
+        ballots = kernels.Ballots(cells, labels, counts)
+        self._used, lost = kernels.count_votes(table, self._used, ballots, self._sums, box)
         self.lost += lost
         if box[0, 0] <= box[1, 0]:
             self._boxes.append(np.concatenate([box[0], box[1] + 1]))

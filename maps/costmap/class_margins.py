@@ -87,5 +87,5 @@ class ClassMargins(ColumnMap):
         cells, labels = cells[near], labels[near]
         there = self._map.state_at(centres(cells, self.resolution)) == OCCUPIED
         x, y, z = (int(cell) for cell in low_cell)
-        kernels.swell(cells[there], self._squared[labels[there]], (x, y, z), balls)
+        kernels.grow_balls(cells[there], self._squared[labels[there]], (x, y, z), balls)
         return balls

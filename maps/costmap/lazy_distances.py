@@ -16,7 +16,7 @@ from wayproof.maps.costmap.distance_field import (
     bring_up_to_date,
     take_over,
 )
-from wayproof.maps.kernels.lazy_distances import presume, widen
+from wayproof.maps.kernels.lazy_distances import dilate, write_optimistic
 from wayproof.maps.parallel import ThreadTeam
 
 Cells = NDArray[np.uint16]
@@ -144,7 +144,7 @@ class Distances:
         around = None  # for the first search: one among outdated distances leads anywhere
         if self._searched_before.any():
             around = np.empty_like(self.searched)
-            widen(self._searched_before, *AROUND, around)
+            dilate(self._searched_before, *AROUND, around)
         self._work_out(around)
         return True
 
@@ -221,7 +221,7 @@ class OptimisticDistances:
         flat = self.squared.reshape(-1)
 
         def work(_: int, part: tuple[int, int]) -> None:
-            presume(part, shape, BLOCK_ROWS, blocks, told, others, *self._limits, flat)
+            write_optimistic(part, shape, BLOCK_ROWS, blocks, told, others, self._limits, flat)
 
         item_us = PRESUME_US * np.count_nonzero(blocks) / len(blocks)
         team.parallel_for(work, len(blocks), item_us=item_us)

@@ -129,18 +129,18 @@ class Ground(Projection):
         self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
         self._first, self._layers = first, end - first
-        self._below = layer_bits(0, floor_layer, end)
-        self._footing = layer_bits(floor_layer, first, end)
-        self._band = layer_bits(first, end, end)
+        self._flat_layers = kernels.FlatLayers(
+            below=layer_bits(0, floor_layer, end),
+            footing=layer_bits(floor_layer, first, end),
+            band=layer_bits(first, end, end),
+        )
         super().__init__(window.layers(0, end))
 
     def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         kernels.project_columns(
             self._held[0],
             self._held[1],
-            self._below,
-            self._footing,
-            self._band,
+            self._flat_layers,
             (x.start, x.stop),
             (y.start, y.stop),
             self.occupied[:, 0],
@@ -148,8 +148,15 @@ class Ground(Projection):
         )
         if grown is not None:
             first = np.full(grown.shape[:2], self._first, np.int16)
-            columns = self.occupied[:, 0], self.free[:, 0]
-            labels.block_columns(grown, first, self._layers, x.start, y.start, *columns)
+            labels.block_columns(
+                grown,
+                first,
+                self._layers,
+                x.start,
+                y.start,
+                self.occupied[:, 0],
+                self.free[:, 0],
+            )
         return x, slice(0, 1)
 
 

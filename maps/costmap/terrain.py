@@ -52,7 +52,7 @@ class Terrain(Projection):
         self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
         super().__init__(window)
-        self._body = floor, first - floor, end - floor
+        self._body = kernels.Body(floor, foot=first - floor, tall=end - floor)
         self._rises = rises(step_height / window.resolution, max_slope)
         self._grown = np.zeros((nx, ny, self._words), np.uint64)
         self.ground = np.full((nx, ny), floor, np.int16)
@@ -63,7 +63,7 @@ class Terrain(Projection):
         kernels.project_terrain(
             self._held[0],
             self._held[1],
-            *self._body,
+            self._body,
             self._rises,
             self.ground,
             self.seen,

@@ -1,9 +1,8 @@
-"""Compiled kernels of the costmap: columns projected to the ground, and queries at points.
-
-All of them live in this file because a cached kernel is not recompiled when another file changes.
-"""
+"""Kernels of the costmap: columns projected to the ground, and queries at points."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +12,29 @@ from wayproof.maps._jit import kernel
 WORD_BITS = 64
 
 
+class FlatLayers(NamedTuple):
+    """Layers of a window, a bit each, as a body on a flat floor meets them.
+
+    Attributes:
+        below: (words,) those under the floor.
+        footing: (words,) those that can be stood on: the floor and steps.
+        band: (words,) those that the body passes through.
+    """
+
+    below: NDArray[np.uint64]
+    footing: NDArray[np.uint64]
+    band: NDArray[np.uint64]
+
+
 @kernel
 def touch(
     boxes: NDArray[np.int64],  # (k, 6) first cell and one past the last: x, y, z, x, y, z
     first: tuple[int, int, int],  # cell of a window
     shape: tuple[int, int, int],  # (nx, ny, nz) cells
     touching: NDArray[np.int64],  # (k, 6) out: those that hold any of its cells
-    columns: NDArray[np.int64],  # (2, 2) out: from and to along x and y, of all of these in it
+    columns: NDArray[np.int64],  # (2, 2) out: columns that they hold, first and end along x and y
 ) -> int:
-    """Find the boxes that hold any cell of a window, and return their number."""
+    """List the boxes that hold any cell of a window; return their number."""
     count = int(np.int64(0))
     columns[0, 0], columns[1, 0] = shape[0], shape[1]
     columns[0, 1] = columns[1, 1] = 0
@@ -46,21 +59,23 @@ def touch(
 def project_columns(
     occupied: NDArray[np.uint64],  # (nx, ny, words) along z
     free: NDArray[np.uint64],  # (nx, ny, words)
-    below: NDArray[np.uint64],  # (words,) layers under the floor
-    footing: NDArray[np.uint64],  # (words,) those that can be stood on: the floor and steps
-    band: NDArray[np.uint64],  # (words,) those that the body passes through
+    layers: FlatLayers,
     part_x: tuple[int, int],  # first and one past the last of the columns to project
     part_y: tuple[int, int],
     occupied_columns: NDArray[np.uint64],  # (nx, words) along y, in, out
     free_columns: NDArray[np.uint64],  # (nx, words) in, out
 ) -> None:
-    """The state of each column of cells for a body that walks on the floor."""
+    """Find the state of each column of cells for a body that walks on the floor.
+
+    64 columns along y at a time, as one word of the result.
+    """
+    below, footing, band = layers
     words, nothing, one = occupied.shape[2], np.uint64(0), np.uint64(1)
     for x in range(part_x[0], part_x[1]):
         for word in range(part_y[0] // WORD_BITS, (part_y[1] - 1) // WORD_BITS + 1):
             first = max(part_y[0], word * WORD_BITS)
             end = min(part_y[1], (word + 1) * WORD_BITS)
-            seen = held = clear = nothing  # a bit for each column
+            looked_at = held = clear = nothing  # a bit for each column
             bit = one << np.uint64(first % WORD_BITS)
             for y in range(first, end):
                 blocking = standing = closed = nothing
@@ -69,14 +84,14 @@ def project_columns(
                     blocking |= (occupied[x, y, w] & band[w]) | (free[x, y, w] & below[w])
                     standing |= occupied[x, y, w] & footing[w]
                     closed |= band[w] & ~free[x, y, w]
-                seen |= bit
+                looked_at |= bit
                 if blocking != nothing:
                     held |= bit
                 elif standing != nothing and closed == nothing:
                     clear |= bit
                 bit <<= one
-            occupied_columns[x, word] = (occupied_columns[x, word] & ~seen) | held
-            free_columns[x, word] = (free_columns[x, word] & ~seen) | clear
+            occupied_columns[x, word] = (occupied_columns[x, word] & ~looked_at) | held
+            free_columns[x, word] = (free_columns[x, word] & ~looked_at) | clear
 
 
 @kernel
@@ -88,7 +103,7 @@ def look_up(
     table: NDArray[np.float64],  # by squared distance
     values: NDArray[np.float64],  # (n,) out
 ) -> None:
-    """The table's value at the cell of each point; that of distance 0 outside."""
+    """Look up the table's value at the cell of each point; that of distance 0 outside."""
     nx, ny, nz = squared.shape
     for n in range(points.shape[0]):
         u = (points[n, 0] - origin[0]) / resolution  # in cells from the window's corner
@@ -100,19 +115,19 @@ def look_up(
 
 
 @kernel
-def neighbours(place: float, cells: int) -> tuple[int, int, float, float, float]:
-    """The two cells along an axis whose centres enclose a place, and how much each counts.
+def neighbours(position: float, cells: int) -> tuple[int, int, float, float, float]:
+    """Find the two cells along an axis whose centres enclose a position, and their weights.
 
     Args:
-        place: In cells from the window's corner, within it.
-        cells: Of the window along this axis.
+        position: In cells from the window's corner, within it.
+        cells: Number of cells of the window along this axis.
 
     Returns:
-        Both indices, clipped to the window; whether each is within it, 1 or 0; the second's share.
+        Both indices, clipped to the window; whether each is within it, 1 or 0; the second's weight.
         On an axis of one cell both are that cell.
     """
-    first = int(np.floor(place - 0.5))
-    share = place - 0.5 - first
+    first = int(np.floor(position - 0.5))
+    share = position - 0.5 - first
     if cells == 1:
         return 0, 0, 1.0, 1.0, share
     before, after = max(first, 0), min(first + 1, cells - 1)
@@ -129,7 +144,7 @@ def interpolate(
     distances: NDArray[np.float64],  # (n,) out, m
     gradients: NDArray[np.float64],  # (n, 3) out, m/m
 ) -> None:
-    """Trilinear interpolation between cell centres, and its exact gradient; 0 outside."""
+    """Interpolate trilinearly between cell centres, with the exact gradient; 0 outside."""
     nx, ny, nz = squared.shape
     for n in range(points.shape[0]):
         u = (points[n, 0] - origin[0]) / resolution  # in cells from the window's corner
@@ -146,11 +161,12 @@ def interpolate(
         b = table[squared[x, y, next_z]] * (in_x * in_y * in_next_z)
         c = table[squared[x, next_y, z]] * (in_x * in_next_y * in_z)
         d = table[squared[x, next_y, next_z]] * (in_x * in_next_y * in_next_z)
-        # What each grows by towards the next cell along x.
+        # The growth of each towards the next cell along x.
         da = table[squared[next_x, y, z]] * (in_next_x * in_y * in_z) - a
         db = table[squared[next_x, y, next_z]] * (in_next_x * in_y * in_next_z) - b
         dc = table[squared[next_x, next_y, z]] * (in_next_x * in_next_y * in_z) - c
         dd = table[squared[next_x, next_y, next_z]] * (in_next_x * in_next_y * in_next_z) - d
+        # Interpolated along x; then along z and y.
         a, b, c, d = a + u * da, b + u * db, c + u * dc, d + u * dd
         along_y = (1.0 - w) * (c - a) + w * (d - b)
         distances[n] = (1.0 - w) * a + w * b + v * along_y

@@ -1,7 +1,6 @@
-"""Compiled kernels of the flat grid: which of its cells the beams of a sweep cross and hit.
+"""Kernels of the 2D grid: the cells that the beams of a sweep cross and hit in a band of heights.
 
-Positions are whole 1/1024 of a cell, and so is every comparison that decides. All kernels live in
-this file because a cached kernel is not recompiled when another file changes.
+Positions are whole 1/1024 of a cell, and so is every comparison that decides.
 """
 
 from __future__ import annotations
@@ -24,10 +23,10 @@ def clip_to_band(
     end: int,
     band: tuple[int, int],  # even
 ) -> tuple[int, int]:
-    """Where along its climb, from 0 to |end - start|, a beam enters the band and leaves it.
+    """Find where along its climb, from 0 to |end - start|, a beam enters the band and leaves it.
 
-    The second is not more than the first if it never is in the band; a level beam in it has a climb
-    of 0 and is told as (0, 1).
+    The second is not more than the first if it never is in the band. A level beam has a climb of 0;
+    if it is in the band, that is (0, 1).
     """
     if start == end:
         return 0, 1 if band[0] < start < band[1] else 0
@@ -42,10 +41,11 @@ def clip_to_band(
 def trace_flat(
     start: tuple[int, int],  # from the window's corner, odd
     end: tuple[int, int],  # odd
-    inside: NDArray[np.int64],  # (2, 2) least cell that counts and one past the greatest
+    inside: NDArray[np.int64],  # (2, 2) least cell to be marked and one past the greatest
     marks: NDArray[np.uint8],  # (nx, ny) in, out
 ) -> None:
     """Mark the cells between two points (Amanatides & Woo 1987, in integers)."""
+    # Along each axis: the extent, the direction, and how far it is to the next face.
     run_x, run_y = abs(end[0] - start[0]), abs(end[1] - start[1])
     step_x, step_y = 1 if end[0] > start[0] else -1, 1 if end[1] > start[1] else -1
     x, y = start[0] >> HALVES_BITS, start[1] >> HALVES_BITS
@@ -81,17 +81,18 @@ def trace_all(
         if first >= last:
             continue
         climb = abs(end_z - z) if end_z != z else 1
-        way_x, way_y = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
+        # The part of the beam within the band.
+        run_x, run_y = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
         enter = (
-            (starts[i, 0] + way_x * first // climb) | 1,  # odd: never on a face
-            (starts[i, 1] + way_y * first // climb) | 1,
+            (starts[i, 0] + run_x * first // climb) | 1,  # odd: never on a face
+            (starts[i, 1] + run_y * first // climb) | 1,
         )
         leave = (
-            (starts[i, 0] + way_x * last // climb) | 1,
-            (starts[i, 1] + way_y * last // climb) | 1,
+            (starts[i, 0] + run_x * last // climb) | 1,
+            (starts[i, 1] + run_y * last // climb) | 1,
         )
         trace_flat(enter, leave, inside, marks)
         x, y = ends[i, 0] >> HALVES_BITS, ends[i, 1] >> HALVES_BITS
-        counts = inside[0, 0] <= x < inside[1, 0] and inside[0, 1] <= y < inside[1, 1]
-        if returned[i] and counts and band[0] < end_z < band[1]:
+        is_inside = inside[0, 0] <= x < inside[1, 0] and inside[0, 1] <= y < inside[1, 1]
+        if returned[i] and is_inside and band[0] < end_z < band[1]:
             marks[x, y] |= HIT

@@ -1,7 +1,4 @@
-"""Compiled kernels of the inflation: a ball grown around every set bit, 64 cells at a time.
-
-All of them live in this file because a cached kernel is not recompiled when another file changes.
-"""
+"""Kernels of inflation: a ball grown around every set bit (a dilation), 64 cells at a time."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ def grow_along_z(
     reach: int,
     grown: NDArray[np.uint64],  # (reach + 1, words, reach + ny + reach) out
 ) -> None:
-    """The plane grown along z by 0, 1, ..., reach cells; z-words first, y contiguous and padded."""
+    """Grow a plane along z by 0, 1, ..., reach cells; z-words first, y contiguous and padded."""
     ny, words = blocked.shape
     for w in range(words):
         for y in range(ny):
@@ -25,6 +22,7 @@ def grow_along_z(
     one, last = np.uint64(1), np.uint64(63)
     for h in range(1, reach + 1):
         for w in range(words):
+            # One cell more up and down, with the bits that cross over from the words beside.
             before, after = grown[h - 1, w], grown[h, w]
             for k in range(before.shape[0]):
                 after[k] = before[k] | (before[k] << one) | (before[k] >> one)
@@ -46,7 +44,7 @@ def unite(
     middle: int,
     dy: int,
 ) -> None:
-    """Add what lies at (dx, dy) in all four quadrants: they share one height of the ball."""
+    """Add the rows at (dx, dy) in all four quadrants, where the ball has one height."""
     ny = target.shape[0]
     a, b = below[middle - dy : middle - dy + ny], below[middle + dy : middle + dy + ny]
     c, d = above[middle - dy : middle - dy + ny], above[middle + dy : middle + dy + ny]
@@ -62,11 +60,11 @@ def inflate_planes(
     end: int,
     inflated: NDArray[np.uint64],  # (nx, ny, words) out: planes first to end
 ) -> None:
-    """The union of balls around the blocked cells, in the planes first <= x < end."""
+    """Unite balls around the blocked cells, in the planes first <= x < end."""
     nx, ny, words = blocked.shape
     reach = half_heights.shape[0] - 1
     slots = 2 * reach + 1
-    # The grown planes around the present one, in a ring; the last slot stays empty and stands for
+    # The grown planes around the current one, in a ring; the last slot stays empty and stands for
     # planes outside the window.
     grown = np.zeros((slots + 1, reach + 1, words, reach + ny + reach), np.uint64)
     united = np.zeros((words, ny), np.uint64)

@@ -1,11 +1,12 @@
-"""Compiled kernels of sloping ground: where a body that walks would stand in each column.
+"""Kernels of sloping ground: the layer that a walking body stands on in each column.
 
 A surface is an occupied cell with room for the body above it. The ground spreads from the floor
-z = 0 over surfaces that differ no more than a ramp's may; all is whole layers. Kernels that call
-each other live in this file because a cached kernel is not recompiled when another file changes.
+z = 0 over surfaces that differ no more than a ramp's may; all heights are whole layers.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +16,26 @@ from wayproof.maps._jit import kernel
 WORD_BITS = 64
 NOWHERE = -1
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]])
-"""To the neighbours of a column: four along the axes, then four across."""
+"""Offsets of a column's neighbours: four along the axes, then four across."""
+
+
+class Body(NamedTuple):
+    """Layers of a walking body.
+
+    Attributes:
+        floor: Layer of the window that holds z = 0.
+        foot: Layers that a foot steps over, with the one that it stands on.
+        tall: Layers of the body, with the one that it stands on.
+    """
+
+    floor: int
+    foot: int
+    tall: int
 
 
 @kernel
 def any_of(words: NDArray[np.uint64], first: int, end: int) -> bool:
-    """Whether any of the cells from one layer up to another is set in a column (words,)."""
+    """Return whether any cell of a column (words,) from one layer up to another is set."""
     for z in range(max(first, 0), min(end, WORD_BITS * words.shape[0])):
         if words[z // WORD_BITS] >> np.uint64(z % WORD_BITS) & np.uint64(1) != 0:
             return True
@@ -29,7 +44,7 @@ def any_of(words: NDArray[np.uint64], first: int, end: int) -> bool:
 
 @kernel
 def all_of(words: NDArray[np.uint64], first: int, end: int) -> bool:
-    """Whether all of them are set; those beyond the column are not."""
+    """Return whether all of them are set; those beyond the column are not."""
     if first < 0 or end > WORD_BITS * words.shape[0]:
         return False
     for z in range(first, end):
@@ -42,11 +57,10 @@ def all_of(words: NDArray[np.uint64], first: int, end: int) -> bool:
 def is_surface(
     occupied: NDArray[np.uint64],  # (words,)
     z: int,
-    foot: int,  # layers that a body's foot steps over, with the one that it stands on
-    tall: int,  # layers of the body, with the one that it stands on
+    body: Body,
 ) -> bool:
-    """Whether a body can stand on a cell."""
-    return any_of(occupied, z, z + 1) and not any_of(occupied, z + foot, z + tall)
+    """Return whether a body can stand on a cell."""
+    return any_of(occupied, z, z + 1) and not any_of(occupied, z + body.foot, z + body.tall)
 
 
 @kernel
@@ -54,12 +68,11 @@ def lowest_surface(
     occupied: NDArray[np.uint64],  # (words,)
     first: int,
     last: int,
-    foot: int,
-    tall: int,
+    body: Body,
 ) -> int:
-    """The lowest surface between two layers, both included; -1 if there is none."""
+    """Find the lowest surface between two layers, both included; NOWHERE if there is none."""
     for z in range(max(first, 0), last + 1):
-        if is_surface(occupied, z, foot, tall):
+        if is_surface(occupied, z, body):
             return z
     return NOWHERE
 
@@ -67,8 +80,7 @@ def lowest_surface(
 @kernel
 def spread(
     occupied: NDArray[np.uint64],  # (nx, ny, words)
-    foot: int,
-    tall: int,
+    body: Body,
     rise: int,  # layers to a neighbour; less than 0: take over the neighbour's layer
     ground: NDArray[np.int16],  # (nx, ny) in, out: -1 where there is none yet
 ) -> None:
@@ -78,6 +90,7 @@ def spread(
     it, so that the order in which columns are looked at does not matter.
     """
     nx, ny, _ = occupied.shape
+    # Breadth first: the edge is the columns that got their ground in the round before.
     edge = np.empty((nx * ny, 2), np.int64)
     count = 0
     for x in range(nx):
@@ -90,21 +103,22 @@ def spread(
         reached = np.empty((min(4 * count, nx * ny), 2), np.int64)
         more = 0
         for i in range(count):
-            here = ground[edge[i, 0], edge[i, 1]]
+            layer = ground[edge[i, 0], edge[i, 1]]
             for k in range(4):
                 x, y = edge[i, 0] + STEPS[k, 0], edge[i, 1] + STEPS[k, 1]
                 if not (0 <= x < nx and 0 <= y < ny) or ground[x, y] != NOWHERE:
                     continue
-                there = int(here)
+                found = int(layer)
                 if rise >= 0:
-                    there = lowest_surface(occupied[x, y], here - rise, here + rise, foot, tall)
-                if there == NOWHERE:
+                    found = lowest_surface(occupied[x, y], layer - rise, layer + rise, body)
+                if found == NOWHERE:
                     continue
                 if coming[x, y] == NOWHERE:
                     reached[more] = x, y
                     more += 1
-                    coming[x, y] = there
-                coming[x, y] = min(coming[x, y], there)
+                    coming[x, y] = found
+                coming[x, y] = min(coming[x, y], found)
+        # All columns that were reached get their ground at once.
         for i in range(more):
             x, y = reached[i]
             ground[x, y] = coming[x, y]
@@ -114,9 +128,7 @@ def spread(
 @kernel
 def find_ground(
     occupied: NDArray[np.uint64],  # (nx, ny, words)
-    floor: int,  # layer that holds z = 0
-    foot: int,
-    tall: int,
+    body: Body,
     rise: int,
     ground: NDArray[np.int16],  # (nx, ny) out: layer that a body stands on
     seen: NDArray[np.bool_],  # (nx, ny) out: whether it is a surface there, or a neighbour's
@@ -125,17 +137,17 @@ def find_ground(
     nx, ny, _ = occupied.shape
     for x in range(nx):
         for y in range(ny):
-            on_floor = is_surface(occupied[x, y], floor, foot, tall)
-            ground[x, y] = floor if on_floor else NOWHERE
-    spread(occupied, foot, tall, rise, ground)
+            on_floor = is_surface(occupied[x, y], body.floor, body)
+            ground[x, y] = body.floor if on_floor else NOWHERE
+    spread(occupied, body, rise, ground)
     for x in range(nx):
         for y in range(ny):
             seen[x, y] = ground[x, y] != NOWHERE
-    spread(occupied, foot, tall, -1, ground)
+    spread(occupied, body, -1, ground)
     for x in range(nx):
         for y in range(ny):
             if ground[x, y] == NOWHERE:  # then no column has any
-                ground[x, y] = floor
+                ground[x, y] = body.floor
 
 
 @kernel
@@ -146,7 +158,7 @@ def is_steep(
     seen: NDArray[np.bool_],  # (nx, ny)
     rises: NDArray[np.int64],  # (2, n) by distance: layers along the axes, and across
 ) -> bool:
-    """Whether the ground falls from a column by more than a ramp's does, in any direction."""
+    """Return whether the ground falls from a column by more than a ramp's does, any way."""
     nx, ny = ground.shape
     for k in range(8):
         before = ground[x, y]
@@ -167,18 +179,16 @@ def is_steep(
 def project_terrain(
     occupied: NDArray[np.uint64],  # (nx, ny, words) along z
     free: NDArray[np.uint64],  # (nx, ny, words)
-    floor: int,
-    foot: int,
-    tall: int,
-    rises: NDArray[np.int64],  # (2, n)
+    body: Body,
+    rises: NDArray[np.int64],  # (2, n) as of `is_steep`
     ground: NDArray[np.int16],  # (nx, ny) out
     seen: NDArray[np.bool_],  # (nx, ny) out
     occupied_columns: NDArray[np.uint64],  # (nx, words) along y, out, zero before
     free_columns: NDArray[np.uint64],  # (nx, words) out, zero before
 ) -> None:
-    """The state of each column of cells for a body that walks on the ground that is there."""
-    nx, ny, _ = occupied.shape
-    find_ground(occupied, floor, foot, tall, rises[0, 1], ground, seen)
+    """Find the state of each column of cells for a body that walks on the ground below it."""
+    (nx, ny, _), (floor, foot, tall) = occupied.shape, body
+    find_ground(occupied, body, rises[0, 1], ground, seen)
     for x in range(nx):
         for y in range(ny):
             z = int(ground[x, y])

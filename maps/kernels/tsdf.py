@@ -1,16 +1,16 @@
-"""Compiled kernels of the signed distance field: what a sweep tells of cells, and its update.
+"""Kernels of the truncated signed distance field (TSDF): distances of a sweep, and their fusion.
 
-All of them live in this file because a cached kernel is not recompiled when another file changes.
-
-Positions are whole 1/1024 of a cell, distances whole 1/256. A beam tells a cell that it crosses the
-distance from the cell's middle to its end, along the beam: positive before the surface, negative
-behind. Of several beams that cross a cell in one sweep one is heard, whose telling has the highest
-score: the one that is nearest to a surface there, so that none that grazes it erases it; but one
-that passed through the cell before one whose surface hides it. The greatest score does not depend
-on the order, so neither does the map depend on the number of threads.
+Positions are whole 1/1024 of a cell, distances whole 1/256. A beam measures in each cell that it
+crosses the distance from the cell's middle to the beam's end, along the beam: positive before the
+surface, negative behind. Of several beams that cross a cell in one sweep the distance with the
+highest score counts: the one nearest to a surface there, so that no beam that grazes it erases it;
+but that of a beam that passed through the cell before that of one whose surface hides it. The
+greatest score does not depend on the order, so neither does the map on the number of threads.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,23 +36,51 @@ EDGE_BITS = 4
 EDGE = 1 << EDGE_BITS  # cells along a block's edge; Voxblox's as well
 CELLS_BITS = 3 * EDGE_BITS
 
-BEST = 8191  # score of distance 0; 0 is that of a cell that no beam tells of
+BEST = 8191  # score of distance 0; 0 is that of a cell that no beam crosses
 HIDDEN = 4096
 
-CHANGED = 1
-TURNED = 2
+CONTENT_CHANGED = 1
+STATES_CHANGED = 2
+
+
+class TraceWindow(NamedTuple):
+    """Window of blocks in which beams are traced.
+
+    Attributes:
+        shape: Number of blocks along each axis.
+        inside: (2, 3) least cell to be updated and one past the greatest.
+        guarded_layer: Layer that beams from above that end in it do not clear; -1 for none.
+    """
+
+    shape: tuple[int, int, int]
+    inside: NDArray[np.int64]
+    guarded_layer: int
+
+
+class TsdfLayers(NamedTuple):
+    """Cells of blocks.
+
+    Attributes:
+        distances: (slots, 4096) averaged distance, 1/256 of a cell.
+        weights: (slots, 4096) their weights.
+        fresh: (slots, 4096) whether a cell was updated since the last tick of decay.
+    """
+
+    distances: NDArray[np.int16]
+    weights: NDArray[np.int8]
+    fresh: NDArray[np.bool_]
 
 
 @kernel
 def score_of(distance: int) -> int:
-    """How well a distance is told; of two equally long ones the negative is heard."""
+    """Rank of a distance among those of one sweep; of two equally long ones the negative wins."""
     rank = 2 * abs(distance) + (1 if distance > 0 else 0)
     return BEST - rank - (HIDDEN if distance < -SURFACE - 1 else 0)
 
 
 @kernel
 def distance_of(score: int) -> int:
-    """The distance that has a score."""
+    """Return the distance that has a score."""
     rank = (BEST - score) & (HIDDEN - 1)
     return rank >> 1 if rank & 1 else -(rank >> 1)
 
@@ -70,7 +98,7 @@ def weight_of(distance: int) -> int:
 
 @kernel
 def state_of(distance: int, weight: int) -> int:
-    """A cell that the surface may touch, or behind it, is occupied."""
+    """State of a cell: occupied if the surface may touch it, or behind the surface."""
     if weight == 0:
         return UNKNOWN
     return OCCUPIED if distance <= SURFACE else FREE
@@ -81,32 +109,31 @@ def trace(
     start: tuple[int, int, int],  # from the window's corner, odd
     end: tuple[int, int, int],  # odd
     returned: bool,
-    guarded_layer: int,  # -1: none
-    shape: tuple[int, int, int],  # blocks of the window
-    inside: NDArray[np.int64],  # (2, 3) least cell that counts and one past the greatest
+    window: TraceWindow,
     scores: NDArray[np.uint16],  # (cells,) in, out, block by block
     touched: NDArray[np.bool_],  # (blocks,) out
 ) -> None:
-    """Tell the cells that one beam crosses, up to the truncation behind its end.
+    """Score the cells that one beam crosses, up to the truncation behind its end.
 
     Amanatides & Woo (1987), "A fast voxel traversal algorithm for ray tracing", in integers. A beam
     from above that ends in the guarded layer ends at a level floor: it does not clear that layer,
     and what is above it is free, though less than half a cell's diagonal away.
     """
-    way_x, way_y, way_z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-    length = int(np.sqrt(float(way_x * way_x + way_y * way_y + way_z * way_z)))
+    shape, inside, guarded_layer = window
+    to_end_x, to_end_y, to_end_z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    length = int(np.sqrt(float(to_end_x * to_end_x + to_end_y * to_end_y + to_end_z * to_end_z)))
     far_x, far_y, far_z = end
     if returned and length > 0:
         beyond = TRUNCATION_CELLS * HALVES
-        far_x = (far_x + beyond * way_x // length) | 1  # odd: never on a face
-        far_y = (far_y + beyond * way_y // length) | 1
-        far_z = (far_z + beyond * way_z // length) | 1
+        far_x = (far_x + beyond * to_end_x // length) | 1  # odd: never on a face
+        far_y = (far_y + beyond * to_end_y // length) | 1
+        far_z = (far_z + beyond * to_end_z // length) | 1
+    # Along each axis: the extent of the beam, its direction, and how far it is to the next face.
     run_x, run_y, run_z = abs(far_x - start[0]), abs(far_y - start[1]), abs(far_z - start[2])
     step_x = 1 if far_x > start[0] else -1
     step_y = 1 if far_y > start[1] else -1
     step_z = 1 if far_z > start[2] else -1
     x, y, z = start[0] >> HALVES_BITS, start[1] >> HALVES_BITS, start[2] >> HALVES_BITS
-    # To the next face along each axis.
     to_x = (x + 1) * HALVES - start[0] if step_x > 0 else start[0] - x * HALVES
     to_y = (y + 1) * HALVES - start[1] if step_y > 0 else start[1] - y * HALVES
     to_z = (z + 1) * HALVES - start[2] if step_z > 0 else start[2] - z * HALVES
@@ -114,13 +141,14 @@ def trace(
     steps += abs((far_y >> HALVES_BITS) - y) + abs((far_z >> HALVES_BITS) - z)
     spares = returned and end[2] >> HALVES_BITS == guarded_layer and z > guarded_layer
     middle = HALVES // 2
-    ahead = (  # the way from the cell's middle to the end, along the beam, times its length
-        (end[0] - x * HALVES - middle) * way_x
-        + (end[1] - y * HALVES - middle) * way_y
-        + (end[2] - z * HALVES - middle) * way_z
+    ahead = (  # from the cell's middle to the end, along the beam, times the beam's length
+        (end[0] - x * HALVES - middle) * to_end_x
+        + (end[1] - y * HALVES - middle) * to_end_y
+        + (end[2] - z * HALVES - middle) * to_end_z
     )
     unit = max(HALVES_IN_UNIT * length, 1)
     for _ in range(steps + 1):
+        # Distance from the cell's middle to the end, truncated.
         distance = TRUNCATION
         if returned and ahead < TRUNCATION * unit:
             distance = ahead // unit
@@ -138,15 +166,15 @@ def trace(
         if to_x * run_y <= to_y * run_x and to_x * run_z <= to_z * run_x and run_x > 0:
             x += step_x
             to_x += HALVES
-            ahead -= step_x * HALVES * way_x
+            ahead -= step_x * HALVES * to_end_x
         elif to_y * run_z <= to_z * run_y and run_y > 0:
             y += step_y
             to_y += HALVES
-            ahead -= step_y * HALVES * way_y
+            ahead -= step_y * HALVES * to_end_y
         else:
             z += step_z
             to_z += HALVES
-            ahead -= step_z * HALVES * way_z
+            ahead -= step_z * HALVES * to_end_z
 
 
 @kernel
@@ -155,17 +183,15 @@ def trace_all(
     ends: NDArray[np.int64],  # (k, 3)
     returned: NDArray[np.bool_],  # (k,)
     part: tuple[int, int],
-    guarded_layer: int,
-    shape: tuple[int, int, int],
-    inside: NDArray[np.int64],
-    scores: NDArray[np.uint16],
-    touched: NDArray[np.bool_],
+    window: TraceWindow,
+    scores: NDArray[np.uint16],  # (cells,) in, out
+    touched: NDArray[np.bool_],  # (blocks,) out
 ) -> None:
-    """Tell the cells that beams cross."""
+    """Score the cells that beams cross."""
     for i in range(part[0], part[1]):
         start = (starts[i, 0], starts[i, 1], starts[i, 2])
         end = (ends[i, 0], ends[i, 1], ends[i, 2])
-        trace(start, end, returned[i], guarded_layer, shape, inside, scores, touched)
+        trace(start, end, returned[i], window, scores, touched)
 
 
 @kernel
@@ -174,16 +200,16 @@ def update_blocks(
     places: NDArray[np.int64],  # (k,) of each block in the window
     part: tuple[int, int],
     scores: NDArray[np.uint16],  # (threads, cells) zero after
-    distances: NDArray[np.int16],  # (slots, 4096) in, out
-    weights: NDArray[np.int8],  # (slots, 4096) in, out
-    fresh: NDArray[np.bool_],  # (slots, 4096) out
-    changes: NDArray[np.uint8],  # (k,) out
-    updated: NDArray[np.int64],  # (k,) out: cells
+    layers: TsdfLayers,  # in, out
+    changes: NDArray[np.uint8],  # (k,) out: flags
+    updated: NDArray[np.int64],  # (k,) out: number of cells
 ) -> None:
-    """Average what was told into the cells (Curless & Levoy 1996, eq. 3 and 4)."""
+    """Average the distances of a sweep into the cells (Curless & Levoy 1996, eq. 3 and 4)."""
+    distances, weights, fresh = layers
     for i in range(part[0], part[1]):
         slot = slots[i]
         for cell in range(1 << CELLS_BITS):
+            # The highest score that any thread gave the cell.
             at = (places[i] << CELLS_BITS) + cell
             score = 0
             for thread in range(scores.shape[0]):
@@ -193,6 +219,7 @@ def update_blocks(
             weight = weight_of(distance)
             if score == 0 or slot < 0 or weight == 0:
                 continue
+            # The weighted mean, rounded to the nearest.
             before, held = int(distances[slot, cell]), int(weights[slot, cell])
             both = held + weight
             after = (2 * (held * before + weight * distance) + both) // (2 * both)
@@ -201,9 +228,9 @@ def update_blocks(
             fresh[slot, cell] = True
             updated[i] += 1
             if after != before or left != held:
-                changes[i] |= CHANGED
+                changes[i] |= CONTENT_CHANGED
             if state_of(after, left) != state_of(before, held):
-                changes[i] |= TURNED
+                changes[i] |= STATES_CHANGED
 
 
 @kernel
@@ -212,7 +239,7 @@ def states_of(
     weights: NDArray[np.int8],  # (n,)
     states: NDArray[np.uint8],  # (n,) out
 ) -> None:
-    """The states of cells."""
+    """Find the states of cells."""
     for i in range(distances.shape[0]):
         states[i] = state_of(int(distances[i]), int(weights[i]))
 
@@ -221,12 +248,12 @@ def states_of(
 def write_columns(
     slots: NDArray[np.int64],  # (k,)
     firsts: NDArray[np.int64],  # (k, 3) least cell of each block, from the window's
-    distances: NDArray[np.int16],  # (slots, 4096)
-    weights: NDArray[np.int8],  # (slots, 4096)
+    layers: TsdfLayers,
     occupied: NDArray[np.uint64],  # (nx, ny, words) out, zero before
     free: NDArray[np.uint64],  # (nx, ny, words) out, zero before
 ) -> None:
     """Write the states of a window of cells, a bit each."""
+    distances, weights, _ = layers
     nx, ny, words = occupied.shape
     for i in range(slots.shape[0]):
         slot = slots[i]

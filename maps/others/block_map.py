@@ -166,16 +166,17 @@ class BlockMap(ColumnMap):
         """Replace the evidence of all blocks, and give up those that are all unknown."""
         blocks, live = self._blocks, self._blocks.live()
         evidence, fresh = blocks.layers[self.evidence], blocks.layers["fresh"]
-        changed, passed, alive = (np.zeros(len(live), np.bool_) for _ in range(3))
+        changed, forgotten, alive = (np.zeros(len(live), np.bool_) for _ in range(3))
+        faded = kernels.FadedBlocks(changed, forgotten, alive)
 
         def fade(_: int, part: tuple[int, int]) -> None:
-            kernels.fade_blocks(live, part, rest, spared, evidence, fresh, changed, passed, alive)
+            kernels.fade_blocks(live, part, rest, spared, evidence, fresh, faded)
 
         self._team.parallel_for(fade, len(live), parts_per_thread=1)
         self._stamp += 1
         blocks.dirty[live[changed]] = True
-        blocks.stamps[live[passed]] = self._stamp
-        self._forget(live[passed])
+        blocks.stamps[live[forgotten]] = self._stamp
+        self._forget(live[forgotten])
         blocks.release(live[~alive], self._stamp)
 
 

@@ -28,7 +28,7 @@ class TsdfMap(BlockMap):
     held by weight (Curless & Levoy 1996, "A volumetric method for building complex models from
     range images"). Beams are merged by the cell that they end in and clear all of their way, and
     the weight falls off behind a surface (Oleynikova et al. 2017, "Voxblox"). All is counted in
-    whole 1/256 of a cell: see `_tsdf_kernels`.
+    whole 1/256 of a cell: see `maps.kernels.tsdf`.
 
     A cell is occupied where the distance is at most half a cell's diagonal, so that the surface may
     touch it, or negative; free where it is more; unknown where the weight is 0. So what is seen
@@ -105,8 +105,7 @@ class TsdfMap(BlockMap):
             firsts = blocks.keys[live] * kernels.EDGE - low
             size = np.array([shape[0], shape[1], 64 * shape[2]])
             near = np.all((firsts > -kernels.EDGE) & (firsts < size), axis=1)
-            held = blocks.layers["distance"], blocks.layers["weight"]
-            kernels.write_columns(live[near], firsts[near], *held, occupied, free)
+            kernels.write_columns(live[near], firsts[near], self._layers(), occupied, free)
         return occupied, free
 
     def memory_bytes(self) -> int:
@@ -131,19 +130,11 @@ class TsdfMap(BlockMap):
         guard = FLOOR_LAYER - int(low[2]) if guarded else NO_GUARD
         shift = low << beams.SUBCELL_BITS
         first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
-        inside = np.stack(box) - low
+        window = kernels.TraceWindow(shape, np.stack(box) - low, guard)
 
         def trace(worker: int, part: tuple[int, int]) -> None:
             kernels.trace_all(
-                first,
-                last,
-                ends.returned,
-                part,
-                guard,
-                shape,
-                inside,
-                self._scores[worker],
-                touched[worker],
+                first, last, ends.returned, part, window, self._scores[worker], touched[worker]
             )
 
         self._team.parallel_for(trace, len(starts))
@@ -170,6 +161,11 @@ class TsdfMap(BlockMap):
         distances, weights = (self._blocks.layers[n][slots, places] for n in self.told)
         distances[slots < 0] = weights[slots < 0] = 0
         return distances, weights
+
+    def _layers(self) -> kernels.TsdfLayers:
+        """Return the cells of all blocks."""
+        layers = self._blocks.layers
+        return kernels.TsdfLayers(layers["distance"], layers["weight"], layers["fresh"])
 
     def _forget(self, slots: NDArray[np.int64]) -> None:
         layers = self._blocks.layers
@@ -230,15 +226,15 @@ class TsdfMap(BlockMap):
         keys = np.stack(np.unravel_index(places, shape), axis=1) + corner
         slots = blocks.reserve(keys, self._stamp).slots
         changes, updated = np.zeros(len(places), np.uint8), np.zeros(len(places), np.int64)
-        layers = blocks.layers["distance"], blocks.layers["weight"], blocks.layers["fresh"]
+        layers = self._layers()
 
         def update(_: int, part: tuple[int, int]) -> None:
-            kernels.update_blocks(slots, places, part, self._scores, *layers, changes, updated)
+            kernels.update_blocks(slots, places, part, self._scores, layers, changes, updated)
 
         self._team.parallel_for(update, len(places), parts_per_thread=1)
         known = slots >= 0
         held = slots[known]
         blocks.observed_ns[held] = np.maximum(blocks.observed_ns[held], time_ns)
-        blocks.dirty[held[changes[known] & kernels.CHANGED > 0]] = True
-        blocks.stamps[held[changes[known] & kernels.TURNED > 0]] = self._stamp
+        blocks.dirty[held[changes[known] & kernels.CONTENT_CHANGED > 0]] = True
+        blocks.stamps[held[changes[known] & kernels.STATES_CHANGED > 0]] = self._stamp
         return int(updated.sum())

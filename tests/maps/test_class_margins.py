@@ -126,7 +126,7 @@ def test_the_kernel_is_its_own_python():
     rng = np.random.default_rng(2)
     cells, squared = rng.integers(-6, 9, (9, 3)), rng.integers(0, 10, 9)
     told = []
-    for run in (kernels.swell, kernels.swell.py_func):
+    for run in (kernels.grow_balls, kernels.grow_balls.py_func):
         grown = np.zeros((5, 4, 1), np.uint64)
         run(cells, squared, (-2, 0, -3), grown)
         told.append(grown)

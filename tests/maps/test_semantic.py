@@ -98,13 +98,14 @@ def test_the_compiled_kernel_equals_its_python():
     labels = rng.integers(0, 2, 200).astype(np.uint8)
     counts = rng.integers(1, 4, 200).astype(np.uint32)
     results = []
-    for run in (kernels.vote, kernels.vote.py_func):
+    for run in (kernels.count_votes, kernels.count_votes.py_func):
         directory, cells = np.full(256, -1, np.int32), np.zeros((60, 3), np.int64)
         votes, winners = np.zeros((60, 2), np.uint32), np.full(60, UNLABELLED, np.uint8)
         sums, box = np.zeros(2, np.uint64), np.array([[9] * 3, [-9] * 3])
         with np.errstate(over="ignore"):
-            held = directory, cells, votes, winners
-            numbers = run(*held, 0, voters, labels, counts, sums, box)
+            table = kernels.VoteTable(directory, cells, votes, winners)
+            ballots = kernels.Ballots(voters, labels, counts)
+            numbers = run(table, 0, ballots, sums, box)
         held = directory, cells, votes, winners, sums, box
         results.append((numbers, *(part.tobytes() for part in held)))
     assert results[0] == results[1]
@@ -126,9 +127,9 @@ def random_sweep(seed, moments=1, count=400):
     return rng.uniform(-0.3, 0.3, (moments, 3)), directions, ranges_mm, labels, moment
 
 
-@pytest.mark.parametrize("run", [kernels.end_runs, kernels.end_runs.py_func])
+@pytest.mark.parametrize("run", [kernels.list_ballots, kernels.list_ballots.py_func])
 def test_a_sweep_votes_in_the_cells_that_its_map_takes_for_occupied(run, monkeypatch):
-    monkeypatch.setattr(kernels, "end_runs", run)
+    monkeypatch.setattr(kernels, "list_ballots", run)
     for moments in (1, 3):
         layer, by_points, voxel_map = SemanticLayer(0.1, 4), SemanticLayer(0.1, 4), VoxelMap(CONFIG)
         origins, directions, ranges_mm, labels, moment = random_sweep(moments, moments)

@@ -256,8 +256,13 @@ def test_kernels_are_their_own_python(python):
     assert [run[0](column, *part) for part in ((0, 2), (2, 3), (63, 99))] == [False, True, True]
     assert [run[1](column, *part) for part in ((4, 6), (4, 7), (64, 65))] == [True, False, True]
     assert not run[1](column, 64, 999)
-    assert [run[2](column, first, 9, 1, 3) for first in (0, 3, 8)] == [7, 7, -1]
-    assert [run[3](column, z, 1, 2) for z in (2, 3, 4, 5)] == [True, False, False, True]
+    assert [run[2](column, first, 9, kernels.Body(0, 1, 3)) for first in (0, 3, 8)] == [7, 7, -1]
+    assert [run[3](column, z, kernels.Body(0, 1, 2)) for z in (2, 3, 4, 5)] == [
+        True,
+        False,
+        False,
+        True,
+    ]
 
 
 def test_limits_by_hand():
