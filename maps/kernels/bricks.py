@@ -1,19 +1,19 @@
-"""Compiled kernels of bricks: where each is held, and what it tells of its cells.
+"""Kernels of bricks: the states of their cells, read as columns, at points and along rays.
 
 A brick is 16 x 16 columns of 64 cells. The log-odds of a column are one cache line, and a bit for
 each of its cells is one word. Eight cells are often looked at together, so a brick's cells are also
 seen as words; the byte order is little-endian, as on every processor that numba knows.
-
-All kernels that call each other live in this file because a cached kernel is not recompiled when
-another file changes.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps._jit import kernel
+from wayproof.maps.kernels.slot_directory import Integer, SlotDirectory, find
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 EDGE_BITS = 4
@@ -25,83 +25,33 @@ BELOW_FLOOR = 2  # layers: else the noise of the floor's returns would open a se
 BYTE = np.uint64(0xFF)
 B7F = np.uint64(0x7F7F7F7F7F7F7F7F)
 B80 = np.uint64(0x8080808080808080)
-GATHER = np.uint64(0x0102040810204080)  # times eight bytes of 0 or 1: their bits, in the top byte
-
-Integer = int | np.int64
+GATHER = np.uint64(0x0102040810204080)  # faces eight bytes of 0 or 1: their bits, in the top byte
 
 
-@kernel
-def bucket_of(x: Integer, y: Integer, z: Integer, buckets: int) -> Integer:
-    """Spatial hash (Teschner et al. 2003, "Optimized spatial hashing"); `buckets` is 2^k."""
-    return ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & (buckets - 1)
+class BrickArrays(NamedTuple):
+    """Bricks of a map, one in each slot.
 
+    Attributes:
+        cells: (slots, COLUMNS, 64) log-odds in units.
+        eights: (slots, COLUMNS, 8) the same memory, eight cells a word.
+        fresh: (slots, COLUMNS) bits of the cells that were updated since the last tick of decay.
+        settled: (slots, COLUMNS) bits of cells known to lie at the lower clamp.
+        observed_ns: (slots,) time of the last observation, ns.
+        ticks: (slots,) number of ticks that the cells have seen.
+        dues: (slots,) tick at which a brick has to be looked at.
+        stamps: (slots,) stamp of the last change of a state.
+        dirty: (slots,) whether the digest of the content is out of date.
+    """
 
-@kernel
-def find(
-    heads: NDArray[np.int32],  # (2^k,) first slot of each bucket, or -1
-    links: NDArray[np.int32],  # (slots,) next one in the bucket, or -1
-    keys: NDArray[np.int32],  # (slots, 3)
-    x: Integer,
-    y: Integer,
-    z: Integer,
-) -> int:
-    """The slot of a brick, or -1."""
-    slot = int(heads[bucket_of(x, y, z, heads.shape[0])])
-    while slot >= 0 and not (keys[slot, 0] == x and keys[slot, 1] == y and keys[slot, 2] == z):
-        slot = int(links[slot])
-    return slot
-
-
-@kernel
-def find_all(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
-    wanted: NDArray[np.int32],  # (k, 3)
-    slots: NDArray[np.int64],  # (k,) out: -1 where there is none
-) -> None:
-    """Find the slots of bricks."""
-    for i in range(wanted.shape[0]):
-        # In numba an int of 32 bits stays one, and all that takes it is compiled once more.
-        x, y, z = np.int64(wanted[i, 0]), np.int64(wanted[i, 1]), np.int64(wanted[i, 2])
-        slots[i] = find(heads, links, keys, x, y, z)
-
-
-@kernel
-def enter(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
-    slots: NDArray[np.int64],  # (k,) keys already written
-) -> None:
-    """Enter bricks into the directory."""
-    for i in range(slots.shape[0]):
-        slot = slots[i]
-        x, y, z = np.int64(keys[slot, 0]), np.int64(keys[slot, 1]), np.int64(keys[slot, 2])
-        bucket = bucket_of(x, y, z, heads.shape[0])
-        links[slot] = heads[bucket]
-        heads[bucket] = slot
-
-
-@kernel
-def strike_out(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
-    slots: NDArray[np.int64],  # (k,)
-) -> None:
-    """Take bricks out of the directory."""
-    for i in range(slots.shape[0]):
-        slot = slots[i]
-        x, y, z = np.int64(keys[slot, 0]), np.int64(keys[slot, 1]), np.int64(keys[slot, 2])
-        bucket = bucket_of(x, y, z, heads.shape[0])
-        at = np.int64(heads[bucket])
-        if at == slot:
-            heads[bucket] = links[slot]
-            continue
-        while links[at] != slot:
-            at = np.int64(links[at])
-        links[at] = links[slot]
+    cells: NDArray[np.int8]
+    eights: NDArray[np.uint64]
+    fresh: NDArray[np.uint64]
+    settled: NDArray[np.uint64]
+    observed_ns: NDArray[np.int64]
+    ticks: NDArray[np.int64]
+    dues: NDArray[np.int64]
+    stamps: NDArray[np.int64]
+    dirty: NDArray[np.bool_]
 
 
 @kernel
@@ -109,10 +59,11 @@ def column_states(
     eights: NDArray[np.uint64],  # (8,)
     settled: np.uint64,  # cells known to lie at the lower clamp
 ) -> tuple[np.uint64, np.uint64]:
-    """The occupied and the free cells of a column, a bit each."""
+    """Find the occupied and the free cells of a column, a bit each."""
     occupied, free = np.uint64(0), settled
     shift = np.uint64(0)
     for k in range(8):
+        # Eight cells at a time: the signs of their bytes, gathered into one byte of bits.
         eight = eights[k] if (settled >> shift) & BYTE != BYTE else np.uint64(0)
         if eight != 0:
             above = ((((eight & B7F) + B7F) | eight) & ~eight & B80) >> np.uint64(7)
@@ -125,17 +76,16 @@ def column_states(
 
 @kernel
 def write_block(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
+    directory: SlotDirectory,
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
     block: tuple[Integer, Integer],  # index of the bricks along x and y
-    low: tuple[int, int, int],  # cell
+    low: tuple[int, int, int],  # least cell of the window
     occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
     free: NDArray[np.uint64],  # (nx, ny, words) in, out
 ) -> None:
-    """Write anew the states of the columns of a window that lie in bricks above each other."""
+    """Write the states of the columns of a window that lie in bricks above each other."""
+    heads, links, keys = directory
     nx, ny, words = occupied.shape
     bx, by = block
     first_x, end_x = max(bx * EDGE, low[0]), min(bx * EDGE + EDGE, low[0] + nx)
@@ -145,6 +95,7 @@ def write_block(
             for word in range(words):
                 occupied[x, y, word] = 0
                 free[x, y, word] = 0
+    # The words of a brick lie across two of the window, unless both begin at one height.
     bottom = low[2] + BELOW_FLOOR
     first_z, shift = bottom >> 6, np.uint64(bottom & 63)
     back = np.uint64(64) - shift
@@ -155,25 +106,25 @@ def write_block(
         for x in range(first_x, end_x):
             for y in range(first_y, end_y):
                 column = (x - bx * EDGE) * EDGE + y - by * EDGE
-                held, clear = column_states(eights[slot, column], settled[slot, column])
+                taken, clear = column_states(eights[slot, column], settled[slot, column])
                 i, j = x - low[0], y - low[1]
                 if k < words:
-                    occupied[i, j, k] |= held >> shift
+                    occupied[i, j, k] |= taken >> shift
                     free[i, j, k] |= clear >> shift
                 if k > 0 and shift != 0:
-                    occupied[i, j, k - 1] |= held << back
+                    occupied[i, j, k - 1] |= taken << back
                     free[i, j, k - 1] |= clear << back
 
 
 @kernel
 def list_blocks(
     boxes: NDArray[np.int64],  # (k, 6) first cell and one past the last: x, y, z, x, y, z
-    low: tuple[int, int, int],  # cell of a window
-    size: tuple[int, int],  # its columns along x and y
-    touched: NDArray[np.bool_],  # (bx, by) false before: of the blocks that the window meets
-    blocks: NDArray[np.int64],  # (bx * by, 2) out: indices along x and y of those that boxes meet
+    low: tuple[int, int, int],  # least cell of a window
+    size: tuple[int, int],  # columns of the window along x and y
+    touched: NDArray[np.bool_],  # (bx, by) of the window's blocks; false before
+    blocks: NDArray[np.int64],  # (bx * by, 2) out: indices along x and y
 ) -> int:
-    """List the blocks, 16 x 16 columns, where boxes meet a window, and return their number."""
+    """List the blocks, 16 x 16 columns, where boxes meet a window; return their number."""
     corner_x, corner_y = low[0] >> EDGE_BITS, low[1] >> EDGE_BITS
     for k in range(boxes.shape[0]):
         x0 = min(max(boxes[k, 0], low[0]), low[0] + size[0])
@@ -194,21 +145,19 @@ def list_blocks(
 
 @kernel
 def rewrite_columns(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
+    directory: SlotDirectory,
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
     blocks: NDArray[np.int64],  # (k, 2) indices of bricks along x and y
     part: tuple[int, int],  # first and one past the last of them to write
-    low: tuple[int, int, int],  # cell
+    low: tuple[int, int, int],  # least cell of the window
     occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
     free: NDArray[np.uint64],  # (nx, ny, words) in, out
 ) -> None:
-    """Write the states of some columns of a window anew."""
-    held = (heads, links, keys, eights, settled)
+    """Write the states of some columns of a window."""
     for n in range(part[0], part[1]):
-        write_block(*held, (blocks[n, 0], blocks[n, 1]), low, occupied, free)
+        block = blocks[n, 0], blocks[n, 1]
+        write_block(directory, eights, settled, block, low, occupied, free)
 
 
 @kernel
@@ -219,28 +168,25 @@ def column_of(x: Integer, y: Integer) -> Integer:
 
 @kernel
 def look_up(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
+    directory: SlotDirectory,
     cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
-    wanted: NDArray[np.int64],  # (n, 3) cells
+    queries: NDArray[np.int64],  # (n, 3) cells
     slots: NDArray[np.int64],  # (n,) out: -1 where nothing is held
     values: NDArray[np.int8],  # (n,) out, 0 there
 ) -> None:
-    """The log-odds of cells as their bricks hold them."""
-    for i in range(wanted.shape[0]):
-        x, y, z = wanted[i, 0], wanted[i, 1], wanted[i, 2] + BELOW_FLOOR
+    """Look up the log-odds of cells as their bricks hold them."""
+    heads, links, keys = directory
+    for i in range(queries.shape[0]):
+        x, y, z = queries[i, 0], queries[i, 1], queries[i, 2] + BELOW_FLOOR
         slot = find(heads, links, keys, x >> EDGE_BITS, y >> EDGE_BITS, z >> 6)
         slots[i] = slot
         values[i] = cells[slot, column_of(x, y), z & 63] if slot >= 0 else 0
 
 
 @kernel
-def walk(
-    heads: NDArray[np.int32],
-    links: NDArray[np.int32],
-    keys: NDArray[np.int32],
-    cells: NDArray[np.int8],
+def cast_ray(
+    directory: SlotDirectory,
+    cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
     origin: NDArray[np.float64],  # (3,) in cells
     direction: NDArray[np.float64],  # (3,) unit
     reach: float,  # cells
@@ -251,17 +197,19 @@ def walk(
     Amanatides & Woo (1987), "A fast voxel traversal algorithm for ray tracing".
 
     Returns:
-        How far along the ray that cell begins, in cells, and its state; `reach` and FREE if none.
+        Distance at which the ray enters that cell, cells, and its state; `reach` and FREE if none.
     """
+    heads, links, keys = directory
     cell, step = np.empty(3, np.int64), np.empty(3, np.int64)
-    times, pitches = np.empty(3), np.empty(3)
+    # Along each axis: the distance at which the ray meets the next face, and from face to face.
+    faces, pitches = np.empty(3), np.empty(3)
     for axis in range(3):
-        times[axis] = pitches[axis] = np.inf
+        faces[axis] = pitches[axis] = np.inf
         cell[axis] = np.int64(np.floor(origin[axis]))
         step[axis] = 1 if direction[axis] > 0.0 else -1
         if direction[axis] != 0.0:
             face = cell[axis] + (1 if direction[axis] > 0.0 else 0)
-            times[axis] = (face - origin[axis]) / direction[axis]
+            faces[axis] = (face - origin[axis]) / direction[axis]
             pitches[axis] = abs(1.0 / direction[axis])
     distance = 0.0
     while distance <= reach:
@@ -272,10 +220,11 @@ def walk(
             return distance, OCCUPIED
         if value == 0 and stop_at_unknown:
             return distance, UNKNOWN
-        axis = 0 if times[0] <= times[1] and times[0] <= times[2] else 1
-        if times[2] < times[axis]:
+        # Step over the nearest face.
+        axis = 0 if faces[0] <= faces[1] and faces[0] <= faces[2] else 1
+        if faces[2] < faces[axis]:
             axis = 2
-        distance = times[axis]
-        times[axis] += pitches[axis]
+        distance = faces[axis]
+        faces[axis] += pitches[axis]
         cell[axis] += step[axis]
     return reach, FREE

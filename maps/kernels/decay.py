@@ -1,4 +1,4 @@
-"""Compiled kernels of decay: what many ticks make of a value, and of a brick that lies in wait.
+"""Kernels of decay: log-odds after many ticks, of single values and of bricks left alone meanwhile.
 
 Tick n takes floor(r + u) units from a magnitude v, where r is the exact loss of v in one tick and
 u = n phi mod 1 with the golden ratio phi: a rounding threshold that is spread evenly over the ticks
@@ -11,10 +11,13 @@ value; small values then fade up to twice too fast.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps._jit import kernel
+from wayproof.maps.kernels.bricks import BrickArrays
 
 LOSS_BITS = 40
 FRACTION = np.uint64((1 << LOSS_BITS) - 1)
@@ -28,12 +31,40 @@ B01, B7F = np.uint64(0x0101010101010101), np.uint64(0x7F7F7F7F7F7F7F7F)
 DIAGONAL = np.uint64(0x8040201008040201)  # bit k of byte k
 
 
+class FadedBricks(NamedTuple):
+    """Changes of bricks by decay.
+
+    Attributes:
+        turned: (k,) whether the state of any cell changed.
+        alive: (k,) whether any cell may still be known.
+    """
+
+    turned: NDArray[np.bool_]
+    alive: NDArray[np.bool_]
+
+
+class FadeScratch(NamedTuple):
+    """Memory of one thread for `fade_bricks`.
+
+    Attributes:
+        steps: (MAGNITUDES,) as of `list_losses`.
+        magnitudes: (64,) of the cells of a column.
+        losses: (64,) of these.
+        loss_words: (8,) the same memory.
+    """
+
+    steps: NDArray[np.uint8]
+    magnitudes: NDArray[np.uint8]
+    losses: NDArray[np.uint8]
+    loss_words: NDArray[np.uint64]
+
+
 @kernel
 def fade(magnitude: int, tick: int, until: int, losses: NDArray[np.uint64]) -> tuple[int, int]:
     """Take a magnitude from one tick to another; stop early where it reaches 0.
 
     Args:
-        magnitude: Of a log-odds, units.
+        magnitude: Magnitude of a log-odds, units.
         tick: Number of ticks that it has seen.
         until: Number of ticks that it is to see.
         losses: (128,) loss in one tick by magnitude, in 2^-40 units.
@@ -109,17 +140,16 @@ def least_magnitude(
 def take_losses(
     cells: NDArray[np.int8],  # (COLUMNS, 64) in, out
     kept: NDArray[np.uint64],  # (COLUMNS,) cells that stay as they are
-    steps: NDArray[np.uint8],  # as of `list_losses`
-    count: int,  # of them
-    magnitudes: NDArray[np.uint8],  # (64,) scratch
-    losses: NDArray[np.uint8],  # (64,) scratch
-    eights: NDArray[np.uint64],  # (8,) the same memory
+    count: int,  # of `scratch.steps`
+    scratch: FadeScratch,
 ) -> None:
-    """Take from each cell of a brick what its magnitude loses."""
+    """Take from each cell of a brick the loss of its magnitude."""
+    steps, magnitudes, losses, loss_words = scratch
     for column in range(cells.shape[0]):
         keep = kept[column]
         if keep == WHOLE:
             continue
+        # The loss of a magnitude is the number of steps that it reaches.
         for z in range(64):
             value = cells[column, z]
             magnitudes[z] = np.uint8(value if value >= 0 else -value)
@@ -127,11 +157,12 @@ def take_losses(
         for n in range(count):
             for z in range(64):
                 losses[z] += np.uint8(magnitudes[z] >= steps[n])
+        # None for the cells that stay, eight at a time.
         for k in range(8 if keep != 0 else 0):
             bits = (keep >> np.uint64(8 * k)) & BYTE
             # All ones in the bytes that stay.
             spread = ((((bits * B01) & DIAGONAL) + B7F) >> np.uint64(7)) & B01
-            eights[k] &= ~(spread * BYTE)
+            loss_words[k] &= ~(spread * BYTE)
         for z in range(64):
             value, loss = cells[column, z], np.int8(losses[z])
             cells[column, z] = np.int8(value - loss if value >= 0 else value + loss)
@@ -145,9 +176,8 @@ def fade_brick(
     tick: int,
     until: int,
     losses: NDArray[np.uint64],
-    steps: NDArray[np.uint8],  # of these ticks, as of `list_losses`
-    count: int,  # of them
-    scratch: tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint64]],
+    count: int,  # of `scratch.steps`, those of these ticks
+    scratch: FadeScratch,
 ) -> tuple[bool, bool, int]:
     """Bring a brick from one tick to another.
 
@@ -156,11 +186,12 @@ def fade_brick(
         can change.
     """
     smallest = least_magnitude(cells, int(np.int64(1)))  # a plain 1 would be compiled for itself
+    steps = scratch.steps
     gone = int(np.int64(0))  # greatest magnitude of which nothing is left
     while gone < count and steps[gone] == gone + 1:
         gone += 1
     turned, least = smallest <= gone, smallest
-    # What is left may pass away later, and so may what this tick spares. The least does first.
+    # When the next state changes: the least magnitude left goes first, also of cells spared now.
     if turned:
         least = least_magnitude(cells, gone + 1)
     if least < MAGNITUDES:
@@ -170,7 +201,7 @@ def fade_brick(
         kept |= fresh[column]
     if turned and kept != 0:
         least = min(least, smallest)
-    take_losses(cells, fresh, steps, count, *scratch)
+    take_losses(cells, fresh, count, scratch)
     for column in range(fresh.shape[0]):
         settled[column] &= fresh[column]
         fresh[column] = 0
@@ -183,24 +214,20 @@ def fade_brick(
 @kernel
 def fade_bricks(
     slots: NDArray[np.int64],  # (k,)
-    part: tuple[int, int],
-    now: int,
+    part: tuple[int, int],  # first and one past the last of them to fade
+    now: int,  # tick
     to_now: bool,  # else only what is due
-    cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
-    fresh: NDArray[np.uint64],  # (slots, COLUMNS)
-    settled: NDArray[np.uint64],  # (slots, COLUMNS)
-    ticks: NDArray[np.int64],  # (slots,) seen by each brick
-    dues: NDArray[np.int64],  # (slots,) tick at which a brick has to be looked at
+    bricks: BrickArrays,  # in, out
     losses: NDArray[np.uint64],  # (128,)
-    turned: NDArray[np.bool_],  # (k,) out: whether a state changed
-    alive: NDArray[np.bool_],  # (k,) out: whether any cell may be known
-    steps: NDArray[np.uint8],  # (MAGNITUDES,) scratch
-    scratch: tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint64]],
+    faded: FadedBricks,  # out
+    scratch: FadeScratch,
 ) -> None:
     """Bring bricks up to date, at least to the last tick at which one of their states changes.
 
-    Most have seen the same ticks, so what these take is worked out once for all of them.
+    Most have seen the same ticks, so the losses of these are listed once for all of them.
     """
+    cells, _, fresh, settled, _, ticks, dues, _, _ = bricks
+    turned, alive = faded
     listed_from = listed_until = int(np.int64(-1))
     count = int(np.int64(0))
     for i in range(part[0], part[1]):
@@ -209,7 +236,7 @@ def fade_bricks(
         while dues[slot] <= now or (to_now and ticks[slot] < now):
             tick, until = ticks[slot], min(dues[slot], now)
             if tick != listed_from or until != listed_until:
-                count = list_losses(tick, until, losses, steps)
+                count = list_losses(tick, until, losses, scratch.steps)
                 listed_from, listed_until = tick, until
             changed, alive[i], dues[slot] = fade_brick(
                 cells[slot],
@@ -218,7 +245,6 @@ def fade_bricks(
                 tick,
                 until,
                 losses,
-                steps,
                 count,
                 scratch,
             )

@@ -1,16 +1,25 @@
-"""Compiled kernels of an update: from marks in a sweep's window to the log-odds of bricks.
+"""Kernels of an update: from marks in a sweep's window to the log-odds of bricks.
 
-Eight cells are updated at once in an integer register. All kernels that call each other live in
-this file because a cached kernel is not recompiled when another file changes.
+Eight cells are updated at once in an integer register (SIMD within a register).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps._jit import kernel
-from wayproof.maps.kernels.bricks import B7F, B80, COLUMNS, EDGE, EDGE_BITS, GATHER
+from wayproof.maps.kernels.bricks import (
+    B7F,
+    B80,
+    COLUMNS,
+    EDGE,
+    EDGE_BITS,
+    GATHER,
+    BrickArrays,
+)
 
 ONE = np.uint64(1)
 BYTE = np.uint64(0xFF)
@@ -25,15 +34,59 @@ CONTENT_CHANGED = 1
 STATES_CHANGED = 2
 
 
+class LogOddsSteps(NamedTuple):
+    """Update of log-odds, in units.
+
+    Attributes:
+        hit: Raise of a cell that was hit.
+        miss: Lowering of a cell that was crossed.
+        low: Lower clamp.
+        high: Upper clamp.
+    """
+
+    hit: int
+    miss: int
+    low: int
+    high: int
+
+
+class WindowMarks(NamedTuple):
+    """Marks of a sweep in its window.
+
+    Attributes:
+        strides: Words from column to column along x and y.
+        hits: (nx * ny * words,) bits of the cells to be raised.
+        misses: (nx * ny * words,) bits of the cells to be lowered where they are not raised.
+    """
+
+    strides: tuple[int, int]
+    hits: NDArray[np.uint64]
+    misses: NDArray[np.uint64]
+
+
+class UpdateTime(NamedTuple):
+    """Time of an update.
+
+    Attributes:
+        time_ns: Simulated time, ns.
+        stamp: Stamp of the changes that it makes.
+        due: Tick at which the bricks have to be looked at next.
+    """
+
+    time_ns: int
+    stamp: int
+    due: int
+
+
 @kernel
 def gather(
     hits: NDArray[np.uint64],  # (nx * ny * words,)
-    free: NDArray[np.uint64],  # (threads, nx * ny * words) all but the first zero after
+    misses: NDArray[np.uint64],  # (threads, nx * ny * words) all but the first zero after
     shape: tuple[int, int, int],  # (nx, ny, words)
     rows: tuple[int, int],  # first and one past the last row of bricks along x
     touched: NDArray[np.bool_],  # (nx / 16, ny / 16, words) out
 ) -> None:
-    """Merge the marks of all threads into the first one's, and tell which bricks have any."""
+    """Merge the marks of all threads into the first one's, and find the bricks that have any."""
     _, ny, words = shape
     for x in range(rows[0] * EDGE, rows[1] * EDGE):
         for block in range(ny // EDGE):
@@ -42,10 +95,10 @@ def gather(
                 found = np.uint64(0)
                 for y in range(EDGE):
                     at = base + np.uint64(y * words)
-                    for thread in range(1, free.shape[0]):
-                        free[0, at] |= free[thread, at]
-                        free[thread, at] = 0
-                    found |= hits[at] | free[0, at]
+                    for thread in range(1, misses.shape[0]):
+                        misses[0, at] |= misses[thread, at]
+                        misses[thread, at] = 0
+                    found |= hits[at] | misses[0, at]
                 if found != 0:
                     touched[x >> EDGE_BITS, block, word] = True
 
@@ -57,7 +110,7 @@ def list_touched(
     keys: NDArray[np.int32],  # (n, 3) out: indices of those that hold any
     places: NDArray[np.int64],  # (n,) out: first word of each in the window
 ) -> int:
-    """List the bricks that hold any marks, and return their number."""
+    """List the bricks that hold any marks; return their number."""
     count = int(np.int64(0))
     across, words = touched.shape[1] * EDGE, touched.shape[2]
     for x in range(touched.shape[0]):
@@ -107,7 +160,7 @@ def update_column(
     settled: np.uint64,  # cells known to lie at the lower clamp
     hits: np.uint64,
     free: np.uint64,
-    steps: tuple[int, int, int, int],  # (hit, miss, low, high)
+    steps: LogOddsSteps,
 ) -> tuple[np.uint64, int]:
     """Raise the cells that were hit and lower those that were crossed.
 
@@ -117,6 +170,7 @@ def update_column(
     hit, miss, low, high = steps
     floor, fall = np.uint64(low + miss + 128) * B01, np.uint64(miss) * B01
     bottom = np.uint64(low & 0xFF) * B01
+    # Lower the cells that were crossed, eight at a time; settled ones stay as they are.
     differ, turned = np.uint64(0), np.uint64(0)
     todo = free & ~settled
     shift = np.uint64(0)
@@ -128,10 +182,12 @@ def update_column(
             eights[k] = new
             differ |= old ^ new
             turned |= ((old ^ new) & B80) | (positive(old) ^ positive(new))
+            # Bytes that have come down to the lower clamp are settled.
             apart = new ^ bottom
             same = ~(((apart & B7F) + B7F) | apart | B7F)
             settled |= ((((same >> np.uint64(7)) * GATHER) >> np.uint64(56)) & byte) << shift
         shift += np.uint64(8)
+    # Raise the cells that were hit, one by one: there are few.
     settled &= ~hits
     while hits != 0:
         bit = hits & (~hits + ONE)
@@ -149,23 +205,16 @@ def update_column(
 @kernel
 def update_bricks(
     slots: NDArray[np.int64],  # (k,) -1: there was no room
-    places: NDArray[np.int64],  # (k,) first word of each brick in the window
+    offsets: NDArray[np.int64],  # (k,) first word of each brick in the window
     part: tuple[int, int],  # first and one past the last of them to update
-    strides: tuple[int, int],  # words from column to column along x and y
-    hits: NDArray[np.uint64],  # (nx * ny * words,) zero after
-    free: NDArray[np.uint64],  # (nx * ny * words,) zero after
-    steps: tuple[int, int, int, int],
-    cells: NDArray[np.int8],  # (slots, COLUMNS, 64)
-    eights: NDArray[np.uint64],  # (slots, COLUMNS, 8) the same memory
-    fresh: NDArray[np.uint64],  # (slots, COLUMNS)
-    settled: NDArray[np.uint64],  # (slots, COLUMNS)
-    now: tuple[int, int, int],  # time, ns, stamp of a change, and tick of the next look at a brick
-    observed_ns: NDArray[np.int64],  # (slots,)
-    stamps: NDArray[np.int64],  # (slots,)
-    dues: NDArray[np.int64],  # (slots,)
-    dirty: NDArray[np.bool_],  # (slots,)
+    marks: WindowMarks,  # zero after
+    steps: LogOddsSteps,
+    bricks: BrickArrays,  # in, out
+    now: UpdateTime,
 ) -> int:
     """Update each marked cell once; a hit comes before a crossing. Returns their number."""
+    strides, hits, misses = marks
+    cells, eights, fresh, settled, observed_ns, _, dues, stamps, dirty = bricks
     time_ns, stamp, due = now
     updated = int(np.int64(0))
     for i in range(part[0], part[1]):
@@ -173,11 +222,11 @@ def update_bricks(
         flags = 0
         for column in range(COLUMNS):
             x, y = column >> EDGE_BITS, column & (EDGE - 1)
-            at = np.uint64(places[i] + x * strides[0] + y * strides[1])
+            at = np.uint64(offsets[i] + x * strides[0] + y * strides[1])
             hit = hits[at]
-            crossed = free[at] & ~hit
+            crossed = misses[at] & ~hit
             hits[at] = 0
-            free[at] = 0
+            misses[at] = 0
             if hit | crossed == 0 or slot < 0:
                 continue
             updated += count_bits(hit | crossed)
@@ -192,6 +241,7 @@ def update_bricks(
                     steps,
                 )
                 flags |= changed
+        # Note what changed of the brick.
         if slot < 0:
             continue
         observed_ns[slot] = max(observed_ns[slot], time_ns)
@@ -211,7 +261,7 @@ def digest_bricks(
     lanes: NDArray[np.uint64],  # (k, 8) out
     held: NDArray[np.bool_],  # (k,) out: whether any cell is not 0
 ) -> None:
-    """Eight 64-bit digests of each brick, of every eighth word.
+    """Compute eight 64-bit digests of each brick, each of every eighth word.
 
     A lane is a chain of steps that lose nothing, so contents that differ in one word never share
     their digests; others do by a chance of 2^-64 a lane.

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from wayproof.maps.kernels import bricks as kernels
+from wayproof.maps.kernels import slot_directory as kernels
 
 T = TypeVar("T", bound=np.generic)
 
@@ -112,9 +112,9 @@ class SlotPool:
         self._digest_sum = 0
 
     @property
-    def directory(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    def directory(self) -> kernels.SlotDirectory:
         """Heads, links and keys, as the kernels find a slot by its key."""
-        return self._heads, self._links, self.keys
+        return kernels.SlotDirectory(self._heads, self._links, self.keys)
 
     @property
     def nbytes(self) -> int:
@@ -130,7 +130,7 @@ class SlotPool:
     def find(self, keys: NDArray[np.integer]) -> NDArray[np.int64]:
         """Slots of keys (k, 3), -1 where there is none: (k,)."""
         slots = np.empty(len(keys), np.int64)
-        kernels.find_all(*self.directory, keys.astype(np.int32, order="C", copy=False), slots)
+        kernels.find_all(self.directory, keys.astype(np.int32, order="C", copy=False), slots)
         return slots
 
     def reserve(self, keys: NDArray[np.integer], stamp: int) -> Reservation:
@@ -156,14 +156,14 @@ class SlotPool:
         self.held[new] = True
         self.observed_ns[new] = -1
         self.stamps[new] = 0
-        kernels.enter(*self.directory, new)
+        kernels.insert(self.directory, new)
         return Reservation(slots, new)
 
     def release(self, slots: NDArray[np.int64], stamp: int) -> None:
         """Clear slots and give them up."""
         if len(slots) == 0:
             return
-        kernels.strike_out(*self.directory, slots)
+        kernels.remove(self.directory, slots)
         for layer in self.layers.values():
             layer[slots] = 0
         self.held[slots] = False
@@ -226,7 +226,7 @@ class SlotPool:
         self.dirty = _doubled(self.dirty)
         self.capacity *= 2
         self._heads, self._links = _empty_directory(self.capacity)
-        kernels.enter(*self.directory, self.live())
+        kernels.insert(self.directory, self.live())
 
 
 def _empty_directory(capacity: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -42,6 +42,7 @@ class Bricks(SlotPool):
         settled: (slots, 256) uint64, cells known to lie at the lower clamp.
         ticks: (slots,) decay ticks that the cells have seen.
         dues: (slots,) tick at which a brick has to be looked at.
+        arrays: All of these, and some of the pool's, as the kernels take them.
     """
 
     def __init__(self, memory_mib: int) -> None:
@@ -60,6 +61,17 @@ class Bricks(SlotPool):
         self.eights = self.cells.view(np.uint64)
         self.settled = self.layers["settled"]
         self.ticks, self.dues = self.layers["ticks"], self.layers["dues"]
+        self.arrays = kernels.BrickArrays(
+            cells=self.cells,
+            eights=self.eights,
+            fresh=self.fresh,
+            settled=self.settled,
+            observed_ns=self.observed_ns,
+            ticks=self.ticks,
+            dues=self.dues,
+            stamps=self.stamps,
+            dirty=self.dirty,
+        )
         for layer in (self.cells, self.fresh, self.settled):
             layer[:READY] = 0  # written to: only then does the system commit the memory
 
@@ -79,7 +91,7 @@ class Bricks(SlotPool):
         0 and -1 where no brick is held.
         """
         values, slots = np.empty(len(cells), np.int8), np.empty(len(cells), np.int64)
-        kernels.look_up(*self.directory, self.cells, cells, slots, values)
+        kernels.look_up(self.directory, self.cells, cells, slots, values)
         return values, slots
 
     def rewrite_columns(
@@ -109,7 +121,7 @@ class Bricks(SlotPool):
 
         def write(_: int, part: tuple[int, int]) -> None:
             kernels.rewrite_columns(
-                *self.directory,
+                self.directory,
                 self.eights,
                 self.settled,
                 blocks,
@@ -139,8 +151,8 @@ class Bricks(SlotPool):
         Returns:
             Distance at which the ray enters that cell, cells, and its state; FREE if none stops it.
         """
-        distance, state = kernels.walk(
-            *self.directory, self.cells, origin, direction, reach, stop_at_unknown
+        distance, state = kernels.cast_ray(
+            self.directory, self.cells, origin, direction, reach, stop_at_unknown
         )
         return float(distance), int(state)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import LN_2, exponential_less_one, exponentials, logarithm
 from wayproof.maps.kernels import decay as kernels
+from wayproof.maps.kernels.update import LogOddsSteps
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 MAX_UNITS = 127  # units that an int8 holds on either side of 0
@@ -59,9 +60,9 @@ class LogOddsModel:
         return cls(units, hit, miss, round(units * low), round(units * high))
 
     @property
-    def steps(self) -> tuple[int, int, int, int]:
-        """Hit, miss, low, high."""
-        return self.hit, self.miss, self.low, self.high
+    def steps(self) -> LogOddsSteps:
+        """Steps and clamps as the kernels take them."""
+        return LogOddsSteps(self.hit, self.miss, self.low, self.high)
 
     def probability(self, units: NDArray[np.int8] | int) -> NDArray[np.float64]:
         """Probability of occupancy that log-odds in units stand for."""

@@ -438,24 +438,12 @@ class VoxelMap(ColumnMap):
         due = self._ticks + 1 if self.config.half_life > 0.0 else decay.NEVER
         updated: list[int] = []
 
+        marks = updates.WindowMarks(mask.strides, mask.hits, mask.misses)
+        now = updates.UpdateTime(time_ns, self._stamp, due)
+
         def update(_: int, part: tuple[int, int]) -> None:
             cells = updates.update_bricks(
-                slots,
-                mask.offsets,
-                part,
-                mask.strides,
-                mask.hits,
-                mask.misses,
-                self.evidence.steps,
-                bricks.cells,
-                bricks.eights,
-                bricks.fresh,
-                bricks.settled,
-                (time_ns, self._stamp, due),
-                bricks.observed_ns,
-                bricks.stamps,
-                bricks.dues,
-                bricks.dirty,
+                slots, mask.offsets, part, marks, self.evidence.steps, bricks.arrays, now
             )
             updated.append(cells)
 
@@ -469,24 +457,19 @@ class VoxelMap(ColumnMap):
         if len(behind) == 0:
             return
         turned, alive = (np.zeros(len(behind), np.bool_) for _ in range(2))
+        faded = decay.FadedBricks(turned, alive)
 
         def fade(_: int, part: tuple[int, int]) -> None:
             eights = np.empty(8, np.uint64)
+            scratch = decay.FadeScratch(
+                steps=np.empty(decay.MAGNITUDES, np.uint8),
+                magnitudes=np.empty(64, np.uint8),
+                losses=eights.view(np.uint8),
+                loss_words=eights,
+            )
+            ticks = self._ticks
             decay.fade_bricks(
-                behind,
-                part,
-                self._ticks,
-                to_now,
-                bricks.cells,
-                bricks.fresh,
-                bricks.settled,
-                bricks.ticks,
-                bricks.dues,
-                self._losses,
-                turned,
-                alive,
-                np.empty(decay.MAGNITUDES, np.uint8),
-                (np.empty(64, np.uint8), eights.view(np.uint8), eights),
+                behind, part, ticks, to_now, bricks.arrays, self._losses, faded, scratch
             )
 
         self._team.parallel_for(fade, len(behind), 2, FADE_US)

@@ -6,6 +6,7 @@ import pytest
 
 from wayproof.maps import OCCUPIED, UNKNOWN, MapConfig, VoxelMap
 from wayproof.maps.kernels import decay as kernels
+from wayproof.maps.kernels.bricks import BrickArrays
 from wayproof.maps.voxel.log_odds import decay_per_tick
 
 SECOND = 10**9
@@ -252,13 +253,29 @@ def faded_brick(ticks_seen, until):
     fresh[0, 0], fresh[0, 1] = 2**64 - 1, 0xFF00FF
     settled, before = np.full((1, 6), 7, np.uint64), cells.copy()
     ticks, dues = np.array([ticks_seen]), np.array([kernels.NEVER])
+    none = np.zeros(1, np.int64)
     turned, alive = (np.zeros(1, np.bool_) for _ in range(2))
     eights = np.empty(8, np.uint64)
-    scratch = np.empty(64, np.uint8), eights.view(np.uint8), eights
-    steps, losses = np.empty(kernels.MAGNITUDES, np.uint8), decay_per_tick(MapConfig(half_life=3.0))
-    slots, part = np.array([0]), (0, 1)
-    state = cells, fresh, settled, ticks, dues
-    kernels.fade_bricks(slots, part, until, True, *state, losses, turned, alive, steps, scratch)
+    losses = decay_per_tick(MapConfig(half_life=3.0))
+    bricks = BrickArrays(
+        cells=cells,
+        eights=cells.view(np.uint64),
+        fresh=fresh,
+        settled=settled,
+        observed_ns=none,
+        ticks=ticks,
+        dues=dues,
+        stamps=none,
+        dirty=np.zeros(1, np.bool_),
+    )
+    scratch = kernels.FadeScratch(
+        steps=np.empty(kernels.MAGNITUDES, np.uint8),
+        magnitudes=np.empty(64, np.uint8),
+        losses=eights.view(np.uint8),
+        loss_words=eights,
+    )
+    faded = kernels.FadedBricks(turned, alive)
+    kernels.fade_bricks(np.array([0]), (0, 1), until, True, bricks, losses, faded, scratch)
     return before, cells, (settled, ticks, dues, turned, alive)
 
 

@@ -89,7 +89,7 @@ def test_a_box_has_the_states_of_its_cells(voxel_map):
 @pytest.mark.parametrize("low", [(-7, -16, -2), (3, 5, 11)])
 def test_columns_written_where_they_changed_are_those_written_whole(run, low, monkeypatch):
     if run == "python":
-        for name in ("rewrite_columns", "write_block", "find", "bucket_of", "column_states"):
+        for name in ("rewrite_columns", "write_block", "find", "column_states"):
             monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
     rng = np.random.default_rng(9)
     threads = 2 if run == "compiled" else 1
