@@ -235,11 +235,11 @@ def serialized(message: Message) -> bytes:
 def _pose(message: pb.Pose) -> Pose:
     trail = None
     try:
-        if message.trail_period_s:
+        if message.history_period_s:
             trail = Trail(
-                np.array(message.trail_positions).reshape(-1, 3),
-                np.array(message.trail_quaternions).reshape(-1, 4),
-                message.trail_period_s,
+                np.array(message.history_positions).reshape(-1, 3),
+                np.array(message.history_quaternions).reshape(-1, 4),
+                message.history_period_s,
             )
     except ValueError as error:
         raise InputError(f"pose: {error}") from None
@@ -293,7 +293,7 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
             order=info.order,  # type: ignore[arg-type]  # the table checks it
             row_step=info.row_step,
             column_step=info.column_step,
-            moments=info.moments,
+            moments=info.scan_poses,
             measures=info.measures,  # type: ignore[arg-type]
         )
     except ValueError as error:

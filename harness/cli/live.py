@@ -46,7 +46,9 @@ class LiveLine:
                 (f"{self._title} ", "bold"),
                 f"{decision.timestamp.ToNanoseconds() * 1e-9:5.1f} s {speed:4.2f} m/s ",
                 (f"{decision.action:<13}", ACTION_STYLES[decision.action]),
-                f" {decision.path_length_m:5.1f} m to go" if len(decision.guide) else " no path",
+                f" {decision.path_length_m:5.1f} m to go"
+                if len(decision.global_path)
+                else " no path",
                 f" {latency:4.0f} ms map {decision.map_version[:8]}",  # cut off first
                 no_wrap=True,
                 overflow="ellipsis",

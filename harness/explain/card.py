@@ -209,22 +209,21 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
 
 def _leads_to(decision: pb.Decision) -> str:
     """Where a decision's path leads; in a log of before format 5 an errand looks like the goal."""
-    if not len(decision.guide):
+    if not len(decision.global_path):
         return ""
-    if decision.grounds.kind in ("looking_elsewhere", "backing_up"):
+    if decision.predicate.kind in ("looking_elsewhere", "backing_up"):
         return "a viewpoint"
     return "admitted space" if decision.action == "recover" else "the goal"
 
 
 def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[BlockingCell, ...]:
-    """What keeps the robot from going on, where its way is first closed under the policy.
+    """Cells that first block the way to the goal under the unknown policy; empty if none does.
 
-    The way is the guide from the end of the committed part on; without a guide the straight line
-    to the goal. None if nothing closes it.
+    The way is the global path beyond the trajectory, or without one the straight line to the goal.
     """
     costmap, decision = navigator.costmap, moment.decision
     # Of the disc or discs that it was made for: a long body has two widths.
-    limit, radius = decision.blocked_at_or_below, decision.inflation_radius_m
+    limit, radius = decision.collision_distance_sq, decision.inflation_radius_m
     field, size = costmap.field(), costmap.resolution
     way = densely(_way(case, moment), 0.5 * size)
     cells = np.floor((way - costmap.origin) / size).astype(int)
@@ -274,10 +273,10 @@ def _blocking(
 
 
 def _way(case: Case, moment: Moment) -> Array:
-    guide = path_of(moment.decision.guide)
+    global_path = path_of(moment.decision.global_path)
     committed = path_of(moment.decision.trajectory.path)
-    if len(guide) >= 2:
-        return guide
+    if len(global_path) >= 2:
+        return global_path
     goal = np.array(case.mission.goal)
     if case.mission.motion == "ground":
         goal[2] = committed[-1, 2]

@@ -81,7 +81,7 @@ def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
     states = costmap.state[:, :, layer]
     kinds = np.full(states.shape, 1)
     kinds[states == FREE] = 0
-    inflated = costmap.field()[:, :, layer] <= moment.decision.blocked_at_or_below
+    inflated = costmap.field()[:, :, layer] <= moment.decision.collision_distance_sq
     kinds[inflated & (states == FREE)] = 2
     kinds[states == OCCUPIED] = 3
     low, (nx, ny) = costmap.origin, states.shape
@@ -118,8 +118,8 @@ def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
     after = [one.true_position for one in case.moments if one.time_ns >= moment.time_ns]
     _line(axes, np.array(before), color="#1f77d0", ls=":", label="true way so far")
     _line(axes, np.array(after), color="#9bbfe3", ls=":", label="true way after")
-    guide = path_of(moment.decision.guide)
-    _line(axes, guide, color="#2a9d4a", ls="--", label="path to the goal")
+    global_path = path_of(moment.decision.global_path)
+    _line(axes, global_path, color="#2a9d4a", ls="--", label="path to the goal")
     committed = path_of(moment.decision.trajectory.path)
     _line(axes, committed, color="#2a9d4a", lw=2.5, label="committed trajectory")
     body = dict(radius=case.mission.radius, fill=False)

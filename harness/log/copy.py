@@ -14,7 +14,7 @@ from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 GUIDE_PERIOD_NS = 1_000_000_000
-"""Simulated time for which a log of decisions leaves out guides that were kept."""
+"""Simulated time for which a log of decisions leaves out global paths that were kept."""
 
 TOPICS: dict[type[Message], str] = {
     pb.Pose: "/pose",
@@ -29,7 +29,7 @@ TOPICS: dict[type[Message], str] = {
 
 
 def thin(path: Path, target: Path | None = None) -> None:
-    """Leave out of a finished log what its seed gives again: sweeps, states and most guides.
+    """Leave out of a finished log what its seed gives again: sweeps, states and most global paths.
 
     Args:
         path: The log.
@@ -46,7 +46,7 @@ def thin(path: Path, target: Path | None = None) -> None:
 
 
 def _with_few_guides(messages: Iterable[Message]) -> Iterator[Message]:
-    """Messages with a decision's guide where it was searched for, and once a second."""
+    """Messages with a decision's global path where it was searched for, and once a second."""
     told_ns = -GUIDE_PERIOD_NS
     for message in messages:
         if isinstance(message, pb.Decision):
@@ -54,7 +54,7 @@ def _with_few_guides(messages: Iterable[Message]) -> Iterator[Message]:
             if message.planner or now_ns - told_ns >= GUIDE_PERIOD_NS:
                 told_ns = now_ns
             else:
-                message.ClearField("guide")
+                message.ClearField("global_path")
         yield message
 
 

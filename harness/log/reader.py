@@ -47,7 +47,7 @@ MOST_LINES = 400
 MOST_FORKS = 99
 """Of one log."""
 
-BEFORE_GROUNDS = ("action", "reason", "label", "grounds", "chain")
+BEFORE_PREDICATES = ("action", "reason", "label", "predicate", "chain")
 """Fields of a decision that came to mean something else with format 5, and what hangs on them."""
 
 LONGEST_NS = 4000 * 10**9
@@ -205,7 +205,7 @@ class Log:
     @property
     def not_compared(self) -> tuple[str, ...]:
         """Fields of a decision that this version gives otherwise than the log's format did."""
-        return () if self.run["format_version"] in WITH_REASONS else BEFORE_GROUNDS
+        return () if self.run["format_version"] in WITH_REASONS else BEFORE_PREDICATES
 
     @property
     def record(self) -> str:

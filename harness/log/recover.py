@@ -95,7 +95,7 @@ def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, st
         "goal_distance_m": goal_distance(mission, np.array(last.position)),
         "sim_time_s": decisions[-1].timestamp.ToNanoseconds() * 1e-9,
         "collisions": last.collisions,
-        "struck": last.struck,
+        "struck": last.hit_by_mover,
         **figures_of(decisions, truths),
         "route_length_m": None,
         "chain": decisions[-1].chain,

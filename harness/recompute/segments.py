@@ -1,7 +1,7 @@
 """The stacks of a log that was forked, one after the other, each with the past of the one before.
 
 A fork's stack has a map of its own, built with its own settings from all the sweeps since the
-start; what it takes over is what was decided: the trajectory, the guide, the chain.
+start; what it takes over is what was decided: the trajectory, the global path, the chain.
 """
 
 from __future__ import annotations

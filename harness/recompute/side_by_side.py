@@ -1,9 +1,9 @@
-"""The recorded stack and a changed one side by side on one log's inputs.
+"""The recorded stack and a changed one side by side on the inputs of one log.
 
-Each changed decision is asked for with what the recorded stack had behind it: the trajectory that
-the robot really followed, the guide that it kept, the places it had looked from. So a difference
-is one that the change makes at that very decision, and not the echo of an earlier one. The changed
-stack's map is its own, built from all the sweeps before.
+The changed stack takes each decision from the state of the recorded one: the trajectory that the
+robot really followed, the global path, the frontiers explored. So each difference is made by the
+change at that very decision and is not the echo of an earlier one. The map of the changed stack is
+its own, built from all the sweeps before.
 """
 
 from __future__ import annotations

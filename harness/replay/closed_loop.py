@@ -228,8 +228,8 @@ def _compare(log: Log, again: Log) -> _Comparison:
         _compare_others(found, old, new, thinned)
         if old.decision is None or new.decision is None:
             continue
-        if thinned and not old.decision.guide:
-            new.decision.ClearField("guide")  # left out of the log; the chain covers it
+        if thinned and not old.decision.global_path:
+            new.decision.ClearField("global_path")  # left out of the log; the chain covers it
         different = differences(old.decision, new.decision, log.not_compared)
         if different:
             found.first_decision, found.differences = old.number, different

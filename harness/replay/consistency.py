@@ -105,10 +105,10 @@ def _digest(log: Log, content: Content) -> Iterator[Difference]:
 
 
 def _format(subject: Subject) -> Iterator[Difference]:
-    """Formats before 5 have no grounds: under such a number replay would leave reasons out."""
+    """Formats before 5 have no predicate: under such a number replay would leave reasons out."""
     version = subject.log.run["format_version"]
     if version not in WITH_REASONS and any(
-        one.HasField("grounds") for one in subject.content.decisions
+        one.HasField("predicate") for one in subject.content.decisions
     ):
         yield Difference("run.format_version", version, FORMAT_VERSION)
 
@@ -161,14 +161,14 @@ def _period(subject: Subject) -> Iterator[Difference]:
 def _chain(subject: Subject) -> Iterator[Difference]:
     """Each link is the hash of its record and the link before; the last one is the result's.
 
-    Of a log of decisions most guides were left out, and so their hashes cannot be computed again.
+    A log of decisions keeps few global paths; the links of the others cannot be computed.
     """
     thinned = subject.log.record == "decisions"
     before = ""
     for decision in subject.content.decisions:
         again = chain_hash(decision, before)
         before = decision.chain
-        if again != before and not (thinned and not decision.guide):
+        if again != before and not (thinned and not decision.global_path):
             yield Difference(f"/decision[{decision.sequence}].chain", before, again)
             return
     if subject.log.result["chain"] != before:
@@ -236,7 +236,7 @@ def _contacts(subject: Subject) -> Iterator[Difference]:
     """A contact ends the episode: there is none before the end, and one in a collision."""
     result, content = subject.log.result, subject.content
     for truth in content.truths:
-        touched = truth.collisions + truth.struck
+        touched = truth.collisions + truth.hit_by_mover
         if touched:
             yield Difference(f"/truth[{truth.sequence}] contacts", str(touched), "0")
             return

@@ -49,7 +49,7 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
         inputs.append("perturbation's effect")
     if log.record == "decisions":
         return Scope(
-            recomputed=("chain where guides are kept", *result),
+            recomputed=("chain where global paths are kept", *result),
             simulation=("decisions", "rest of the chain", *inputs, *physics),
             claims=_claims(log),
         )

@@ -168,7 +168,7 @@ def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:
     """
     axes = 2 if flat else 3
     departure = _departure(old.trajectory, new.trajectory, axes)
-    first, second = path_of(old.guide)[:, :axes], path_of(new.guide)[:, :axes]
+    first, second = path_of(old.global_path)[:, :axes], path_of(new.global_path)[:, :axes]
     route = None if min(len(first), len(second)) == 0 else _route_difference(first, second)
     same_route = len(first) == len(second) == 0 or (route is not None and route <= SAME_PLACE)
     if (old.action, old.label) == (new.action, new.label) and departure <= SAME_PLACE:

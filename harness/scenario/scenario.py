@@ -161,7 +161,7 @@ def sensor_info(caster: Caster) -> pb.SensorInfo:
         beams=table.beams,
         row_step=table.row_step,
         column_step=table.column_step,
-        moments=table.moments,
+        scan_poses=table.moments,
         row_width=table.rows.shape[1],
         rows=table.rows.ravel().tolist(),
         columns=table.columns.ravel().tolist(),

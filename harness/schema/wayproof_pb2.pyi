@@ -10,7 +10,7 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class SensorInfo(_message.Message):
-    __slots__ = ("name", "kind", "range_m", "row_width", "rows", "columns", "position_base_sensor", "rotation_base_sensor", "order", "beams", "row_step", "column_step", "moments", "measures", "rate_hz", "device", "source")
+    __slots__ = ("name", "kind", "range_m", "row_width", "rows", "columns", "position_base_sensor", "rotation_base_sensor", "order", "beams", "row_step", "column_step", "scan_poses", "measures", "rate_hz", "device", "source")
     NAME_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     RANGE_M_FIELD_NUMBER: _ClassVar[int]
@@ -23,7 +23,7 @@ class SensorInfo(_message.Message):
     BEAMS_FIELD_NUMBER: _ClassVar[int]
     ROW_STEP_FIELD_NUMBER: _ClassVar[int]
     COLUMN_STEP_FIELD_NUMBER: _ClassVar[int]
-    MOMENTS_FIELD_NUMBER: _ClassVar[int]
+    SCAN_POSES_FIELD_NUMBER: _ClassVar[int]
     MEASURES_FIELD_NUMBER: _ClassVar[int]
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
@@ -40,12 +40,12 @@ class SensorInfo(_message.Message):
     beams: int
     row_step: int
     column_step: int
-    moments: int
+    scan_poses: int
     measures: str
     rate_hz: float
     device: str
     source: str
-    def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., row_width: _Optional[int] = ..., rows: _Optional[_Iterable[float]] = ..., columns: _Optional[_Iterable[float]] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ..., order: _Optional[str] = ..., beams: _Optional[int] = ..., row_step: _Optional[int] = ..., column_step: _Optional[int] = ..., moments: _Optional[int] = ..., measures: _Optional[str] = ..., rate_hz: _Optional[float] = ..., device: _Optional[str] = ..., source: _Optional[str] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., row_width: _Optional[int] = ..., rows: _Optional[_Iterable[float]] = ..., columns: _Optional[_Iterable[float]] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ..., order: _Optional[str] = ..., beams: _Optional[int] = ..., row_step: _Optional[int] = ..., column_step: _Optional[int] = ..., scan_poses: _Optional[int] = ..., measures: _Optional[str] = ..., rate_hz: _Optional[float] = ..., device: _Optional[str] = ..., source: _Optional[str] = ...) -> None: ...
 
 class Sweep(_message.Message):
     __slots__ = ("timestamp", "sequence", "sensor", "rows", "columns", "codec", "ranges", "classes")
@@ -68,26 +68,26 @@ class Sweep(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ..., classes: _Optional[bytes] = ...) -> None: ...
 
 class Pose(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "trail_positions", "trail_quaternions", "trail_period_s", "heading_sigma")
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "history_positions", "history_quaternions", "history_period_s", "heading_sigma")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
     POSITION_SIGMA_FIELD_NUMBER: _ClassVar[int]
-    TRAIL_POSITIONS_FIELD_NUMBER: _ClassVar[int]
-    TRAIL_QUATERNIONS_FIELD_NUMBER: _ClassVar[int]
-    TRAIL_PERIOD_S_FIELD_NUMBER: _ClassVar[int]
+    HISTORY_POSITIONS_FIELD_NUMBER: _ClassVar[int]
+    HISTORY_QUATERNIONS_FIELD_NUMBER: _ClassVar[int]
+    HISTORY_PERIOD_S_FIELD_NUMBER: _ClassVar[int]
     HEADING_SIGMA_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
     quaternion: _containers.RepeatedScalarFieldContainer[float]
     position_sigma: float
-    trail_positions: _containers.RepeatedScalarFieldContainer[float]
-    trail_quaternions: _containers.RepeatedScalarFieldContainer[float]
-    trail_period_s: float
+    history_positions: _containers.RepeatedScalarFieldContainer[float]
+    history_quaternions: _containers.RepeatedScalarFieldContainer[float]
+    history_period_s: float
     heading_sigma: float
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ...) -> None: ...
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., history_positions: _Optional[_Iterable[float]] = ..., history_quaternions: _Optional[_Iterable[float]] = ..., history_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ...) -> None: ...
 
 class Latency(_message.Message):
     __slots__ = ("timestamp", "sequence", "mode", "delay_s")
@@ -140,18 +140,18 @@ class Trajectory(_message.Message):
     def __init__(self, start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., duration_s: _Optional[float] = ..., path: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., arc_length: _Optional[_Iterable[float]] = ..., heading: _Optional[_Iterable[float]] = ..., sample_period_s: _Optional[float] = ...) -> None: ...
 
 class PackedDecision(_message.Message):
-    __slots__ = ("path", "arc_length", "heading", "guide", "hashes")
+    __slots__ = ("path", "arc_length", "heading", "global_path", "hashes")
     PATH_FIELD_NUMBER: _ClassVar[int]
     ARC_LENGTH_FIELD_NUMBER: _ClassVar[int]
     HEADING_FIELD_NUMBER: _ClassVar[int]
-    GUIDE_FIELD_NUMBER: _ClassVar[int]
+    GLOBAL_PATH_FIELD_NUMBER: _ClassVar[int]
     HASHES_FIELD_NUMBER: _ClassVar[int]
     path: _containers.RepeatedScalarFieldContainer[int]
     arc_length: _containers.RepeatedScalarFieldContainer[int]
     heading: _containers.RepeatedScalarFieldContainer[int]
-    guide: _containers.RepeatedScalarFieldContainer[int]
+    global_path: _containers.RepeatedScalarFieldContainer[int]
     hashes: bytes
-    def __init__(self, path: _Optional[_Iterable[int]] = ..., arc_length: _Optional[_Iterable[int]] = ..., heading: _Optional[_Iterable[int]] = ..., guide: _Optional[_Iterable[int]] = ..., hashes: _Optional[bytes] = ...) -> None: ...
+    def __init__(self, path: _Optional[_Iterable[int]] = ..., arc_length: _Optional[_Iterable[int]] = ..., heading: _Optional[_Iterable[int]] = ..., global_path: _Optional[_Iterable[int]] = ..., hashes: _Optional[bytes] = ...) -> None: ...
 
 class Reason(_message.Message):
     __slots__ = ("kind", "free_m", "path_m", "short_m", "stop_m", "full_speed_stop_m", "distance_m", "limit_m", "turn_rad", "speed_share", "waited_s", "delay_s", "deadline_s", "since", "places", "iterations", "cell", "cell_state", "place", "target", "frontier")
@@ -200,7 +200,7 @@ class Reason(_message.Message):
     def __init__(self, kind: _Optional[str] = ..., free_m: _Optional[float] = ..., path_m: _Optional[float] = ..., short_m: _Optional[float] = ..., stop_m: _Optional[float] = ..., full_speed_stop_m: _Optional[float] = ..., distance_m: _Optional[float] = ..., limit_m: _Optional[float] = ..., turn_rad: _Optional[float] = ..., speed_share: _Optional[float] = ..., waited_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., since: _Optional[int] = ..., places: _Optional[int] = ..., iterations: _Optional[int] = ..., cell: _Optional[_Union[Point, _Mapping]] = ..., cell_state: _Optional[str] = ..., place: _Optional[_Union[Point, _Mapping]] = ..., target: _Optional[_Union[Point, _Mapping]] = ..., frontier: _Optional[str] = ...) -> None: ...
 
 class Decision(_message.Message):
-    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "blocked_at_or_below", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "guide", "trajectory", "committed_length_m", "chain", "packed", "grounds")
+    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "collision_distance_sq", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "global_path", "trajectory", "committed_length_m", "chain", "packed", "predicate")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     TRIGGER_FIELD_NUMBER: _ClassVar[int]
@@ -210,7 +210,7 @@ class Decision(_message.Message):
     UNKNOWN_POLICY_FIELD_NUMBER: _ClassVar[int]
     INFLATION_RADIUS_M_FIELD_NUMBER: _ClassVar[int]
     LOCALIZATION_MARGIN_M_FIELD_NUMBER: _ClassVar[int]
-    BLOCKED_AT_OR_BELOW_FIELD_NUMBER: _ClassVar[int]
+    COLLISION_DISTANCE_SQ_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
     POSITION_SIGMA_FIELD_NUMBER: _ClassVar[int]
@@ -229,12 +229,12 @@ class Decision(_message.Message):
     ACTION_FIELD_NUMBER: _ClassVar[int]
     REASON_FIELD_NUMBER: _ClassVar[int]
     LABEL_FIELD_NUMBER: _ClassVar[int]
-    GUIDE_FIELD_NUMBER: _ClassVar[int]
+    GLOBAL_PATH_FIELD_NUMBER: _ClassVar[int]
     TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
     COMMITTED_LENGTH_M_FIELD_NUMBER: _ClassVar[int]
     CHAIN_FIELD_NUMBER: _ClassVar[int]
     PACKED_FIELD_NUMBER: _ClassVar[int]
-    GROUNDS_FIELD_NUMBER: _ClassVar[int]
+    PREDICATE_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     trigger: str
@@ -244,7 +244,7 @@ class Decision(_message.Message):
     unknown_policy: str
     inflation_radius_m: float
     localization_margin_m: float
-    blocked_at_or_below: int
+    collision_distance_sq: int
     position: _containers.RepeatedScalarFieldContainer[float]
     quaternion: _containers.RepeatedScalarFieldContainer[float]
     position_sigma: float
@@ -263,16 +263,16 @@ class Decision(_message.Message):
     action: str
     reason: str
     label: str
-    guide: _containers.RepeatedCompositeFieldContainer[Point]
+    global_path: _containers.RepeatedCompositeFieldContainer[Point]
     trajectory: Trajectory
     committed_length_m: float
     chain: str
     packed: PackedDecision
-    grounds: Reason
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., blocked_at_or_below: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., guide: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ..., packed: _Optional[_Union[PackedDecision, _Mapping]] = ..., grounds: _Optional[_Union[Reason, _Mapping]] = ...) -> None: ...
+    predicate: Reason
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., collision_distance_sq: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., global_path: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ..., packed: _Optional[_Union[PackedDecision, _Mapping]] = ..., predicate: _Optional[_Union[Reason, _Mapping]] = ...) -> None: ...
 
 class Truth(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "clearance_m", "collisions", "movers", "struck")
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "clearance_m", "collisions", "movers", "hit_by_mover")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -281,7 +281,7 @@ class Truth(_message.Message):
     CLEARANCE_M_FIELD_NUMBER: _ClassVar[int]
     COLLISIONS_FIELD_NUMBER: _ClassVar[int]
     MOVERS_FIELD_NUMBER: _ClassVar[int]
-    STRUCK_FIELD_NUMBER: _ClassVar[int]
+    HIT_BY_MOVER_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
@@ -290,8 +290,8 @@ class Truth(_message.Message):
     clearance_m: float
     collisions: int
     movers: _containers.RepeatedCompositeFieldContainer[MoverPose]
-    struck: int
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., movers: _Optional[_Iterable[_Union[MoverPose, _Mapping]]] = ..., struck: _Optional[int] = ...) -> None: ...
+    hit_by_mover: int
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., clearance_m: _Optional[float] = ..., collisions: _Optional[int] = ..., movers: _Optional[_Iterable[_Union[MoverPose, _Mapping]]] = ..., hit_by_mover: _Optional[int] = ...) -> None: ...
 
 class MoverPose(_message.Message):
     __slots__ = ("name", "present", "position", "quaternion")

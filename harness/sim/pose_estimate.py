@@ -124,9 +124,9 @@ class PoseEstimate:
         )
         if rolling:
             sampled = believed.every(self._stride)
-            message.trail_positions.extend(sampled.positions.ravel().tolist())
-            message.trail_quaternions.extend(sampled.quaternions.ravel().tolist())
-            message.trail_period_s = sampled.period
+            message.history_positions.extend(sampled.positions.ravel().tolist())
+            message.history_quaternions.extend(sampled.quaternions.ravel().tolist())
+            message.history_period_s = sampled.period
         return message
 
     def _update_perturbation(self, time_ns: int) -> None:

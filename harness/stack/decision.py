@@ -33,8 +33,8 @@ SAMPLE_PERIOD = 0.1
 """Spacing of the logged samples of a trajectory, s."""
 
 GRAIN = 2.0**-20
-"""What logged samples and guides are rounded to, m and rad: a micrometre is enough to see where a
-trajectory leads, and the zeros behind it make up a fifth of what a log of decisions would take."""
+"""Grain of logged samples and global paths, m and rad: about a micrometre. The digits beyond it
+would be a fifth of a log of decisions."""
 
 
 WIRE = np.dtype([
@@ -175,7 +175,7 @@ def path_of(points: Iterable[pb.Point]) -> NDArray[np.float64]:
 
 
 def thinned(path: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    """Every fifth point of a path and its last, in grains: enough to see where a guide leads."""
+    """Every fifth point of a path and its last, in grains: enough to see the course of a path."""
     return None if path is None else _in_grains(np.vstack([path[:-1:5], path[-1]]))
 
 

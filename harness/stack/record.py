@@ -47,7 +47,7 @@ def record(
         unknown_policy=config.unknown_policy,
         inflation_radius_m=inflation_radius,
         localization_margin_m=mapper.costmap.margin,
-        blocked_at_or_below=planner_input.traversable.collision_distance_sq,
+        collision_distance_sq=planner_input.traversable.collision_distance_sq,
         position=inputs.pose.position.tolist(),
         quaternion=inputs.pose.quaternion.tolist(),
         position_sigma=inputs.pose.position_sigma,
@@ -61,12 +61,12 @@ def record(
         least_clearance_m=planner_input.known_free.least_clearance(path),
         action=command.action,
         reason=sentence(command.reason),
-        grounds=reason_message(command.reason),
+        predicate=reason_message(command.reason),
         label=command.label,
         trajectory=trajectory_message(command.trajectory),
         committed_length_m=_length(path),
     )
-    add_points(decision, "guide", thinned(command.global_path))
+    add_points(decision, "global_path", thinned(command.global_path))
     decision.timestamp.FromNanoseconds(inputs.time_ns)
     return decision
 
@@ -79,10 +79,10 @@ def record_missed_deadline(decision: pb.Decision, standing: Trajectory) -> None:
     delay_s, deadline_s = decision.delay_s, decision.deadline_s
     reason = Reason("deadline_missed", delay_s=delay_s, deadline_s=deadline_s)
     decision.reason = sentence(reason)
-    decision.grounds.CopyFrom(reason_message(reason))
+    decision.predicate.CopyFrom(reason_message(reason))
     decision.trajectory.CopyFrom(trajectory_message(standing))
     decision.committed_length_m = _length(standing.path)
-    decision.ClearField("guide")
+    decision.ClearField("global_path")
 
 
 class StageClock:

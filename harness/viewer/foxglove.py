@@ -134,7 +134,7 @@ class _Artist:
     def _changed_layer(self, moment: Moment) -> fox.Grid | None:
         costmap = moment.costmap
         layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-        told = kinds(costmap, layer, moment.record.decision.blocked_at_or_below)
+        told = kinds(costmap, layer, moment.record.decision.collision_distance_sq)
         if self._layer is not None and np.array_equal(told, self._layer):
             return None
         self._layer = told
@@ -162,7 +162,7 @@ class _Artist:
         decision, mission = moment.decision, self._log.mission
         stamp = decision.timestamp
         plan = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="plan")
-        plan.lines.append(_line(path_of(decision.guide), 0.04, BLUE))
+        plan.lines.append(_line(path_of(decision.global_path), 0.04, BLUE))
         plan.lines.append(_line(path_of(decision.trajectory.path), 0.08, GREEN))
         plan.spheres.append(_sphere(mission.goal, 0.25, GREEN, 1.0))
         for place, colour in ((decision.position, BLUE), (moment.truth.position, RED)):

@@ -171,7 +171,7 @@ class Stage:
     def _lay_over(self, moment: Moment) -> None:
         costmap, mission = moment.costmap, self._log.mission
         layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-        told = kinds(costmap, layer, moment.record.decision.blocked_at_or_below)
+        told = kinds(costmap, layer, moment.record.decision.collision_distance_sq)
         self._lay_flat(
             *surrounding_boxes(told.shape, costmap.origin, costmap.resolution, BEYOND), UNKNOWN
         )
@@ -185,7 +185,7 @@ class Stage:
             self._add_box(middle, half + SKIN, OCCUPIED_COLOUR)
         lift = np.array([0.0, 0.0, 0.05 if mission.motion == "ground" else 0.0])
         decision = moment.decision
-        self._add_line(path_of(decision.guide) + lift, 0.015, GUIDE)
+        self._add_line(path_of(decision.global_path) + lift, 0.015, GUIDE)
         self._add_line(path_of(decision.trajectory.path) + lift, 0.035, COMMITTED)
         self._add_line(np.array(self._trail), 0.015, TRAIL)
 

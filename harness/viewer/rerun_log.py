@@ -101,8 +101,8 @@ class _Artist:
     def _show_decision(self, moment: Snapshot) -> None:
         decision, pose, rows = moment.decision, moment.pose, self._rows
         rows.put("world/robot", rr.Transform3D, **_transform(pose.position, pose.quaternion))
-        guide, path = path_of(decision.guide), path_of(decision.trajectory.path)
-        rows.put("world/guide", rr.LineStrips3D, strips=guide)
+        global_path, path = path_of(decision.global_path), path_of(decision.trajectory.path)
+        rows.put("world/global_path", rr.LineStrips3D, strips=global_path)
         rows.put("world/trajectory", rr.LineStrips3D, strips=path)
         rows.put("decision", rr.TextDocument, text=describe(decision, self._cost_range))
         rows.put("action", rr.StateChange, state=decision.action)
@@ -209,7 +209,7 @@ def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
     styles = {
         "sweep": rr.Points3D.from_fields(radii=HIT_RADIUS, colors=HIT),
         "movers": rr.Points3D.from_fields(radii=0.25, colors=MOVER),
-        "guide": rr.LineStrips3D.from_fields(radii=LINE, colors=GUIDE),
+        "global_path": rr.LineStrips3D.from_fields(radii=LINE, colors=GUIDE),
         "trajectory": rr.LineStrips3D.from_fields(radii=2 * LINE, colors=COMMITTED),
         "trail": rr.LineStrips3D.from_fields(radii=LINE, colors=TRUE),
     }

@@ -115,7 +115,7 @@ def _snapshot(
 def _layer(moment: Moment) -> Layer:
     costmap, record = moment.costmap, moment.record
     index = layer_at(costmap, float(record.inputs.pose.position[2]))
-    told = kinds(costmap, index, record.decision.blocked_at_or_below)
+    told = kinds(costmap, index, record.decision.collision_distance_sq)
     return Layer(told, costmap.origin[:2], costmap.resolution)
 
 

@@ -32,7 +32,7 @@ def describe(decision: pb.Decision, cost_range: float) -> str:
     if decision.planner:
         search = f"{decision.planner}, seed {decision.planner_seed}"
         search += f", {decision.planner_iterations} iterations"
-    path = f"{decision.path_length_m:.2f} m" if len(decision.guide) else "no path"
+    path = f"{decision.path_length_m:.2f} m" if len(decision.global_path) else "no path"
     delay, deadline = decision.delay_s * 1e3, decision.deadline_s * 1e3
     return "\n".join(
         [

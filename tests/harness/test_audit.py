@@ -161,7 +161,7 @@ def another_margin(decision):
 
 
 def a_smaller_inflation(decision):
-    decision.blocked_at_or_below -= 1
+    decision.collision_distance_sq -= 1
 
 
 def another_policy(decision):

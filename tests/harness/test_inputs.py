@@ -125,7 +125,7 @@ def info(**changes):
         "columns": AROUND.ravel().tolist(),
         "beams": 2,
         "order": "grid",
-        "moments": 1,
+        "scan_poses": 1,
         "measures": "range",
         "position_base_sensor": [0.0, 0.0, 0.0],
         "rotation_base_sensor": np.eye(3).ravel().tolist(),
@@ -146,7 +146,7 @@ def test_a_logged_sensor_is_rebuilt():
         ({"rate_hz": 0.0}, "rate 0 Hz"),
         ({"beams": 3}, "beams: got 3"),
         ({"order": "spiral"}, "order: got 'spiral'"),
-        ({"moments": 0}, "moments: got 0"),
+        ({"scan_poses": 0}, "moments: got 0"),
         ({"measures": "colour"}, "measures: got 'colour'"),
         ({"rows": [2.0, 0.0]}, "rows: expected"),
         ({"rotation_base_sensor": [1.0]}, "no mounting"),
@@ -158,6 +158,6 @@ def test_what_is_no_sensor_is_refused(changes, said):
 
 
 def test_a_broken_trail_is_refused():
-    pose = pb.Pose(position=[0.0] * 3, quaternion=[1.0, 0, 0, 0], trail_period_s=0.01)
+    pose = pb.Pose(position=[0.0] * 3, quaternion=[1.0, 0, 0, 0], history_period_s=0.01)
     with pytest.raises(InputError, match="pose: trail"):
         inputs_from_messages(pose, [])

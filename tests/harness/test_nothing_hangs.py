@@ -70,8 +70,8 @@ def test_a_sealed_room_ends_in_an_abort_that_says_why(episode, robot, settings, 
 
 def test_the_trail_is_gone_back_on_before_giving_up(episode):
     decisions = episode([WALL], "quadruped")[1]
-    back = [d for d in decisions if d.action == "recover" and d.grounds.kind == "backing_up"]
-    assert 0 < len({d.grounds.since for d in back}) <= 2
+    back = [d for d in decisions if d.action == "recover" and d.predicate.kind == "backing_up"]
+    assert 0 < len({d.predicate.since for d in back}) <= 2
 
 
 def test_a_goal_inside_the_inflation_is_approached_and_then_given_up(episode):

@@ -161,11 +161,11 @@ def test_a_rolling_sweep_is_straightened_by_believed_poses(recorded):
     result = recorded("empty", "drone", 1, "sensors.lidar=velodyne-vlp16", "episode.time_limit=1")
     poses = [m for m in read_messages(Path(result.log)) if isinstance(m, pb.Pose)]
     for pose in poses:
-        assert pose.trail_positions[-3:] == pose.position
-        assert pose.trail_quaternions[-4:] == pose.quaternion
-        assert pose.trail_period_s == pytest.approx(0.01)
-    ends = [np.array(pose.trail_positions[-3:]) for pose in poses[:-1]]
-    starts = [np.array(pose.trail_positions[:3]) for pose in poses[1:]]
+        assert pose.history_positions[-3:] == pose.position
+        assert pose.history_quaternions[-4:] == pose.quaternion
+        assert pose.history_period_s == pytest.approx(0.01)
+    ends = [np.array(pose.history_positions[-3:]) for pose in poses[:-1]]
+    starts = [np.array(pose.history_positions[:3]) for pose in poses[1:]]
     # A trail begins where the one before it ended: the same believed pose at the same instant.
     assert np.abs(np.subtract(starts, ends)).max() < 1e-9
     assert replay(Path(result.log)).identical

@@ -21,12 +21,12 @@ GRAIN = 2.0**-20
 numbers = st.floats(allow_nan=True, allow_infinity=True)
 
 
-def decision(path=(), arcs=(), headings=(), guide=(), hash_of=lambda name: "0f" * 16):
+def decision(path=(), arcs=(), headings=(), global_path=(), hash_of=lambda name: "0f" * 16):
     message = pb.Decision(sequence=7, action="follow")
     message.trajectory.path.extend(pb.Point(x=x, y=y, z=z) for x, y, z in path)
     message.trajectory.arc_length.extend(arcs)
     message.trajectory.heading.extend(headings)
-    message.guide.extend(pb.Point(x=x, y=y, z=z) for x, y, z in guide)
+    message.global_path.extend(pb.Point(x=x, y=y, z=z) for x, y, z in global_path)
     for name in HASHES:
         setattr(message, name, hash_of(name))
     return message
@@ -58,7 +58,7 @@ def test_a_packed_decision_by_hand():
     odd=st.lists(numbers, max_size=4),
 )
 def test_whatever_was_packed_comes_back_bit_by_bit(path, arcs, odd):
-    for message in (decision(path, arcs, arcs), decision(path, odd), decision(guide=path)):
+    for message in (decision(path, arcs, arcs), decision(path, odd), decision(global_path=path)):
         assert there_and_back(message) == message.SerializeToString(deterministic=True)
 
 
@@ -84,7 +84,7 @@ def test_hashes_of_streams_take_eight_bytes_each():
     "spoil",
     [
         lambda packed: packed.path.append(1),
-        lambda packed: packed.guide.append(1),
+        lambda packed: packed.global_path.append(1),
         lambda packed: packed.arc_length.extend(np.zeros(2**20 + 1, np.int64).tolist()),
         lambda packed: setattr(packed, "hashes", b"short"),
     ],
@@ -110,10 +110,10 @@ def test_a_log_of_decisions_is_packed_and_read_like_any_other(recorded):
 
 
 def bare(path, kinds):
-    """Messages without what is measured, and without guides, of which most are left out."""
+    """Messages without what is measured, and without global paths, of which most are left out."""
     for message in read_messages(path):
         if isinstance(message, pb.Decision):
             message.ClearField("stages")
-            message.ClearField("guide")
+            message.ClearField("global_path")
         if isinstance(message, kinds):
             yield message

@@ -37,11 +37,11 @@ def log(recorded):
 
 def shifted(name, by):
     def falsify(decision):
-        grounds = decision.grounds
-        if name in POINTS and grounds.HasField(name):
-            getattr(grounds, name).x += by
-        elif name not in POINTS and grounds.HasField(name):
-            setattr(grounds, name, getattr(grounds, name) + by)
+        predicate = decision.predicate
+        if name in POINTS and predicate.HasField(name):
+            getattr(predicate, name).x += by
+        elif name not in POINTS and predicate.HasField(name):
+            setattr(predicate, name, getattr(predicate, name) + by)
 
     return falsify
 
@@ -55,7 +55,7 @@ def unlabelled(decision):
 
 
 def occupied(decision):
-    decision.grounds.cell_state = "occupied"
+    decision.predicate.cell_state = "occupied"
 
 
 def as_it_is(decision):
@@ -93,16 +93,16 @@ def told(log):
                 checks[name].pass_by(decision)
                 continue
             falsify(decision)
-            decision.reason = sentence(logged_reason(decision.grounds))
+            decision.reason = sentence(logged_reason(decision.predicate))
             texts = checks[name].check(decision, moment.map, moment.config, moment.mission)
             if texts:
-                found[name].setdefault(decision.grounds.kind, []).extend(texts)
+                found[name].setdefault(decision.predicate.kind, []).extend(texts)
     return found
 
 
 def test_what_a_log_says_of_its_decisions_is_true(told, log):
     assert told["nothing"] == {}
-    kinds = {one.grounds.kind for one in log.decisions()}
+    kinds = {one.predicate.kind for one in log.decisions()}
     assert {"unknown_ahead", "path_to_goal", "braking_to_goal", "at_goal"} <= kinds
 
 
@@ -184,7 +184,7 @@ def test_a_false_reason_of_each_kind_is_found(log):
         decision = pb.Decision()
         decision.CopyFrom(moment.decision)
         reason = Reason(kind, **figures, **places)
-        decision.grounds.CopyFrom(reason_message(reason))
+        decision.predicate.CopyFrom(reason_message(reason))
         decision.reason = sentence(reason)
         decision.action, decision.label = MEANINGS[kind].actions[0], MEANINGS[kind].labels[0]
         texts = check.check(decision, moment.map, moment.config, moment.mission)
@@ -198,7 +198,7 @@ def _needs(kind, name):
 
 def test_a_decision_without_figures_is_found_but_not_in_an_old_log(log):
     moment = next(moments(log))
-    moment.decision.ClearField("grounds")
+    moment.decision.ClearField("predicate")
     given = moment.decision, moment.map, moment.config, moment.mission
     assert ReasonCheck().check(*given) == ["there is no reason with figures"]
     assert ReasonCheck(required=False).check(*given) == []
@@ -210,13 +210,13 @@ def test_figures_that_no_decision_has_are_found_and_harm_nothing(log, value):
     for name in FIGURES:
         decision = pb.Decision()
         decision.CopyFrom(moment.decision)
-        grounds = decision.grounds
+        predicate = decision.predicate
         if name in POINTS:
-            getattr(grounds, name).x = value
+            getattr(predicate, name).x = value
         elif name in (*TEXTS, "since", "places", "iterations"):
             continue
         else:
-            setattr(grounds, name, value)
+            setattr(predicate, name, value)
         given = decision, moment.map, moment.config, moment.mission
         assert ReasonCheck().check(*given), name
 
@@ -244,7 +244,7 @@ def test_every_figure_of_a_sentence_is_one_of_a_reason(kind):
 
 def false_in_all(decision):
     occupied(decision)
-    decision.reason = sentence(logged_reason(decision.grounds))
+    decision.reason = sentence(logged_reason(decision.predicate))
 
 
 def test_decisions_are_counted_by_action_label_and_reason():

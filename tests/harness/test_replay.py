@@ -328,8 +328,8 @@ def test_a_log_of_decisions_keeps_guides_where_they_were_searched_for(recorded):
     small = open_log(Path(recorded(*SHORT["quadruped"], "record=decisions").log))
     assert small.scene == full.scene
     pairs = list(zip(small.decisions(), full.decisions(), strict=True))
-    kept = [bool(one.guide) for one, other in pairs if other.guide]
+    kept = [bool(one.global_path) for one, other in pairs if other.global_path]
     assert 2 <= sum(kept) < len(kept)
-    assert all(one.guide == other.guide for one, other in pairs if one.guide)
-    assert all(one.guide for one, other in pairs if other.planner and other.guide)
+    assert all(one.global_path == other.global_path for one, other in pairs if one.global_path)
+    assert all(one.global_path for one, other in pairs if other.planner and other.global_path)
     assert all(one.trajectory == other.trajectory for one, other in pairs)

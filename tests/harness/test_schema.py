@@ -71,7 +71,7 @@ def test_every_committed_log_opens(path):
         assert len(decision.trajectory.path) >= 1
         assert len(decision.trajectory.arc_length) == len(decision.trajectory.heading) >= 1
         assert not decision.HasField("packed")
-        assert decision.HasField("grounds") == (version in WITH_REASONS)
+        assert decision.HasField("predicate") == (version in WITH_REASONS)
     if opened.record == "full":
         assert sum(1 for _ in opened.records()) == len(decisions)
 
@@ -89,9 +89,10 @@ def test_an_old_log_is_compared_in_all_but_what_its_format_said_otherwise(capsys
     path = COMMITTED / committed_name("3")
     again = replay(path)
     assert again.identical, again.differences
-    assert again.not_compared == ("action", "reason", "label", "grounds", "chain")
+    assert again.not_compared == ("action", "reason", "label", "predicate", "chain")
     assert main(["replay", str(path)]) == 0
-    assert "reason, label, grounds, chain not compared: an older format" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "reason, label, predicate, chain not compared: an older format" in out
     found = audit(path)
     assert (found.violations, found.reasons, found.decisions) == ((), 0, again.decisions)
     metrics = score(read_trace(open_log(path)))

@@ -123,7 +123,7 @@ class Good(FieldPlanner):
         super().__init__(information, 1.0)
 '''
 
-# The search for a cheaper guide comes once a second: the second one at decision 10.
+# The search for a cheaper global path comes once a second: the second one at decision 10.
 RUN = ["run", "corridor", "--robot", "drone", "--seed", "1", "--set", "map.resolution=0.2"]
 RUN += ["--set", "planner.restarts=1"]
 

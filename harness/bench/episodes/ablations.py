@@ -153,9 +153,9 @@ def _run(arm: Arm, seed: int, path: Path) -> Trial:
 
     def note(decision: pb.Decision, _: pb.Truth) -> None:
         nearest = (decision.least_clearance_m / decision.resolution_m) ** 2
-        unknown = round(nearest) <= decision.blocked_at_or_below
-        grounds, label = decision.grounds, decision.label
-        sets_out = decision.action == "explore" and grounds.since == decision.sequence
+        unknown = round(nearest) <= decision.collision_distance_sq
+        predicate, label = decision.predicate, decision.label
+        sets_out = decision.action == "explore" and predicate.since == decision.sequence
         at_edge = decision.action == "follow" and label == "unknown_ahead"
         at_edge = at_edge or decision.action == "explore"
         decisions.append(Noted(sets_out, at_edge, unknown, decision.stages.plan_ms))

@@ -90,7 +90,7 @@ def tally(path: Path, check: bool = True) -> Tally:
 
 
 def _row(decision: pb.Decision) -> Row:
-    kind = decision.grounds.kind or NUMBER.sub("#", decision.reason)
+    kind = decision.predicate.kind or NUMBER.sub("#", decision.reason)
     return decision.action, decision.label, kind
 
 

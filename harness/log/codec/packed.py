@@ -70,11 +70,11 @@ def _pack_decision(decision: pb.Decision) -> pb.Decision:
     into.path.extend(_steps(_ordered(_coordinates(trajectory.path))))
     into.arc_length.extend(_steps(_grains(np.array(trajectory.arc_length)[:, None])))
     into.heading.extend(_steps(_grains(np.array(trajectory.heading)[:, None])))
-    into.guide.extend(_steps(_grains(_coordinates(packed.guide))))
+    into.global_path.extend(_steps(_grains(_coordinates(packed.global_path))))
     into.hashes = _numbers(getattr(decision, name) for name in HASHES)
     for field in ("path", "arc_length", "heading"):
         trajectory.ClearField(field)
-    for field in ("guide", *HASHES):
+    for field in ("global_path", *HASHES):
         packed.ClearField(field)
     return packed
 
@@ -85,8 +85,8 @@ def _unpack_decision(decision: pb.Decision) -> None:
     add_points(trajectory, "path", _doubles(_sums(packed.path, 3)))
     trajectory.arc_length.extend((_sums(packed.arc_length, 1)[:, 0] * GRAIN).tolist())
     trajectory.heading.extend((_sums(packed.heading, 1)[:, 0] * GRAIN).tolist())
-    guide = _sums(packed.guide, 3).astype(np.float64) * GRAIN
-    add_points(decision, "guide", guide)
+    path = _sums(packed.global_path, 3).astype(np.float64) * GRAIN
+    add_points(decision, "global_path", path)
     for name, text in zip(HASHES, hashes, strict=True):
         setattr(decision, name, text)
     decision.ClearField("packed")

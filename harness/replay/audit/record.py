@@ -72,7 +72,7 @@ def check_margin(moment: Moment) -> list[Violation]:
     if not abs(decision.localization_margin_m - margin) <= ROUNDING:
         text = f"{decision.localization_margin_m:.4f} m, config and pose give {margin:.4f} m"
         return [moment.broken("margin", text)]
-    said = decision.inflation_radius_m, decision.blocked_at_or_below
+    said = decision.inflation_radius_m, decision.collision_distance_sq
     size = moment.config.map.resolution
     expected = []
     for radius in radii_of(moment.mission):

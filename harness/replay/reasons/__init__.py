@@ -69,7 +69,7 @@ class ReasonCheck:
             A text for each part that does not hold.
         """
         found: list[str] = []
-        if decision.HasField("grounds"):
+        if decision.HasField("predicate"):
             scene = Scene(decision, built, config, mission)
             found = list(self._false(scene))
             self.checked += 1
@@ -84,7 +84,7 @@ class ReasonCheck:
 
     def _false(self, scene: Scene) -> Iterator[str]:
         decision = scene.decision
-        reason, kind = decision.grounds, decision.grounds.kind
+        reason, kind = decision.predicate, decision.predicate.kind
         meaning = MEANINGS.get(kind)  # type: ignore[call-overload]
         if meaning is None:
             yield f"there is no reason '{kind[:40]}'"

@@ -36,9 +36,9 @@ TURNED = 0.35
 def path_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """All of the path is admitted, and it ends where it says."""
     yield from _path_ends(scene, reason)
-    if not len(scene.guide):
+    if not len(scene.global_path):
         return
-    yield from free_before(scene, scene.guide, math.inf)
+    yield from free_before(scene, scene.global_path, math.inf)
     if not scene.mission.discs:
         yield from same("path_m", reason.path_m, length(scene.path))
 
@@ -55,11 +55,11 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
     """The committed part ends at a corner of the path that is too sharp to take in motion."""
     yield from _path_ends(scene, reason)
     yield from _committed(scene, reason.free_m)
-    if not reason.free_m < reason.path_m or not len(scene.guide):
+    if not reason.free_m < reason.path_m or not len(scene.global_path):
         yield "the corner is not on the path"
         return
     # Near its begin a thinned path has no corner, but the one before it has.
-    ways = [way for way in (scene.guide, past.way) if len(way) > 1]
+    ways = [way for way in (scene.global_path, past.way) if len(way) > 1]
     ends = [nearest(way, scene.path[-1], scene)[0] for way in ways]
     if scene.mission.discs:  # which may fit along less than what leads to the corner
         begins = [nearest(way, scene.path[0], scene)[0] for way in ways]
@@ -71,7 +71,7 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way is free up to a cell, and slow is what that costs."""
-    yield from obstructed(scene, reason, scene.guide, scene.unknown_blocks)
+    yield from obstructed(scene, reason, scene.global_path, scene.unknown_blocks)
     yield from _committed(scene, reason.free_m)
     limits = scene.mission
     full = stop_from(limits.max_speed * scene.config.motion.speed_fraction, limits)
@@ -83,7 +83,7 @@ def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The committed part leads through unknown space, which the policy lets it, slowly."""
-    yield from obstructed(scene, reason, scene.guide, unknown_blocks=True)
+    yield from obstructed(scene, reason, scene.global_path, unknown_blocks=True)
     if scene.config.costmap.unknown_policy != "penalize":
         yield f"unknown policy {scene.config.costmap.unknown_policy}"
     yield from same(
@@ -98,7 +98,7 @@ def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
     if length(scene.path) >= STILL:
         yield "the trajectory leaves its place"
     towards = heading_of_body(scene.decision) + reason.turn_rad
-    firsts = [direction(scene.guide, 0.0, reach) for reach in FIRST_PIECES]
+    firsts = [direction(scene.global_path, 0.0, reach) for reach in FIRST_PIECES]
     turns = [towards - first - tail for first in firsts for tail in (0.0, math.pi)]
     off = min(abs(wrap_angle(turn)) for turn in turns)
     if off > TURNED_INTO:
@@ -114,12 +114,12 @@ def keeping_course(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 def _path_ends(scene: Scene, reason: pb.Reason) -> Iterator[str]:
     """The way is as long as it says, and ends as near to the goal."""
-    if not len(scene.guide):
+    if not len(scene.global_path):
         yield "it names no path"
         return
     yield from same("path_m", reason.path_m, scene.decision.path_length_m)
-    yield from same_arc("path_m", reason.path_m, length(scene.guide))
-    beside = scene.apart(scene.guide[-1], scene.goal)
+    yield from same_arc("path_m", reason.path_m, length(scene.global_path))
+    beside = scene.apart(scene.global_path[-1], scene.goal)
     yield from same("short_m", reason.short_m, beside, 0.011)
 
 

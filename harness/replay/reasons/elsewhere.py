@@ -17,7 +17,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 def looking_elsewhere(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way leads to a frontier: to admitted space beside what only has not been seen."""
     yield from _errand(scene, past, reason)
-    now, before = scene.decision.sequence, [one.grounds for one in past.steps.values()]
+    now, before = scene.decision.sequence, [one.predicate for one in past.steps.values()]
     if reason.since == now and not _is_frontier(scene, point_of(reason.target)):
         yield "where it goes is no frontier"
     seen = max((one.places for one in before if one.kind == reason.kind), default=0)
@@ -68,17 +68,17 @@ def turning_out_of_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Ite
 
 def _errand(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way leads where it says, and has since the decision that set out."""
-    if len(scene.guide) < 2:
+    if len(scene.global_path) < 2:
         yield "it names no way"
         return
     target = point_of(reason.target)
-    yield from same("target", 0.0, scene.apart(scene.guide[-1], target))
+    yield from same("target", 0.0, scene.apart(scene.global_path[-1], target))
     yield from same("path_m", reason.path_m, scene.decision.path_length_m)
     now = scene.decision.sequence
     if reason.since > now or (reason.since < now and reason.since not in past.steps):
         yield f"there is no earlier decision {reason.since}"
     for step in past.since(reason.since, now):
-        if step.kind == reason.kind and scene.apart(point_of(step.grounds.target), target) > NEAR:
+        if step.kind == reason.kind and scene.apart(point_of(step.predicate.target), target) > NEAR:
             yield f"since decision {reason.since} it went elsewhere"
             return
 

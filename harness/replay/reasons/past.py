@@ -23,7 +23,7 @@ class Step:
         kind: Of its reason.
         label: Its own.
         action: Likewise.
-        grounds: All of its reason.
+        predicate: All of its reason.
         moves: Whether its trajectory leaves its place.
         position: (3,) believed, m.
     """
@@ -32,7 +32,7 @@ class Step:
     kind: str
     label: str
     action: str
-    grounds: pb.Reason
+    predicate: pb.Reason
     moves: bool
     position: Array
 
@@ -56,16 +56,16 @@ class Past:
         path = path_of(decision.trajectory.path)
         self.steps[decision.sequence] = Step(
             time_ns=decision.timestamp.ToNanoseconds(),
-            kind=decision.grounds.kind,
+            kind=decision.predicate.kind,
             label=decision.label,
             action=decision.action,
-            grounds=decision.grounds,
+            predicate=decision.predicate,
             moves=length(path) >= STILL,
             position=np.array(decision.position),
         )
         self.trajectories = [*self.trajectories[-9:], decision.trajectory]
-        if len(decision.guide) > 1:
-            self.way = path_of(decision.guide)
+        if len(decision.global_path) > 1:
+            self.way = path_of(decision.global_path)
 
     def followed(self, time_ns: int) -> pb.Trajectory | None:
         """The trajectory that the robot follows at a time; none before the first takes effect."""

@@ -92,9 +92,9 @@ class Scene:
         return path_of(self.decision.trajectory.path)
 
     @cached_property
-    def guide(self) -> Array:
+    def global_path(self) -> Array:
         """The way that it names, (n, 3) m; of no points if it names none."""
-        return path_of(self.decision.guide)
+        return path_of(self.decision.global_path)
 
     @property
     def goal(self) -> Array:

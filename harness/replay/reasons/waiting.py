@@ -22,7 +22,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 def waiting_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """At rest before a cell that leaves too little of the way to set out."""
-    way = scene.guide if len(scene.guide) > 1 else past.way
+    way = scene.global_path if len(scene.global_path) > 1 else past.way
     yield from obstructed(scene, reason, way, scene.unknown_blocks)
     yield from same("limit_m", reason.limit_m, scene.config.behaviour.min_advance)
     if not reason.free_m < reason.limit_m:

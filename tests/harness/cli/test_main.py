@@ -272,7 +272,7 @@ def test_the_live_line_keeps_its_end_at_60_columns():
 
     out = StringIO()
     decision = pb.Decision(action="stop_and_wait", map_version="e75fde96" * 4, path_length_m=12.3)
-    decision.guide.add(x=1.0)
+    decision.global_path.add(x=1.0)
     decision.timestamp.FromNanoseconds(99_900_000_000)
     with LiveLine(Console(file=out, width=60), "quadruped") as line:
         line(decision, pb.Truth(velocity=[1.0, 0.0, 0.0]))

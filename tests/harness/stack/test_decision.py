@@ -11,7 +11,7 @@ from wayproof.harness.stack.decision import add_points, path_of
 coordinates = st.floats(allow_nan=True, allow_infinity=True)
 
 
-@pytest.mark.parametrize(("kind", "field"), [(pb.Trajectory, "path"), (pb.Decision, "guide")])
+@pytest.mark.parametrize(("kind", "field"), [(pb.Trajectory, "path"), (pb.Decision, "global_path")])
 @given(points=st.lists(st.tuples(coordinates, coordinates, coordinates), max_size=20))
 def test_points_in_wire_format_are_the_messages_that_protobuf_makes_itself(kind, field, points):
     """Down to what is left out when serialized: a zero, but not a negative one."""
@@ -28,5 +28,5 @@ def test_points_in_wire_format_are_the_messages_that_protobuf_makes_itself(kind,
 
 def test_no_path_is_no_points():
     message = pb.Decision()
-    add_points(message, "guide", None)
+    add_points(message, "global_path", None)
     assert message == pb.Decision()

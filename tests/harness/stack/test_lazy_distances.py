@@ -77,7 +77,7 @@ def content(command, state):
 
 
 def count_plans(monkeypatch):
-    """How often each plan of a guide was made, by what was asked for."""
+    """How often each plan of a global path was made, by what was asked for."""
     counts = Counter()
 
     def counted(space, start, goal, config, seed, heading):
