@@ -1,4 +1,4 @@
-"""Paths over a costmap and the trajectories along them."""
+"""Paths over a costmap, and trajectories along them."""
 
 if __name__ != "wayproof.planners":  # from the root of a clone, where it would be a second copy
     raise ImportError("got 'import planners', expected 'import wayproof.planners'")
@@ -9,14 +9,13 @@ import numpy as np
 
 from wayproof.maps import DistanceField, Distances
 from wayproof.planners.astar.goal_field import GoalField
-from wayproof.planners.astar.lattice import draw_by_columns, entry, make_lattice
-from wayproof.planners.astar.se2 import turning_path
+from wayproof.planners.astar.lattice import entry_cell, make_lattice, set_column_heuristic
+from wayproof.planners.astar.se2 import se2_path
 from wayproof.planners.body import Body, Disc, collision_distance_sq
 from wayproof.planners.free_space import CLEARANCE_WEIGHT, FreeSpace
 from wayproof.planners.frontier import best_frontier
-from wayproof.planners.kernels import Floats
-from wayproof.planners.ompl.search import FORMER_NAMES, registered
-from wayproof.planners.ompl.state_spaces import STATE_SPACES, state_space_for
+from wayproof.planners.kernels.grid import Floats
+from wayproof.planners.ompl.state_spaces import STATE_SPACES
 from wayproof.planners.path import (
     arc_lengths,
     blend_corners,
@@ -28,7 +27,14 @@ from wayproof.planners.path import (
     tangent_at,
     truncate,
 )
-from wayproof.planners.problem import PLANNERS, Plan, PlanLabel, PlannerConfig, plan
+from wayproof.planners.problem import Plan, PlanLabel, PlannerConfig, plan
+from wayproof.planners.registry import (
+    FORMER_NAMES,
+    PLANNERS,
+    is_registered,
+    planner_traits,
+    state_space_for,
+)
 from wayproof.planners.seeds import plan_seed
 from wayproof.planners.trajectory import (
     MotionLimits,
@@ -65,11 +71,12 @@ __all__ = [
     "first_stop",
     "follow_path",
     "hold",
+    "is_registered",
     "plan",
     "plan_seed",
+    "planner_traits",
     "point_at",
     "project",
-    "registered",
     "remaining",
     "speed_limits",
     "state_space_for",
@@ -83,11 +90,11 @@ __all__ = [
 
 
 def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None:
-    """Compile what plans and trajectories need, or load it from the cache.
+    """Compile the kernels of plans and trajectories, or load them from the cache.
 
     Args:
-        config: What is planned with; None: everything that there is.
-        oriented: Whether it is for a body of several discs, and not for one disc or ball.
+        config: The planner; None for all planners.
+        oriented: Whether the body is several discs, and not one disc or ball.
     """
     field = np.full((20, 20, 1), 100, dtype=np.uint16)
     space = FreeSpace(field, np.zeros(3), 0.1, 4, np.zeros(101))
@@ -100,16 +107,16 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
         for _ in range(2):
             to_goal.plan(space, start, seed=1)
     sampled = PlannerConfig(name="rrtconnect")
-    if config is not None and registered(config.name) not in PLANNERS:
-        config = sampled  # a user's code runs in an episode alone, where its failures are logged
+    if config is not None and not is_registered(config.name):
+        config = sampled  # a user's code is run in episodes only, where its failures are logged
     for one in [PlannerConfig(), sampled] if config is None else [config]:
         plan(space, start, goal, one, seed=1)
     distances = Distances(DistanceField((20, 20, 20), 8), (20, 20, 20))
     flown, (near, far) = replace(space, distances=distances), ([0.5] * 3, [1.5, 1.5, 0.5])
     plan(flown, np.array(near), np.array(far), PlannerConfig(), seed=1)
     long = make_lattice(flown, factor=1, weight=1.0)
-    ends = (entry(long, flown, np.array(end)) for end in (near, far))
-    draw_by_columns(long, *ends)
+    goal_cell, start_cell = (entry_cell(long, flown, np.array(end)) for end in (near, far))
+    set_column_heuristic(long, goal_cell, start_cell)
     corner = np.array([start, [1.75, 0.25, 0.05], goal])
     path = blend_corners(space, corner, blend_length=0.4)
     space.free_length(path)
@@ -130,11 +137,11 @@ def _long_space() -> FreeSpace:
 
 
 def _warm_up_poses(start: Floats, goal: Floats) -> None:
-    """Bodies of several discs, planned for by the field and followed along paths."""
+    """Compile for a body of several discs: A*, and its motion along paths."""
     space = _long_space()
     plan(space, start, goal, PlannerConfig(), seed=1)
     poses = np.array([[*start, 0.0], [*goal, 0.0]])
-    turning_path(space, (*start.tolist(), 0.0), (*goal.tolist(), 0.0), budget=100)
+    se2_path(space, (*start.tolist(), 0.0), (*goal.tolist(), 0.0), budget=100)
     space.free_sweep_length(poses)
     space.free_poses(poses)
     space.free_length(poses[:, :3])
@@ -142,7 +149,7 @@ def _warm_up_poses(start: Floats, goal: Floats) -> None:
 
 
 def _warm_up_samplers(start: Floats, goal: Floats) -> None:
-    """Bodies of several discs, planned for by drawing states."""
+    """Compile for a body of several discs: planners that sample."""
     space = _long_space()
     plan(space, start, goal, PlannerConfig(name="rrtconnect"), seed=1)
     curved = PlannerConfig(name="rrtconnect", state_space="dubins", turning_radius=0.2, restarts=1)

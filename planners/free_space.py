@@ -1,45 +1,49 @@
-"""Where a robot's reference point may be: a thresholded distance field and its cost."""
+"""Free space of a robot's reference point: a thresholded distance field with costs."""
 
 import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps import Distances
-from wayproof.planners import kernels
 from wayproof.planners.body import Disc
-from wayproof.planners.kernels import OUTSIDE, Discs, Floats, Grid
+from wayproof.planners.kernels import headed, segment, sweep, sweep_cost
+from wayproof.planners.kernels.grid import BLOCK_BITS, OUTSIDE, Discs, Floats, Grid, Point, Pose
 
-# Measured in a warehouse: paths 8 % longer, their mean clearance 0.84 m instead of 0.53 m.
+T = TypeVar("T")
+
 CLEARANCE_WEIGHT = 2.0
+"""Weight of the cell cost against length: in a warehouse paths are 8 % longer with it, and their
+mean clearance is 0.84 m instead of 0.53 m."""
 
 
 @dataclass(frozen=True)
 class FreeSpace:
     """A distance field, the threshold that makes it free space, and the cost of coming near.
 
-    A cell is forbidden if its field value is at or below ``collision_distance_sq``, and everywhere
-    outside the array. Cells are half-open boxes. Ground robots have nz == 1 and all their points
-    carry the height of that layer's centre. All points are in the world frame [m].
+    A cell is forbidden if its squared distance is at or below `collision_distance_sq`, and
+    everywhere outside the array. Cells are half-open boxes. Ground robots have nz == 1, and all
+    their points carry the height of that layer's centre. All points are in the world frame, m.
 
     Attributes:
         distances: Squared cell distances to the nearest blocked cell, truncated; uint16
-            (nx, ny, nz), or what works them out where somebody looks. Where one is large enough,
-            the cells around it are taken for free without a look.
-        origin: Low corner of the grid [m], shape (3,).
-        resolution: Cell size [m].
+            (nx, ny, nz), or lazy ones. Where one is large enough, the cells around it are free
+            without a check of their own.
+        origin: Low corner of the grid, m, shape (3,).
+        resolution: Cell size, m.
         collision_distance_sq: Largest forbidden squared cell distance.
         cost_by_distance: Cost of a cell by its squared cell distance, shape (t,): 1 at the border
             of the forbidden cells, falling to 0; the last entry holds for all beyond.
-        discs: Of a body that is checked at its heading, each with a threshold of its own, the
-            least of which is ``collision_distance_sq``. Empty for a body that is one disc or ball.
-        sparing: Whether a search in space is to look at few distances rather than search few cells:
-            for distances that are worked out where somebody looks.
-        shape: The discs, as the kernels take them.
-        grid: The same arrays, as the kernels take them.
+        discs: Discs of a body that is checked at its heading, each with a threshold of its own, the
+            least of which is `collision_distance_sq`. Empty for a body that is one disc or ball.
+        few_reads: Whether a search in space should read few distances rather than expand few cells,
+            for lazy distances.
+        shape: The discs as a record of arrays.
+        grid: The field and its costs as a record of arrays.
 
     Raises:
         ValueError: If an array has a wrong shape or type, or a free cell's cost is negative or
@@ -52,7 +56,7 @@ class FreeSpace:
     collision_distance_sq: int
     cost_by_distance: Floats
     discs: tuple[Disc, ...] = ()
-    sparing: bool = False
+    few_reads: bool = False
     shape: Discs = dataclasses.field(init=False, repr=False, compare=False)
     grid: Grid = dataclasses.field(init=False, repr=False, compare=False)
 
@@ -62,7 +66,7 @@ class FreeSpace:
         self._check(field)
         grid = Grid(
             np.ascontiguousarray(field),
-            _blocks_of(field) if lazy is None else lazy.looked_at,
+            _unread_blocks(field) if lazy is None else lazy.looked_at,
             np.array(self.origin, dtype=np.float64),
             float(self.resolution),
             np.array(self.cost_by_distance, dtype=np.float64),
@@ -101,54 +105,60 @@ class FreeSpace:
 
     @property
     def _lazy(self) -> Distances | None:
-        """What works the distances out where somebody looks; those of a plane are all at hand."""
+        """The lazy distances, if they are; those of a plane are all worked out."""
         if isinstance(self.distances, Distances) and self.distances.cells.shape[2] > 1:
             return self.distances
         return None
 
     @property
     def field(self) -> NDArray[np.uint16]:
-        """All squared cell distances, up to date; uint16 (nx, ny, nz).
+        """All squared cell distances, worked out; uint16 (nx, ny, nz).
 
-        For who does not note where it looks; `grid.field` is up to date only where that is noted.
+        `grid.field` is up to date only in the blocks that are recorded as read.
         """
         return self.distances.whole() if isinstance(self.distances, Distances) else self.distances
 
-    def bring_up_to_date(self) -> None:
-        """Have all distances worked out."""
+    def refresh(self) -> None:
+        """Work out all distances, for a reader that does not record what it reads."""
         if self._lazy is not None:
             self._lazy.whole()
 
-    def note_missed(self) -> None:
-        """Note what was read so far, before a part of it that begins anew by itself."""
-        if self._lazy is not None:
-            self._lazy.note_missed()
+    def resolve(self, search: Callable[[], T]) -> T:
+        """Search on up-to-date distances: again, until none that was read is out of date.
+
+        Args:
+            search: Reads distances of this space and keeps nothing; may be called several times.
+        """
+        lazy = self._lazy
+        if lazy is None:
+            return search()
+        lazy.note_missed()
+        while True:
+            found = search()
+            if not lazy.catch_up():
+                return found
 
     def begin_search(self) -> bool:
-        """Bring the distances up to date where the last search looked.
+        """Work out the distances that the last search read; this one will read many of them, too.
 
         Returns:
-            Whether to go on; not if what was read so far was out of date.
+            Whether to go on; not if a distance read before is out of date.
         """
         return self._lazy is None or self._lazy.begin_search()
 
-    def note_searched(self, note: Callable[[NDArray[np.bool_]], None]) -> bool:
-        """Have a search note the blocks of cells that it read, shape (blocks, nx).
+    def record_search(self, mark: Callable[[NDArray[np.bool_]], None]) -> bool:
+        """Record the blocks of distances that a search read.
+
+        Args:
+            mark: Sets them in an array of blocks, shape (blocks, nx).
 
         Returns:
-            Whether they were up to date; if not, what was found is worth nothing.
+            Whether they were up to date; if not, the search has to be repeated.
         """
         if self._lazy is None:
             return True
-        note(self._lazy.searched)
+        mark(self._lazy.searched)
         return not self._lazy.outdated()
-
-    def catch_up(self) -> bool:
-        """Bring the distances up to date that were read; whether any were not.
-
-        Then what was found rests on outdated ones, and is to be found again.
-        """
-        return self._lazy is not None and self._lazy.catch_up()
 
     @property
     def flat(self) -> bool:
@@ -160,11 +170,11 @@ class FreeSpace:
         return self.edge_free(point, point)
 
     def edge_free(self, a: Floats, b: Floats) -> bool:
-        """Whether every cell that the segment from ``a`` to ``b`` touches is free."""
-        return bool(kernels.edge_free(self.grid, self.collision_distance_sq, _point(a), _point(b)))
+        """Whether every cell that the segment from `a` to `b` touches is free."""
+        return bool(segment.edge_free(self.grid, self.collision_distance_sq, _point(a), _point(b)))
 
     def free_length(self, path: Floats) -> float:
-        """Arc length [m] along a polyline, shape (n, 3), before its first forbidden cell.
+        """Arc length along a polyline (n, 3) before its first forbidden cell, m.
 
         Ends two sub-cells (2/65536 of a cell) short of that cell's face; 0 if the start is
         forbidden, the whole length if nothing is. A body of discs heads along the path, nose or
@@ -172,15 +182,15 @@ class FreeSpace:
         """
         if self.discs:
             points = np.ascontiguousarray(path, dtype=np.float64)
-            return float(kernels.headed_free_length(self.grid, self.shape, points))
+            return float(headed.headed_free_length(self.grid, self.shape, points))
         return float(self._walk(path, self.collision_distance_sq, 0.0)[0])
 
     def nearest_free(self, point: Floats, radius: float) -> Floats | None:
-        """Centre of the nearest free cell, shape (3,), at most ``radius`` [m] away, or None.
+        """Centre of the nearest free cell at most `radius`, m, away, shape (3,), or None.
 
-        Of several equally near the one of lowest index is taken.
+        Of several equally near the one of the lowest index.
         """
-        found, *cell = kernels.nearest_free(
+        found, *cell = segment.nearest_free(
             self.grid, self.collision_distance_sq, _point(point), radius / self.resolution
         )
         if not found:
@@ -189,7 +199,7 @@ class FreeSpace:
         return centre
 
     def least_clearance(self, path: Floats) -> float:
-        """Least distance [m] to a blocked cell over the cells that a path, shape (n, 3), touches.
+        """Least distance to a blocked cell over the cells that a path (n, 3) touches, m.
 
         Between cell centres, truncated where the field is; 0 if the path leaves the grid.
         """
@@ -197,10 +207,10 @@ class FreeSpace:
         return math.sqrt(max(least, 0)) * self.resolution
 
     def path_cost(self, path: Floats, clearance_weight: float = CLEARANCE_WEIGHT) -> float:
-        """Integral of 1 + weight * cost along a path [m], exact cell by cell.
+        """Integral of 1 + weight * cost along a path, m, exact cell by cell.
 
         Args:
-            path: Polyline [m], shape (n, 3).
+            path: Polyline, m, shape (n, 3).
             clearance_weight: Weight of the cell cost against length.
 
         Returns:
@@ -214,80 +224,85 @@ class FreeSpace:
 
         Position and heading change evenly, the heading by the shorter way round.
         """
-        return bool(kernels.sweep_free(self.grid, self.shape, _pose(a), _pose(b)))
+        return bool(sweep.sweep_free(self.grid, self.shape, _pose(a), _pose(b)))
 
     def pose_free(self, point: Floats, heading: float) -> bool:
-        """Whether the body is free at a point, facing a heading [rad]."""
+        """Whether the body is free at a point and heading, rad."""
         pose = (*_point(point), float(heading))
-        return bool(kernels.sweep_free(self.grid, self.shape, pose, pose))
+        return bool(sweep.sweep_free(self.grid, self.shape, pose, pose))
 
     def turn_free(self, point: Floats, heading: float, target: float) -> bool:
         """Whether the body can turn on the spot from a heading to another, the shorter way."""
         place = _point(point)
         before, after = (*place, float(heading)), (*place, float(target))
-        return bool(kernels.sweep_free(self.grid, self.shape, before, after))
+        return bool(sweep.sweep_free(self.grid, self.shape, before, after))
 
     def nearest_pose(self, point: Floats, radius: float, headings: Floats) -> Floats | None:
-        """Pose (4,) nearest to a point at which the body is free with one of the headings, or None.
+        """Pose (4,) nearest to a point where the body is free at one of the headings, or None.
 
-        At a cell's centre, at most ``radius`` [m] away.
+        At a cell's centre, at most `radius`, m, away.
         """
         pose = (*_point(point), 0.0)
         cells = radius / self.resolution
-        found, pose = kernels.nearest_pose(self.grid, self.shape, pose, cells, headings)
+        found, pose = sweep.nearest_pose(self.grid, self.shape, pose, cells, headings)
         return np.array(pose) if found else None
 
-    def turnable(self, points: Floats) -> NDArray[np.bool_]:
-        """At which points (n, 3) the body can turn to any heading, shape (n,)."""
-        cells = np.floor((points - self.grid.origin) / self.resolution).astype(np.int64)
-        cells = np.clip(cells, 0, np.array(self.grid.field.shape) - 1)
-        room = max(
+    def turning_room(self) -> float:
+        """Distance that the reference point needs to turn to any heading, cells."""
+        rooms = (
             abs(offset) / self.resolution + math.sqrt(threshold)
             for offset, threshold in zip(self.shape.offsets, self.shape.thresholds, strict=True)
         )
+        return float(max(rooms))
+
+    def turnable(self, points: Floats) -> NDArray[np.bool_]:
+        """Whether the body can turn to any heading at each of the points (n, 3), shape (n,)."""
+        cells = np.floor((points - self.grid.origin) / self.resolution).astype(np.int64)
+        cells = np.clip(cells, 0, np.array(self.grid.field.shape) - 1)
+        room = self.turning_room()
         wide: NDArray[np.bool_] = self.field[tuple(cells.T)] > room * room
         return wide
 
     def free_poses(self, poses: Floats) -> int:
-        """How many of the poses, shape (n, 4), the body gets through one after the other."""
+        """Number of poses (n, 4) that the body reaches one after the other."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        return int(kernels.poses_free_count(self.grid, self.shape, poses))
+        return int(sweep.poses_free_count(self.grid, self.shape, poses))
 
     def sweep_cost(self, poses: Floats, clearance_weight: float = CLEARANCE_WEIGHT) -> float:
-        """Cost of a body's way through poses, shape (n, 4) [m]; infinite if it is not free.
+        """Cost of a body's way through poses (n, 4), m; infinite if it is not free.
 
         The integral of 1 + weight * (mean cost of the discs' cells) along the reference point's
-        path, more where it is not along the heading, and a price for each turn (see
-        ``kernels.sweep_cost``).
+        path, more where it is not along the heading, and a cost of each turn (see
+        `kernels.sweep_cost`).
         """
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        return float(kernels.poses_cost(self.grid, self.shape, float(clearance_weight), poses))
+        return float(sweep_cost.poses_cost(self.grid, self.shape, float(clearance_weight), poses))
 
     def free_sweep_length(self, poses: Floats) -> float:
-        """Length [m] of a way through poses, shape (n, 4), before the body touches what it may not.
+        """Length of a way through poses (n, 4) before the body touches a forbidden cell, m.
 
-        Counted along the reference point's path, in whole steps of a sweep.
+        Along the reference point's path, in whole steps of a sweep.
         """
         poses = np.ascontiguousarray(poses, dtype=np.float64)
-        return float(kernels.poses_free_length(self.grid, self.shape, poses))
+        return float(sweep.poses_free_length(self.grid, self.shape, poses))
 
     def _walk(self, path: Floats, threshold: int, weight: float) -> tuple[float, int, float]:
         points = np.ascontiguousarray(path, dtype=np.float64)
-        walked: tuple[float, int, float] = kernels.walk_path(
+        walked: tuple[float, int, float] = segment.walk_path(
             self.grid, threshold, float(weight), points
         )
         return walked
 
 
-def _blocks_of(field: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """Blocks of cells that nobody has read, shape (blocks, nx)."""
+def _unread_blocks(field: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """Blocks of cells none of which was read, shape (blocks, nx)."""
     nx, ny, _ = field.shape
-    return np.zeros(((ny >> kernels.BLOCK_BITS) + 1, nx), np.bool_)
+    return np.zeros(((ny >> BLOCK_BITS) + 1, nx), np.bool_)
 
 
-def _point(point: Floats) -> kernels.Point:
+def _point(point: Floats) -> Point:
     return float(point[0]), float(point[1]), float(point[2])
 
 
-def _pose(pose: Floats) -> kernels.Pose:
+def _pose(pose: Floats) -> Pose:
     return float(pose[0]), float(pose[1]), float(pose[2]), float(pose[3])

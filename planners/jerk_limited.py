@@ -13,7 +13,7 @@ import numpy as np
 import ruckig
 
 from wayproof.planners._jit import kernel
-from wayproof.planners.kernels import Floats
+from wayproof.planners.kernels.grid import Floats
 
 
 class State(NamedTuple):

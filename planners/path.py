@@ -1,77 +1,48 @@
-"""Geometry of polyline paths, shape (n, 3) [m]: corners blended, arc length, speed limits."""
+"""Paths as polylines, shape (n, 3), m: arc lengths, blended corners, headings and speed limits."""
 
+from __future__ import annotations
+
+import itertools
 import math
 
 import numpy as np
 
 from wayproof.maps.elementary import cosine
-from wayproof.planners import kernels
-from wayproof.planners._jit import kernel
 from wayproof.planners.free_space import FreeSpace
-from wayproof.planners.kernels import LEAST_EDGE, Floats, edge_headings
+from wayproof.planners.kernels import blend, curvature, polyline
+from wayproof.planners.kernels.angles import edge_headings, yaw_of_direction
+from wayproof.planners.kernels.grid import Floats, Pose
+from wayproof.planners.kernels.headed import path_free
+from wayproof.planners.kernels.polyline import LEAST_EDGE
 
-SPACING = 0.05  # of a resampled path [m]
-# A corner that turns by less shares its edges as if it turned by this [rad].
+SPACING = 0.05
+"""Largest distance between points of a blended path, m."""
+
 LEAST_TURN = 0.05
+"""Smallest turn by which a corner shares its edges, rad."""
+
 SHARP_ANGLE = math.radians(50.0)
-SHARP_WINDOW = 0.3  # [m]
+"""Turn from which on a corner is too sharp to take in motion, rad."""
+
+SHARP_WINDOW = 0.3
+"""Length of path within which that turn counts, m."""
 
 
 def edge_lengths(path: Floats) -> Floats:
-    """Length of each edge [m], shape (n - 1,)."""
-    lengths: Floats = _edge_lengths(np.ascontiguousarray(path))
+    """Length of each edge, m, shape (n - 1,)."""
+    lengths: Floats = polyline.edge_lengths(np.ascontiguousarray(path))
     return lengths
 
 
 def arc_lengths(path: Floats) -> Floats:
-    """Arc length at each point [m], shape (n,); the first is 0."""
-    arcs: Floats = _arc_lengths(np.ascontiguousarray(path))
+    """Arc length at each point, m, shape (n,); the first is 0."""
+    arcs: Floats = polyline.arc_lengths(np.ascontiguousarray(path))
     return arcs
 
 
 def edge_tangents(path: Floats) -> Floats:
-    """Unit direction of each edge, shape (n - 1, 3); an edge of no length takes its neighbour's."""
-    tangents: Floats = _edge_tangents(np.ascontiguousarray(path))
-    return tangents
-
-
-@kernel
-def _edge_lengths(path: Floats) -> Floats:
-    lengths = np.empty(max(len(path) - 1, 0))
-    for k in range(len(lengths)):
-        x = path[k + 1, 0] - path[k, 0]
-        y = path[k + 1, 1] - path[k, 1]
-        z = path[k + 1, 2] - path[k, 2]
-        lengths[k] = math.sqrt(x * x + y * y + z * z)
-    return lengths
-
-
-@kernel
-def _arc_lengths(path: Floats) -> Floats:
-    arcs = np.zeros(len(path))
-    for k in range(1, len(path)):
-        x = path[k, 0] - path[k - 1, 0]
-        y = path[k, 1] - path[k - 1, 1]
-        z = path[k, 2] - path[k - 1, 2]
-        arcs[k] = arcs[k - 1] + math.sqrt(x * x + y * y + z * z)
-    return arcs
-
-
-@kernel
-def _edge_tangents(path: Floats) -> Floats:
-    """From the end on, so that an edge of no length finds its next neighbour's tangent there."""
-    lengths = _edge_lengths(path)
-    tangents = np.zeros((len(lengths), 3))
-    last = len(lengths)  # the last edge with a length: its tangent is that of all behind it
-    for k in range(len(lengths) - 1, -1, -1):
-        if lengths[k] > LEAST_EDGE:
-            for i in range(3):
-                tangents[k, i] = (path[k + 1, i] - path[k, i]) / lengths[k]
-            if last == len(lengths):
-                last = k
-                tangents[k + 1 :] = tangents[k]
-        elif last < len(lengths):
-            tangents[k] = tangents[k + 1]
+    """Unit direction of each edge, shape (n - 1, 3); one without length takes its neighbour's."""
+    tangents: Floats = polyline.edge_tangents(np.ascontiguousarray(path))
     return tangents
 
 
@@ -87,7 +58,7 @@ def _edge_at(arcs: Floats, s: float) -> int:
 
 
 def point_at(path: Floats, s: float) -> Floats:
-    """Point at an arc length [m], clamped to the path, shape (3,)."""
+    """Point at an arc length, m, clamped to the path, shape (3,)."""
     arcs = arc_lengths(path)
     if s >= arcs[-1]:
         end: Floats = path[-1].copy()
@@ -99,7 +70,7 @@ def point_at(path: Floats, s: float) -> Floats:
 
 
 def tangent_at(path: Floats, s: float) -> Floats:
-    """Unit tangent at an arc length [m], shape (3,); zero for a path of no length."""
+    """Unit tangent at an arc length, m, shape (3,); zero for a path without length."""
     if len(path) == 1:
         return np.zeros(3)
     tangent: Floats = edge_tangents(path)[_edge_at(arc_lengths(path), s)]
@@ -107,21 +78,21 @@ def tangent_at(path: Floats, s: float) -> Floats:
 
 
 def truncate(path: Floats, s: float) -> Floats:
-    """The path from its start to an arc length [m], shape (m, 3)."""
+    """The path from its start to an arc length, m, shape (m, 3)."""
     before = arc_lengths(path) < s - LEAST_EDGE
     before[0] = True
     return np.vstack((path[before], point_at(path, s)))
 
 
 def remaining(path: Floats, s: float) -> Floats:
-    """The path from an arc length [m] to its end, shape (m, 3)."""
+    """The path from an arc length, m, to its end, shape (m, 3)."""
     beyond = arc_lengths(path) > s + LEAST_EDGE
     beyond[-1] = True
     return np.vstack((point_at(path, s), path[beyond]))
 
 
 def project(path: Floats, point: Floats) -> float:
-    """Arc length [m] of the path's point nearest to a point; the first of several."""
+    """Arc length of the path's point nearest to a point, m; the first of several."""
     if len(path) == 1:
         return 0.0
     lengths, tangents = edge_lengths(path), edge_tangents(path)
@@ -131,46 +102,69 @@ def project(path: Floats, point: Floats) -> float:
     return float(arc_lengths(path)[edge] + along[edge])
 
 
+def poses_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:
+    """Poses of a body that heads along a path and turns at its corners, shape (n, 4).
+
+    Args:
+        points: Shape (n, 3), m.
+        start: First pose.
+        goal: Last pose; None to end at the heading of the last edge.
+    """
+    poses = [start]
+    for a, b in itertools.pairwise(points):
+        if b[0] == a[0] and b[1] == a[1]:
+            heading = poses[-1][3]  # straight up or down
+        else:
+            heading = float(yaw_of_direction(b[0] - a[0], b[1] - a[1]))
+        poses += [(*a, heading), (*b, heading)]
+    return np.array(poses if goal is None else [*poses, goal], dtype=np.float64)
+
+
 def blend_corners(
     space: FreeSpace, waypoints: Floats, blend_length: float, spacing: float = SPACING
 ) -> Floats:
     """Round each corner by a parabola and resample the path.
 
-    The quadratic Bezier curve from ``blend_length`` before a corner to as much after it has, of
-    the curves that stay within the corner's triangle, a low peak curvature: sin(a / 2) /
+    The quadratic Bezier curve from `blend_length` before a corner to as much after it has, of the
+    curves that stay within the corner's triangle, a low peak curvature: sin(a / 2) /
     (d cos(a / 2)^2) for a turn by a and a length d. A blend that would touch a forbidden cell is
-    halved; if it still does at the last, the corner stays.
+    halved; if the smallest still does, the corner stays.
 
     Args:
-        space: Where blends may run.
-        waypoints: Shape (n, 3) [m].
-        blend_length: Length cut from both edges of a corner, at most [m]; two corners share the
-            edge between them by how far each of them turns.
-        spacing: Largest distance between points of the result [m].
+        space: Free space.
+        waypoints: Shape (n, 3), m.
+        blend_length: Largest length cut from both edges of a corner, m; two corners share the edge
+            between them by how far each of them turns.
+        spacing: Largest distance between points of the result, m.
 
     Returns:
-        Shape (m, 3) [m], with the ends of ``waypoints``; free if they are, edge by edge.
+        Shape (m, 3), m, with the ends of `waypoints`; free if they are, edge by edge.
     """
     waypoints = np.ascontiguousarray(waypoints, dtype=np.float64)
     reaches = _reaches(waypoints, blend_length)
     tangents = np.empty((len(reaches), 2, 3))
     for n in range(len(reaches)):
         tangents[n] = edge_tangents(waypoints[n : n + 3])
-    body = space.grid, space.shape, bool(space.discs)
+
+    def blended(reaches: Floats) -> Floats:
+        path: Floats = blend.blend_path(
+            space.grid, space.shape, bool(space.discs), waypoints, tangents, reaches, spacing
+        )
+        return path
+
     # An edge cut short by its blends is rounded anew and can touch a cell that it just missed.
     for share in (1.0, 0.7, 0.4):
-        path: Floats = kernels.blended(*body, waypoints, tangents, share * reaches, spacing)
-        if kernels.all_free(*body, path):
+        path = blended(share * reaches)
+        if path_free(space.grid, space.shape, bool(space.discs), path):
             return path
-    bare: Floats = kernels.blended(*body, waypoints, tangents, 0.0 * reaches, spacing)
-    return bare
+    return blended(0.0 * reaches)
 
 
 def _reaches(waypoints: Floats, blend_length: float) -> Floats:
-    """Length that each corner's blend may take of its edges [m], shape (n - 2,)."""
+    """Length that each corner's blend may take of its edges, m, shape (n - 2,)."""
     lengths = edge_lengths(waypoints)
     turns = edge_lengths(edge_tangents(waypoints))  # (n - 2,) change of the tangent
-    turns = np.concatenate(([0.0], np.maximum(turns, LEAST_TURN), [0.0]))  # the ends turn nowhere
+    turns = np.concatenate(([0.0], np.maximum(turns, LEAST_TURN), [0.0]))  # none at the ends
     if len(waypoints) < 3:
         return np.empty(0)
     shares = turns[:-1] / np.maximum(turns[:-1] + turns[1:], LEAST_TURN)  # of the corner before
@@ -180,90 +174,32 @@ def _reaches(waypoints: Floats, blend_length: float) -> Floats:
 
 
 def speed_limits(path: Floats, lateral_acceleration: float, yaw_rate: float) -> Floats:
-    """Largest speed at each point [m/s], shape (n,), that curvature allows; infinite at the ends.
+    """Largest speed at each point, m/s, shape (n,), that curvature allows; infinite at the ends.
 
     Args:
-        path: Shape (n, 3) [m].
-        lateral_acceleration: v^2 * curvature stays below it [m/s^2].
-        yaw_rate: v * change of heading per length stays below it [rad/s].
+        path: Shape (n, 3), m.
+        lateral_acceleration: Largest v^2 * curvature, m/s^2.
+        yaw_rate: Largest v * change of heading per length, rad/s.
     """
     tangents = edge_tangents(path)
     headings = edge_headings(tangents, 0.0)
-    limits: Floats = _limit_speeds(
+    limits: Floats = curvature.limit_speeds(
         edge_lengths(path), tangents, headings, lateral_acceleration, yaw_rate
     )
-    return limits
-
-
-@kernel
-def _limit_speeds(
-    lengths: Floats,  # (n - 1,)
-    tangents: Floats,  # (n - 1, 3)
-    headings: Floats,  # (n - 1,)
-    lateral_acceleration: float,
-    yaw_rate: float,
-) -> Floats:
-    last = len(lengths) - 1
-    limits = np.full(len(lengths) + 1, np.inf)
-    bends = _edge_lengths(tangents)  # (n - 2,) change of the tangent
-    for k in range(last):
-        around = 0.5 * (lengths[k] + lengths[k + 1])
-        # The first and last edge may be what a cut left over: their bend belongs to a longer one.
-        if k == 0:
-            around = max(around, lengths[1])
-        if k == last - 1:
-            around = max(around, lengths[k])
-        bend, turn = bends[k], abs(headings[k + 1] - headings[k])
-        if bend > 0.0:
-            limits[k + 1] = math.sqrt(lateral_acceleration * around / bend)
-        if turn > 0.0:
-            limits[k + 1] = min(limits[k + 1], yaw_rate * around / turn)
     return limits
 
 
 def first_stop(
     path: Floats, s: float, angle: float = SHARP_ANGLE, window: float = SHARP_WINDOW
 ) -> float:
-    """Arc length [m] of the first corner after ``s`` that is too sharp to take in motion.
+    """Arc length of the first corner after `s` that is too sharp to take in motion, m.
 
-    A corner is too sharp if the path turns by more than ``angle`` [rad] within ``window`` [m];
-    its place is the sharpest turn of that window.
+    A corner is too sharp if the path turns by more than `angle`, rad, within `window`, m; its place
+    is the sharpest turn of that window.
 
     Returns:
         The place of the corner, or of the path's end if there is none.
     """
     arcs, tangents = arc_lengths(path), edge_tangents(path)
-    return float(_first_sharp(arcs, tangents, _edge_at(arcs, s), cosine(angle), window))
-
-
-@kernel
-def _first_sharp(
-    arcs: Floats,  # (n,)
-    tangents: Floats,  # (n - 1, 3)
-    first: int,  # edge
-    least_cosine: float,
-    window: float,
-) -> float:
-    for edge in range(first, len(tangents)):
-        # The window opens where the edge ends; the path turns most where two edges differ most.
-        sharp, corner, least = False, edge + 1, 1.0
-        for ahead in range(edge + 1, len(tangents)):
-            if arcs[ahead] > arcs[edge + 1] + window:
-                break
-            sharp = sharp or _cosine(tangents, edge, ahead) < least_cosine
-            turn = _cosine(tangents, ahead - 1, ahead)
-            if turn < least or ahead == edge + 1:
-                corner, least = ahead, turn
-        if sharp:
-            return float(arcs[corner])
-    return float(arcs[-1])
-
-
-@kernel
-def _cosine(tangents: Floats, a: int, b: int) -> float:
-    """Of the angle between two edges."""
-    return float(
-        tangents[a, 0] * tangents[b, 0]
-        + tangents[a, 1] * tangents[b, 1]
-        + tangents[a, 2] * tangents[b, 2]
-    )
+    first, least = _edge_at(arcs, s), cosine(angle)
+    return float(curvature.first_sharp_corner(arcs, tangents, first, least, window))

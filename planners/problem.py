@@ -1,4 +1,4 @@
-"""One planning problem: from a start to a goal through free space, within a counted budget."""
+"""A planning problem: from a start to a goal through free space, within a counted budget."""
 
 from __future__ import annotations
 
@@ -9,28 +9,31 @@ from typing import Annotated, Literal
 import numpy as np
 
 from wayproof.maps.bounds import Bounds, check_fields
-from wayproof.planners import kernels
 from wayproof.planners.free_space import CLEARANCE_WEIGHT, FreeSpace
-from wayproof.planners.kernels import Floats, Pose
-from wayproof.planners.ompl.search import (
+from wayproof.planners.kernels import angles, polyline, pose_shortcut, shortcut
+from wayproof.planners.kernels.grid import Floats, Pose
+from wayproof.planners.ompl.search import Query, search
+from wayproof.planners.ompl.state_spaces import STATE_SPACES, StateSpace
+from wayproof.planners.registry import (
     PLANNERS,
-    UNSEEDED,
     Budget,
-    Query,
     planner_builder,
-    registered,
-    search,
+    planner_traits,
+    state_space_for,
 )
-from wayproof.planners.ompl.state_spaces import STATE_SPACES, StateSpace, state_space_for
 from wayproof.planners.seeds import plan_seed
 
-# How far a detour's apex is moved from the cut's middle at most, along each axis [m].
 DETOUR_REACH = 1.0
-# Headings tried at a goal that leaves it free.
+"""Largest distance of a detour's apex from the middle of the cut, along each axis, m."""
+
 GOAL_HEADINGS = 16
-# A nanometre, some million times what the last bits of a coordinate are worth [m].
+"""Number of headings that are tried at a goal with none given."""
+
 GRAIN = 2.0**-30
+"""Default grain of what OMPL finds, a nanometre: a million times the last bits of a coordinate."""
+
 GREATEST_GRAIN = 1e-3
+"""Largest grain, m."""
 
 PlanLabel = Literal["none", "no_path", "start_blocked", "goal_blocked"]
 
@@ -40,12 +43,12 @@ __all__ = ["PLANNERS", "Plan", "PlanLabel", "PlannerConfig", "plan"]
 
 @dataclass(frozen=True)
 class PlannerConfig:
-    """What plans a path and how much it may spend.
+    """The planner and its budget.
 
     Attributes:
-        name: A key of ``PLANNERS``, or ``module:Class`` of a user's own ``ompl.base.Planner``, a
-            class that is made from a ``SpaceInformation``.
-        iterations: Turns of the planner's own loop for one plan, shared by its restarts.
+        name: A key of `PLANNERS`, or `module:Class` of a user's own `ompl.base.Planner`, a class
+            that is made from a `SpaceInformation`.
+        iterations: Iterations of the planner's own loop for one plan, shared by its restarts.
         restarts: Searches from other seeds, of which the cheapest path wins. A planner that
             improves its first path spends the whole budget on it and never restarts.
         shortcuts: Attempts to cut or bend each search's path.
@@ -55,12 +58,12 @@ class PlannerConfig:
             shortcuts where positions are planned; a turn of the body has a cost of its own.
         switch_ratio: Hysteresis: a path that is still valid is replaced only by one that costs less
             than this fraction of it, so that the plan does not flip between sides.
-        state_space: What is planned: ``position``, ``pose``, ``reeds_shepp``, ``dubins``, or
-            ``auto``: a pose where the body is checked at its heading, else a position.
-        turning_radius: Least radius of ``reeds_shepp`` and ``dubins`` curves [m].
-        grain: Coordinates and headings of what OMPL finds are whole multiples of it [m, rad]: its
+        state_space: State space: `position`, `pose`, `reeds_shepp`, `dubins`, or `auto`: a pose
+            where the body is checked at its heading, else a position.
+        turning_radius: Least radius of `reeds_shepp` and `dubins` curves, m.
+        grain: Coordinates, m, and headings, rad, of what OMPL finds are whole multiples of it: its
             curves and informed samples rest on functions of the C library, whose last bits follow
-            the processor. 0 leaves them as they are. The planner ``astar`` needs none.
+            the processor. 0 leaves them as they are. The planner `astar` needs none.
 
     Raises:
         ValueError: If a field is out of its range.
@@ -85,17 +88,18 @@ class PlannerConfig:
             available = ", ".join(("auto", *STATE_SPACES))
             got = repr(self.state_space)
             raise ValueError(f"planner.state_space: got {got}, expected one of {available}")
-        if registered(self.name) == "astar" and self.state_space in ("reeds_shepp", "dubins"):
+        curved = self.state_space in ("reeds_shepp", "dubins")
+        if curved and not planner_traits(self.name).curves:
             got = f"{self.state_space} for the planner {self.name}"
             raise ValueError(f"planner.state_space: got {got}, expected auto, position or pose")
 
     def replaces(self, new_cost: float, old_cost: float) -> bool:
-        """Whether a new path should replace a valid old one, by their costs [m]."""
+        """Whether a new path should replace a valid old one, by their costs, m."""
         return new_cost < self.switch_ratio * old_cost
 
 
 def state_space_of(config: PlannerConfig, space: FreeSpace) -> StateSpace:
-    """What is planned in a free space.
+    """The state space that is planned in, in a free space.
 
     Raises:
         ValueError: If the state space does not suit the body, the grid or the planner.
@@ -107,19 +111,20 @@ def state_space_of(config: PlannerConfig, space: FreeSpace) -> StateSpace:
 
 @dataclass(frozen=True)
 class Plan:
-    """A path, or why there is none.
+    """A path, or the reason that there is none.
 
     Attributes:
-        waypoints: Shape (n, 3) [m], from the start to the goal; None without. Free edge by edge.
-        cost: Length plus weighted nearness to obstacles [m]; infinite without a path.
-        length: [m]; infinite without a path.
-        least_clearance: Least distance of the reference point to a blocked cell along the path [m];
+        waypoints: From the start to the goal, m, shape (n, 3), free edge by edge; None without a
+            path.
+        cost: Length plus weighted nearness to obstacles, m; infinite without a path.
+        length: Length, m; infinite without a path.
+        least_clearance: Least distance of the reference point to a blocked cell along the path, m;
             0 without a path.
-        iterations: Turns of the planner's loop that were used.
-        label: ``none``, or why there is no path: ``no_path`` within the budget,
-            ``start_blocked``, ``goal_blocked``.
-        headings: Shape (n,) [rad], of the body at each way point, between which it turns evenly;
-            None where only positions were planned.
+        iterations: Iterations of the planner's loop that were used.
+        label: `none`, or the reason that there is no path: `no_path` within the budget,
+            `start_blocked`, `goal_blocked`.
+        headings: Heading of the body at each waypoint, rad, shape (n,), between which it turns
+            evenly; None where only positions were planned.
     """
 
     waypoints: Floats | None
@@ -143,14 +148,14 @@ def plan(
     """Plan the cheapest path that the budget finds; a pure function of its arguments.
 
     Args:
-        space: Where the path may run.
-        start: World frame [m], shape (3,).
-        goal: World frame [m], shape (3,).
+        space: Free space.
+        start: World frame, m, shape (3,).
+        goal: World frame, m, shape (3,).
         config: The planner and its budget.
         seed: Seed of this plan; restarts derive theirs from it.
-        heading: Of the body at the start [rad], where headings are planned.
-        goal_heading: Of the body at the goal [rad]; none leaves it free: restarts take turns with
-            those at which it fits there, the one that is straight ahead from the start first.
+        heading: Heading of the body at the start, rad, where headings are planned.
+        goal_heading: Heading of the body at the goal, rad; None for any: restarts take the headings
+            at which it fits there in turn, the one straight ahead from the start first.
 
     Returns:
         The path with its cost, or a label that says why there is none.
@@ -158,13 +163,10 @@ def plan(
     Raises:
         ValueError: If the state space does not suit the body, the grid or the planner.
     """
-    space.note_missed()
-    if registered(config.name) != "astar":
-        space.bring_up_to_date()  # others need not note where they look
-    while True:
-        found = _cheapest(space, _pose(start, heading), goal, goal_heading, config, seed)
-        if not space.catch_up():
-            return found
+    if not planner_traits(config.name).records_reads:
+        space.refresh()
+    begin = _pose(start, heading)
+    return space.resolve(lambda: _cheapest(space, begin, goal, goal_heading, config, seed))
 
 
 def _cheapest(
@@ -176,19 +178,19 @@ def _cheapest(
     seed: int,
 ) -> Plan:
     """The cheapest path of all restarts, on the distances as they are."""
-    kind = state_space_of(config, space)
+    kind, traits = state_space_of(config, space), planner_traits(config.name)
     if not _fits(space, kind, begin):
         return _without_path("start_blocked", 0)
     ends = _goal_poses(space, kind, begin, goal, goal_heading)
     if not ends:
         return _without_path("goal_blocked", 0)
     best, best_cost, used = None, math.inf, 0
-    for restart in range(1 if registered(config.name) in UNSEEDED else config.restarts):
+    for restart in range(config.restarts if traits.uses_seed else 1):
         if used >= config.iterations:
             break
         end = ends[restart % len(ends)]
-        free = kind.oriented and goal_heading is None and registered(config.name) == "astar"
-        query = Query(space, kind, begin, end, config.turning_radius, free)
+        any_heading = kind.oriented and goal_heading is None and traits.chooses_heading
+        query = Query(space, kind, begin, end, config.turning_radius, any_heading)
         left = config.iterations - used
         poses, spent = _search_once(query, config, left, plan_seed(seed, "restart", restart))
         used += spent
@@ -210,17 +212,17 @@ def finish_path(
     poses: Floats,
     used: int,
 ) -> Plan:
-    """Make a plan of a path: cut it short, and tell its cost.
+    """Make a plan of a path by shortcuts, with its cost.
 
     Args:
-        space: Where the path may run.
-        start: World frame [m], shape (3,).
-        goal: World frame [m], shape (3,).
-        config: As for ``plan``.
-        seed: As for ``plan``.
-        heading: As for ``plan``.
+        space: Free space.
+        start: World frame, m, shape (3,).
+        goal: World frame, m, shape (3,).
+        config: As for `plan`.
+        seed: As for `plan`.
+        heading: As for `plan`.
         poses: From start to goal, shape (n, 4), free edge by edge.
-        used: Turns of a planner's loop that it took.
+        used: Iterations of a planner's loop that it took.
     """
     kind = state_space_of(config, space)
     begin = _pose(start, heading)
@@ -239,15 +241,15 @@ def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> F
         return poses
     draws = shortcut_draws(config.shortcuts, not space.flat, seed)
     if query.kind.oriented:
-        return kernels.shortcut_poses(space.grid, space.shape, weight, poses, draws)
+        return pose_shortcut.shortcut_poses(space.grid, space.shape, weight, poses, draws)
     points = np.ascontiguousarray(poses[:, :3])
-    price = float(config.corner_cost)
-    path = kernels.shortcut(space.grid, space.collision_distance_sq, weight, price, points, draws)
+    threshold, corner = space.collision_distance_sq, float(config.corner_cost)
+    path = shortcut.shortcut(space.grid, threshold, weight, corner, points, draws)
     return np.column_stack((path, np.zeros(len(path))))
 
 
 def _pose(point: Floats, heading: float) -> Pose:
-    return float(point[0]), float(point[1]), float(point[2]), float(kernels.wrap(heading))
+    return float(point[0]), float(point[1]), float(point[2]), float(angles.wrap(heading))
 
 
 def _fits(space: FreeSpace, kind: StateSpace, pose: Pose) -> bool:
@@ -259,15 +261,15 @@ def _fits(space: FreeSpace, kind: StateSpace, pose: Pose) -> bool:
 def _goal_poses(
     space: FreeSpace, kind: StateSpace, start: Pose, goal: Floats, heading: float | None
 ) -> list[Pose]:
-    """The poses that a path may end in, the preferred one first."""
+    """Free poses at the goal, the preferred one first."""
     if not kind.oriented:
         headings = [0.0]
     elif heading is not None:
         headings = [heading]
     else:
-        ahead = float(kernels.heading_of(goal[0] - start[0], goal[1] - start[1]))
+        ahead = float(angles.yaw_of_direction(goal[0] - start[0], goal[1] - start[1]))
         turns = sorted(range(GOAL_HEADINGS), key=lambda n: min(n, GOAL_HEADINGS - n))
-        headings = [kernels.wrap(ahead + n * kernels.TURN / GOAL_HEADINGS) for n in turns]
+        headings = [angles.wrap(ahead + n * angles.TURN / GOAL_HEADINGS) for n in turns]
     poses = [_pose(goal, heading) for heading in headings]
     return [pose for pose in poses if _fits(space, kind, pose)]
 
@@ -283,7 +285,7 @@ def _with_path(space: FreeSpace, kind: StateSpace, poses: Floats, cost: float, u
     return Plan(
         path,
         cost,
-        float(kernels.path_length(path)),
+        float(polyline.path_length(path)),
         space.least_clearance(path),
         used,
         "none",
@@ -298,12 +300,12 @@ def _without_path(label: PlanLabel, iterations: int) -> Plan:
 def _search_once(
     query: Query, config: PlannerConfig, iterations: int, seed: int
 ) -> tuple[Floats | None, int]:
-    """One search and its shortcuts: the path if there is one, and the turns used."""
+    """One search and its shortcuts: the path if there is one, and the iterations used."""
     if query.start == query.goal:
         return np.array([query.start, query.goal], dtype=np.float64), 1
     budget = Budget(iterations, config.clearance_weight, seed)
     poses, used = search(query, config.name, budget, seed, config.shortcuts)
-    if poses is not None and config.grain > 0.0 and registered(config.name) not in UNSEEDED:
+    if poses is not None and config.grain > 0.0 and planner_traits(config.name).uses_seed:
         poses[1:-1] = np.rint(poses[1:-1] / config.grain) * config.grain
     if poses is None or math.isinf(_cost(query, poses, config.clearance_weight)):
         return None, used
@@ -311,7 +313,7 @@ def _search_once(
 
 
 def shortcut_draws(count: int, spatial: bool, seed: int) -> Floats:
-    """Two places along the path and an apex offset [m] for each attempt, shape (count, 5).
+    """Draw two places along the path and an apex offset, m, for each attempt, shape (count, 5).
 
     The cube of a uniform draw keeps most offsets small, where they refine, and some large.
     """

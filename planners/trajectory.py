@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from wayproof.planners import jerk_limited
 from wayproof.planners._jit import kernel
 from wayproof.planners.jerk_limited import AxisLimits, Profile, State
-from wayproof.planners.kernels import Floats, edge_headings, turn_after, wrap
+from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap
+from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
 from wayproof.planners.speed_profile import LEAST_ZONE, Zone, travel
 
@@ -364,5 +365,5 @@ def _turning(
     headings = edge_headings(edge_tangents(path), heading - off) + off
     times = HEADING_STEP * np.arange(1.0, steps + 1.0)
     targets = np.interp(motion.positions(times), middles, headings)
-    followed = turn_after(targets, heading, limits.yaw_rate * HEADING_STEP)
+    followed = rate_limited(targets, heading, limits.yaw_rate * HEADING_STEP)
     return jerk_limited.ramped(followed, HEADING_STEP)

@@ -214,7 +214,7 @@ def test_no_operation_of_a_replay_depends_on_the_processor():
     expected = {
         "harness.stack.evasive_stop",
         "maps.voxel.voxel_map",
-        "planners.kernels",
+        "planners.kernels.segment",
         "models.sensors.beams",
     }
     assert expected <= modules.keys()

@@ -23,7 +23,7 @@ from wayproof.planners import (
     Plan,
     Trajectory,
     TrajectorySample,
-    registered,
+    planner_traits,
     remaining,
     stopping_distance,
     truncate,
@@ -138,7 +138,7 @@ def diagnose_no_path(input: PlannerInput, search: Plan) -> Reason:
     if search.label == "goal_blocked":
         found = obstruction.at_place(input, input.goal, 0.0, unknown_blocks=False)
         return inflation_reason("goal_blocked", found, limit_m=input.behaviour.goal_search_radius)
-    exhaustive = registered(input.planner.name) == "astar" and not input.traversable.discs
+    exhaustive = planner_traits(input.planner.name).complete and not input.traversable.discs
     if exhaustive and search.label == "no_path" and search.iterations < input.planner.iterations:
         return Reason("no_path_in_map", iterations=search.iterations)
     return Reason("no_path_found", iterations=search.iterations)

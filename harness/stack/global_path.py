@@ -150,7 +150,7 @@ def _replan(
     space = input.known_free
     search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
     if search.waypoints is None and not only_known:
-        space = replace(input.optimistic, sparing=not exhaustive)
+        space = replace(input.optimistic, few_reads=not exhaustive)
         search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
     if search.waypoints is None:
         return search, None

@@ -84,7 +84,7 @@ class FreeSpaceBuilder:
             collision_distance_sq=self._threshold(circumscribed),
             cost_by_distance=self._costs() if cost_by_distance is None else cost_by_distance,
             discs=() if circumscribed else self._discs(),
-            sparing=True,
+            few_reads=True,
         )
 
     def _optimistic(self, circumscribed: bool) -> FreeSpace:
@@ -191,7 +191,7 @@ def memoized_planner() -> PlanPath:
         seed: int,
         heading: float,
     ) -> Plan:
-        kind = id(space.distances), space.collision_distance_sq, space.discs, space.sparing
+        kind = id(space.distances), space.collision_distance_sq, space.discs, space.few_reads
         query = *kind, start.tobytes(), goal.tobytes(), heading, seed
         if query not in plans:
             plans[query] = plan(space, start, goal, config, seed, heading)

@@ -1,6 +1,6 @@
-"""Our own planner: the cheapest way on a coarse lattice, pulled straight at full resolution.
+"""A* on a coarse lattice, its path pulled straight at full resolution.
 
-It is written as an OMPL planner, so that it is chosen, bounded, logged and measured as the others.
+It is an OMPL planner, so that it is chosen, bounded, logged and measured as the others are.
 """
 
 from __future__ import annotations
@@ -12,37 +12,41 @@ import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 
-from wayproof.planners import _lattice_kernels, kernels
-from wayproof.planners._lattice_kernels import Lattice
 from wayproof.planners.astar import lattice
-from wayproof.planners.astar.se2 import head_along, reversible, turning_path
+from wayproof.planners.astar.se2 import reversible, se2_path
 from wayproof.planners.free_space import FreeSpace
-from wayproof.planners.kernels import Floats, Pose
+from wayproof.planners.kernels import lattice_search, shortcut, sweep
+from wayproof.planners.kernels.grid import Floats, Pose
+from wayproof.planners.kernels.lattice_cells import OPENED, Lattice
+from wayproof.planners.ompl.adapter import add_solution, query_ends
 from wayproof.planners.ompl.state_spaces import StateSpace
+from wayproof.planners.path import poses_along
 
-NO_WAY, SPENT = -1, -2  # in place of a cell
+NO_WAY, SPENT = -1, -2
+"""In place of a cell: there is no way; the budget is spent."""
+
 EXPANSIONS = 1000
-"""Lattice cells that are closed in one turn, after which the termination condition is asked."""
+"""Number of lattice cells expanded between two checks of the termination condition."""
 
-TURNS = 1_000_000
-"""States of a place and a way that are closed at most."""
+SE2_EXPANSIONS = 1_000_000
+"""Largest number of states of position and heading that are expanded."""
 
 FINE = 4
-"""Grid cells to a lattice cell from which on it pays to spare distances (see `FreeSpace.sparing`):
-64 of them are worked out for each cell of the lattice. Drawn by columns, whole episodes of the
-drone took 0.95 of the time with 2 grid cells to a lattice cell, and with 4 of them 1.02."""
+"""Number of grid cells to a lattice cell from which on the column heuristic does not pay where
+distances are lazy (see `FreeSpace.few_reads`): 64 of them are worked out for each lattice cell.
+With it episodes of the drone took 0.95 of the time at 2 grid cells to a lattice cell, 1.02 at 4."""
 
-NARROW = 3.0
-"""What length costs more where a body of discs has no room to turn."""
+NARROW_COST = 3.0
+"""Extra cost of length where a body of discs has no room to turn."""
 
 
-class FieldPlanner(ob.Planner):  # type: ignore[misc]
+class GridAStar(ob.Planner):  # type: ignore[misc]
     """Any-angle planning over a cost field; bounded, and the same for any seed.
 
-    The search costs length and nearness to obstacles on lattices that grow finer until one has a
-    way, so a gap that is closed on the coarse lattice is found on the grid itself. Its path is
+    The search minimizes length and nearness to obstacles on lattices that grow finer until one has
+    a way, so a gap that is closed on the coarse lattice is found on the grid itself. Its path is
     pulled straight where that costs no more. A body of discs heads along the path and turns in
-    place; where it has no room for that, places and headings are searched together, and at last
+    place; where it has no room for that, positions and headings are searched together, and at last
     by RRT-Connect.
     """
 
@@ -50,92 +54,89 @@ class FieldPlanner(ob.Planner):  # type: ignore[misc]
         """Plan in the space that the information's validity checker holds.
 
         Args:
-            information: Its validity checker is a ``BodyValidity``.
+            information: Its validity checker is a `BodyValidity`.
             clearance_weight: Weight of the cell cost against length.
         """
-        super().__init__(information, "field")
+        super().__init__(information, "astar")
         self._weight = float(clearance_weight)
 
     def solve(self, until: ob.PlannerTerminationCondition) -> ob.PlannerStatus:
         """Add the path to the problem definition, if there is one within the bound."""
         validity = self.getSpaceInformation().getStateValidityChecker()
-        definition = self.getProblemDefinition()
         kind, space = validity.kind, validity.space
-        # Not definition.getStartState: its binding frees the state that it lends.
-        start = kind.read(self.getPlannerInputStates().nextStart(), validity.z)
-        goal = kind.read(definition.getGoal().getState(), validity.z)
-        costs, weight = searched(space, kind, self._weight)
+        start, goal = query_ends(self)
+        costs, weight = search_costs(space, kind, self._weight)
         found = lattice_path(costs, start, goal, weight, until)
         if found is None:
             return ob.PlannerStatus(False, False)
         points, grid = found
         if not kind.oriented:
-            self._add([(x, y, z, 0.0) for x, y, z in points.tolist()])
+            add_solution(self, [(x, y, z, 0.0) for x, y, z in points.tolist()])
             return ob.PlannerStatus(True, False)
-        end = None if validity.any_heading else goal
-        poses = with_headings(space, costs, points, start, goal, end, grid)
+        query = PoseQuery(space, costs, start, goal, validity.any_heading)
+        poses = poses_on(query, points, grid)
         if poses is not None:
-            self._add([tuple(pose) for pose in poses.tolist()])
+            add_solution(self, [tuple(pose) for pose in poses.tolist()])
             return ob.PlannerStatus(True, False)
         sampling = og.RRTConnect(self.getSpaceInformation())
-        sampling.setProblemDefinition(definition)
+        sampling.setProblemDefinition(self.getProblemDefinition())
         sampling.setup()
         return sampling.solve(until)
 
-    def _add(self, poses: list[Pose]) -> None:
-        information = self.getSpaceInformation()
-        write = information.getStateValidityChecker().kind.write
-        path, state = og.PathGeometric(information), information.allocState()
-        for pose in poses:
-            write(state, pose)
-            path.append(state)  # copies it
-        self.getProblemDefinition().addSolutionPath(path, False, 0.0, self.getName())
+
+@dataclasses.dataclass(frozen=True)
+class PoseQuery:
+    """A query of a body of discs.
+
+    Attributes:
+        space: Free space of the body.
+        costs: The same, with the costs that positions are searched with.
+        start: Pose.
+        goal: Pose.
+        any_heading: Whether the path may end at any heading.
+    """
+
+    space: FreeSpace
+    costs: FreeSpace
+    start: Pose
+    goal: Pose
+    any_heading: bool
 
 
-def searched(space: FreeSpace, kind: StateSpace, weight: float) -> tuple[FreeSpace, float]:
-    """The costs that positions are searched with, and their weight.
+def search_costs(space: FreeSpace, kind: StateSpace, weight: float) -> tuple[FreeSpace, float]:
+    """Free space with the costs that positions are searched with, and their weight.
 
-    A body of discs can turn only where the disc about it is free: cells that lack that room cost
-    more by ``NARROW``, so a way leads through a gap only if that is much shorter, and bends beside
-    it.
+    A body of discs can turn only where its circumscribed disc is free: cells that lack that room
+    cost more by `NARROW_COST`, so a way leads through a gap only if that is much shorter, and has
+    its corners beside it.
     """
     if not kind.oriented:
         return space, weight
-    room = max(
-        abs(offset) / space.resolution + math.sqrt(threshold)
-        for offset, threshold in zip(space.shape.offsets, space.shape.thresholds, strict=True)
-    )
+    room = space.turning_room()
     squared = np.arange(max(len(space.cost_by_distance), math.ceil(room * room) + 2))
     table = space.grid.cost_by_distance[np.minimum(squared, len(space.cost_by_distance) - 1)]
-    costs = np.where(table < math.inf, weight * table, 0.0) + NARROW * (squared <= room * room)
+    costs = np.where(table < math.inf, weight * table, 0.0)
+    costs = costs + NARROW_COST * (squared <= room * room)
     return dataclasses.replace(space, cost_by_distance=costs), 1.0
 
 
-def with_headings(
-    space: FreeSpace,
-    costs: FreeSpace,
-    points: Floats,
-    start: Pose,
-    goal: Pose,
-    end: Pose | None,
-    grid: Lattice,
-) -> Floats | None:
+def poses_on(query: PoseQuery, points: Floats, grid: Lattice) -> Floats | None:
     """Poses along a path of positions, or on another way where the body does not fit along it.
 
     Args:
-        space: With the body's discs.
-        costs: The same, with the costs that positions were searched with.
-        points: The path, shape (n, 3) [m].
-        start: Where it begins.
-        goal: Place that it leads to.
-        end: Pose at the goal; None for any heading.
-        grid: The lattice that it was found on.
+        query: Ends of the path.
+        points: The path, shape (n, 3), m.
+        grid: The lattice on which it was found.
+
+    Returns:
+        Shape (n, 4), or None if no way was found.
     """
-    poses = head_along(points, start, end)
-    if kernels.poses_free(space.grid, space.shape, poses):
+    space = query.space
+    poses = poses_along(points, query.start, None if query.any_heading else query.goal)
+    if sweep.poses_free(space.grid, space.shape, poses):
         return poses
-    if end is None and space.flat and reversible(space):
-        return turning_path(costs, start, goal, TURNS, grid)
+    if query.any_heading and space.flat and reversible(space):
+        return se2_path(query.costs, query.start, query.goal, SE2_EXPANSIONS, grid)
     return None
 
 
@@ -146,9 +147,10 @@ def lattice_path(
     weight: float,
     until: ob.PlannerTerminationCondition,
 ) -> tuple[Floats, Lattice] | None:
-    """The cheapest way on the first lattice that has one, pulled straight, shape (n, 3) [m].
+    """The cheapest way on the first lattice that has one, pulled straight, shape (n, 3), m.
 
-    None if none has one, or if something that was read is outdated: then ``plan`` begins anew.
+    None if no lattice has one, or if a distance that was read is out of date: then the caller
+    resolves it and plans again.
     """
     a, b = np.array(start[:3]), np.array(goal[:3])
     if not space.begin_search():
@@ -156,11 +158,12 @@ def lattice_path(
     for factor in lattice.factors(space):
         grid = lattice.make_lattice(space, factor, weight)
         entered = _search(grid, space, a, b, until)
-        if not lattice.note_searched(grid, space) or entered == SPENT:
+        if not lattice.record_reads(grid, space) or entered == SPENT:
             return None
         if entered >= 0:
-            path = lattice.way_down(grid, space, a, b, entered)
-            return kernels.prune(space.grid, space.collision_distance_sq, weight, path), grid
+            path = lattice.extract_path(grid, space, a, b, entered)
+            path = shortcut.prune(space.grid, space.collision_distance_sq, weight, path)
+            return path, grid
     return None
 
 
@@ -171,24 +174,25 @@ def _search(
     goal: Floats,
     until: ob.PlannerTerminationCondition,
 ) -> int:
-    """The cell by which the start enters the lattice, its way found; or NO_WAY, or SPENT.
+    """Search the start's entry cell from the goal's; return it, or `NO_WAY`, or `SPENT`.
 
-    A search in space that takes more than a turn is drawn by what the plane of its columns tells,
-    for which it looks at many of them. It closes all cells of all cheapest ways, so that which way
-    is taken does not depend on how it was drawn.
+    In space a search that takes more than one iteration gets the column heuristic, for which many
+    columns are read. It closes all cells of all cheapest ways, so that the path does not depend on
+    the heuristic.
     """
-    entered, goal_cell = lattice.entry(grid, space, start), lattice.entry(grid, space, goal)
+    entered = lattice.entry_cell(grid, space, start)
+    goal_cell = lattice.entry_cell(grid, space, goal)
     if entered < 0 or goal_cell < 0:
         return NO_WAY
     lattice.open_goal(grid, goal_cell, entered)
-    drawn = space.flat or (space.sparing and int(grid.factor[0]) >= FINE)
-    beyond = 0 if drawn else 1
-    while grid.now[_lattice_kernels.OPENED] > 0:
+    directed = space.flat or (space.few_reads and int(grid.factor[0]) >= FINE)
+    margin = 0 if directed else 1
+    while grid.counters[OPENED] > 0:
         if until():
             return SPENT
-        if _lattice_kernels.spread(grid, entered, entered, EXPANSIONS, beyond):
+        if lattice_search.expand(grid, entered, entered, EXPANSIONS, margin):
             return entered
-        if not drawn and not lattice.draw_by_columns(grid, goal_cell, entered):
+        if not directed and not lattice.set_column_heuristic(grid, goal_cell, entered):
             return NO_WAY
-        drawn = True
+        directed = True
     return NO_WAY

@@ -1,4 +1,4 @@
-"""A coarse lattice over a free space, and the cheapest way on it from a point to a goal."""
+"""A coarse lattice over a free space: its tables, the search on it, and paths over its cells."""
 
 from __future__ import annotations
 
@@ -8,50 +8,58 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners import _lattice_kernels as kernels
-from wayproof.planners._lattice_kernels import (
+from wayproof.planners.free_space import FreeSpace
+from wayproof.planners.kernels import heuristic, lattice_search
+from wayproof.planners.kernels.grid import BLOCK_BITS, Floats
+from wayproof.planners.kernels.heuristic import STEPS
+from wayproof.planners.kernels.lattice_cells import (
     FREE_RATE,
+    KEY,
     LARGEST_FACTOR,
     LARGEST_RATE,
-    STEPS,
+    OPEN,
     Lattice,
+    mark_read_blocks,
+    rate_of,
 )
-from wayproof.planners.free_space import FreeSpace
-from wayproof.planners.kernels import BLOCK_BITS, Floats
 
 Cell = tuple[int, int, int]
+Longs = NDArray[np.int64]
 
-SPACING_ABOVE_GROUND = 0.2  # [m]
-SPACING_ON_GROUND = 0.1  # [m]
+SPACING_IN_SPACE = 0.2
+"""Size of a cell of the coarsest lattice in space, m."""
+
+SPACING_ON_GROUND = 0.1
+"""Size of a cell of the coarsest lattice in the plane, m."""
 
 ENTRY_RINGS = 2
-"""How far from its own lattice cell a point may enter the lattice, in cells."""
+"""Largest distance from its own lattice cell at which a point may enter the lattice, cells."""
 
 
 def factors(space: FreeSpace) -> list[int]:
-    """Grid cells to a lattice cell: the coarse one first, then ever finer down to the grid."""
-    spacing = SPACING_ON_GROUND if space.flat else SPACING_ABOVE_GROUND
+    """Numbers of grid cells to a lattice cell along an axis: the coarsest first, down to 1."""
+    spacing = SPACING_ON_GROUND if space.flat else SPACING_IN_SPACE
     coarse = min(max(round(spacing / space.resolution), 1), LARGEST_FACTOR)
     return [factor for factor in (coarse, coarse // 2, 1) if factor >= 1][: coarse.bit_length()]
 
 
 def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool = False) -> Lattice:
-    """A lattice on which nothing has been searched yet.
+    """Make a lattice on which nothing has been searched yet.
 
     Args:
-        space: What is free, and the cost of coming near.
+        space: Free space and its costs.
         factor: Grid cells to a lattice cell, along each axis that has more than one.
         weight: Weight of the cell cost against length.
-        repairable: Whether to keep what ``_lattice_kernels.repair`` needs.
+        repairable: Whether to keep the masks that `kernels.repair` needs.
     """
     field = space.grid.field
     along = np.array([factor, factor, 1 if space.flat else factor])
-    shape = np.array(field.shape) // along + 2  # what the last blocks lack closes them
-    ways = _ways(flat=space.flat)
+    shape = np.array(field.shape) // along + 2  # incomplete blocks at the far sides are border
+    moves = _moves(flat=space.flat)
     strides = np.array([shape[1] * shape[2], shape[2], 1])
-    touched, counts = _steps_touch(ways, factor, field.shape)
-    blocks, bits = _steps_need(ways if repairable else ways[:0], along)  # for masks alone
-    rate_by_distance = rates(space, weight)
+    touched, counts = _touched_cells(moves, factor, field.shape)
+    blocks, bits = _needed_bits(moves if repairable else moves[:0], along)
+    rate_by_distance = rate_table(space, weight)
     cells = int(shape.prod())
     longest = STEPS[2] * 2 * int(rate_by_distance.max())
     return Lattice(
@@ -61,58 +69,58 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
         factor=along,
         shape=shape,
         rate_by_distance=rate_by_distance,
-        ways=ways,
-        offsets=(ways * strides).sum(axis=1),
-        steps=np.array([STEPS[np.abs(way).sum() - 1] for way in ways], np.int32),
+        moves=moves,
+        move_offsets=(moves * strides).sum(axis=1),
+        move_lengths=np.array([STEPS[np.abs(move).sum() - 1] for move in moves], np.int32),
         touched=touched,
-        counts=counts,
+        touched_counts=counts,
         blocks=(blocks * strides).sum(axis=-1),
         bits=bits,
         rate=np.zeros(cells, np.int32),
         mask=np.zeros(cells if repairable else 0, np.int64),
         state=np.zeros(cells, np.uint8),
         cost=np.empty(cells, np.int32),
-        via=np.empty(cells, np.uint8),
+        parent_move=np.empty(cells, np.uint8),
         key=np.empty(cells, np.int32),
         head=np.full(1 << (2 * longest).bit_length(), -1, np.int32),
         after=np.empty(cells, np.int32),
         before=np.empty(cells, np.int32),
-        least=np.zeros(shape[0] * shape[1], np.int32),
-        now=np.zeros(3, np.int64),
+        column_bound=np.zeros(shape[0] * shape[1], np.int32),
+        counters=np.zeros(3, np.int64),
     )
 
 
 def open_goal(lattice: Lattice, goal: int, target: int = -1) -> None:
-    """Begin a search at the goal's cell, drawn to a target cell unless that is -1."""
-    key = kernels.estimate(lattice, goal, target)
-    lattice.now[kernels.KEY] = key
-    kernels.put(lattice, goal, 0, key)
+    """Begin a search at the goal's cell, with the heuristic of a target cell; -1 for none."""
+    key = heuristic.heuristic(lattice, goal, target)
+    lattice.counters[KEY] = key
+    lattice_search.open_cell(lattice, goal, 0, key)
 
 
-def draw_to(lattice: Lattice, target: int) -> None:
-    """Draw a search to another cell, or to none if that is -1."""
-    kernels.draw_to(lattice, target, np.flatnonzero(lattice.state == kernels.OPEN))
+def set_heuristic_target(lattice: Lattice, target: int) -> None:
+    """Go on searching with the heuristic of another cell; -1 for none."""
+    lattice_search.requeue(lattice, target, np.flatnonzero(lattice.state == OPEN))
 
 
-def draw_by_columns(lattice: Lattice, goal: int, target: int) -> bool:
-    """Draw a search from the goal's cell by what it costs at least from column to column.
+def set_column_heuristic(lattice: Lattice, goal: int, target: int) -> bool:
+    """Go on searching from the goal's cell with lower bounds of the cost from column to column.
 
     Returns:
         Whether there may be a way to the target cell.
     """
-    if not kernels.bound_columns(lattice, goal, target):
+    if not heuristic.bound_columns(lattice, goal, target):
         return False
-    draw_to(lattice, target)
+    set_heuristic_target(lattice, target)
     return True
 
 
-def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
-    """The free lattice cell nearest to a point that it sees the centre of; -1 if there is none."""
+def entry_cell(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
+    """The nearest free lattice cell with a free edge from a point to its centre; -1 for none."""
     own = lattice_cell(lattice, space, point)
     if (own < 1).any() or (own > lattice.shape - 2).any():
         return -1
     cell = int((own * _strides(lattice)).sum())
-    if kernels.look(lattice, cell) > 0:
+    if rate_of(lattice, cell) > 0:
         middle = (own - 1) * lattice.factor + lattice.factor // 2 + 0.5  # in grid cells
         if space.edge_free(point, space.origin + middle * space.resolution):
             return cell
@@ -122,49 +130,52 @@ def entry(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
     cells = (near * _strides(lattice)).sum(axis=1)
     offsets = centres(lattice, space, cells) - point
     squared = np.square(offsets).sum(axis=1)
-    for place in np.argsort(squared, kind="stable"):
-        cell = int(cells[place])
-        if kernels.look(lattice, cell) > 0:
-            centre = centres(lattice, space, cells[place : place + 1])[0]
+    for n in np.argsort(squared, kind="stable"):
+        cell = int(cells[n])
+        if rate_of(lattice, cell) > 0:
+            centre = centres(lattice, space, cells[n : n + 1])[0]
             if space.edge_free(point, centre):
                 return cell
     return -1
 
 
-def note_searched(lattice: Lattice, space: FreeSpace) -> bool:
-    """Note where a search looked; whether what it read there was up to date."""
-    layout = lattice.rate, lattice.shape, lattice.factor, BLOCK_BITS
-    return space.note_searched(lambda searched: kernels.note_looked_at(*layout, searched))
+def record_reads(lattice: Lattice, space: FreeSpace) -> bool:
+    """Record the blocks of distances that a search read; return whether all were up to date."""
+    return space.record_search(
+        lambda blocks: mark_read_blocks(
+            lattice.rate, lattice.shape, lattice.factor, BLOCK_BITS, blocks
+        )
+    )
 
 
-def way_down(
+def extract_path(
     lattice: Lattice, space: FreeSpace, start: Floats, goal: Floats, entered: int
 ) -> Floats:
-    """The path from a start over the cheapest way on the lattice to the goal, shape (n, 3) [m]."""
-    cells = kernels.descend(lattice, entered)
+    """Path from a start over the cheapest way from the entered cell to the goal, (n, 3), m."""
+    cells = lattice_search.descend(lattice, entered)
     return np.vstack((start, centres(lattice, space, cells), goal))
 
 
-def lattice_cell(lattice: Lattice, space: FreeSpace, point: Floats) -> NDArray[np.int64]:
+def lattice_cell(lattice: Lattice, space: FreeSpace, point: Floats) -> Longs:
     """Indices of the lattice cell that holds a point, shape (3,)."""
     cell = np.floor((point - space.origin) / (lattice.factor * space.resolution))
-    indices: NDArray[np.int64] = cell.astype(np.int64) + 1
+    indices: Longs = cell.astype(np.int64) + 1
     return indices
 
 
 def centres(lattice: Lattice, space: FreeSpace, cells: NDArray[np.integer]) -> Floats:
-    """Centres of the middle grid cells of lattice cells by their flat indices, shape (n, 3) [m]."""
+    """Centres of the middle grid cells of lattice cells by their flat indices, (n, 3), m."""
     indices = np.stack(np.unravel_index(cells, tuple(lattice.shape.tolist())), axis=-1) - 1
     middles = indices * lattice.factor + lattice.factor // 2 + 0.5  # in grid cells
     points: Floats = space.origin + middles * space.resolution
     return points
 
 
-def _strides(lattice: Lattice) -> NDArray[np.int64]:
+def _strides(lattice: Lattice) -> Longs:
     return np.array([lattice.shape[1] * lattice.shape[2], lattice.shape[2], 1])
 
 
-def rates(space: FreeSpace, weight: float) -> NDArray[np.int32]:
+def rate_table(space: FreeSpace, weight: float) -> NDArray[np.int32]:
     """Integer cost per length by squared distance, shape (t,)."""
     table = np.full(len(space.grid.cost_by_distance), FREE_RATE, np.int32)
     free = slice(space.collision_distance_sq + 1, None)
@@ -173,55 +184,51 @@ def rates(space: FreeSpace, weight: float) -> NDArray[np.int32]:
     return table
 
 
-def _ways(flat: bool) -> NDArray[np.int64]:
-    """Steps to all neighbours, shape (8 or 26, 3), straight ones first."""
+def _moves(flat: bool) -> Longs:
+    """Moves to all neighbours, shape (8 or 26, 3), those along fewer axes first."""
     steps = itertools.product((-1, 0, 1), (-1, 0, 1), (0,) if flat else (-1, 0, 1))
-    ways = sorted((step for step in steps if any(step)), key=lambda step: sum(map(abs, step)))
-    return np.array(ways)
+    moves = sorted((step for step in steps if any(step)), key=lambda step: sum(map(abs, step)))
+    return np.array(moves)
 
 
 @functools.lru_cache(maxsize=64)
-def _touched(way: Cell, factor: int) -> list[Cell]:
-    """Grid cells that a step touches, from its first one; where several meet, all of them."""
-    corners = list(itertools.product(*[(0, step) if step else (0,) for step in way]))
+def _touched(move: Cell, factor: int) -> list[Cell]:
+    """Grid cells that a move touches, from its first one; where several meet, all of them."""
+    corners = list(itertools.product(*[(0, step) if step else (0,) for step in move]))
     return sorted(
         {
-            (n * way[0] + i, n * way[1] + j, n * way[2] + k)
+            (n * move[0] + i, n * move[1] + j, n * move[2] + k)
             for n in range(factor)
             for i, j, k in corners
         }
     )
 
 
-def _steps_touch(
-    ways: NDArray[np.int64], factor: int, shape: tuple[int, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The grid cells that each step touches, shape (m, k) filled up, and their numbers (m,)."""
+def _touched_cells(moves: Longs, factor: int, shape: tuple[int, ...]) -> tuple[Longs, Longs]:
+    """Flat offsets of the grid cells that each move touches, padded (m, k), and counts (m,)."""
     touched = [
-        [(x * shape[1] + y) * shape[2] + z for x, y, z in _touched(tuple(way), factor)]
-        for way in ways.tolist()
+        [(x * shape[1] + y) * shape[2] + z for x, y, z in _touched(tuple(move), factor)]
+        for move in moves.tolist()
     ]
-    table = np.zeros((len(ways), max(map(len, touched))), np.int64)
+    table = np.zeros((len(moves), max(map(len, touched))), np.int64)
     for row, offsets in zip(table, touched, strict=True):
         row[: len(offsets)] = offsets
     return table, np.array([len(offsets) for offsets in touched])
 
 
-def _steps_need(
-    ways: NDArray[np.int64], along: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The blocks that each step touches, (m, 8, 3), and the bits that it needs of each, (m, 8)."""
-    table = [_needed(tuple(way), tuple(along.tolist())) for way in ways.tolist()]
+def _needed_bits(moves: Longs, along: Longs) -> tuple[Longs, Longs]:
+    """Blocks that each move touches, (m, 8, 3), and the bits that it needs of each, (m, 8)."""
+    table = [_needed(tuple(move), tuple(along.tolist())) for move in moves.tolist()]
     blocks, bits = [blocks for blocks, _ in table], [bits for _, bits in table]
     return np.array(blocks, np.int64).reshape(-1, 8, 3), np.array(bits, np.int64).reshape(-1, 8)
 
 
 @functools.lru_cache(maxsize=64)
-def _needed(way: Cell, along: Cell) -> tuple[list[Cell], list[int]]:
-    """The blocks that one step touches and the bits that it needs, as ``block_mask`` sets them."""
+def _needed(move: Cell, along: Cell) -> tuple[list[Cell], list[int]]:
+    """Blocks that one move touches, and the bits that it needs, as `block_mask` sets them."""
     bits: dict[Cell, int] = {}
     size = along[0] * along[1] * along[2]
-    for cell in _touched(way, max(along)):
+    for cell in _touched(move, max(along)):
         places = [f // 2 + d for f, d in zip(along, cell, strict=True)]
         i, j, k = (place // f for place, f in zip(places, along, strict=True))
         x, y, z = (place % f for place, f in zip(places, along, strict=True))

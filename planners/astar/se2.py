@@ -1,8 +1,7 @@
-"""The cheapest way for a body that is longer than wide, where it cannot turn everywhere."""
+"""A* over positions and headings, for an elongated body that cannot turn everywhere."""
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from typing import NamedTuple
@@ -10,69 +9,60 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners import _heading_kernels as heading_kernels
-from wayproof.planners import _lattice_kernels, kernels
-from wayproof.planners._heading_kernels import WAYS, Plane, Swept, Ways
-from wayproof.planners._lattice_kernels import FREE_RATE, Lattice
 from wayproof.planners.astar import lattice
+from wayproof.planners.astar.primitives import LENGTHS, headings, motion_primitives
 from wayproof.planners.free_space import FreeSpace
-from wayproof.planners.kernels import Floats, Pose
+from wayproof.planners.kernels import lattice_search, se2_search, shortcut, sweep
+from wayproof.planners.kernels.angles import wrap
+from wayproof.planners.kernels.grid import Floats, Pose
+from wayproof.planners.kernels.lattice_cells import FREE_RATE, Lattice
+from wayproof.planners.kernels.se2_search import HEADINGS, STATE_BITS, Plane, Primitives
+from wayproof.planners.path import poses_along
 
 Longs = NDArray[np.int64]
 
-STEPS = (
-    (1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1),
-    (-1, 0), (-2, -1), (-1, -1), (-1, -2), (0, -1), (1, -2), (1, -1), (2, -1),
-)  # fmt: skip
-"""The ways, counterclockwise."""
+TURN_COST = 0.05
+"""Cost of a turn to the next heading, m."""
 
-LENGTHS = {1: 12, 2: 17, 5: 27}
-"""Of a step by its square: 1, 2^0.5, 5^0.5 in twelfths."""
-
-TURN_PRICE = 0.05
-"""What a turn to the next way costs against length [m]."""
-
-REVERSAL_PRICE = 1.0
-"""What it costs to go on tail first, or nose first again [m]."""
-
-SAMPLES = 16
-"""Points along a step or turn, by cells of its length, of which the cells are taken."""
-
-NEXT_TO = 0.02
-"""And those so near beside [cells]: a line through the corner of four cells touches all."""
+REVERSAL_COST = 1.0
+"""Cost of going on tail first, or nose first again, m."""
 
 ENTRY_RINGS = 2
+"""Largest distance of a pose from the node where it enters the search, nodes along each axis."""
 
-BEND_PRICE = 0.1
-"""What a corner costs where the body can turn about [m]; 26 plans cost 2.5 % less with it."""
+CORNER_COST = 0.1
+"""Cost of a corner where the body can turn to any heading, m; 26 plans cost 2.5 % less with it."""
 
-BEYOND = 1.0
-"""Costs-to-go are searched for ways that cost so much more than the least disc's [m]."""
+BOUND_MARGIN = 1.0
+"""Extra cost over the least disc's way up to which costs-to-go are exact, m."""
 
 
-def turning_path(
+def se2_path(
     space: FreeSpace, start: Pose, goal: Pose, budget: int, known: Lattice | None = None
 ) -> Floats | None:
-    """Poses from a start to a goal, at which the heading is free, shape (n, 4); None for no way.
+    """Plan poses from a start to a goal where any heading will do.
 
     Args:
-        space: With discs that lie as far ahead as behind, and what length costs where.
+        space: With discs that lie as far ahead as behind, and the cost of length.
         start: Free pose.
-        goal: Place.
-        budget: States that may be closed.
-        known: Lattice that a search from the goal, drawn to the start, has found a way on.
+        goal: Its heading is not used.
+        budget: Largest number of states to expand.
+        known: Lattice on which a search from the goal, directed to the start, has found a way.
+
+    Returns:
+        Shape (n, 4), or None if no way was found.
     """
     if known is None:
         known = _searched_lattice(space, start, goal)
     if known is None:
         return None
-    entered = lattice.entry(known, space, np.array(start[:3]))
+    entered = lattice.entry_cell(known, space, np.array(start[:3]))
     coarse = int(known.factor[0])
-    beyond = round(BEYOND * 2 * FREE_RATE * LENGTHS[1] / (coarse * space.resolution))
-    lattice.draw_to(known, entered)
-    _lattice_kernels.spread(known, entered, entered, budget, beyond + 1)
-    limit = int(known.cost[entered]) + beyond
-    bounds = _lattice_kernels.bounds_to_go(known, entered, limit)
+    margin = round(BOUND_MARGIN * 2 * FREE_RATE * LENGTHS[1] / (coarse * space.resolution))
+    lattice.set_heuristic_target(known, entered)
+    lattice_search.expand(known, entered, entered, budget, margin + 1)
+    limit = int(known.cost[entered]) + margin
+    bounds = lattice_search.bounds_to_go(known, entered, limit)
     for factor in (coarse, 1) if coarse > 1 else (1,):
         to_go = bounds if factor == coarse else _finer(space, known, bounds)
         poses = _path_on(space, start, goal, factor, to_go, budget)
@@ -82,41 +72,23 @@ def turning_path(
 
 
 def _searched_lattice(space: FreeSpace, start: Pose, goal: Pose) -> Lattice | None:
-    """The first lattice that has a way for the least disc, its costs-to-go drawn to the start."""
+    """The first lattice with a way for the least disc, searched from the goal to the start."""
     for factor in lattice.factors(space):
         grid = lattice.make_lattice(space, factor, 1.0)
-        a, b = (lattice.entry(grid, space, np.array(end[:3])) for end in (start, goal))
+        a, b = (lattice.entry_cell(grid, space, np.array(end[:3])) for end in (start, goal))
         if a >= 0 and b >= 0:
             lattice.open_goal(grid, b, a)
-            if _lattice_kernels.spread(grid, a, a, len(grid.state), 0):
+            if lattice_search.expand(grid, a, a, len(grid.state), 0):
                 return grid
     return None
 
 
 def _finer(space: FreeSpace, known: Lattice, bounds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Bounds by node of a coarse lattice as those of the grid's cells, which lie between them."""
+    """Bounds of the cells of the grid, interpolated between those of a coarse lattice's nodes."""
     nodes = bounds.reshape(known.shape[0] - 2, known.shape[1] - 2)
     finer = np.empty(space.grid.field.shape[:2], np.int32)
-    heading_kernels.refine(nodes, int(known.factor[0]), finer)
+    se2_search.interpolate_bounds(nodes, int(known.factor[0]), finer)
     return finer.ravel()
-
-
-def head_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:
-    """Poses of a body that heads along a path and turns at its corners, shape (n, 4).
-
-    Args:
-        points: Shape (n, 3) [m].
-        start: Where it begins.
-        goal: Where it turns to at last; None for as it comes.
-    """
-    poses = [start]
-    for a, b in itertools.pairwise(points):
-        if b[0] == a[0] and b[1] == a[1]:
-            heading = poses[-1][3]  # straight up or down
-        else:
-            heading = float(kernels.heading_of(b[0] - a[0], b[1] - a[1]))
-        poses += [(*a, heading), (*b, heading)]
-    return np.array(poses if goal is None else [*poses, goal], dtype=np.float64)
 
 
 def reversible(space: FreeSpace) -> bool:
@@ -127,14 +99,14 @@ def reversible(space: FreeSpace) -> bool:
 
 
 class _Found(NamedTuple):
-    """States from a start to a goal, and at which of them the body can turn about."""
+    """States from a start to a goal, and at which of them the body can turn to any heading."""
 
     space: FreeSpace
     plane: Plane
     start: Pose
     goal: Pose
     states: Longs
-    wide: NDArray[np.bool_]
+    spins: NDArray[np.bool_]
 
 
 def _path_on(
@@ -145,50 +117,47 @@ def _path_on(
     to_go: NDArray[np.int32],
     budget: int,
 ) -> Floats | None:
+    """Poses from a start to a goal over nodes of every `factor`-th cell; None without a way."""
     plane = Plane(
         space.grid.field[:, :, 0],
         space.collision_distance_sq,
-        lattice.rates(space, 1.0),
+        lattice.rate_table(space, 1.0),
         factor,
         (space.grid.field.shape[0] // factor, space.grid.field.shape[1] // factor),
     )
-    if plane.shape[0] * plane.shape[1] * WAYS >= 1 << heading_kernels.NODE_BITS:
+    if plane.shape[0] * plane.shape[1] * HEADINGS >= 1 << STATE_BITS:
         return None
-    ways = _ways(_offsets(space), plane.threshold, factor)
+    offsets = tuple(disc.offset / space.resolution for disc in space.discs)
     unit = FREE_RATE * LENGTHS[1] / (factor * space.resolution)
-    ways = ways._replace(
-        turn_price=round(TURN_PRICE * unit), reversal_price=round(REVERSAL_PRICE * unit)
+    moves = motion_primitives(offsets, plane.threshold, factor)._replace(
+        turn_cost=round(TURN_COST * unit), reversal_cost=round(REVERSAL_COST * unit)
     )
-    starts, prices = _starts(space, plane, ways, start)
+    starts, costs = _starts(space, plane, moves, start)
     end = _node_near(space, plane, goal)
     if len(starts) == 0 or end < 0:
         return None
-    states, wide = heading_kernels.search_states(plane, ways, to_go, starts, prices, end, budget)
+    states, spins = se2_search.search_states(plane, moves, to_go, starts, costs, end, budget)
     if len(states) == 0:
         return None
-    return _poses(_Found(space, plane, start, goal, states, wide))
+    return _poses(_Found(space, plane, start, goal, states, spins))
 
 
-def _offsets(space: FreeSpace) -> tuple[float, ...]:
-    """Of the discs along the body [cells]."""
-    return tuple(disc.offset / space.resolution for disc in space.discs)
-
-
-def _starts(space: FreeSpace, plane: Plane, ways: Ways, start: Pose) -> tuple[Longs, Longs]:
-    """States that the start reaches by one free sweep, and their prices."""
-    nodes, angles = _nodes_about(space, plane, start), np.array(_angles())
+def _starts(space: FreeSpace, plane: Plane, moves: Primitives, start: Pose) -> tuple[Longs, Longs]:
+    """States that the start reaches by one free sweep, and their costs, each shape (s,)."""
+    nodes, angles = _nodes_about(space, plane, start), np.array(headings())
     places = _centres(space, plane, nodes)
-    nearest, free = kernels.free_headings(space.grid, space.shape, start, places, angles)
-    states, prices = [], []
-    for way, gear in np.argwhere(free).tolist():
-        turn = abs(float(kernels.wrap(angles[way] + gear * math.pi - start[3])))
-        turns = round(turn / (2.0 * math.pi / WAYS))
-        states.append(nodes[nearest] * WAYS + way)
-        prices.append(turns * ways.turn_price + gear * ways.reversal_price)
-    return np.array(states, np.int64), np.array(prices, np.int64)
+    nearest, free = sweep.free_headings(space.grid, space.shape, start, places, angles)
+    states, costs = [], []
+    for heading, gear in np.argwhere(free).tolist():
+        turn = abs(float(wrap(angles[heading] + gear * math.pi - start[3])))
+        turns = round(turn / (2.0 * math.pi / HEADINGS))
+        states.append(nodes[nearest] * HEADINGS + heading)
+        costs.append(turns * moves.turn_cost + gear * moves.reversal_cost)
+    return np.array(states, np.int64), np.array(costs, np.int64)
 
 
 def _node_near(space: FreeSpace, plane: Plane, goal: Pose) -> int:
+    """The nearest free node with a free edge to a goal; -1 for none."""
     nodes = _nodes_about(space, plane, goal)
     for node, (x, y) in zip(nodes.tolist(), _centres(space, plane, nodes).tolist(), strict=True):
         cell = node // plane.shape[1], node % plane.shape[1]
@@ -201,7 +170,7 @@ def _node_near(space: FreeSpace, plane: Plane, goal: Pose) -> int:
 
 
 def _nodes_about(space: FreeSpace, plane: Plane, pose: Pose) -> Longs:
-    """Nodes near a place, the nearest first, shape (n,)."""
+    """Nodes near a pose, the nearest first, shape (n,)."""
     place, rings = np.array(pose[:2]), np.arange(-ENTRY_RINGS, ENTRY_RINGS + 1)
     own = np.floor((place - space.origin[:2]) / (plane.factor * space.resolution)).astype(np.int64)
     rows, columns = (
@@ -216,7 +185,7 @@ def _nodes_about(space: FreeSpace, plane: Plane, pose: Pose) -> Longs:
 
 
 def _centres(space: FreeSpace, plane: Plane, nodes: Longs) -> Floats:
-    """Places of nodes, shape (n, 2) [m]."""
+    """Positions of nodes, shape (n, 2), m."""
     cells = np.stack(np.divmod(nodes, plane.shape[1]), axis=-1)
     middles = cells * plane.factor + (plane.factor // 2 + 0.5)
     places: Floats = space.origin[:2] + middles * space.resolution
@@ -224,109 +193,67 @@ def _centres(space: FreeSpace, plane: Plane, nodes: Longs) -> Floats:
 
 
 def _poses(found: _Found) -> Floats | None:
-    """The path through the states, its headings those of the body; None if it is not free."""
+    """The path through the states, at the body's headings; None if it is not free."""
     for straight in (True, False):
         for gear in (0.0, math.pi):  # nose first or tail first
             path = _through(found, gear, straight)
-            if kernels.poses_free(found.space.grid, found.space.shape, path):
+            if sweep.poses_free(found.space.grid, found.space.shape, path):
                 return path
     return None
 
 
 def _through(found: _Found, gear: float, straight: bool) -> Floats:
-    """The path through the states, pulled straight where the body can turn about if so asked."""
-    space, plane, start, goal, states, wide = found
-    angles, poses, before = _angles(), [start], int(states[0])
-    cuts = np.flatnonzero(wide[1:] != wide[:-1]) + 1
+    """The path through the states, shape (n, 4).
+
+    Args:
+        found: The states.
+        gear: Angle from the direction of motion to the heading at first, 0 or pi, rad.
+        straight: Whether to pull the path straight where the body can turn to any heading.
+    """
+    space, plane, start, goal, states, spins = found
+    angles, poses, before = headings(), [start], int(states[0])
+    # Runs of states where the body can turn to any heading, and where it cannot.
+    cuts = np.flatnonzero(spins[1:] != spins[:-1]) + 1
     for begin, end in itertools.pairwise((0, *cuts.tolist(), len(states))):
-        turns, part = bool(wide[begin]), states[begin:end]
+        turns, part = bool(spins[begin]), states[begin:end]
         if turns:
-            part = _bends(part)
-        places = _centres(space, plane, part // WAYS).tolist()
+            part = _corners(part)
+        places = _centres(space, plane, part // HEADINGS).tolist()
         points = [(x, y, start[2]) for x, y in places]
         first, last = int(part[0]), int(part[-1])
         if turns:
-            poses.append((*points[0], float(kernels.wrap(angles[first % WAYS] + gear))))
+            poses.append((*points[0], float(wrap(angles[first % HEADINGS] + gear))))
             if end == len(states):
                 points.append(goal[:3])
             track = np.array(list(dict.fromkeys(points)))
             if straight:
-                walked = space.grid, space.collision_distance_sq, 1.0
-                track = kernels.fewest_corners(*walked, BEND_PRICE, kernels.prune(*walked, track))
-            poses += head_along(track, poses.pop(), None).tolist()
-            poses.append((*points[-1], angles[last % WAYS]))
+                threshold = space.collision_distance_sq
+                track = shortcut.prune(space.grid, threshold, 1.0, track)
+                track = shortcut.fewest_corners(space.grid, threshold, 1.0, CORNER_COST, track)
+            poses += poses_along(track, poses.pop(), None).tolist()
+            poses.append((*points[-1], angles[last % HEADINGS]))
             gear = 0.0
         else:
             for state, point in zip(part.tolist(), points, strict=True):
-                if (before - state) % WAYS == WAYS // 2 and before // WAYS == state // WAYS:
+                if _is_reversal(before, state):
                     gear = math.pi - gear
-                poses.append((*point, float(kernels.wrap(angles[state % WAYS] + gear))))
+                poses.append((*point, float(wrap(angles[state % HEADINGS] + gear))))
                 before = state
         before = last
     if turns:
-        poses.pop()  # it has nowhere to turn to
+        poses.pop()  # the turn to the last heading leads nowhere
     poses.append((*goal[:3], poses[-1][3]))
     return np.array([pose for pose, _ in itertools.groupby(poses)], dtype=np.float64)
 
 
-def _bends(states: Longs) -> Longs:
-    """Those of the states at which the way turns, and both ends."""
+def _is_reversal(before: int, state: int) -> bool:
+    """Whether a state is another one's node at the opposite heading."""
+    opposite = (before - state) % HEADINGS == HEADINGS // 2
+    return opposite and before // HEADINGS == state // HEADINGS
+
+
+def _corners(states: Longs) -> Longs:
+    """The states at which the way turns, and both ends."""
     inner = states[1:-1]
-    return np.concatenate((states[:1], inner[inner % WAYS != states[:-2] % WAYS], states[-1:]))
-
-
-@functools.lru_cache(maxsize=1)
-def _angles() -> list[float]:
-    return [float(kernels.heading_of(float(x), float(y))) for x, y in STEPS]
-
-
-@functools.lru_cache(maxsize=16)
-def _ways(offsets: tuple[float, ...], threshold: int, factor: int) -> Ways:
-    """The tables for discs at these offsets along the body [cells]; the prices are to be filled."""
-    angles = _angles()
-    shares = np.linspace(0.0, 1.0, SAMPLES * factor + 1)
-    steps, turns = [], []
-    for way, (x, y) in enumerate(STEPS):
-        cosine, sine = kernels.direction(angles[way])
-        moved = factor * shares[:, None] * np.array([x, y])
-        steps.append([_cells(moved + offset * np.array([cosine, sine])) for offset in offsets])
-        turn = float(kernels.wrap(angles[(way + 1) % WAYS] - angles[way]))
-        spun = np.array([kernels.direction(angles[way] + share * turn) for share in shares])
-        turns.append([_cells(offset * spun) for offset in offsets])
-    spins = [np.unique(np.concatenate(parts), axis=0) for parts in zip(*turns, strict=True)]
-    return Ways(
-        steps=np.array(STEPS, np.int64),
-        lengths=np.array([LENGTHS[x * x + y * y] for x, y in STEPS], np.int64),
-        stepped=_swept(steps, threshold),
-        turned=_swept(turns, threshold),
-        spun=_swept([spins], threshold),
-        turn_price=0,
-        reversal_price=0,
-    )
-
-
-def _cells(track: Floats) -> Longs:
-    """Cells that points, from the centre of a cell [cells], lie in or next to, shape (k, 2)."""
-    beside = NEXT_TO * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
-    points = (track[:, None] + beside).reshape(-1, 2)
-    found: Longs = np.unique(np.floor(points + 0.5).astype(np.int64), axis=0)
-    return found
-
-
-def _swept(motions: list[list[Longs]], threshold: int) -> Swept:
-    """Tables of the cells that the discs touch on each motion."""
-    shape = len(motions), len(motions[0])
-    counts = np.array([[len(cells) for cells in discs] for discs in motions], np.int64)
-    table = np.zeros((*shape, int(counts.max()), 2), np.int64)
-    middles = np.zeros((*shape, 2), np.int64)
-    reaches, enough = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
-    for at in np.ndindex(shape):
-        cells = motions[at[0]][at[1]]
-        table[at][: len(cells)] = cells
-        apart = cells[:, None] - cells  # (k, k, 2)
-        squared = (apart * apart).sum(axis=2).max(axis=1)
-        middle = int(np.argmin(squared))
-        middles[at], reaches[at] = cells[middle], np.abs(apart[middle]).max()
-        reach = math.sqrt(threshold) + math.sqrt(squared[middle])
-        enough[at] = math.ceil(reach * reach)
-    return Swept(table, counts, middles, reaches, enough)
+    turning = inner % HEADINGS != states[:-2] % HEADINGS
+    return np.concatenate((states[:1], inner[turning], states[-1:]))

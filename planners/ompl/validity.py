@@ -1,21 +1,21 @@
-"""Whether a state is free: what OMPL asks, and where a planner finds the space that it plans in."""
+"""OMPL's validity checker of a state, which also hands the free space to planners of our own."""
 
 from __future__ import annotations
 
 from ompl import base as ob
 
-from wayproof.planners import kernels
 from wayproof.planners.free_space import FreeSpace
+from wayproof.planners.kernels import segment, sweep
 from wayproof.planners.ompl.state_spaces import StateSpace
 
 
 class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]
-    """Checks one state; ``getStateValidityChecker()`` hands it to planners that look at the field.
+    """Checker of one state; planners that need the free space get it from the space information.
 
     Attributes:
-        space: Where the body may be.
-        kind: What a state is.
-        z: Of all states in a plane [m].
+        space: Free space.
+        kind: State space.
+        z: Height of all states in a plane, m.
         any_heading: Whether a path may end at any heading.
     """
 
@@ -38,6 +38,6 @@ class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]
         """Whether the body is free there."""
         pose = self.kind.read(state, self.z)
         if self.kind.oriented:
-            return bool(kernels.sweep_free(self.space.grid, self.space.shape, pose, pose))
+            return bool(sweep.sweep_free(self.space.grid, self.space.shape, pose, pose))
         threshold = self.space.collision_distance_sq
-        return bool(kernels.edge_free(self.space.grid, threshold, pose[:3], pose[:3]))
+        return bool(segment.edge_free(self.space.grid, threshold, pose[:3], pose[:3]))

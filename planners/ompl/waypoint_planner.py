@@ -1,4 +1,4 @@
-"""A planner that is no OMPL class, behind OMPL's interface: waypoints in place of states."""
+"""Adapter of a planner that is no OMPL class: it plans waypoints."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import Protocol
 
 import numpy as np
 from ompl import base as ob
-from ompl import geometric as og
 
-from wayproof.planners.astar.se2 import head_along
 from wayproof.planners.free_space import FreeSpace
-from wayproof.planners.kernels import Floats
+from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.ompl._plugin import UserCodeError
+from wayproof.planners.ompl.adapter import add_solution, query_ends
+from wayproof.planners.path import poses_along
 
 
 class PlansWaypoints(Protocol):
-    """What a class of the user's own has to offer; it is made without arguments for every plan."""
+    """Interface of a user's class, which is made without arguments for every plan."""
 
     def plan(
         self, space: FreeSpace, start: Floats, goal: Floats, seed: int, budget: int
@@ -23,11 +23,11 @@ class PlansWaypoints(Protocol):
         """Plan a path.
 
         Args:
-            space: Where the body may be; `edge_free(a, b)` checks a segment.
+            space: Free space; `edge_free(a, b)` checks a segment.
             start: (3,) m.
             goal: (3,) m.
-            seed: Of this plan: the same one has to give the same path.
-            budget: How many turns of its own loop it may take, `planner.iterations`.
+            seed: Seed of this plan: the same one has to give the same path.
+            budget: Largest number of iterations of its own loop, `planner.iterations`.
 
         Returns:
             Waypoints (n, 3), m, from start to goal, or None if it found none.
@@ -50,10 +50,10 @@ class WaypointPlanner(ob.Planner):  # type: ignore[misc]
 
         Args:
             information: Its validity checker is a `BodyValidity`.
-            planner: The user's.
+            planner: Planner of the user's.
             who: Its name, for errors.
-            seed: Of this plan.
-            budget: Turns that it may take.
+            seed: Seed of this plan.
+            budget: Largest number of iterations.
         """
         super().__init__(information, "waypoints")
         self._planner, self._who, self._seed, self._budget = planner, who, seed, budget
@@ -62,26 +62,19 @@ class WaypointPlanner(ob.Planner):  # type: ignore[misc]
         """Add the path to the problem definition, if there is one.
 
         Raises:
-            UserCodeError: What was returned is neither waypoints nor None.
+            UserCodeError: It returned neither waypoints nor None.
         """
-        information, definition = self.getSpaceInformation(), self.getProblemDefinition()
-        validity = information.getStateValidityChecker()
-        kind, z = validity.kind, validity.z
-        start = kind.read(self.getPlannerInputStates().nextStart(), z)
-        goal = kind.read(definition.getGoal().getState(), z)
+        validity = self.getSpaceInformation().getStateValidityChecker()
+        start, goal = query_ends(self)
         ends = np.array(start[:3]), np.array(goal[:3])
         found = self._planner.plan(validity.space, *ends, seed=self._seed, budget=self._budget)
         if found is None:
             return ob.PlannerStatus(False, False)
-        path, state = og.PathGeometric(information), information.allocState()
         waypoints = self._waypoints(found)
         poses = np.pad(waypoints, ((0, 0), (0, 1)))
-        if kind.oriented:
-            poses = head_along(waypoints, start, None if validity.any_heading else goal)
-        for x, y, height, heading in poses.tolist():
-            kind.write(state, (x, y, height, heading))
-            path.append(state)
-        definition.addSolutionPath(path, False, 0.0, self.getName())
+        if validity.kind.oriented:
+            poses = poses_along(waypoints, start, None if validity.any_heading else goal)
+        add_solution(self, [tuple(pose) for pose in poses.tolist()])
         return ob.PlannerStatus(True, False)
 
     def _waypoints(self, found: object) -> Floats:

@@ -35,10 +35,10 @@ import time
 from ompl import base as ob
 from ompl import geometric as og
 
-from wayproof.planners.astar.grid_astar import FieldPlanner
+from wayproof.planners.astar.grid_astar import GridAStar
 
 
-class Late(FieldPlanner):
+class Late(GridAStar):
     """Fails at the second time that it is asked."""
 
     calls = 0
@@ -118,7 +118,7 @@ class Unmade(ob.Planner):
         raise RuntimeError("not today")
 
 
-class Good(FieldPlanner):
+class Good(GridAStar):
     def __init__(self, information):
         super().__init__(information, 1.0)
 '''

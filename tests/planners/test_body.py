@@ -13,10 +13,10 @@ from wayproof.planners import (
     GoalField,
     PlannerConfig,
     collision_distance_sq,
-    kernels,
     plan,
     state_space_for,
 )
+from wayproof.planners.kernels import angles, pose_shortcut, sweep_cost
 
 LONG = Body(offsets=(-0.3, 0.0, 0.3), radii=(0.2, 0.2, 0.2))
 
@@ -64,9 +64,9 @@ def test_wrong_bodies_are_refused(offsets, radii, message):
 
 def test_directions_equal_the_library_and_python():
     for angle in np.random.default_rng(0).uniform(-20.0, 20.0, 200):
-        found = kernels.direction(angle)
+        found = angles.cosine_sine(angle)
         assert found == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-13)
-        assert kernels.direction.py_func(angle) == found
+        assert angles.cosine_sine.py_func(angle) == found
 
 
 def random_poses(space: FreeSpace, count: int, seed: int) -> np.ndarray:
@@ -101,11 +101,11 @@ def test_sweeps_are_free_only_where_every_pose_is():
         free = space.sweep_free(a, b)
         if free:
             assert naive_free(space, a, b)
-            length, turn = math.dist(a[:3], b[:3]), abs(kernels.wrap(b[3] - a[3]))
+            length, turn = math.dist(a[:3], b[:3]), abs(angles.wrap(b[3] - a[3]))
             assert space.free_sweep_length(np.array([a, b])) == pytest.approx(length)
             cost = space.sweep_cost(np.array([a, b]))
-            price = kernels.TURN_PRICE * turn
-            assert length + price <= cost <= (1 + 2 * kernels.SIDEWAYS) * length + price + 1e-9
+            price = sweep_cost.TURN_COST * turn
+            assert length + price <= cost <= (1 + 2 * sweep_cost.SIDEWAYS) * length + price + 1e-9
         else:
             assert space.sweep_cost(np.array([a, b])) == math.inf
         verdicts.append(free)
@@ -116,14 +116,14 @@ def test_compiled_pose_kernels_equal_python():
     space = body_space(np.random.default_rng(3).random((60, 60, 1)) < 0.003)
     for a, b in random_poses(space, 40, 6).reshape(20, 2, 4):
         pair = (space.grid, space.shape, 2.0, tuple(a.tolist()), tuple(b.tolist()))
-        assert kernels.sweep_cost.py_func(*pair) == kernels.sweep_cost(*pair)
+        assert sweep_cost.sweep_cost.py_func(*pair) == sweep_cost.sweep_cost(*pair)
     start, goal = point(space, 8.5, 8.5), point(space, 50.5, 50.5)
     settings = PlannerConfig("rrtconnect", restarts=1, shortcuts=0)
     found = plan(space, start, goal, settings, seed=2)
     poses = np.column_stack((found.waypoints, found.headings))
     draws = np.random.default_rng(0).uniform(0.0, 1.0, (20, 5)) * [1, 1, 1, 1, 0]
-    short = kernels.shortcut_poses(space.grid, space.shape, 2.0, poses, draws)
-    python = kernels.shortcut_poses.py_func(space.grid, space.shape, 2.0, poses, draws)
+    short = pose_shortcut.shortcut_poses(space.grid, space.shape, 2.0, poses, draws)
+    python = pose_shortcut.shortcut_poses.py_func(space.grid, space.shape, 2.0, poses, draws)
     assert python.tobytes() == short.tobytes()
     assert space.sweep_cost(short) < space.sweep_cost(poses)
     assert np.array_equal(short[[0, -1]], poses[[0, -1]])
@@ -162,7 +162,7 @@ def test_curves_keep_the_turning_radius(curve):
     config = PlannerConfig("rrtconnect", state_space=curve, turning_radius=0.6, restarts=1)
     found = plan(space, point(space, 20.5, 20.5), point(space, 60.5, 40.5), config, 3, heading=2.0)
     poses = np.column_stack((found.waypoints, found.headings))
-    turns = np.abs([kernels.wrap(turn) for turn in np.diff(found.headings)])
+    turns = np.abs([angles.wrap(turn) for turn in np.diff(found.headings)])
     lengths = np.linalg.norm(np.diff(found.waypoints, axis=0), axis=1)
     sharp = turns > lengths / 0.6 * 1.001 + 1e-6
     assert space.sweep_cost(poses) == found.cost

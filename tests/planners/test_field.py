@@ -11,11 +11,11 @@ from wayproof.planners import (
     FreeSpace,
     GoalField,
     PlannerConfig,
-    _lattice_kernels,
     plan,
 )
 from wayproof.planners.astar import lattice
-from wayproof.planners.kernels import walk_path
+from wayproof.planners.kernels import heuristic, lattice_cells, lattice_search, repair
+from wayproof.planners.kernels.segment import walk_path
 
 
 def random_space(seed: int, shape=(24, 20, 1), pillars: int = 0) -> FreeSpace:
@@ -29,9 +29,14 @@ def random_space(seed: int, shape=(24, 20, 1), pillars: int = 0) -> FreeSpace:
     return dataclasses.replace(make_space(blocked), origin=np.zeros(3), resolution=1.0)
 
 
+def moves_of(grid):
+    """Flat offset and length of each move."""
+    return zip(grid.move_offsets.tolist(), grid.move_lengths.tolist(), strict=True)
+
+
 def free_lattice(space: FreeSpace, factor: int, repairable: bool = False):
     grid = lattice.make_lattice(space, factor, 2.0, repairable)
-    free = [n for n in range(len(grid.rate)) if _lattice_kernels.look(grid, n) > 0]
+    free = [n for n in range(len(grid.rate)) if lattice_cells.rate_of(grid, n) > 0]
     return grid, free
 
 
@@ -44,7 +49,9 @@ def naive_costs(space: FreeSpace, grid, free: list[int], goal: int) -> dict[int,
         if cell in costs:
             continue
         costs[cell] = cost
-        for offset, step in zip(grid.offsets.tolist(), grid.steps.tolist(), strict=True):
+        for offset, step in zip(
+            grid.move_offsets.tolist(), grid.move_lengths.tolist(), strict=True
+        ):
             other = cell + offset
             if other not in centre or not space.edge_free(centre[cell], centre[other]):
                 continue
@@ -54,7 +61,7 @@ def naive_costs(space: FreeSpace, grid, free: list[int], goal: int) -> dict[int,
 
 
 def closed_costs(grid) -> dict[int, int]:
-    closed = np.flatnonzero(grid.state == _lattice_kernels.CLOSED)
+    closed = np.flatnonzero(grid.state == lattice_cells.CLOSED)
     return {int(cell): int(grid.cost[cell]) for cell in closed}
 
 
@@ -67,7 +74,7 @@ def test_costs_to_go_are_those_of_a_naive_search(shape, factor, repairable):
     grid, free = free_lattice(space, factor, repairable)
     goal = free[len(free) // 2]
     lattice.open_goal(grid, goal)
-    _lattice_kernels.spread(grid, 0, -1, 10**6, 0)  # the border's cell is never closed
+    lattice_search.expand(grid, 0, -1, 10**6, 0)  # the border's cell is never closed
     assert closed_costs(grid) == naive_costs(space, grid, free, goal)
 
 
@@ -76,14 +83,14 @@ def test_a_search_drawn_to_a_target_costs_the_same_and_looks_at_less():
     whole, free = free_lattice(space, 1)
     goal = free[10]
     lattice.open_goal(whole, goal)
-    _lattice_kernels.spread(whole, 0, -1, 10**6, 0)
-    for start in [cell for cell in free[::97] if whole.state[cell] == _lattice_kernels.CLOSED]:
+    lattice_search.expand(whole, 0, -1, 10**6, 0)
+    for start in [cell for cell in free[::97] if whole.state[cell] == lattice_cells.CLOSED]:
         drawn, _ = free_lattice(space, 1)
         lattice.open_goal(drawn, goal, start)
-        assert _lattice_kernels.spread(drawn, start, start, 10**6, 0)
+        assert lattice_search.expand(drawn, start, start, 10**6, 0)
         assert drawn.cost[start] == whole.cost[start]
-        assert drawn.now[2] <= whole.now[2]
-        cells = _lattice_kernels.descend(drawn, start)
+        assert drawn.counters[2] <= whole.counters[2]
+        cells = lattice_search.descend(drawn, start)
         assert (cells[0], cells[-1]) == (start, goal)
 
 
@@ -98,7 +105,7 @@ def lattice_in_space(seed: int, factor: int):
     while len(costs) < 0.5 * len(free):  # it may lie between boxes
         grid, _ = free_lattice(space, factor)
         lattice.open_goal(grid, start)
-        _lattice_kernels.spread(grid, 0, -1, 10**6, 0)
+        lattice_search.expand(grid, 0, -1, 10**6, 0)
         costs = closed_costs(grid)
         start = free[free.index(start) + 1] if len(costs) < 0.5 * len(free) else start
     goal = max(costs, key=costs.__getitem__)
@@ -107,7 +114,7 @@ def lattice_in_space(seed: int, factor: int):
 
 def opened(space: FreeSpace, factor: int, start: int, goal: int):
     grid = lattice.make_lattice(space, factor, 2.0)
-    _lattice_kernels.look(grid, goal)
+    lattice_cells.rate_of(grid, goal)
     lattice.open_goal(grid, goal, start)
     return grid
 
@@ -115,15 +122,17 @@ def opened(space: FreeSpace, factor: int, start: int, goal: int):
 @pytest.mark.parametrize(("seed", "factor"), [(5, 1), (6, 2), (7, 3)])
 def test_columns_tell_never_more_than_it_costs(seed, factor):
     _, grid, goal, start, costs = lattice_in_space(seed, factor)
-    straight = {cell: _lattice_kernels.estimate(grid, cell, start) for cell in costs}
-    assert _lattice_kernels.bound_columns(grid, goal, start)
-    told = {cell: int(grid.least[cell // grid.shape[2]]) for cell in costs}
+    straight = {cell: heuristic.heuristic(grid, cell, start) for cell in costs}
+    assert heuristic.bound_columns(grid, goal, start)
+    told = {cell: int(grid.column_bound[cell // grid.shape[2]]) for cell in costs}
     assert all(told[cell] <= cost for cell, cost in costs.items())
     assert sum(told[cell] > 1.2 * straight[cell] for cell in costs) > 0.4 * len(costs)
     for cell in list(costs)[::9]:
-        for offset, step in zip(grid.offsets.tolist(), grid.steps.tolist(), strict=True):
+        for offset, step in zip(
+            grid.move_offsets.tolist(), grid.move_lengths.tolist(), strict=True
+        ):
             if cell + offset in costs:  # as A* asks for, no step gains more than it costs
-                both = sum(_lattice_kernels.look(grid, at) for at in (cell, cell + offset))
+                both = sum(lattice_cells.rate_of(grid, at) for at in (cell, cell + offset))
                 assert told[cell] <= told[cell + offset] + step * both
 
 
@@ -132,13 +141,13 @@ def test_a_search_drawn_by_columns_finds_the_same_way_and_looks_at_less(seed, fa
     space, straight, goal, start, costs = lattice_in_space(seed, factor)
     by_columns = opened(space, factor, start, goal)
     for grid in (straight, by_columns):
-        assert not _lattice_kernels.spread(grid, start, start, 5, 1)
-        assert grid is straight or lattice.draw_by_columns(grid, goal, start)
-        assert _lattice_kernels.spread(grid, start, start, 10**6, 1)
+        assert not lattice_search.expand(grid, start, start, 5, 1)
+        assert grid is straight or lattice.set_column_heuristic(grid, goal, start)
+        assert lattice_search.expand(grid, start, start, 10**6, 1)
         assert grid.cost[start] == costs[goal]
-    ways = [_lattice_kernels.descend(grid, start).tolist() for grid in (straight, by_columns)]
+    ways = [lattice_search.descend(grid, start).tolist() for grid in (straight, by_columns)]
     assert ways[0] == ways[1]
-    assert by_columns.now[2] < 0.7 * straight.now[2]
+    assert by_columns.counters[2] < 0.7 * straight.counters[2]
 
 
 def test_plans_that_spare_distances_are_as_cheap_and_search_more_cells():
@@ -150,8 +159,8 @@ def test_plans_that_spare_distances_are_as_cheap_and_search_more_cells():
     start, goal = point(space, 8.5, 8.5, 20.5), point(space, 270.5, 250.5, 40.5)
     config = PlannerConfig(name="astar", shortcuts=0, corner_cost=0.0)
     plans = [
-        plan(dataclasses.replace(space, sparing=sparing), start, goal, config, seed=1)
-        for sparing in (False, True)
+        plan(dataclasses.replace(space, few_reads=few_reads), start, goal, config, seed=1)
+        for few_reads in (False, True)
     ]
     assert plans[0].cost == pytest.approx(plans[1].cost, rel=0.02)
     assert plans[0].iterations < 0.7 * plans[1].iterations
@@ -160,40 +169,40 @@ def test_plans_that_spare_distances_are_as_cheap_and_search_more_cells():
 def test_columns_that_were_not_noted_decide_nothing():
     space, grid, _, start, costs = lattice_in_space(5, 1)
     near = min(costs, key=lambda cell: abs(costs[cell] - 2000))
-    assert _lattice_kernels.bound_columns(grid, near, start)
+    assert heuristic.bound_columns(grid, near, start)
     noted = np.zeros((grid.shape[1] - 2, grid.shape[0] - 2), np.bool_)
-    _lattice_kernels.note_looked_at(grid.rate, grid.shape, grid.factor, 0, noted)
+    lattice_cells.mark_read_blocks(grid.rate, grid.shape, grid.factor, 0, noted)
     assert 0 < noted.sum() < 0.5 * noted.size
     space.grid.field[~noted.T] = 0
     again = opened(space, 1, start, near)
-    assert _lattice_kernels.bound_columns(again, near, start)
-    assert again.least.tobytes() == grid.least.tobytes()
+    assert heuristic.bound_columns(again, near, start)
+    assert again.column_bound.tobytes() == grid.column_bound.tobytes()
 
 
 def test_compiled_columns_equal_python():
     _, grid, goal, start, _ = lattice_in_space(5, 2)
-    _lattice_kernels.bound_columns(grid, goal, start)
-    compiled = grid.least.copy()
-    _lattice_kernels.bound_columns.py_func(grid, goal, start)
-    assert compiled.tobytes() == grid.least.tobytes()
+    heuristic.bound_columns(grid, goal, start)
+    compiled = grid.column_bound.copy()
+    heuristic.bound_columns.py_func(grid, goal, start)
+    assert compiled.tobytes() == grid.column_bound.tobytes()
 
 
 def test_where_columns_have_no_way_there_is_none():
     blocked = np.zeros((12, 10, 8), dtype=bool)
     blocked[6] = True
     grid, free = free_lattice(make_space(blocked), 1)
-    assert not lattice.draw_by_columns(grid, free[0], free[-1])
-    assert lattice.draw_by_columns(grid, free[0], free[9])
+    assert not lattice.set_column_heuristic(grid, free[0], free[-1])
+    assert lattice.set_column_heuristic(grid, free[0], free[9])
 
 
 def test_a_straight_way_costs_its_length_by_hand():
     space = make_space(np.zeros((20, 9, 1), dtype=bool))
     grid = lattice.make_lattice(space, 1, 0.0)
-    start, goal = (lattice.entry(grid, space, point(space, x, 4.5)) for x in (2.5, 12.5))
+    start, goal = (lattice.entry_cell(grid, space, point(space, x, 4.5)) for x in (2.5, 12.5))
     lattice.open_goal(grid, goal, start)
-    assert _lattice_kernels.spread(grid, start, start, 1000, 0)
+    assert lattice_search.expand(grid, start, start, 1000, 0)
     assert grid.cost[start] == 10 * 12 * (8 + 8)  # steps, their length, both cells' rates
-    assert len(_lattice_kernels.descend(grid, start)) == 11
+    assert len(lattice_search.descend(grid, start)) == 11
 
 
 def test_compiled_lattice_kernels_equal_python():
@@ -202,19 +211,25 @@ def test_compiled_lattice_kernels_equal_python():
     goal, start = pair[0][1][0], pair[0][1][-1]
     for (grid, _), python in zip(pair, (False, True), strict=True):
         lattice.open_goal(grid, goal)
-        spread, repair, look_again, descend, draw_to = (
-            getattr(_lattice_kernels, name).py_func if python else getattr(_lattice_kernels, name)
-            for name in ("spread", "repair", "look_again", "descend", "draw_to")
+        expand, mend, refresh_box, descend, requeue = (
+            kernel.py_func if python else kernel
+            for kernel in (
+                lattice_search.expand,
+                repair.repair,
+                repair.refresh_box,
+                lattice_search.descend,
+                lattice_search.requeue,
+            )
         )
-        assert spread(grid, start, -1, 10**6, 0)
+        assert expand(grid, start, -1, 10**6, 0)
         space.grid.field[6:9, 4:8, 2:5] = 0
-        changed = look_again(grid, np.ones(3, np.int64), grid.shape - 1)
-        repair(grid, changed)
-        opened = np.flatnonzero(grid.state == _lattice_kernels.OPEN)
-        draw_to(grid, start, opened)
-        assert grid.now[_lattice_kernels.OPENED] == len(opened) > 0
-        spread(grid, start, start, 10**6, 1)
-        if grid.state[start] == _lattice_kernels.CLOSED:
+        changed = refresh_box(grid, np.ones(3, np.int64), grid.shape - 1)
+        mend(grid, changed)
+        opened = np.flatnonzero(grid.state == lattice_cells.OPEN)
+        requeue(grid, start, opened)
+        assert grid.counters[lattice_cells.OPENED] == len(opened) > 0
+        expand(grid, start, start, 10**6, 1)
+        if grid.state[start] == lattice_cells.CLOSED:
             assert descend(grid, start)[-1] == goal
         space.grid.field[6:9, 4:8, 2:5] = 200
     (compiled, _), (python, _) = pair
@@ -253,16 +268,18 @@ def test_all_cells_of_all_cheapest_ways_are_closed_when_drawn_on():
     space = random_space(5, (40, 40, 1))
     whole, free = free_lattice(space, 1)
     lattice.open_goal(whole, free[10])
-    _lattice_kernels.spread(whole, 0, -1, 10**6, 0)
-    start = next(n for n in free[::-1] if whole.state[n] == _lattice_kernels.CLOSED)
+    lattice_search.expand(whole, 0, -1, 10**6, 0)
+    start = next(n for n in free[::-1] if whole.state[n] == lattice_cells.CLOSED)
     drawn, _ = free_lattice(space, 1)
     lattice.open_goal(drawn, free[10])
-    assert _lattice_kernels.spread(drawn, free[200], -1, 50, 0) is False
-    lattice.draw_to(drawn, start)  # what is open is kept
-    assert _lattice_kernels.spread(drawn, start, start, 10**6, 1)
+    assert lattice_search.expand(drawn, free[200], -1, 50, 0) is False
+    lattice.set_heuristic_target(drawn, start)  # what is open is kept
+    assert lattice_search.expand(drawn, start, start, 10**6, 1)
     onto = {start}
     for cell in sorted(free, key=lambda n: -int(whole.cost[n])):
-        for offset, step in zip(whole.offsets.tolist(), whole.steps.tolist(), strict=True):
+        for offset, step in zip(
+            whole.move_offsets.tolist(), whole.move_lengths.tolist(), strict=True
+        ):
             both = int(whole.rate[cell]) + int(whole.rate[cell + offset])
             cost = int(whole.cost[cell]) - int(whole.cost[cell + offset])
             if cell in onto and whole.rate[cell + offset] > 0 and cost == step * both:
@@ -270,9 +287,9 @@ def test_all_cells_of_all_cheapest_ways_are_closed_when_drawn_on():
                     onto.add(cell + offset)
     assert len(onto) > 20
     for cell in onto:
-        assert drawn.state[cell] == _lattice_kernels.CLOSED
+        assert drawn.state[cell] == lattice_cells.CLOSED
         assert drawn.cost[cell] == whole.cost[cell]
-    assert drawn.now[2] < whole.now[2]
+    assert drawn.counters[2] < whole.counters[2]
 
 
 def test_a_long_body_is_replanned_for_as_anew():

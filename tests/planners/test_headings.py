@@ -8,11 +8,23 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from tests.planners.worlds import make_space, point
-from wayproof.planners import Body, FreeSpace, PlannerConfig, kernels, plan
-from wayproof.planners import _heading_kernels as heading_kernels
-from wayproof.planners import _lattice_kernels as lattice_kernels
+from wayproof.planners import Body, FreeSpace, PlannerConfig, plan
 from wayproof.planners.astar import lattice
-from wayproof.planners.astar.se2 import LENGTHS, STEPS, _offsets, _ways, reversible, turning_path
+from wayproof.planners.astar.primitives import LENGTHS, STEPS, motion_primitives
+from wayproof.planners.astar.se2 import reversible, se2_path
+from wayproof.planners.kernels import (
+    angles,
+    free_box,
+    headed,
+    heap,
+    lattice_cells,
+    lattice_search,
+    pose_shortcut,
+    se2_search,
+    sweep,
+    sweep_cost,
+)
+from wayproof.planners.kernels.se2_search import Plane
 
 BODY = Body((-0.3, 0.0, 0.3), (0.2, 0.2, 0.2))
 
@@ -41,7 +53,7 @@ def bits(value: object) -> list[float]:
 
 def test_a_body_gets_round_a_bend_that_its_disc_does_not(bend):
     start, goal = point(bend, 12.5, 14.5), point(bend, 35.5, 48.5)
-    poses = turning_path(bend, (*start, 0.0), (*goal, 0.0), 10**6)
+    poses = se2_path(bend, (*start, 0.0), (*goal, 0.0), 10**6)
     assert poses is not None
     assert bend.free_poses(poses) == len(poses)
     assert bits(poses[0, :3]) == bits(start)
@@ -57,7 +69,7 @@ def test_it_backs_out_of_a_dead_end(bend):
     blocked[:30, :10] = blocked[:30, 19:] = True
     space = long_space(blocked)
     start, goal = point(space, 8.5, 14.5), point(space, 50.5, 14.5)
-    poses = turning_path(space, (*start, math.pi), (*goal, 0.0), 10**6)
+    poses = se2_path(space, (*start, math.pi), (*goal, 0.0), 10**6)
     inside = poses[poses[:, 0] < point(space, 24, 0)[0]]
     assert len(inside) > 1
     assert np.abs(np.cos(inside[:, 3]) + 1.0).max() < 0.15  # tail first, where it cannot turn
@@ -68,8 +80,8 @@ def test_no_way_and_no_node_are_told(bend):
     blocked[30] = True
     space = long_space(blocked)
     start, goal = (*point(space, 8.5, 14.5), 0.0), (*point(space, 50.5, 14.5), 0.0)
-    assert turning_path(space, start, goal, 10**6) is None
-    assert turning_path(space, start, (*point(space, 30.5, 14.5), 0.0), 10**6) is None
+    assert se2_path(space, start, goal, 10**6) is None
+    assert se2_path(space, start, (*point(space, 30.5, 14.5), 0.0), 10**6) is None
 
 
 def test_only_bodies_as_long_behind_as_ahead_go_tail_first(bend):
@@ -78,7 +90,7 @@ def test_only_bodies_as_long_behind_as_ahead_go_tail_first(bend):
 
 
 def test_tables_by_hand():
-    ways = _ways((0.0,), 0, 1)
+    ways = motion_primitives((0.0,), 0, 1)
     assert ways.lengths.tolist() == [LENGTHS[x * x + y * y] for x, y in STEPS]
     cells = [cells_of(ways.stepped, way) for way in range(16)]
     assert cells[0] == {(0, 0), (1, 0)}
@@ -99,17 +111,17 @@ def cells_of(swept, motion):
 def test_motions_are_free_where_all_their_cells_are():
     rng = np.random.default_rng(4)
     space = long_space(rng.random((40, 30, 1)) < 0.02)
-    plane = heading_kernels.Plane(
+    plane = Plane(
         space.field[:, :, 0], space.collision_distance_sq, np.full(201, 8, np.int32), 2, (20, 15)
     )
-    ways = _ways((-1.5, 0.0, 2.0), plane.threshold, plane.factor)
+    ways = motion_primitives((-1.5, 0.0, 2.0), plane.threshold, plane.factor)
     shortened = 0
     for swept in (ways.stepped, ways.turned, ways.spun):
         for motion, (i, j) in zip(
             rng.integers(0, len(swept.counts), 400), rng.integers(-2, 42, (400, 2)), strict=True
         ):
-            free = heading_kernels.motion_free(plane, i, j, swept, motion)
-            assert heading_kernels.motion_free.py_func(plane, i, j, swept, motion) == free
+            free = se2_search.motion_free(plane, i, j, swept, motion)
+            assert se2_search.motion_free.py_func(plane, i, j, swept, motion) == free
             assert free == fits(plane, i, j, cells_of(swept, motion))
             x, y = np.clip((i, j) + swept.middles[motion, 0], 0, (39, 29))
             shortened += bool(free and plane.field[x, y] > swept.enough[motion, 0])
@@ -127,27 +139,27 @@ def test_bounds_are_costs_to_go_up_to_a_limit():
     rng = np.random.default_rng(1)
     space = long_space(rng.random((24, 25, 1)) < 0.006)
     grid = lattice.make_lattice(space, 1, 2.0)
-    free = [n for n in range(len(grid.rate)) if lattice_kernels.look(grid, n) > 0]
+    free = [n for n in range(len(grid.rate)) if lattice_cells.rate_of(grid, n) > 0]
     goal, start = free[5], free[-5]
     lattice.open_goal(grid, goal)
-    lattice_kernels.spread(grid, 0, -1, 10**6, 0)  # the border's cell is never closed
+    lattice_search.expand(grid, 0, -1, 10**6, 0)  # the border's cell is never closed
     exact = grid.cost.copy()
     limit = int(exact[start]) + 500
     drawn = lattice.make_lattice(space, 1, 2.0)
-    assert lattice_kernels.look(drawn, goal) > 0
+    assert lattice_cells.rate_of(drawn, goal) > 0
     lattice.open_goal(drawn, goal, start)
-    assert lattice_kernels.spread(drawn, start, start, 10**6, 501)
-    bounds = lattice_kernels.bounds_to_go(drawn, start, limit)
-    python = lattice_kernels.bounds_to_go.py_func(drawn, start, limit)
+    assert lattice_search.expand(drawn, start, start, 10**6, 501)
+    bounds = lattice_search.bounds_to_go(drawn, start, limit)
+    python = lattice_search.bounds_to_go.py_func(drawn, start, limit)
     assert python.tobytes() == bounds.tobytes()
     # Of what a search in all directions has closed as well, nothing else is told.
-    assert lattice_kernels.bounds_to_go(grid, start, limit).tobytes() == bounds.tobytes()
+    assert lattice_search.bounds_to_go(grid, start, limit).tobytes() == bounds.tobytes()
     told = 0
     for (i, j), bound in np.ndenumerate(bounds.reshape(24, 25)):
         cell = ((i + 1) * 27 + j + 1) * 3 + 1
         x, y = abs(i + 1 - start // 81), abs(j + 1 - start // 3 % 27)
         least = 16 * (12 * max(x, y) + 5 * min(x, y))
-        reached = grid.state[cell] == lattice_kernels.CLOSED and exact[cell] + least <= limit
+        reached = grid.state[cell] == lattice_cells.CLOSED and exact[cell] + least <= limit
         assert bound == (exact[cell] if reached else max(limit - least, 0)) // 2
         told += reached
     assert 50 < told < len(free)
@@ -159,18 +171,18 @@ def search_problem():
     blocked[4:10, 3] = blocked[4:10, 13] = True
     space = long_space(blocked)
     rates = np.full(201, 8, np.int32)
-    plane = heading_kernels.Plane(
-        space.field[:, :, 0], space.collision_distance_sq, rates, 1, (24, 20)
-    )
-    ways = _ways(_offsets(space), plane.threshold, 1)
-    ways = ways._replace(turn_price=40, reversal_price=900)
+    plane = Plane(space.field[:, :, 0], space.collision_distance_sq, rates, 1, (24, 20))
+    ways = motion_primitives((-0.3 / 0.1, 0.0, 0.3 / 0.1), plane.threshold, 1)
+    ways = ways._replace(turn_cost=40, reversal_cost=900)
     goal, starts = 18 * 20 + 8, np.array([(5 * 20 + 8) * 16, (5 * 20 + 8) * 16 + 8])
     # Bounds of nothing: the search is one in all directions, and exact.
     to_go = np.zeros(24 * 20, np.int32)
     return plane, ways, to_go, starts, np.array([0, 900]), goal, 10**6
 
 
-@pytest.mark.parametrize("run", [heading_kernels.refine, heading_kernels.refine.py_func])
+@pytest.mark.parametrize(
+    "run", [se2_search.interpolate_bounds, se2_search.interpolate_bounds.py_func]
+)
 def test_cells_lie_between_the_nodes(run):
     rng = np.random.default_rng(3)
     for factor, shape in ((2, (9, 14)), (3, (10, 6)), (4, (5, 17))):
@@ -189,15 +201,15 @@ def test_cells_lie_between_the_nodes(run):
 
 def test_compiled_search_equals_python():
     arguments = search_problem()
-    states, wide = heading_kernels.search_states(*arguments)
+    states, wide = se2_search.search_states(*arguments)
     assert states[0] == arguments[3][0]
     assert states[-1] // 16 == arguments[5]
     assert not wide[0]
     assert wide[-1]
-    python = heading_kernels.search_states.py_func(*arguments)
+    python = se2_search.search_states.py_func(*arguments)
     assert python[0].tobytes() == states.tobytes()
     assert python[1].tobytes() == wide.tobytes()
-    assert len(heading_kernels.search_states(*arguments[:-1], 3)[0]) == 0
+    assert len(se2_search.search_states(*arguments[:-1], 3)[0]) == 0
 
 
 def moves(plane, ways, state):
@@ -206,10 +218,10 @@ def moves(plane, ways, state):
     i, j = divmod(node, plane.shape[1])
     turned = [fits(plane, i, j, cells_of(ways.turned, n)) for n in range(16)]
     wide = all(turned)
-    found = [(node * 16 + (way + 8) % 16, 0 if wide else ways.reversal_price)]
+    found = [(node * 16 + (way + 8) % 16, 0 if wide else ways.reversal_cost)]
     for n, to in ((way, (way + 1) % 16), ((way - 1) % 16, (way - 1) % 16)):
         if turned[n]:
-            found.append((node * 16 + to, 0 if wide else ways.turn_price))
+            found.append((node * 16 + to, 0 if wide else ways.turn_cost))
     if fits(plane, i, j, cells_of(ways.stepped, way)):
         x, y = np.array((i, j)) + ways.steps[way]
         if 0 <= x < plane.shape[0] and 0 <= y < plane.shape[1]:
@@ -229,7 +241,7 @@ def test_a_search_without_bounds_costs_what_a_naive_one_does():
             break
         for to, price in moves(plane, ways, state)[0]:
             heapq.heappush(queue, (cost + price, int(to)))
-    states, wide = heading_kernels.search_states(plane, ways, to_go, starts, prices, goal, budget)
+    states, wide = se2_search.search_states(plane, ways, to_go, starts, prices, goal, budget)
     total = int(prices[starts.tolist().index(states[0])])
     for a, b, turns in zip(states[:-1].tolist(), states[1:].tolist(), wide[:-1], strict=True):
         assert bool(moves(plane, ways, a)[1]) == turns
@@ -244,13 +256,13 @@ def test_the_first_place_that_sweeps_lead_to(bend):
     start = (*point(bend, 12.5, 14.5).tolist(), 0.3)
     places = np.array([point(bend, x, y)[:2] for x, y in ((12.5, 11.5), (13.5, 14.5))])
     headings = np.arange(16) * math.pi / 8.0
-    place, free = kernels.free_headings(bend.grid, bend.shape, start, places, headings)
-    python = kernels.free_headings.py_func(bend.grid, bend.shape, start, places, headings)
+    place, free = sweep.free_headings(bend.grid, bend.shape, start, places, headings)
+    python = sweep.free_headings.py_func(bend.grid, bend.shape, start, places, headings)
     assert python[0] == place == 1
     assert python[1].tobytes() == free.tobytes()
     for (m, gear), one in np.ndenumerate(free):
-        there = kernels.wrap(headings[m] + gear * math.pi)
-        near = gear == 0 or abs(kernels.wrap(there - 0.3)) <= 0.5 * math.pi
+        there = angles.wrap(headings[m] + gear * math.pi)
+        near = gear == 0 or abs(angles.wrap(there - 0.3)) <= 0.5 * math.pi
         pose = np.array([*places[1], start[2], there])
         assert one == (near and bend.sweep_free(np.array(start), pose))
     assert 0 < free.sum() < 16
@@ -260,7 +272,7 @@ def naive_headed_length(space: FreeSpace, path: np.ndarray) -> float:
     """Every step of every sweep looked at, in Python."""
     length, heading = 0.0, None
     for a, b in itertools.pairwise(path):
-        ahead = kernels.heading_of(b[0] - a[0], b[1] - a[1])
+        ahead = angles.yaw_of_direction(b[0] - a[0], b[1] - a[1])
         for facing in (ahead, ahead + math.pi):
             poses = np.array([[*a, facing], [*b, facing]])
             if heading is not None:
@@ -276,7 +288,7 @@ def naive_headed_length(space: FreeSpace, path: np.ndarray) -> float:
 
 def _turns(space: FreeSpace, poses: np.ndarray) -> bool:
     share = np.linspace(0.0, 1.0, 200)
-    turn = kernels.wrap(poses[1, 3] - poses[0, 3])
+    turn = angles.wrap(poses[1, 3] - poses[0, 3])
     if len(poses) == 2:
         return space.pose_free(poses[0, :3], poses[0, 3])
     return all(space.pose_free(poses[0, :3], poses[0, 3] + s * turn) for s in share)
@@ -291,26 +303,26 @@ def test_edges_in_free_boxes_are_free_one_by_one():
         t = np.linspace(0.0, 1.0, 20)[:-1, None]
         path = np.vstack([a + t * (b - a) for a, b in itertools.pairwise(corners)])
         found = space.free_length(path)
-        assert found == kernels.headed_free_length.py_func(space.grid, space.shape, path)
+        assert found == headed.headed_free_length.py_func(space.grid, space.shape, path)
         assert found == pytest.approx(naive_headed_length(space, path), abs=1e-9)
         partly += 0.0 < found < 1.0
         low, high = tuple(path[:4].min(axis=0)), tuple(path[:4].max(axis=0))
-        box = kernels.box_free(space.grid, 7, low, high, 0.3)
+        box = free_box.box_free(space.grid, 7, low, high, 0.3)
         reach = np.array([0.3, 0.3, 0.0])
         first = np.floor((np.array(low) - reach - space.origin) / 0.1).astype(int)
         last = np.floor((np.array(high) + reach - space.origin) / 0.1).astype(int)
         cells = space.field[first[0] - 1 : last[0] + 2, first[1] - 1 : last[1] + 2]
         assert box == bool((cells > 7).all())
-        assert kernels.box_free.py_func(space.grid, 7, low, high, 0.3) == box
+        assert free_box.box_free.py_func(space.grid, 7, low, high, 0.3) == box
     assert partly > 0
 
 
 def test_a_box_that_leaves_the_grid_is_not_free(bend):
     empty = make_space(np.zeros((20, 20, 1), dtype=bool))
     middle = tuple(point(empty, 10, 10).tolist())
-    assert kernels.box_free(empty.grid, 4, middle, middle, 0.8)
-    assert not kernels.box_free(empty.grid, 4, middle, middle, 1.0)
-    assert not kernels.box_free(empty.grid, 4, (math.nan, 0.0, 0.0), middle, 0.1)
+    assert free_box.box_free(empty.grid, 4, middle, middle, 0.8)
+    assert not free_box.box_free(empty.grid, 4, middle, middle, 1.0)
+    assert not free_box.box_free(empty.grid, 4, (math.nan, 0.0, 0.0), middle, 0.1)
 
 
 def slanted_lane() -> FreeSpace:
@@ -324,7 +336,7 @@ def test_where_no_heading_of_the_search_fits_others_are_drawn():
     space = slanted_lane()
     start, goal = point(space, 16.0, 20.0 + 11.0 * math.tan(0.19)), point(space, 100.5, 30.5)
     assert space.pose_free(start, 0.19)
-    assert turning_path(space, (*start, 0.19), (*goal, 0.0), 10**6) is None
+    assert se2_path(space, (*start, 0.19), (*goal, 0.0), 10**6) is None
     found = plan(space, start, goal, PlannerConfig(), seed=1, heading=0.19)
     assert found.label == "none"
     assert space.free_poses(np.column_stack((found.waypoints, found.headings))) == len(
@@ -338,7 +350,7 @@ def test_poses_are_counted_up_to_the_first_that_does_not_fit(bend):
     assert bend.free_poses(poses[:2]) == 2
     assert bend.free_poses(poses[::-1]) == 0  # across the lane
     count = bend.free_poses(poses)
-    assert kernels.poses_free_count.py_func(bend.grid, bend.shape, poses) == count < 4
+    assert sweep.poses_free_count.py_func(bend.grid, bend.shape, poses) == count < 4
 
 
 def test_the_length_along_which_a_body_heads(bend):
@@ -347,7 +359,7 @@ def test_the_length_along_which_a_body_heads(bend):
     assert bend.free_length(lane[::-1]) == pytest.approx(2.0)  # nose or tail first
     across = np.vstack((lane[:2], point(bend, 22.5, 16.5)))
     assert bend.free_length(across) == pytest.approx(1.0)  # it cannot turn there
-    python = kernels.headed_free_length.py_func(bend.grid, bend.shape, across)
+    python = headed.headed_free_length.py_func(bend.grid, bend.shape, across)
     assert python == bend.free_length(across)
 
 
@@ -359,13 +371,13 @@ def test_the_nearest_pose(bend):
     assert found[0] == pytest.approx(wall[0])
     assert bend.nearest_pose(wall, 0.5, across) is None
     arguments = bend.grid, bend.shape, (*wall.tolist(), 0.0), 5.0, along
-    python = kernels.nearest_pose.py_func(*arguments)
-    assert python == kernels.nearest_pose(*arguments)
+    python = sweep.nearest_pose.py_func(*arguments)
+    assert python == sweep.nearest_pose(*arguments)
 
 
 @pytest.mark.parametrize("python", [False, True])
 def test_the_heap_gives_the_least_key_first(python):
-    push, pop = heading_kernels.push, heading_kernels.pop
+    push, pop = heap.push, heap.pop
     if python:
         push, pop = push.py_func, pop.py_func
     rng = np.random.default_rng(12)
@@ -388,7 +400,7 @@ def test_the_heap_gives_the_least_key_first(python):
 
 @pytest.mark.parametrize("python", [False, True])
 def test_cheaper_is_the_sum_of_the_sweeps(python):
-    cheaper = kernels.cheaper.py_func if python else kernels.cheaper
+    cheaper = pose_shortcut.is_cheaper.py_func if python else pose_shortcut.is_cheaper
     rng = np.random.default_rng(13)
     space = long_space(rng.random((60, 60, 1)) < 0.003)
     grid, discs, told = space.grid, space.shape, []
@@ -401,10 +413,10 @@ def test_cheaper_is_the_sum_of_the_sweeps(python):
         )
         poses = np.empty((8, 4))
         poses[0] = u
-        end = kernels.head_along(u, apex[:3], v, bool(k % 2), poses)
+        end = pose_shortcut.write_detour(u, apex[:3], v, bool(k % 2), poses)
         poses[end] = v
         edges = zip(poses[:end].tolist(), poses[1 : end + 1].tolist(), strict=True)
-        cost = sum(kernels.sweep_cost(grid, discs, 2.0, tuple(a), tuple(b)) for a, b in edges)
+        cost = sum(sweep_cost.sweep_cost(grid, discs, 2.0, tuple(a), tuple(b)) for a, b in edges)
         length = sum(math.dist(a[:3], b[:3]) for a, b in itertools.pairwise(poses[: end + 1]))
         for than in (cost - 1e-6, cost + 1e-6, cost + 0.1, length + 0.3):
             told.append(cheaper(grid, discs, 2.0, poses[: end + 1], than))

@@ -13,13 +13,13 @@ from wayproof.planners import (
     FreeSpace,
     GoalField,
     PlannerConfig,
-    _lattice_kernels,
     best_frontier,
     blend_corners,
     plan,
 )
 from wayproof.planners.astar import lattice
-from wayproof.planners.kernels import BLOCK_BITS
+from wayproof.planners.kernels import lattice_cells, lattice_search
+from wayproof.planners.kernels.grid import BLOCK_BITS
 
 
 def told_where_looked(space: FreeSpace, seed: int) -> tuple[FreeSpace, Known]:
@@ -29,20 +29,12 @@ def told_where_looked(space: FreeSpace, seed: int) -> tuple[FreeSpace, Known]:
     return dataclasses.replace(space, distances=distances), source
 
 
-def settled(space: FreeSpace, ask):
-    """What is told at last."""
-    while True:
-        answer = ask(space)
-        if not space.catch_up():
-            return answer
-
-
 def settled_for_all(space: FreeSpace, ask):
     """What is told at last, though what is asked begins anew by itself in part."""
     while True:
         space.distances.reader.missed = False
         answer = ask(space)
-        if not (space.catch_up() or space.distances.reader.missed):
+        if not (space.distances.catch_up() or space.distances.reader.missed):
             return answer
 
 
@@ -115,7 +107,7 @@ def test_every_question_is_answered_as_of_distances_that_are_all_worked_out(name
     for n in range(0, len(POINTS), 3):
         path = np.array([point(space, *place) for place in POINTS[n : n + 3]])
         expected = ASKED[name](space, path)
-        answer = settled(told, lambda one, path=path: ASKED[name](one, path))
+        answer = told.resolve(lambda told=told, path=path: ASKED[name](told, path))
         if expected is None:
             assert answer is None
         else:
@@ -136,21 +128,21 @@ def test_a_search_over_a_lattice_says_all_that_it_reads(factor):
 
         def search(told=told, place=place, budget=budget):
             grid = lattice.make_lattice(told, factor, 2.0)
-            goal = lattice.entry(grid, told, point(told, *place))
+            goal = lattice.entry_cell(grid, told, point(told, *place))
             if goal >= 0:
                 lattice.open_goal(grid, goal)
-                _lattice_kernels.spread(grid, goal, -1, budget, 10**6)
+                lattice_search.expand(grid, goal, -1, budget, 10**6)
             return grid
 
         first = search()
-        lattice.note_searched(first, told)
+        lattice.record_reads(first, told)
         looked = told.distances.searched | told.distances.looked_at
         others = ~looked.T[:, np.arange(43) // BLOCK_ROWS]  # (nx, ny)
         source.squared[others] = 0
         second = search()
         differed += int(others.sum())
         for name in ("rate", "state", "cost"):
-            seen = first.state != _lattice_kernels.NEW if name == "cost" else slice(None)
+            seen = first.state != lattice_cells.NEW if name == "cost" else slice(None)
             np.testing.assert_array_equal(getattr(second, name)[seen], getattr(first, name)[seen])
     assert differed > 0
 

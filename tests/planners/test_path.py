@@ -9,7 +9,6 @@ from wayproof.planners import (
     arc_lengths,
     blend_corners,
     first_stop,
-    kernels,
     point_at,
     project,
     remaining,
@@ -17,7 +16,7 @@ from wayproof.planners import (
     tangent_at,
     truncate,
 )
-from wayproof.planners import path as paths
+from wayproof.planners.kernels import angles, blend, curvature, headed, polyline
 from wayproof.planners.path import edge_lengths, edge_tangents
 
 ELL = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.0, 4.0, 1.0]])
@@ -98,11 +97,11 @@ def test_compiled_blends_equal_python(oriented):
     waypoints = np.array([point(space, x, y) for x, y in ((5, 5), (20, 8), (22, 8), (30, 30))])
     tangents = np.stack([edge_tangents(waypoints[n : n + 3]) for n in range(2)])
     arguments = (space.grid, space.shape, oriented, waypoints, tangents, np.array([0.6, 0.1]), 0.05)
-    found = kernels.blended(*arguments)
-    assert kernels.blended.py_func(*arguments).tobytes() == found.tobytes()
-    free = kernels.all_free(space.grid, space.shape, oriented, found)
-    assert kernels.all_free.py_func(space.grid, space.shape, oriented, found) == free
-    bare = kernels.blended(*arguments[:5], np.zeros(2), 0.05)
+    found = blend.blend_path(*arguments)
+    assert blend.blend_path.py_func(*arguments).tobytes() == found.tobytes()
+    free = headed.path_free(space.grid, space.shape, oriented, found)
+    assert headed.path_free.py_func(space.grid, space.shape, oriented, found) == free
+    bare = blend.blend_path(*arguments[:5], np.zeros(2), 0.05)
     assert all((bare == at).all(axis=1).any() for at in waypoints)
     assert not (found == waypoints[1]).all(axis=1).any()
 
@@ -160,8 +159,9 @@ def test_the_first_stop_is_the_first_sharp_corner(room):
 @pytest.fixture(params=["compiled", "interpreted"])
 def compiled_or_not(request, monkeypatch):
     if request.param == "interpreted":
-        for name in ("_limit_speeds", "_first_sharp", "_cosine", "_edge_lengths"):
-            monkeypatch.setattr(paths, name, getattr(paths, name).py_func)
+        monkeypatch.setattr(polyline, "edge_lengths", polyline.edge_lengths.py_func)
+        for name in ("limit_speeds", "first_sharp_corner", "cosine_between", "edge_lengths"):
+            monkeypatch.setattr(curvature, name, getattr(curvature, name).py_func)
 
 
 def random_paths():
@@ -183,7 +183,7 @@ def test_speed_limits_are_what_numpy_makes_of_them(compiled_or_not):
             around = 0.5 * (lengths[:-1] + lengths[1:])
             around[0] = max(around[0], lengths[1])
             around[-1] = max(around[-1], lengths[-2])
-            turn = np.abs(np.diff(kernels.edge_headings(tangents, 0.0)))
+            turn = np.abs(np.diff(angles.edge_headings(tangents, 0.0)))
             with np.errstate(divide="ignore", invalid="ignore"):
                 by_acceleration = np.sqrt(2.0 * around / edge_lengths(tangents))
                 by_yaw_rate = 0.7 * around / turn

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from tests.planners.worlds import make_space
-from wayproof.planners import FreeSpace, kernels, point_at, truncate
+from wayproof.planners import FreeSpace, point_at, truncate
+from wayproof.planners.kernels import free_box, grid, segment, shortcut
 
-SUBCELLS = kernels.SUBCELLS
+SUBCELLS = grid.SUBCELLS
 
 
 def random_space(seed: int, shape: tuple[int, int, int], share: float = 0.1) -> FreeSpace:
@@ -112,15 +113,15 @@ def test_compiled_kernels_equal_python():
     space = random_space(3, (10, 10, 5), share=0.03)
     for path in random_points(rng, space, 80).reshape(20, 4, 3):
         a, b = tuple(path[0].tolist()), tuple(path[1].tolist())
-        near, start = kernels.to_subcells(space.grid, a)
-        assert kernels.to_subcells.py_func(space.grid, a) == (near, start)
-        end = kernels.to_subcells(space.grid, b)[1]
-        walked = kernels.walk(space.grid, 0, start, end)
-        assert kernels.walk.py_func(space.grid, 0, start, end) == walked
-        walked = kernels.walk_path(space.grid, 0, 2.0, path)
-        assert kernels.walk_path.py_func(space.grid, 0, 2.0, path) == walked
-        nearest = kernels.nearest_free(space.grid, 5, a, 2.5)
-        assert kernels.nearest_free.py_func(space.grid, 5, a, 2.5) == nearest
+        near, start = grid.to_subcells(space.grid, a)
+        assert grid.to_subcells.py_func(space.grid, a) == (near, start)
+        end = grid.to_subcells(space.grid, b)[1]
+        walked = segment.walk(space.grid, 0, start, end)
+        assert segment.walk.py_func(space.grid, 0, start, end) == walked
+        walked = segment.walk_path(space.grid, 0, 2.0, path)
+        assert segment.walk_path.py_func(space.grid, 0, 2.0, path) == walked
+        nearest = segment.nearest_free(space.grid, 5, a, 2.5)
+        assert segment.nearest_free.py_func(space.grid, 5, a, 2.5) == nearest
 
 
 def test_a_walk_is_the_one_that_looks_out_for_corners_and_borders():
@@ -130,16 +131,16 @@ def test_a_walk_is_the_one_that_looks_out_for_corners_and_borders():
         space = random_space(seed, (9, 8, 4), share=0.05)
         for k in range(200):
             # On faces and corners too, and beyond the grid.
-            ends = rng.integers(-2, 22, (2, 3)) * (kernels.SUBCELLS // 2)
-            ends += rng.integers(-1, 2, (2, 3)) * rng.integers(0, kernels.SUBCELLS // 3, (2, 3))
+            ends = rng.integers(-2, 22, (2, 3)) * (grid.SUBCELLS // 2)
+            ends += rng.integers(-1, 2, (2, 3)) * rng.integers(0, grid.SUBCELLS // 3, (2, 3))
             if k % 2:
                 ends[1, 2] = ends[0, 2]
             a, b = (tuple(end.tolist()) for end in ends)
             for threshold in (0, 3):
-                told = kernels.walk_anywhere(space.grid, threshold, a, b)
-                assert kernels.walk_anywhere.py_func(space.grid, threshold, a, b) == told
-                assert kernels.walk(space.grid, threshold, a, b) == told
-                assert kernels.walk.py_func(space.grid, threshold, a, b) == told
+                told = segment.walk_anywhere(space.grid, threshold, a, b)
+                assert segment.walk_anywhere.py_func(space.grid, threshold, a, b) == told
+                assert segment.walk(space.grid, threshold, a, b) == told
+                assert segment.walk.py_func(space.grid, threshold, a, b) == told
                 walked += told[0] == 1.0 and a != b
     assert 100 < walked < 15000
 
@@ -153,13 +154,13 @@ def test_a_box_is_free_where_all_its_cells_are():
         low, size = rng.uniform(0.5, shape - 1.0), rng.uniform(0.0, (4.0, 4.0, 2.0))
         corners = [tuple(space.origin + space.resolution * end) for end in (low, low + size)]
         reach = rng.uniform(0.0, 2.0)
-        told = kernels.box_free(space.grid, 2, *corners, reach * space.resolution)
+        told = free_box.box_free(space.grid, 2, *corners, reach * space.resolution)
         first = np.floor(low - (reach, reach, 0.0)).astype(int) - 1
         end = np.floor(low + size + (reach, reach, 0.0)).astype(int) + 2
         inside = (first >= 0).all() and (end <= shape).all()
         cells = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
         assert told == (inside and bool((space.field[cells] > 2).all()))
-        assert kernels.box_free.py_func(space.grid, 2, *corners, reach * space.resolution) == told
+        assert free_box.box_free.py_func(space.grid, 2, *corners, reach * space.resolution) == told
         free, seen = free + told, seen + inside
     assert 20 < free < seen - 20
 
@@ -167,16 +168,16 @@ def test_a_box_is_free_where_all_its_cells_are():
 def test_distances_tell_of_what_is_near_exactly():
     for value, threshold, squared in np.ndindex(60, 12, 12):
         beyond = math.sqrt(value) - math.sqrt(threshold) - math.sqrt(squared)
-        assert kernels.all_above(value, threshold, squared) == (beyond > 1e-9)
+        assert free_box.all_above(value, threshold, squared) == (beyond > 1e-9)
 
 
 def test_compiled_shortcut_equals_python():
     space = random_space(3, (20, 20, 1), share=0.0)
     path = space.origin + space.resolution * np.array([[1, 1, 0.5], [18, 2, 0.5], [17, 18, 0.5]])
     draws = np.random.default_rng(0).uniform(0.0, 1.0, (40, 5)) * [1, 1, 1, 1, 0]
-    short = kernels.shortcut(space.grid, 0, 2.0, 0.2, path, draws)
+    short = shortcut.shortcut(space.grid, 0, 2.0, 0.2, path, draws)
     assert (
-        kernels.shortcut.py_func(space.grid, 0, 2.0, 0.2, path, draws).tobytes() == short.tobytes()
+        shortcut.shortcut.py_func(space.grid, 0, 2.0, 0.2, path, draws).tobytes() == short.tobytes()
     )
     assert space.path_cost(short, 2.0) < space.path_cost(path, 2.0)
     assert np.array_equal(short[[0, -1]], path[[0, -1]])
@@ -281,14 +282,14 @@ def test_the_fewest_corners_are_kept_that_their_price_is_worth():
     space = FreeSpace(field, np.zeros(3), 0.1, 1, np.zeros(101))
 
     def kept(price):
-        path = kernels.fewest_corners(space.grid, 1, 0.0, price, bow)
-        slow = kernels.fewest_corners.py_func(space.grid, 1, 0.0, price, bow)
+        path = shortcut.fewest_corners(space.grid, 1, 0.0, price, bow)
+        slow = shortcut.fewest_corners.py_func(space.grid, 1, 0.0, price, bow)
         assert path.tobytes() == slow.tobytes()
         return path[:, 0].tolist()
 
     # One corner is enough where its edges pass the wall; two are shorter by less than 0.1 m.
     naive = {
-        tuple(chosen): kernels.walk_path(space.grid, 1, 0.0, bow[list(chosen)])
+        tuple(chosen): segment.walk_path(space.grid, 1, 0.0, bow[list(chosen)])
         for chosen in ((0, 3), (0, 1, 3), (0, 2, 3), (0, 1, 2, 3))
     }
     for price in (0.0, 0.01, 0.5):

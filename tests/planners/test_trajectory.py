@@ -20,7 +20,7 @@ from wayproof.planners import (
     trajectory,
     turn_in_place,
 )
-from wayproof.planners.kernels import edge_headings, heading_of, turn_after, wrap
+from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap, yaw_of_direction
 
 LIMITS = [
     MotionLimits(speed=1.0, acceleration=1.5, jerk=6.0, lateral_acceleration=1.0, yaw_rate=1.2),
@@ -240,8 +240,8 @@ def test_headings_equal_the_library_and_python():
     rng = np.random.default_rng(0)
     axes = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (1.0, 1.0), (0.0, 0.0)]
     for x, y in [*axes, *rng.normal(size=(200, 2)).tolist()]:
-        assert heading_of(x, y) == pytest.approx(math.atan2(y, x), abs=1e-12)
-        assert heading_of.py_func(x, y) == heading_of(x, y)
+        assert yaw_of_direction(x, y) == pytest.approx(math.atan2(y, x), abs=1e-12)
+        assert yaw_of_direction.py_func(x, y) == yaw_of_direction(x, y)
     for angle in rng.uniform(-20.0, 20.0, 50):
         assert wrap(angle) == wrap.py_func(angle)
         assert math.cos(wrap(angle)) == pytest.approx(math.cos(angle))
@@ -255,9 +255,9 @@ def test_steep_edges_keep_the_heading_and_turns_are_not_counted_twice():
     assert headings == pytest.approx(expected, abs=1e-4)
     assert edge_headings.py_func(tangents, 0.3).tobytes() == headings.tobytes()
     targets = np.array([0.05, 1.0, 1.0, -1.0])
-    turned = turn_after(targets, 0.0, 0.1)
+    turned = rate_limited(targets, 0.0, 0.1)
     assert turned == pytest.approx([0.0, 0.05, 0.15, 0.25, 0.15])
-    assert turn_after.py_func(targets, 0.0, 0.1).tobytes() == turned.tobytes()
+    assert rate_limited.py_func(targets, 0.0, 0.1).tobytes() == turned.tobytes()
 
 
 @pytest.mark.parametrize("points", [1, 2, 9])

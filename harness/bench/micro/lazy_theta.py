@@ -8,7 +8,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners import FreeSpace, kernels
+from wayproof.planners import FreeSpace
+from wayproof.planners.kernels import polyline, segment, shortcut
+from wayproof.planners.kernels.grid import Grid, Point
 from wayproof.planners.problem import shortcut_draws
 
 Array = NDArray[np.float64]
@@ -41,12 +43,12 @@ def reference_path(
     inner = space.origin + (indices + 0.5) * space.resolution
     path = np.vstack((start, inner, goal))
     draws = shortcut_draws(REFERENCE_SHORTCUTS, not space.flat, seed)
-    shortened: Array = kernels.shortcut(space.grid, threshold, 0.0, 0.0, path, draws)
+    shortened: Array = shortcut.shortcut(space.grid, threshold, 0.0, 0.0, path, draws)
     return shortened
 
 
 @_compiled
-def _centre(grid: kernels.Grid, cell: int) -> kernels.Point:
+def _centre(grid: Grid, cell: int) -> Point:
     """Centre of a cell by its flat index."""
     _, ny, nz = grid.field.shape
     x = grid.origin[0] + (cell // (ny * nz) + 0.5) * grid.resolution
@@ -56,7 +58,7 @@ def _centre(grid: kernels.Grid, cell: int) -> kernels.Point:
 
 @_compiled
 def _lazy_theta(
-    grid: kernels.Grid,
+    grid: Grid,
     threshold: int,
     start: int,
     goal: int,
@@ -80,7 +82,7 @@ def _lazy_theta(
 
     target = _centre(grid, goal)
     cost[start], parent[start], state[start] = 0.0, start, 1
-    queue = [(kernels.distance(_centre(grid, start), target), start)]
+    queue = [(polyline.distance(_centre(grid, start), target), start)]
     while len(queue) > 0:
         _, cell = heapq.heappop(queue)
         if state[cell] == 2:
@@ -93,13 +95,13 @@ def _lazy_theta(
             for v in range(max(j - 1, 0), min(j + 2, ny))
             for w in range(max(k - 1, 0), min(k + 2, nz))
         ]
-        if not kernels.edge_free(grid, threshold, _centre(grid, parent[cell]), here):
+        if not segment.edge_free(grid, threshold, _centre(grid, parent[cell]), here):
             cost[cell] = np.inf
             for other in around:
-                if state[other] == 2 and kernels.edge_free(
+                if state[other] == 2 and segment.edge_free(
                     grid, threshold, _centre(grid, other), here
                 ):
-                    through = cost[other] + kernels.distance(_centre(grid, other), here)
+                    through = cost[other] + polyline.distance(_centre(grid, other), here)
                     if through < cost[cell]:
                         cost[cell], parent[cell] = through, other
             if cost[cell] == np.inf:  # reached past a blocked corner only
@@ -112,10 +114,10 @@ def _lazy_theta(
         for other in around:
             if state[other] == 2 or flat_field[other] <= threshold:
                 continue
-            through = cost[seen] + kernels.distance(_centre(grid, seen), _centre(grid, other))
+            through = cost[seen] + polyline.distance(_centre(grid, seen), _centre(grid, other))
             if state[other] == 0 or through < cost[other]:
                 cost[other], parent[other], state[other] = through, seen, 1
                 heapq.heappush(
-                    queue, (through + kernels.distance(_centre(grid, other), target), other)
+                    queue, (through + polyline.distance(_centre(grid, other), target), other)
                 )
     return False

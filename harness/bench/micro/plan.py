@@ -30,12 +30,12 @@ from wayproof.planners import (
     blend_corners,
     collision_distance_sq,
     follow_path,
-    kernels,
     plan,
     plan_seed,
     point_at,
     warm_up,
 )
+from wayproof.planners.kernels import polyline
 
 Array = NDArray[np.float64]
 Spaces = tuple[FreeSpace, FreeSpace]  # the body's, and that of its inscribed disc or ball
@@ -102,7 +102,7 @@ class Query:
     @property
     def length(self) -> float:
         """Of the reference, m."""
-        return float(kernels.path_length(self.reference))
+        return float(polyline.path_length(self.reference))
 
 
 def bench_plan(repeats: int, seed: int, progress: Progress) -> list[PlanRow]:
@@ -260,7 +260,7 @@ def _row(
 
 def clearance_mean(space: FreeSpace, path: Array) -> float:
     """Mean distance to what blocks at points one cell apart along a path, m."""
-    places = np.arange(0.0, float(kernels.path_length(path)), space.resolution)
+    places = np.arange(0.0, float(polyline.path_length(path)), space.resolution)
     points = np.array([point_at(path, s) for s in places])
     cells = np.floor((points - space.origin) / space.resolution).astype(int)
     return float(np.sqrt(space.field[tuple(cells.T)]).mean()) * space.resolution
@@ -327,7 +327,7 @@ def _trajectory_rows(robot: str, space: FreeSpace, plans: list[Plan]) -> Iterato
     blends, blend_times, times = [], [], []
     for one in found:
         path, elapsed = _timed(blend_corners, space, one.waypoints, BLEND_LENGTH)
-        blends.append(replace(one, waypoints=path, length=float(kernels.path_length(path))))
+        blends.append(replace(one, waypoints=path, length=float(polyline.path_length(path))))
         blend_times.append(elapsed)
         start = (0, 0.0, 0.0, 0.0, 0.0)  # at rest at the path's begin
         times.append(_timed(follow_path, path, *start, limits, limits.speed)[1])

@@ -1,0 +1,1 @@
+"""Compiled kernels of the planners, a file for each topic."""

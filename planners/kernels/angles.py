@@ -1,0 +1,90 @@
+"""Angles and headings, rad, without functions of the C library, whose last bits vary."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wayproof.planners._jit import kernel
+from wayproof.planners.kernels.grid import Floats
+
+TURN = 2.0 * math.pi
+"""A full turn, rad."""
+
+
+@kernel
+def wrap(angle: float) -> float:
+    """The same angle in [-pi, pi), rad."""
+    return angle - TURN * math.floor(angle / TURN + 0.5)
+
+
+@kernel
+def yaw_of_direction(dx: float, dy: float) -> float:
+    """Yaw of the direction (dx, dy), rad in [-pi, pi]: atan2(dy, dx) to 1e-12; 0 of (0, 0).
+
+    By sums, products, quotients and roots alone, which every processor rounds alike.
+
+    Three half-angle steps, atan(t) = 2 atan(t / (1 + sqrt(1 + t^2))), bring the argument below
+    0.1, where six terms of the series are enough.
+    """
+    if dx == 0.0 and dy == 0.0:
+        return 0.0
+    steep = abs(dy) > abs(dx)
+    t = abs(dx) / abs(dy) if steep else abs(dy) / abs(dx)
+    for _ in range(3):
+        t = t / (1.0 + math.sqrt(1.0 + t * t))
+    q = t * t
+    series = 1.0 - q * (1 / 3 - q * (1 / 5 - q * (1 / 7 - q * (1 / 9 - q * (1 / 11)))))
+    angle = 8.0 * t * series
+    if steep:
+        angle = 0.5 * math.pi - angle
+    if dx < 0.0:
+        angle = math.pi - angle
+    return -angle if dy < 0.0 else angle
+
+
+@kernel
+def cosine_sine(angle: float) -> tuple[float, float]:
+    """Cosine and sine of an angle, rad, to 1e-14, by sums, products and a floor alone.
+
+    Series for a sixteenth of the angle, and four doublings.
+    """
+    small = wrap(angle) / 16.0
+    q = small * small
+    sine = small * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0))))
+    cosine = 1.0 - q / 2.0 * (
+        1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0)))
+    )
+    for _ in range(4):
+        cosine, sine = cosine * cosine - sine * sine, 2.0 * sine * cosine
+    return cosine, sine
+
+
+@kernel
+def edge_headings(tangents: Floats, initial: float) -> Floats:
+    """Heading of each edge, rad, shape (n,), without jumps by full turns.
+
+    Args:
+        tangents: Unit tangents, shape (n, 3).
+        initial: Heading of the leading edges that are too steep to have one, rad.
+    """
+    headings = np.empty(len(tangents))
+    heading = initial
+    for n in range(len(tangents)):
+        x, y, z = tangents[n]
+        if x * x + y * y > 1e-4 * z * z:  # steeper than 89.4 degrees: no heading
+            heading += wrap(yaw_of_direction(x, y) - heading)
+        headings[n] = heading
+    return headings
+
+
+@kernel
+def rate_limited(targets: Floats, initial: float, largest_step: float) -> Floats:
+    """Headings that follow their targets (n,) by at most a step at a time, rad, shape (n + 1,)."""
+    headings = np.empty(len(targets) + 1)
+    headings[0] = initial
+    for n in range(len(targets)):
+        error = targets[n] - headings[n]
+        headings[n + 1] = headings[n] + min(max(error, -largest_step), largest_step)
+    return headings

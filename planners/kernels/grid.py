@@ -1,0 +1,81 @@
+"""A distance field as kernels read it, and points in exact fractions of its cells."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.planners._jit import kernel
+
+SUBCELL_BITS = 16
+SUBCELLS = 1 << SUBCELL_BITS
+"""Sub-cells to a cell, along each axis."""
+
+BLOCK_BITS = 3
+"""Binary logarithm of the rows of cells to a block: `BLOCK_ROWS` of the costmap's field."""
+
+FARTHEST_CELL = 1 << 14
+"""Largest distance from the origin, cells: beyond it products of crossing times could overflow."""
+
+OUTSIDE = -1
+"""Squared distance beyond the grid, below every threshold."""
+
+Floats = NDArray[np.float64]
+Point = tuple[float, float, float]
+Pose = tuple[float, float, float, float]
+"""Position x, y, z, m, and heading, rad."""
+
+SubcellPoint = tuple[int, int, int]
+
+
+class Grid(NamedTuple):
+    """A distance field, its place in the world, and the cost of its cells."""
+
+    field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
+    read_blocks: NDArray[np.bool_]  # (blocks, nx) out: which blocks along y were read
+    origin: Floats  # (3,) low corner, m
+    resolution: float  # m
+    cost_by_distance: Floats  # (t,) cost of a cell by its squared distance
+
+
+class Discs(NamedTuple):
+    """The discs or balls of a body along its x axis."""
+
+    offsets: Floats  # (m,) of the centres, m
+    thresholds: NDArray[np.int64]  # (m,) largest forbidden squared cell distance of each
+
+
+@kernel
+def inside_value(
+    field: NDArray[np.uint16], read_blocks: NDArray[np.bool_], i: int, j: int, k: int
+) -> int:
+    """Squared distance of a cell inside the grid; unsigned indices skip the check for negatives."""
+    read_blocks[np.uint64(j) >> np.uint64(BLOCK_BITS), np.uint64(i)] = True
+    return int(field[np.uint64(i), np.uint64(j), np.uint64(k)])
+
+
+@kernel
+def squared_distance(grid: Grid, i: int, j: int, k: int) -> int:
+    """Squared distance of a cell; `OUTSIDE` beyond the grid."""
+    nx, ny, nz = grid.field.shape
+    if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
+        return OUTSIDE
+    return inside_value(grid.field, grid.read_blocks, i, j, k)
+
+
+@kernel
+def to_subcells(grid: Grid, point: Point) -> tuple[bool, SubcellPoint]:
+    """Round a point, m, down to sub-cells; the flag is false if it is too far away, or NaN."""
+    x = (point[0] - grid.origin[0]) / grid.resolution
+    y = (point[1] - grid.origin[1]) / grid.resolution
+    z = (point[2] - grid.origin[2]) / grid.resolution
+    if not (abs(x) < FARTHEST_CELL and abs(y) < FARTHEST_CELL and abs(z) < FARTHEST_CELL):
+        return False, (0, 0, 0)
+    return True, (
+        math.floor(x * SUBCELLS),
+        math.floor(y * SUBCELLS),
+        math.floor(z * SUBCELLS),
+    )

@@ -1,0 +1,71 @@
+"""A body of discs that heads along a path and turns on the spot at its points."""
+
+from __future__ import annotations
+
+import math
+
+from wayproof.planners._jit import kernel
+from wayproof.planners.kernels.angles import yaw_of_direction
+from wayproof.planners.kernels.free_box import any_heading_free
+from wayproof.planners.kernels.grid import Discs, Floats, Grid
+from wayproof.planners.kernels.polyline import LEAST_EDGE, distance, path_length, row
+from wayproof.planners.kernels.segment import walk_path
+from wayproof.planners.kernels.sweep import LONGEST_BOX, sweep_free
+
+BOXES = (16, 4, 1)
+"""Numbers of edges that are checked together, the first that are free and within `LONGEST_BOX`."""
+
+
+@kernel
+def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
+    """Length of a path (n, 3) before the first edge that a body cannot head along, m.
+
+    It turns on the spot at each point: nose first, or where that is not free, tail first. Edges in
+    a free box are not checked one by one.
+    """
+    length, heading, begun, known = 0.0, 0.0, False, 0
+    for n in range(len(path) - 1):
+        a, b = row(path, n), row(path, n + 1)
+        if a[0] == b[0] and a[1] == b[1]:
+            continue
+        ahead = yaw_of_direction(b[0] - a[0], b[1] - a[1])
+        if n >= known:
+            known = free_up_to(grid, discs, path, n)
+        if n < known:
+            heading, begun = ahead, True
+            length += distance(a, b)
+            continue
+        # Nose first if the turn and the edge are free, else tail first.
+        here = (a[0], a[1], a[2], heading)
+        chosen = False
+        for tail_first in range(2):
+            facing = ahead + tail_first * math.pi
+            turned = (a[0], a[1], a[2], facing)
+            if not chosen and (not begun or sweep_free(grid, discs, here, turned)):
+                chosen = sweep_free(grid, discs, turned, (b[0], b[1], b[2], facing))
+                if chosen:
+                    heading, begun = facing, True
+        if not chosen:
+            return length
+        length += distance(a, b)
+    return length
+
+
+@kernel
+def free_up_to(grid: Grid, discs: Discs, path: Floats, first: int) -> int:
+    """Last point up to which the edges from a point on are in one box free at any heading."""
+    for edges in BOXES:
+        last = min(first + edges, len(path) - 1)
+        if distance(row(path, first), row(path, last)) <= LONGEST_BOX and any_heading_free(
+            grid, discs, path, first, last
+        ):
+            return last
+    return first
+
+
+@kernel
+def path_free(grid: Grid, discs: Discs, oriented: bool, path: Floats) -> bool:
+    """Whether a whole path (n, 3) is free, for one disc or for a body that heads along it."""
+    if oriented:
+        return bool(headed_free_length(grid, discs, path) > path_length(path) - LEAST_EDGE)
+    return bool(walk_path(grid, discs.thresholds[0], 0.0, path)[1] > discs.thresholds[0])

@@ -1,0 +1,218 @@
+"""A coarse lattice over a distance field: its cells, their cost rates, and moves between them.
+
+A lattice cell is a block of grid cells, entered at the centre of its middle one. A move leads
+straight from one centre to a neighbour's; it always touches the same grid cells relative to where
+it begins, and is free if all of them are. So gaps much narrower than a block are found.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.planners._jit import kernel
+
+UNSEEN = 0
+"""Rate of a lattice cell that has not been looked up; 0, so that its memory is not yet written."""
+
+BLOCKED = -1
+"""Rate of a lattice cell that cannot be entered."""
+
+FREE_RATE = 8
+"""Rate of a cell with nothing near: the resolution of costs is an eighth of length."""
+
+LARGEST_RATE = 64 * FREE_RATE
+"""Largest rate: it bounds the queue."""
+
+LARGEST_FACTOR = 4
+"""Largest number of grid cells to a lattice cell, along an axis: the 64 of a block are a word."""
+
+NEW, OPEN, CLOSED, INVALID = 0, 1, 2, 3
+"""States of a lattice cell; `INVALID` only while a repair lasts."""
+
+KEY, OPENED, EXPANDED = 0, 1, 2
+"""Indices of `Lattice.counters`."""
+
+Indices = tuple[int, int, int]
+"""Indices of a lattice cell, counted with the border."""
+
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int32]
+Longs = NDArray[np.int64]
+
+
+class Lattice(NamedTuple):
+    """A lattice over a distance field and the state of one search on it.
+
+    The arrays by cell are flat and have a border of one blocked cell all around.
+    """
+
+    field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
+    cells: NDArray[np.uint16]  # (nx * ny * nz,) the same, flat
+    threshold: int  # a grid cell is forbidden at or below it
+    factor: Longs  # (3,) grid cells to a lattice cell
+    shape: Longs  # (3,) lattice cells, border included
+    rate_by_distance: Integers  # (t,) cost per length by squared distance
+    moves: Longs  # (m, 3) to the neighbours
+    move_offsets: Longs  # (m,) flat offsets to them
+    move_lengths: Integers  # (m,)
+    touched: Longs  # (m, k) flat offsets of the grid cells that each move touches
+    touched_counts: Longs  # (m,) how many they are
+    blocks: Longs  # (m, 8) flat offsets of the lattice cells that each move touches
+    bits: Longs  # (m, 8) bits of their masks that have to be set; neither if no masks are kept
+    rate: Integers  # (n,) cost per length, UNSEEN or BLOCKED
+    mask: Longs  # (n,) which of a block's grid cells are free, bit by bit; (0,) if not kept
+    state: Bytes  # (n,)
+    cost: Integers  # (n,) cost-to-go of an open or closed cell
+    parent_move: Bytes  # (n,) move that leads to the cell from its successor towards the goal
+    key: Integers  # (n,) of an open cell: its cost and the heuristic
+    head: Integers  # (b,) first cell of each bucket of the queue
+    after: Integers  # (n,) next cell in the same bucket
+    before: Integers  # (n,) previous cell in the same bucket
+    column_bound: Integers  # (columns,) least cost from a column to the target
+    counters: Longs  # (3,) key in progress, open cells, expansions
+
+
+@kernel
+def unravel(shape: Longs, cell: int) -> Indices:
+    """Indices of a lattice cell."""
+    column = cell // shape[2]
+    return column // shape[1], column % shape[1], cell - column * shape[2]
+
+
+@kernel
+def in_border(shape: Longs, indices: Indices) -> bool:
+    """Whether a lattice cell lies in the border."""
+    i, j, k = indices
+    outer = i == 0 or j == 0 or k == 0
+    return bool(outer or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1)
+
+
+@kernel
+def middle_cell(factor: Longs, indices: Indices) -> Indices:
+    """Indices of the grid cell in the middle of a lattice cell that is not in the border."""
+    i, j, k = indices
+    x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
+    return x + (factor[0] >> 1), y + (factor[1] >> 1), z + (factor[2] >> 1)
+
+
+@kernel
+def middle_index(field: NDArray[np.uint16], factor: Longs, indices: Indices) -> int:
+    """Flat index of the grid cell in the middle of a lattice cell."""
+    x, y, z = middle_cell(factor, indices)
+    return int((x * field.shape[1] + y) * field.shape[2] + z)
+
+
+@kernel
+def middle_rate(
+    field: NDArray[np.uint16],
+    threshold: int,
+    factor: Longs,
+    shape: Longs,
+    rate_by_distance: Integers,
+    indices: Indices,
+) -> int:
+    """Rate of a lattice cell by its middle grid cell."""
+    if in_border(shape, indices):
+        return BLOCKED
+    x, y, z = middle_cell(factor, indices)
+    value = int(field[np.uint64(x), np.uint64(y), np.uint64(z)])
+    if value <= threshold:
+        return BLOCKED
+    return int(rate_by_distance[np.uint64(min(value, len(rate_by_distance) - 1))])
+
+
+@kernel
+def block_mask(
+    field: NDArray[np.uint16], threshold: int, factor: Longs, shape: Longs, indices: Indices
+) -> int:
+    """Which grid cells of a lattice cell are free, bit by bit, 64 at most."""
+    mask = 0
+    if in_border(shape, indices):
+        return mask
+    i, j, k = indices
+    x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
+    for u in range(x, x + factor[0]):
+        for v in range(y, y + factor[1]):
+            # Unsigned indices skip the check for negatives.
+            row = field[np.uint64(u), np.uint64(v)]
+            if factor[2] == LARGEST_FACTOR:  # unrolled: a repair spends most of its time here
+                a, b = row[np.uint64(z)], row[np.uint64(z + 1)]
+                c, d = row[np.uint64(z + 2)], row[np.uint64(z + 3)]
+                ends = int(a > threshold) << 3 | int(d > threshold)
+                mask = mask << 4 | ends | int(b > threshold) << 2 | int(c > threshold) << 1
+                continue
+            for w in range(z, z + factor[2]):
+                mask = (mask << 1) | int(row[np.uint64(w)] > threshold)
+    return mask
+
+
+@kernel
+def rate_of(lattice: Lattice, cell: int) -> int:
+    """Rate of a lattice cell; the first call looks it up."""
+    field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
+    if lattice.rate[cell] == UNSEEN:
+        indices = unravel(lattice.shape, cell)
+        lattice.rate[cell] = middle_rate(
+            field, threshold, factor, lattice.shape, lattice.rate_by_distance, indices
+        )
+        if len(lattice.mask) > 0:
+            lattice.mask[cell] = block_mask(field, threshold, factor, lattice.shape, indices)
+    rate: int = lattice.rate[cell]
+    return rate
+
+
+@kernel
+def mark_read_blocks(
+    rate: Integers, shape: Longs, factor: Longs, block_bits: int, read_blocks: NDArray[np.bool_]
+) -> None:
+    """Mark the blocks of the distance field that hold the lattice cells looked up.
+
+    A move touches grid cells of lattice cells alone that were looked up: its ends, and those beside
+    it, which are neighbours along fewer axes.
+
+    Args:
+        rate: Of the lattice cells, `UNSEEN` where not looked up.
+        shape: Lattice cells along the axes, border included.
+        factor: Grid cells to a lattice cell.
+        block_bits: Binary logarithm of the rows of a block.
+        read_blocks: Shape (blocks, nx), out.
+    """
+    nx, last = read_blocks.shape[1], read_blocks.shape[0] - 1
+    for i in range(1, shape[0] - 1):
+        for j in range(1, shape[1] - 1):
+            column, seen = (i * shape[1] + j) * shape[2], False
+            for k in range(shape[2]):
+                seen |= rate[column + k] != UNSEEN
+            if not seen:
+                continue
+            x, y = (i - 1) * factor[0], (j - 1) * factor[1]
+            end = min((y + factor[1] - 1) >> block_bits, last)
+            for b in range(y >> block_bits, end + 1):
+                for plane in range(x, min(x + factor[0], nx)):
+                    read_blocks[b, plane] = True
+
+
+@kernel
+def move_free(
+    cells: NDArray[np.uint16], threshold: int, index: int, touched: Longs, counts: Longs, move: int
+) -> bool:
+    """Whether all grid cells that a move from a grid cell touches are free.
+
+    The tables are passed whole: a row of one would have its references counted.
+    """
+    for n in range(np.uint64(counts[move])):
+        if cells[np.uint64(index + touched[move, n])] <= threshold:
+            return False
+    return True
+
+
+@kernel
+def move_free_by_mask(mask: Longs, cell: int, blocks: Longs, bits: Longs, move: int) -> bool:
+    """`move_free` by the masks of the lattice cells, which are fewer to read."""
+    for n in range(np.uint64(blocks.shape[1])):
+        if mask[np.uint64(cell + blocks[move, n])] & bits[move, n] != bits[move, n]:
+            return False
+    return True

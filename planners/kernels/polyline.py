@@ -1,0 +1,94 @@
+"""Geometry of polylines, shape (n, 3), m: lengths, tangents and points along them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wayproof.planners._jit import kernel
+from wayproof.planners.kernels.grid import Floats, Point
+
+LEAST_EDGE = 1e-6
+"""Shortest edge with a direction, m: a shorter one is left over by rounding."""
+
+
+@kernel
+def distance(a: Point, b: Point) -> float:
+    """Euclidean distance, summed in a fixed order."""
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def row(points: Floats, n: int) -> Point:
+    """One point of an array (n, 3), as a tuple."""
+    return points[n, 0], points[n, 1], points[n, 2]
+
+
+@kernel
+def between(a: Point, b: Point, share: float) -> Point:
+    """The point at a share of the edge from `a` to `b`."""
+    return (
+        a[0] + share * (b[0] - a[0]),
+        a[1] + share * (b[1] - a[1]),
+        a[2] + share * (b[2] - a[2]),
+    )
+
+
+@kernel
+def edge_lengths(path: Floats) -> Floats:
+    """Length of each edge, m, shape (n - 1,)."""
+    lengths = np.empty(max(len(path) - 1, 0))
+    for n in range(len(lengths)):
+        lengths[n] = distance(row(path, n), row(path, n + 1))
+    return lengths
+
+
+@kernel
+def arc_lengths(path: Floats) -> Floats:
+    """Arc length at each point, m, shape (n,); the first is 0."""
+    arcs = np.zeros(len(path))
+    for n in range(1, len(path)):
+        arcs[n] = arcs[n - 1] + distance(row(path, n - 1), row(path, n))
+    return arcs
+
+
+@kernel
+def path_length(path: Floats) -> float:
+    """Length of a polyline, m."""
+    length = 0.0
+    for n in range(len(path) - 1):
+        length += distance(row(path, n), row(path, n + 1))
+    return length
+
+
+@kernel
+def edge_tangents(path: Floats) -> Floats:
+    """Unit direction of each edge, shape (n - 1, 3); an edge without length takes its neighbour's.
+
+    The next neighbour's, or at the end of the path the one before. Zero for a path without length.
+    """
+    lengths = edge_lengths(path)
+    tangents = np.zeros((len(lengths), 3))
+    last = len(lengths)  # the last edge that has a length
+    for n in range(len(lengths) - 1, -1, -1):
+        if lengths[n] > LEAST_EDGE:
+            for i in range(3):
+                tangents[n, i] = (path[n + 1, i] - path[n, i]) / lengths[n]
+            if last == len(lengths):
+                last = n
+                tangents[n + 1 :] = tangents[n]
+        elif last < len(lengths):
+            tangents[n] = tangents[n + 1]
+    return tangents
+
+
+@kernel
+def locate(points: Floats, arcs: Floats, count: int, arc: float) -> tuple[int, Point]:
+    """Edge and point at an arc length, m, along the first `count` points."""
+    for n in range(count - 1):
+        if arc <= arcs[n + 1] and arcs[n + 1] > arcs[n]:
+            share = (arc - arcs[n]) / (arcs[n + 1] - arcs[n])
+            return n, between(row(points, n), row(points, n + 1), share)
+    return count - 2, row(points, count - 1)
