@@ -1,4 +1,4 @@
-"""The verbs of the command line, one file each."""
+"""Verbs of the command line, one file each."""
 
 from wayproof.harness.cli import (
     audit,
@@ -50,7 +50,7 @@ VERBS: dict[str, Verb] = {
     "import": import_world.VERB,
     "completion": completion.VERB,
 }
-"""Name on the command line -> verb, in the order in which `--help` shows them."""
+"""Name on the command line -> verb, in the order of `--help`."""
 
 RENAMED = {"critical": "threshold", "search": "falsify"}
 """Former name of a verb -> its name."""

@@ -1,4 +1,4 @@
-"""What argparse does not check: unknown options before missing ones, and repeated options."""
+"""Checks of options that argparse lacks: repeated options, and unknown ones before missing ones."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from collections.abc import Iterator, Sequence
 from wayproof.harness.errors import InputError, near_name
 
 NEGATIVE = re.compile(r"-[.\d]")
-"""A value that argparse takes for an option unless it is one plain number."""
+"""Beginning of a value that argparse takes for an option unless it is a plain number."""
 
 
 def check_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
-    """Refuse options that the parser would ignore, or complain of in a confusing way.
+    """Refuse options that the parser would ignore or report in a confusing way.
 
     Args:
-        parser: Of the verb.
-        arguments: After the verb.
+        parser: Parser of the verb.
+        arguments: Words after the verb.
 
     Raises:
-        InputError: An unknown option; a single one, or a key of `--set`, that is given twice; a
-            value that begins with a minus sign behind a space.
+        InputError: An option is unknown; an option or a key of `--set` is given twice; a list of
+            numbers that begins with a minus sign follows a space.
     """
     values: dict[str, str] = {}
     for name, value, action in _options(parser, arguments):
@@ -46,7 +46,7 @@ def _twice(name: str) -> str:
 
 
 def _given_once(name: str, value: str | None, action: argparse.Action) -> Iterator[str]:
-    """What may be given once: the option itself, or the key that it sets."""
+    """Yield what may be given only once: the option itself, or the key that it sets."""
     if name == "--set" and value is not None:
         yield f"--set {value.partition('=')[0]}"
     elif type(action).__name__ == "_StoreAction":
@@ -56,7 +56,7 @@ def _given_once(name: str, value: str | None, action: argparse.Action) -> Iterat
 def _options(
     parser: argparse.ArgumentParser, arguments: Sequence[str]
 ) -> Iterator[tuple[str, str | None, argparse.Action | None]]:
-    """Each long option with its full name, its value if there is one, and its action."""
+    """Yield the full name of each long option, its value if there is one, and its action."""
     known = parser._option_string_actions
     for place, word in enumerate(arguments):
         if word == "--":

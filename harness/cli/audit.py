@@ -1,4 +1,4 @@
-"""`wayproof audit`: every committed path against the map that it names, by slow code."""
+"""`wayproof audit`: check every committed path against its map by independent code."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def print_audit(console: Console, audited: Audit) -> None:
-    """One audit's verdict in a line, and what broke which rule."""
+    """Print the verdict of an audit and the first violations."""
     count = len(audited.violations)
     verdict = ("no violation", "bold green")
     if count:
@@ -66,7 +66,7 @@ def print_audit(console: Console, audited: Audit) -> None:
 
 
 def print_volumes(console: Console, what: str, volumes: Volumes) -> None:
-    """How near paths come to the volumes of cells."""
+    """Print how near paths come to the volumes of cells."""
     share = volumes.short / volumes.paths if volumes.paths else 0.0
     console.print(
         f"  volumes, {what}: {volumes.short} of {volumes.paths} paths ({share:.1%}) come nearer "
@@ -85,17 +85,17 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--policy",
         choices=get_args(UnknownPolicy),
-        help="hold paths against this unknown policy in place of the log's own",
+        help="check paths under this policy for unknown space (default: the log's)",
     )
     parser.add_argument(
         "--volumes",
         action="store_true",
-        help="measure how near paths come to the volumes of cells that are not admitted",
+        help="measure how near paths come to the volumes of cells that are not traversable",
     )
 
 
 VERB = Verb(
-    help="check that every committed path lay in space its map knew to be free",
+    help="check that every committed path lay in space that its map knew to be free",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof audit logs/warehouse-drone-3.mcap",

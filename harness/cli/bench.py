@@ -1,4 +1,4 @@
-"""`wayproof bench`: how fast and how right one stage is on this machine."""
+"""`wayproof bench`: measure the speed and correctness of one stage on this machine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FILES = {
     "worlds": "folder with the worlds of a published benchmark: barn, dodge",
     "scenarios": "planning problems on a voxel map (.3dscen): plan",
 }
-"""Options that name files of the user's, and what they hold."""
+"""Option that names files of the user -> what the files hold."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -36,30 +36,34 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("stage", metavar="STAGE", help="a wrong one lists those that there are")
+    parser.add_argument(
+        "stage", metavar="STAGE", help="name of a benchmark; an unknown name lists all"
+    )
     parser.add_argument(
         "--repeats",
         type=int,
         metavar="N",
-        help="sweeps, queries or episodes of each row; by default as many as the stage needs",
+        help="number of sweeps, queries or episodes of each row (default: depends on the stage)",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: 0)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the scenes (default: 0)")
     for name, said in FILES.items():
         parser.add_argument(f"--{name}", type=Path, metavar="PATH", help=said)
     parser.add_argument(
         "--rows",
         type=Path,
         metavar="FILE",
-        help="keep each episode's row in FILE, and go on from the rows in it: crossing, worlds",
+        help="keep the row of each episode in FILE, and continue from it: crossing, worlds",
     )
     parser.add_argument(
-        "--only", metavar="PART", help="one part alone; a wrong one lists them: loop, map, robots"
+        "--only",
+        metavar="PART",
+        help="measure one part only; an unknown name lists all: coverage, loop, map, robots",
     )
     add_log_folder(parser)
 
 
 VERB = Verb(
-    help="how fast one stage is on this machine, and whether its results are right",
+    help="measure how fast one stage is on this machine, and check its results",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof bench rays --json",

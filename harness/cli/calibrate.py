@@ -1,4 +1,4 @@
-"""`wayproof calibrate`: a setting that keeps a promise, and what it costs."""
+"""`wayproof calibrate`: find the smallest setting that meets a bound, and its cost."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from wayproof.harness.study.statistics.exact import Interval
 
 CALIBRATED = ("margin",)
-"""What can be calibrated."""
+"""Names of the settings that can be calibrated."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Find the smallest margin; 1 where none that was tried keeps the bound, 3 on errors."""
+    """Find the smallest margin; exit code 1 if none keeps the bound, 3 if an episode cannot run."""
     from wayproof.harness.study.calibration import MARGINS, calibrate_margin, margin_study
     from wayproof.harness.study.store import Store
 
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def print_margin(console: Console, result: MarginResult) -> None:
-    """A row for each margin, then the answer."""
+    """Print a row for each margin, then the smallest margin."""
     table = Table(title=f"drift {result.drift:g} m/m, bound {result.bound:g}", title_justify="left")
     for heading in ("margin m", "episodes", "collided", "fitted", "success", "time s"):
         table.add_column(heading, justify="right")
@@ -72,11 +72,11 @@ def print_margin(console: Console, result: MarginResult) -> None:
             _interval(one.time_price, "+.1f"),
         )
     console.print(table)
-    told = "no margin that was tried" if result.margin is None else f"{result.margin:g} m"
+    smallest = "no margin that was tried" if result.margin is None else f"{result.margin:g} m"
     high = "none tried is shown to" if result.high is None else f"{result.high:g} m"
     low = "every one tried is shown to break it" if result.low is None else f"{result.low:g} m"
     console.print(
-        f"smallest margin that keeps the bound: {told} (not shown to break it from: {low}; "
+        f"smallest margin that keeps the bound: {smallest} (not shown to break it from: {low}; "
         f"shown to keep it from: {high}; {result.seeds_to_show} seeds without a collision would "
         "show it)",
         highlight=False,
@@ -98,7 +98,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def _setting(text: str) -> tuple[str, Any]:
-    """A setting as a study file holds it; whether it is one is checked with the others."""
+    """Parse a setting as in a study file; the study checks that it exists."""
     import json
 
     name, separator, value = text.partition("=")
@@ -111,32 +111,49 @@ def _setting(text: str) -> tuple[str, Any]:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("what", metavar="WHAT", help=f"one of {', '.join(CALIBRATED)}")
-    parser.add_argument("world", metavar="WORLD", help="see 'wayproof list'; or a world file")
-    parser.add_argument("--robot", required=True, help="see 'wayproof list'; or a spec file")
+    parser.add_argument(
+        "what", metavar="WHAT", help=f"setting to calibrate: {', '.join(CALIBRATED)}"
+    )
+    parser.add_argument("world", metavar="WORLD", help="name ('wayproof list') or world file")
+    parser.add_argument("--robot", required=True, help="name ('wayproof list') or spec file")
     parser.add_argument(
         "--drift",
         type=float,
         required=True,
         metavar="M/M",
-        help="of the pose, unknown to the stack",
+        help="drift of the pose estimate, unknown to the stack, metres per metre",
     )
     parser.add_argument(
-        "--bound", type=float, default=0.05, metavar="SHARE", help="of episodes that may collide"
+        "--bound",
+        type=float,
+        default=0.05,
+        metavar="SHARE",
+        help="share of episodes that may collide (default: 0.05)",
     )
-    parser.add_argument("--seeds", type=int, default=50, metavar="N", help="of each margin")
     parser.add_argument(
-        "--margins", metavar="M,M,...", help="in place of 0.02,0.05,0.1,0.15,0.2,0.3 m"
+        "--seeds",
+        type=int,
+        default=50,
+        metavar="N",
+        help="number of seeds of each margin (default: 50)",
+    )
+    parser.add_argument(
+        "--margins",
+        metavar="M,M,...",
+        help="margins to try, m (default: 0.02,0.05,0.1,0.15,0.2,0.3)",
     )
     add_settings(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="default: logs/margin-WORLD-ROBOT"
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="folder of the logs (default: logs/margin-WORLD-ROBOT)",
     )
     add_engine(parser)
 
 
 VERB = Verb(
-    help="the smallest localization margin that keeps collisions rare, and its price",
+    help="find the smallest localization margin that keeps collisions rare, and its cost",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof calibrate margin warehouse --robot drone --drift 0.02 --bound 0.05",

@@ -1,4 +1,4 @@
-"""`wayproof compare`: is the second study worse than the first, pair by pair?"""
+"""`wayproof compare`: compare two runs of a study, pair by pair."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wayproof.harness.study.default_gates import DEFAULT_GATES
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Compare two folders of one study; the exit code is that of a study."""
+    """Compare two folders of one study; exit codes as for a study."""
     from wayproof.harness.study.compare import compare
 
     result = compare(
@@ -30,20 +30,24 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("before", metavar="A", type=Path, help="folder of a study, the reference")
-    parser.add_argument("after", metavar="B", type=Path, help="folder of the same study")
+    parser.add_argument(
+        "before", metavar="A", type=Path, help="folder of the reference run of a study"
+    )
+    parser.add_argument(
+        "after", metavar="B", type=Path, help="folder of another run of the same study"
+    )
     parser.add_argument(
         "--gate",
         action="append",
         metavar="GATE",
-        help=f"what B must keep against A, repeatable; by default {' and '.join(DEFAULT_GATES)}",
+        help=f"condition on B against A, repeatable (default: {' and '.join(DEFAULT_GATES)})",
     )
     add_inconclusive(parser)
     add_plugins(parser)
 
 
 VERB = Verb(
-    help="a paired comparison of two runs of a study; exit code 1 if a gate fails, 3 if undecided",
+    help="compare two runs of a study in pairs; exit code 1 if a gate fails, 3 if undecided",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof compare logs/before logs/after --gate 'success.drop <= 0.05'",

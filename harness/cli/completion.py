@@ -1,4 +1,4 @@
-"""`wayproof completion`: what a shell needs to complete verbs, options, names and files."""
+"""`wayproof completion`: print the completion script of a shell."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Print the script."""
     import shtab
 
-    script = shtab.complete(_taught_parser(), options.shell)
+    script = shtab.complete(_parser_with_values(), options.shell)
     if not console.quiet:
         console.file.write(f"{script}\n")  # as it is: rich would wrap it
     return 0, {"shell": options.shell, "script": script}
 
 
-def _taught_parser() -> argparse.ArgumentParser:
-    """The command's parser, with what each argument may be."""
+def _parser_with_values() -> argparse.ArgumentParser:
+    """Return the parser of the command with the possible values of each argument."""
     import shtab
 
     from wayproof.harness.cli.main import parsers
@@ -50,11 +50,11 @@ def _taught_parser() -> argparse.ArgumentParser:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("shell", choices=SHELLS, help="whose script is printed")
+    parser.add_argument("shell", choices=SHELLS, help="shell of the script")
 
 
 VERB = Verb(
-    help='for bash or zsh: eval "$(wayproof completion bash)" completes verbs, options and names',
+    help='print a completion script for bash or zsh: eval "$(wayproof completion bash)"',
     add_arguments=_add_arguments,
     run=run,
     example="wayproof completion bash",

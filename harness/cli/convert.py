@@ -1,4 +1,4 @@
-"""`wayproof convert`: a log as a file for another viewer."""
+"""`wayproof convert`: write a log as a file for another viewer."""
 
 from __future__ import annotations
 
@@ -37,24 +37,24 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", metavar="LOG", type=Path)
+    parser.add_argument("log", metavar="LOG", type=Path, help="log file")
     parser.add_argument(
         "--foxglove",
         type=Path,
         required=True,
         metavar="FILE.mcap",
-        help="with schemas that Foxglove draws",
+        help="MCAP file with schemas that Foxglove draws",
     )
     add_unchecked(parser)
     parser.add_argument(
         "--allow-plugins",
         action="store_true",
-        help="load the planner or controller that a log names as module:Class or FILE.py:Class",
+        help="run the planner or controller that the log names as module:Class or FILE.py:Class",
     )
 
 
 VERB = Verb(
-    help="a log as a file that Foxglove draws by itself",
+    help="convert a log to a file that Foxglove draws without configuration",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof convert logs/warehouse-drone-3.mcap --foxglove drone.mcap",

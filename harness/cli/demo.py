@@ -1,4 +1,4 @@
-"""`wayproof demo`: both robots across one warehouse, and both logs replayed."""
+"""`wayproof demo`: run both robots through a warehouse and replay both logs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Send both robots across and replay their logs."""
+    """Run both robots and replay their logs."""
     from wayproof.harness.config import from_document, override
     from wayproof.harness.replay.replay import replay
 
@@ -37,7 +37,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> None:
-    """Verdicts of several episodes and of their replays."""
+    """Print the verdicts of episodes and of their replays."""
     from wayproof.harness.clearance import true_in_metres
 
     table = Table(title="Verdicts: warehouse", title_justify="left")
@@ -59,13 +59,13 @@ def print_demo(console: Console, rows: Sequence[tuple[str, Result, Replay]]) -> 
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seed", type=int, default=0, help="of the warehouse (default: 0)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the warehouse (default: 0)")
     add_settings(parser)
     add_log_folder(parser)
 
 
 VERB = Verb(
-    help="both robots across a warehouse, and both logs replayed",
+    help="run both robots through a warehouse and replay both logs",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof demo --seed 4",

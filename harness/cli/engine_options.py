@@ -1,4 +1,4 @@
-"""What verbs share that run many episodes: the engine, and a bar that watches it."""
+"""Options and progress bar of verbs that run many episodes."""
 
 from __future__ import annotations
 
@@ -29,24 +29,30 @@ if TYPE_CHECKING:
 ENGINES = ("processes", "ray")
 
 GOES_ON = "the episodes that have ended are kept, and the same command goes on"
-"""What Ctrl-C leaves of a verb that keeps its episodes in a folder."""
+"""Message after Ctrl-C for verbs that keep their episodes in a folder."""
 
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
-    """How many episodes at a time, and where."""
+    """Add the options of the engine that runs the episodes."""
     cores = os.cpu_count() or 1
     parser.add_argument(
-        "--jobs", type=int, default=cores, metavar="N", help="processes, one a core"
+        "--jobs",
+        type=int,
+        default=cores,
+        metavar="N",
+        help="number of processes (default: one for each core)",
     )
-    parser.add_argument("--engine", default="processes", help=f"one of {', '.join(ENGINES)}")
-    parser.add_argument("--address", metavar="HOST:PORT", help="of a running Ray cluster")
+    parser.add_argument(
+        "--engine", default="processes", help=f"{' or '.join(ENGINES)} (default: processes)"
+    )
+    parser.add_argument("--address", metavar="HOST:PORT", help="address of a running Ray cluster")
 
 
 def check_engine(options: argparse.Namespace) -> None:
-    """Refuse an engine that there is not, or options that it does not take.
+    """Check the options of the engine.
 
     Raises:
-        InputError: Either of these.
+        InputError: The engine is unknown, or does not take these options.
     """
     if options.engine not in ENGINES:
         raise unknown_name("engine", options.engine, ENGINES)
@@ -58,10 +64,10 @@ def check_engine(options: argparse.Namespace) -> None:
 
 @contextlib.contextmanager
 def open_engine(options: argparse.Namespace, bounds: Bounds) -> Iterator[Engine]:
-    """The engine that the options ask for; its processes end with the block.
+    """Open the engine that the options select; its processes end with the block.
 
     Raises:
-        InputError: There is none of that name, or it does not take these options.
+        InputError: The engine is unknown, or does not take these options.
     """
     check_engine(options)
     if options.engine == "ray":
@@ -78,10 +84,10 @@ def open_engine(options: argparse.Namespace, bounds: Bounds) -> Iterator[Engine]
 
 
 class Watch:
-    """A progress bar: episodes done, errors so far, time left."""
+    """Progress bar: episodes done, errors so far, time left."""
 
     def __init__(self, console: Console, episodes: int | None, missing: int = 0) -> None:
-        """Count up to `episodes`, of which all but the missing are done; none for nobody knows."""
+        """Show progress over `episodes` (None if unknown), of which `missing` remain."""
         self._errors = 0
         self._progress = Progress(
             TextColumn("{task.description}", style="bold", markup=False),
@@ -95,16 +101,16 @@ class Watch:
         self._progress.advance(self._task, 0 if episodes is None else episodes - missing)
 
     def finished(self, done: Done) -> None:
-        """Count an episode."""
+        """Count an episode that has ended."""
         self._errors += bool(done.error)
-        told = f"episodes, {self._errors} errors" if self._errors else "episodes"
-        self._progress.update(self._task, advance=1, description=told)
+        text = f"episodes, {self._errors} errors" if self._errors else "episodes"
+        self._progress.update(self._task, advance=1, description=text)
 
     def __enter__(self) -> Watch:
-        """Show it."""
+        """Show the bar."""
         self._progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave it as it is."""
+        """Stop updating the bar."""
         self._progress.stop()

@@ -1,4 +1,4 @@
-"""`wayproof explain`: one decision as a card, or an episode's story and why it failed."""
+"""`wayproof explain`: a card of one decision, or the course of an episode and its failure."""
 
 from __future__ import annotations
 
@@ -71,9 +71,9 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
 
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
     decisions = list(log.decisions())
-    told = phases(decisions, list(log.truth()))
+    course = phases(decisions, list(log.truth()))
     console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True)
-    for phase in told:
+    for phase in course:
         console.print(f"  {phase}", soft_wrap=True, highlight=False)
     for line in log.traceback.splitlines():
         console.print(f"  {line}", soft_wrap=True, highlight=False)
@@ -91,7 +91,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         "outcome": outcome,
         "reason": reason,
         "traceback": log.traceback,
-        "phases": [asdict(phase) for phase in told],
+        "phases": [asdict(phase) for phase in course],
         "cause": None if finding is None else asdict(finding),
         "near_misses": [asdict(miss) for miss in misses],
     }
@@ -107,17 +107,17 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
 
 
 def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
-    """The cause and the near misses; of a log without sweeps what its result says."""
+    """Return the cause and the near misses; of a log without sweeps, the cause in its result."""
     from wayproof.harness.attribution import find_cause, near_misses, read_case
 
     if log.record == "decisions":
-        return None, _told_cause(log), []
+        return None, _stored_cause(log), []
     case = read_case(log)
     return case, find_cause(case), near_misses(case, SHOWN_MISSES)
 
 
-def _told_cause(log: Log) -> Finding | None:
-    """The cause that the run found, where what was touched is, or where the robot ended."""
+def _stored_cause(log: Log) -> Finding | None:
+    """Return the cause stored by the run, at the contact or at the last place of the robot."""
     from wayproof.harness.attribution import Finding
     from wayproof.harness.result import Contact
 
@@ -128,8 +128,12 @@ def _told_cause(log: Log) -> Finding | None:
     if not places:
         raise InputError(f"log '{log.path}': no decisions in it")
     x, y, z = places[-1]
-    told = log.result["cause_evidence"], int(log.result["cause_decision"])
-    return Finding(log.result["cause"], *told, (x, y, z))
+    return Finding(
+        cause=log.result["cause"],
+        evidence=log.result["cause_evidence"],
+        decision=int(log.result["cause_decision"]),
+        place=(x, y, z),
+    )
 
 
 def _check(log: Log, finding: Finding | None) -> Verdict:
@@ -148,9 +152,9 @@ def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
 
 
 def print_finding(console: Console, finding: Finding) -> None:
-    """The cause and its evidence."""
-    told = Text.assemble("cause: ", (finding.cause, "bold red"), f": {finding.evidence}")
-    console.print(told, soft_wrap=True)
+    """Print the cause and its evidence."""
+    line = Text.assemble("cause: ", (finding.cause, "bold red"), f": {finding.evidence}")
+    console.print(line, soft_wrap=True)
     x, y, z = finding.place
     console.print(
         f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})",
@@ -169,13 +173,13 @@ def _print_misses(console: Console, misses: list[NearMiss]) -> None:
 
 
 def print_verdict(console: Console, verdict: Verdict) -> None:
-    """What each change would have done, a line each, and what that answers."""
+    """Print what each corrected simulation did, a line each, and the conclusion."""
     _print_checks(console, verdict.checks)
     console.print(f"check: {in_words(verdict)}", soft_wrap=True, highlight=False)
 
 
 def in_words(verdict: Verdict) -> str:
-    """What a check answers to the cause."""
+    """Return the conclusion of a check in words."""
     if verdict.answer == "inconclusive":
         return "inconclusive: no remedy was tried, or nothing changed and it did not fail again"
     saving = [one.remedy.replace("_", " ") for one in verdict.checks if one.saves]
@@ -193,7 +197,7 @@ def _print_checks(console: Console, checks: Sequence[Check]) -> None:
 
 
 def print_card(console: Console, card: Card) -> None:
-    """One decision in a table of two columns."""
+    """Print the card of a decision as a table of two columns."""
     label = "" if card.label == "none" else f" [{card.label}]"
     table = Table(
         title=f"decision {card.sequence} at {card.time_s:.1f} s: {card.action}{label}",
@@ -262,7 +266,7 @@ def _rows(card: Card) -> list[tuple[str, str]]:
 
 
 def _way(card: Card) -> str:
-    """Where the path leads, and how far the goal is."""
+    """Return where the path leads and how far the goal is, in words."""
     straight = f"the goal is {card.goal_distance_m:.2f} m away"
     if not card.path_leads_to:
         return f"none; {straight}"
@@ -271,20 +275,20 @@ def _way(card: Card) -> str:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", metavar="LOG", type=Path)
+    parser.add_argument("log", metavar="LOG", type=Path, help="log file")
     parser.add_argument("decision", metavar="N", type=int, nargs="?", help="number of a decision")
-    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the moment")
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the decision into FILE")
     parser.add_argument(
         "--check",
         action="store_true",
-        help="simulate again with one thing put right at a time, and settle the cause by it",
+        help="check the cause by simulating again with one thing corrected at a time",
     )
     add_unchecked(parser)
     add_plugins(parser)
 
 
 VERB = Verb(
-    help="why a decision was made, or what became of an episode and why it failed",
+    help="explain why a decision was made, or how an episode went and why it failed",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof explain logs/warehouse-drone-3.mcap 42 --png moment.png",

@@ -1,4 +1,4 @@
-"""`wayproof falsify`: the worst that one perturbation can do within a budget of episodes."""
+"""`wayproof falsify`: search for a perturbation that makes an episode fail."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Search; exit code 1 where a failure was found."""
+    """Search; exit code 1 if a failure was found."""
     from wayproof.harness.clearance import true_clearance_is_bound
     from wayproof.harness.config import from_document, override
     from wayproof.harness.perturbations import check_kind
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     check_kind(options.perturb, "the search chooses it, up to --greatest")
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), [*options.set, "record=failures"])
-    asked = Search(
+    aim = Search(
         config,
         options.perturb,
         options.window,
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     store = Store(options.out or LOGS / f"falsify-{episode_name(config)}")
     with open_engine(options, Bounds()) as engine, Watch(console, None) as watch:
         try:
-            found = search(asked, store, engine, watch.finished)
+            found = search(aim, store, engine, watch.finished)
         except KeyboardInterrupt:
             raise Interrupted(GOES_ON) from None
     print_found(console, found)
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def print_found(console: Console, found: Found) -> None:
-    """What was found, in two lines."""
+    """Print the failure found and its shortest trigger, or the nearest miss."""
     from wayproof.harness.clearance import true_in_metres
 
     if found.failing is None:
@@ -70,8 +70,8 @@ def print_found(console: Console, found: Found) -> None:
             soft_wrap=True,
         )
         return
-    told = f" after {found.episodes} episodes: {found.reason}; log {found.log}"
-    console.print(Text.assemble((found.outcome, "bold red"), told), soft_wrap=True)
+    failure = f" after {found.episodes} episodes: {found.reason}; log {found.log}"
+    console.print(Text.assemble((found.outcome, "bold red"), failure), soft_wrap=True)
     if found.shortest is not None and found.shortest.perturbation.window is not None:
         begin, end = found.shortest.perturbation.window
         console.print(
@@ -83,35 +83,48 @@ def print_found(console: Console, found: Found) -> None:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("world", metavar="WORLD", help="see 'wayproof list'; or a world file")
-    parser.add_argument("--robot", required=True, help="see 'wayproof list'; or a spec file")
-    parser.add_argument("--seed", required=True, type=int, help="of the episode")
-    parser.add_argument("--perturb", required=True, metavar="KIND[:MODE]", help="what may go wrong")
+    parser.add_argument("world", metavar="WORLD", help="name ('wayproof list') or world file")
+    parser.add_argument("--robot", required=True, help="name ('wayproof list') or spec file")
+    parser.add_argument("--seed", required=True, type=int, help="seed of the episode")
     parser.add_argument(
-        "--window", type=float, default=2.0, metavar="S", help="how long it acts, s (default: 2)"
+        "--perturb", required=True, metavar="KIND[:MODE]", help="perturbation to apply"
+    )
+    parser.add_argument(
+        "--window",
+        type=float,
+        default=2.0,
+        metavar="S",
+        help="duration of the perturbation, s (default: 2)",
     )
     parser.add_argument(
         "--greatest",
         type=float,
         default=5.0,
         metavar="SEVERITY",
-        help="most that is tried (default: 5)",
+        help="greatest severity (default: 5)",
     )
     parser.add_argument(
-        "--budget", type=int, default=100, metavar="N", help="most episodes (default: 100)"
+        "--budget",
+        type=int,
+        default=100,
+        metavar="N",
+        help="maximum number of episodes (default: 100)",
     )
     parser.add_argument(
-        "--search-seed", type=int, default=0, metavar="N", help="of the choice of episodes"
+        "--search-seed", type=int, default=0, metavar="N", help="seed of the search (default: 0)"
     )
     add_settings(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="default: logs/falsify-WORLD-ROBOT-SEED"
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="folder of the logs (default: logs/falsify-WORLD-ROBOT-SEED)",
     )
     add_engine(parser)
 
 
 VERB = Verb(
-    help="when, where and how strongly a perturbation makes an episode fail",
+    help="search for the time and strength at which a perturbation makes an episode fail",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof falsify warehouse --robot drone --seed 3 --perturb pose_jump --budget 100",

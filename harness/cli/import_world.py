@@ -1,4 +1,4 @@
-"""`wayproof import`: a world file from a file of another tool."""
+"""`wayproof import`: make a world file from a file of another tool."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from wayproof.harness.outputs import written_whole
 WORLDS = Path("worlds")
 
 LENGTHS = {
-    "height": "of what a flat map shows, and of white in a height image (default: 2)",
-    "resolution": "side of a cell where the file tells none (default: 0.1)",
-    "scale": "metres to a unit of a mesh (default: 1)",
+    "height": "height of obstacles of a flat map, or of white in a height image, m (default: 2)",
+    "resolution": "cell size where the file gives none, m (default: 0.1)",
+    "scale": "metres per unit of a mesh (default: 1)",
 }
-"""Options of `models.world_files.ImportOptions`, whose defaults they tell without loading it."""
+"""Field of `models.world_files.ImportOptions` -> help text, with the default of the field."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Read a file, write the world file, and tell what was left out."""
+    """Read a file, write the world file, and print what was left out."""
     from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
 
     out = options.out or WORLDS / f"{options.file.stem}.xml"
@@ -31,9 +31,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     try:
         names = (*LENGTHS, "unknown", "skip_missing")
         given = {name: value for name in names if (value := getattr(options, name)) is not None}
-        told = ImportOptions(**given)
+        import_options = ImportOptions(**given)
         start, goal = (_point(name, getattr(options, name)) for name in ("start", "goal"))
-        world, notes = import_world(options.file, told, start, goal)
+        world, notes = import_world(options.file, import_options, start, goal)
     except WorldFileError as error:
         raise InputError(str(error)) from None
     except ValueError as error:
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _point(name: str, text: str | None) -> tuple[float, float, float] | None:
-    """A point on the floor from x,y or x,y,z."""
+    """Parse `X,Y` or `X,Y,Z`; Z is 0 by default."""
     if text is None:
         return None
     try:
@@ -70,19 +70,27 @@ def _write(path: Path, text: str) -> None:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE", type=Path, help="its ending says the format")
-    parser.add_argument("--out", type=Path, metavar="FILE.xml", help="default: worlds/NAME.xml")
-    parser.add_argument("--start", metavar="X,Y[,Z]", help="m; default: the file's, or chosen")
-    parser.add_argument("--goal", metavar="X,Y[,Z]", help="likewise")
-    for name, said in LENGTHS.items():
-        parser.add_argument(f"--{name}", type=float, metavar="M", help=said)
+    parser.add_argument(
+        "file", metavar="FILE", type=Path, help="file to import; its extension is the format"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.xml", help="world file (default: worlds/NAME.xml)"
+    )
+    parser.add_argument(
+        "--start", metavar="X,Y[,Z]", help="start, m (default: the file's, or chosen)"
+    )
+    parser.add_argument(
+        "--goal", metavar="X,Y[,Z]", help="goal, m (default: the file's, or chosen)"
+    )
+    for name, text in LENGTHS.items():
+        parser.add_argument(f"--{name}", type=float, metavar="M", help=text)
     parser.add_argument(
         "--unknown",
         choices=("occupied", "free"),
-        help="what a flat map's unknown cells are (default: occupied)",
+        help="state of the unknown cells of a flat map (default: occupied)",
     )
     parser.add_argument(
-        "--skip-missing", action="store_true", help="leave out models that are not at hand"
+        "--skip-missing", action="store_true", help="leave out models that are not found"
     )
 
 

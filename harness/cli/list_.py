@@ -1,4 +1,4 @@
-"""`wayproof list`: what is registered."""
+"""`wayproof list`: list worlds, robots, sensors, maps, planners and settings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wayproof.harness.cli.verb import Document, Verb
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Tell what is registered."""
+    """Print the names in each registry."""
     from wayproof.harness.config import setting_names
     from wayproof.harness.perturbations import PERTURBATIONS
     from wayproof.maps import MAPS
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 VERB = Verb(
-    help="worlds, robots, maps, planners and settings",
+    help="list worlds, robots, sensors, maps, planners, perturbations and settings",
     add_arguments=lambda parser: None,
     run=run,
     example="wayproof list --json",

@@ -1,4 +1,4 @@
-"""What a person sees of a running episode: one live line."""
+"""Live line on the console of a running episode."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ ACTION_STYLES = {
 
 
 class LiveLine:
-    """One line, rewritten at each decision; a context manager.
+    """Line that is rewritten at each decision; a context manager.
 
     Attributes:
-        decisions: Shown so far.
+        decisions: Number of decisions shown.
     """
 
     def __init__(self, console: Console, title: str) -> None:
-        """Name the episode that the line tells of."""
+        """Set the title of the episode."""
         self._title = title
         self._console = console
         self.decisions = 0
         self._live = Live(console=console, refresh_per_second=10)
 
     def __call__(self, decision: pb.Decision, truth: pb.Truth) -> None:
-        """Show a decision; the line appears with the first."""
+        """Show a decision; the line appears with the first one."""
         self.decisions += 1
         self._live.start()
         stages = decision.stages
@@ -56,11 +56,11 @@ class LiveLine:
         )
 
     def __enter__(self) -> LiveLine:
-        """Nothing to show before the first decision."""
+        """Return the line; it appears with the first decision."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave the last state of the line standing."""
+        """Stop updating; the last state of the line remains."""
         if not self._live.is_started:
             return
         self._live.stop()

@@ -1,4 +1,4 @@
-"""The command `wayproof`: its verbs are in `harness.cli`.
+"""The command `wayproof`.
 
 Exit codes: 0 success (goal reached, replay identical, no rule broken), 1 failure, 2 bad input, 130
 Ctrl-C, 141 a reader of standard output that went away.
@@ -30,13 +30,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
     Args:
-        arguments: By default those of the process, which is the command's own: it may be forked.
+        arguments: Words of the command; None for those of this process, which may be forked.
     """
     own_process = arguments is None
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     as_json = "--json" in arguments
     stdout = CheckedStdout(sys.stdout)
-    # What is told may be a stranger's: it is printed as it stands, and styles are set by `Text`.
+    # Printed text may come from a log of unknown origin: no markup in it; `Text` sets the styles.
     console = Console(file=stdout, quiet=as_json, markup=False, emoji=False)  # type: ignore[arg-type]
     document: Document
     try:
@@ -46,9 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code, document = 2, {"error": str(error)}
             print(f"wayproof: {error}", file=sys.stderr)
         except KeyboardInterrupt as error:
-            told = f"interrupted; {error}" if isinstance(error, Interrupted) else "interrupted"
-            code, document = 130, {"error": told}
-            print(f"wayproof: {told}", file=sys.stderr)
+            text = f"interrupted; {error}" if isinstance(error, Interrupted) else "interrupted"
+            code, document = 130, {"error": text}
+            print(f"wayproof: {text}", file=sys.stderr)
         if as_json and document:
             stdout.write(f"{msgspec.json.encode(document).decode()}\n")
         stdout.flush()
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str], console: Console, own_process: bool) -> tuple[int, Document]:
-    """Run one command: its exit code, and the document that `--json` prints; empty for none."""
+    """Run one command; return its exit code and the document of `--json`, which may be empty."""
     if not arguments:
         parsers(())[0].print_help(sys.stderr)
         return 2, {}
@@ -80,10 +80,10 @@ def _run(arguments: Sequence[str], console: Console, own_process: bool) -> tuple
 
 
 class _Version(argparse.Action):
-    """Print the version, which is looked up only then."""
+    """Option that looks the version up and prints it."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        """Print it and leave."""
+        """Print the version and exit."""
         from importlib.metadata import version
 
         print(f"wayproof {version('wayproof')}")
@@ -91,36 +91,36 @@ class _Version(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are our one-line errors."""
+    """Argument parser that raises `InputError`."""
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see '{self.prog} --help')")
 
 
 def verb_parsers() -> dict[str, argparse.ArgumentParser]:
-    """The parser of each verb, by name."""
+    """Return the parser of each verb by name."""
     return parsers()[1]
 
 
 def parsers(
     whole: Container[str] = VERBS,
 ) -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
-    """The parser of the whole command, and those of its verbs, by name.
+    """Return the parser of the whole command, and those of its verbs by name.
 
     Args:
-        whole: Verbs that get their options; what these are checked against is imported for them.
+        whole: Verbs whose options are added, which may import modules.
     """
     parser = _Parser(
         prog="wayproof",
         description="Was the space that the robot entered proven safe, and if not, why did it go?",
-        epilog=f"example:\n{EXAMPLE}\n\n'wayproof VERB --help' has one for each verb.",
+        epilog=f"example:\n{EXAMPLE}\n\n'wayproof VERB --help' shows one for each verb.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
     verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB", dest="verb")
     each: dict[str, argparse.ArgumentParser] = {}
     for name, verb in VERBS.items():
-        one = verbs.add_parser(
+        verb_parser = verbs.add_parser(
             name,
             help=verb.help,
             description=verb.help,
@@ -128,7 +128,7 @@ def parsers(
             formatter_class=argparse.RawDescriptionHelpFormatter,  # keeps the example in one line
         )
         if name in whole:
-            verb.add_arguments(one)
-        one.add_argument("--json", action="store_true", help="one JSON document on stdout")
-        each[name] = one
+            verb.add_arguments(verb_parser)
+        verb_parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+        each[name] = verb_parser
     return parser, each

@@ -1,4 +1,4 @@
-"""`wayproof picture`: the simulated scene with the map laid over it, still or moving."""
+"""`wayproof picture`: draw the simulated scene with the map over it, as image or movie."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         else:
             draw_picture(log, options.sequence, out, plugins)
     wall, size = time.perf_counter() - began, out.stat().st_size * 1e-6
-    told = f"{frames} frames" if options.movie else f"decision {options.sequence}"
-    console.print(f"{told} in {wall:.1f} s: {out}, {size:.2f} MB", soft_wrap=True, highlight=False)
+    drawn = f"{frames} frames" if options.movie else f"decision {options.sequence}"
+    console.print(f"{drawn} in {wall:.1f} s: {out}, {size:.2f} MB", soft_wrap=True, highlight=False)
     return 0, {"out": str(out), "frames": frames, "megabytes": size, "wall_time_s": wall}
 
 
@@ -48,21 +48,27 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", metavar="LOG", type=Path)
-    parser.add_argument("sequence", metavar="N", type=int, nargs="?", help="a decision's number")
-    parser.add_argument("--out", type=Path, metavar="FILE.png", help="default: LOG-N.png")
+    parser.add_argument("log", metavar="LOG", type=Path, help="log file")
+    parser.add_argument("sequence", metavar="N", type=int, nargs="?", help="number of a decision")
     parser.add_argument(
-        "--movie", type=Path, metavar="FILE", help="the whole log, moving: a .gif or .mp4"
+        "--out", type=Path, metavar="FILE.png", help="image file (default: LOG-N.png)"
     )
     parser.add_argument(
-        "--period", type=float, default=0.2, metavar="S", help="between frames, s (default: 0.2)"
+        "--movie", type=Path, metavar="FILE", help="movie of the whole log: a .gif or .mp4"
+    )
+    parser.add_argument(
+        "--period",
+        type=float,
+        default=0.2,
+        metavar="S",
+        help="simulated time between frames, s (default: 0.2)",
     )
     add_unchecked(parser)
     add_plugins(parser)
 
 
 VERB = Verb(
-    help="the simulated scene with the map laid over it, one decision or a movie",
+    help="draw the simulated scene with the map over it: one decision, or a movie",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof picture logs/warehouse-drone-3.mcap 100 --out drone.png",

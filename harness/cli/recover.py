@@ -1,4 +1,4 @@
-"""`wayproof recover`: a valid log of what can be read of a broken one."""
+"""`wayproof recover`: write the readable part of a broken log as a valid log."""
 
 from __future__ import annotations
 
@@ -32,19 +32,22 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("broken", metavar="LOG", type=Path, help="a .partial or damaged log")
+    parser.add_argument("broken", metavar="LOG", type=Path, help=".partial file or damaged log")
     parser.add_argument(
         "--allow-plugins",
         action="store_true",
-        help="load the planner or controller that a log names as module:Class or FILE.py:Class",
+        help="run the planner or controller that the log names as module:Class or FILE.py:Class",
     )
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="the new log's name, NAME-recovered.mcap else"
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="name of the new log (default: NAME-recovered.mcap)",
     )
 
 
 VERB = Verb(
-    help="write the readable part of a killed or damaged log as a log of its own",
+    help="write the readable part of an unfinished or damaged log as a valid log",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof recover logs/warehouse-drone-3.mcap.partial",

@@ -1,4 +1,4 @@
-"""`wayproof run --render`: the episode that has just been logged, as a movie."""
+"""Movie of an episode that has just been logged, for `wayproof run --render`."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from wayproof.harness.config import Config
 
 PERIOD = 0.2
-"""Between frames, s of simulated time."""
+"""Simulated time between frames, s."""
 
 
 def check_render(config: Config, out: Path) -> None:
-    """Raise before the episode for what would only be found after it.
+    """Check before the episode that its log can be drawn.
 
     Raises:
-        InputError: The episode's log could not be drawn here, or not into this file.
+        InputError: The log cannot be drawn on this machine, or not into this file.
     """
     if config.record != "full":
         raise InputError(f"--render: got record={config.record}, expected full: it draws the log")
@@ -30,7 +30,7 @@ def check_render(config: Config, out: Path) -> None:
 
 
 def render(log: Path, out: Path, console: Console) -> dict[str, Any]:
-    """Draw the whole log, and tell."""
+    """Draw the whole log and print the name of the movie."""
     from wayproof.harness.viewer.movie import draw_movie
 
     with console.status("drawing"):

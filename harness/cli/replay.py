@@ -1,4 +1,4 @@
-"""`wayproof replay`: every decision of a log, recomputed and compared bit by bit."""
+"""`wayproof replay`: recompute every decision of a log and compare it bit by bit."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ SHOWN_CHANGES = 5
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Recompute the decisions of one or more logs, by the log's own settings or by others."""
+    """Recompute the decisions of one or more logs, with their own settings or with others."""
     from wayproof.harness.log.reader import open_log
 
     _check(options)
     if options.at is not None:
         return _fork(options, console)
-    one = {True: _simulate, False: _what_if if options.set else _replay}[options.closed_loop]
+    check = {True: _simulate, False: _what_if if options.set else _replay}[options.closed_loop]
     outcomes = []
     for path in options.log:
         changed = warn_of_changed_plugins(open_log(path, True)) if options.allow_plugins else []
-        good, document = one(path, options, console)
+        good, document = check(path, options, console)
         outcomes.append((good, {**document, "changed_plugins": changed}))
     code = 0 if all(good for good, _ in outcomes) else 1
     return code, one_or_all("replays", [document for _, document in outcomes])
@@ -118,7 +118,7 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
 
 
 def print_replay(console: Console, replayed: Replay) -> None:
-    """One replay's verdict in a line, what differs first, and what the verdict covers."""
+    """Print the verdict of a replay, the first differences, and what the verdict covers."""
     if replayed.identical:
         text = Text.assemble(
             ("identical", "bold green"), f": {replayed.decisions} of {replayed.decisions} decisions"
@@ -140,7 +140,7 @@ def print_replay(console: Console, replayed: Replay) -> None:
 
 
 def print_scope(console: Console, scope: Scope) -> None:
-    """What a verdict covers, and what not, a line each."""
+    """Print what a verdict covers and what it does not, a line each."""
     for title, parts in (
         ("recomputed", scope.recomputed),
         ("only --closed-loop shows", scope.simulation),
@@ -151,12 +151,12 @@ def print_scope(console: Console, scope: Scope) -> None:
 
 
 def _not_compared(fields: Sequence[str]) -> str:
-    """What of a log of an older format is not compared."""
+    """Return the note on fields that a log of an older format does not have."""
     return f" ({', '.join(fields)} not compared: an older format)" if fields else ""
 
 
 def print_what_if(console: Console, answer: WhatIf) -> None:
-    """Which decisions change, from which on, and how."""
+    """Print which decisions change under other settings, and how."""
     changes, settings = answer.changes, ", ".join(answer.settings)
     if not answer.faithful:
         console.print("the log's own settings no longer decide what is recorded: see replay")
@@ -195,7 +195,7 @@ def print_what_if(console: Console, answer: WhatIf) -> None:
 
 
 def print_closed_loop(console: Console, again: ClosedLoop) -> None:
-    """Whether the simulated episode is the recorded one, and where it leaves it."""
+    """Print whether the repeated simulation gave the recorded episode, and where it departs."""
     verdict = ("identical", "bold green") if again.identical else ("differs", "bold red")
     kept = "all but sweeps and states" if again.regenerated else "all"
     ended = f"{again.outcome} now, {again.recorded_outcome} then"
@@ -230,7 +230,7 @@ def print_closed_loop(console: Console, again: ClosedLoop) -> None:
 
 
 def print_elsewhere(console: Console, elsewhere: Sequence[Difference]) -> None:
-    """What a log was recorded with that is different here, in a line."""
+    """Print in which respects the machine of the recording differs from this one."""
     names = ", ".join(one.field for one in elsewhere)
     console.print(
         f"  recorded with another {names}: a simulation is repeated to the bit only on like "
@@ -241,7 +241,7 @@ def print_elsewhere(console: Console, elsewhere: Sequence[Difference]) -> None:
 
 
 def print_differences(console: Console, differences: Sequence[Difference]) -> None:
-    """The first few of some differences, a line each."""
+    """Print the first few differences, a line each."""
     for one in differences[:SHOWN_DIFFERENCES]:
         console.print(f"  {one.field}: {one.recorded} -> {one.recomputed}", soft_wrap=True)
     if len(differences) > SHOWN_DIFFERENCES:
@@ -259,7 +259,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--closed-loop",
         action="store_true",
-        help="simulate the episode anew and compare what was sensed as well",
+        help="simulate the episode again and compare the sensor data as well",
     )
     add_settings(parser)
     parser.add_argument(
@@ -267,16 +267,16 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="at",
         type=int,
         metavar="N",
-        help="simulate on from decision N with these settings, and write a new log",
+        help="fork: continue the simulation from decision N with these settings, in a new log",
     )
     parser.add_argument(
-        "--threads", type=int, metavar="N", help="recompute on so many; the log's own by default"
+        "--threads", type=int, metavar="N", help="number of threads (default: the log's)"
     )
-    parser.add_argument("--log", dest="out", type=Path, metavar="FILE", help="the new log's name")
+    parser.add_argument("--log", dest="out", type=Path, metavar="FILE", help="name of the new log")
 
 
 VERB = Verb(
-    help="recompute every decision of a log and compare bit by bit, or ask what if",
+    help="recompute every decision of a log and compare bit by bit, or with other settings",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof replay logs/warehouse-drone-3.mcap --set costmap.localization_margin=0.15",

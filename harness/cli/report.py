@@ -1,4 +1,4 @@
-"""`wayproof report`: a study as one HTML page."""
+"""`wayproof report`: write the HTML report of a study."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wayproof.harness.cli.verb import Document, Verb, add_plugins
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Write the report of a study's folder; exit code 0 once it is written, whatever it says."""
+    """Write the report of a study; exit code 0 if it is written, whatever the verdict."""
     from wayproof.harness.study.report.report import write_report
     from wayproof.harness.study.study import verdict_in_words
 
@@ -25,12 +25,12 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", metavar="FOLDER", type=Path, help="of a study")
+    parser.add_argument("folder", metavar="FOLDER", type=Path, help="folder of a study")
     add_plugins(parser)
 
 
 VERB = Verb(
-    help="a study as one self-contained HTML page",
+    help="write a study as one self-contained HTML page",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof report logs/smoke",

@@ -1,4 +1,4 @@
-"""`wayproof run`: one episode."""
+"""`wayproof run`: run one episode and write its log."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from wayproof.harness.result import Result
 
 SHOWN_LINES = 8
-"""Of a traceback on the terminal: its end."""
+"""Number of last lines of a traceback that are printed."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _check(result: Result, options: argparse.Namespace, console: Console) -> Document | None:
-    """Check the cause of a failure within the bound, and keep the verdict in its log."""
+    """Check the cause of a failure by simulation, and store the verdict in its log."""
     if options.check is None or result.outcome == "success":
         return None
     from wayproof.harness.attribution.case import read_case
@@ -93,7 +93,7 @@ def _point(name: str, text: str) -> tuple[float, ...]:
 
 
 def episode_name(config: Config) -> str:
-    """`world-robot-seed`, and eight digits of the config's hash where anything was set."""
+    """Return `world-robot-seed`, with eight digits of the config's hash if a setting differs."""
     from wayproof.harness.config import Config, to_json
 
     stem, robot = Path(config.world).stem, Path(config.robot).stem  # of files' paths
@@ -104,10 +104,10 @@ def episode_name(config: Config) -> str:
 
 
 def run_one(config: Config, path: Path, console: Console) -> Result:
-    """Build, compile, run with a live line; a disk that fills up is told as such.
+    """Build the scenario, compile the kernels, and run the episode with a live line.
 
     Raises:
-        InputError: The config cannot be run, or its log cannot be written.
+        InputError: The config cannot be run, or its log cannot be written; a full disk is named.
     """
     from wayproof.harness.cli.live import LiveLine
     from wayproof.harness.log.writer import hold_log
@@ -145,7 +145,7 @@ def warn_of_kept(draft: Draft) -> None:
 
 
 def interrupted(log: Path, decisions: int) -> Interrupted:
-    """What is left of an episode that Ctrl-C ended after some decisions."""
+    """Return the interrupt that says what is left of an episode stopped by Ctrl-C."""
     partial = log.with_name(f"{log.name}.partial")
     if decisions == 0:
         partial.unlink(missing_ok=True)
@@ -154,7 +154,7 @@ def interrupted(log: Path, decisions: int) -> Interrupted:
 
 
 def document_of(result: Result) -> Document:
-    """What `--json` prints of an episode."""
+    """Return the document that `--json` prints of an episode."""
     from wayproof.harness.clearance import true_clearance_is_bound
 
     is_bound = true_clearance_is_bound(result.min_clearance_m)
@@ -162,18 +162,20 @@ def document_of(result: Result) -> Document:
 
 
 def print_verdict(console: Console, result: Result) -> None:
-    """One episode's verdict, and the cause of a failure."""
+    """Print the verdict of an episode, and the cause of a failure."""
     from wayproof.harness.clearance import true_in_metres
 
     style = "bold green" if result.outcome == "success" else "bold red"
-    told = f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s"
+    summary = (
+        f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s"
+    )
     if result.decisions:
-        told += (
+        summary += (
             f", {result.decisions} decisions, {result.collisions} collisions,"
             f" least clearance {true_in_metres(result.min_clearance_m)},"
             f" log {result.log_mb_per_min:.1f} MB/min"
         )
-    console.print(Text.assemble((result.outcome, style), told), soft_wrap=True)
+    console.print(Text.assemble((result.outcome, style), summary), soft_wrap=True)
     if result.traceback:
         for line in result.traceback.splitlines()[-SHOWN_LINES:]:
             console.print(f"  {line}", soft_wrap=True, highlight=False)
@@ -191,20 +193,24 @@ def print_verdict(console: Console, result: Result) -> None:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("world", metavar="WORLD", help="see 'wayproof list'; or a world file")
-    parser.add_argument("--robot", required=True, help="see 'wayproof list'; or a spec file")
-    parser.add_argument("--seed", required=True, type=int, help="of the world and all randomness")
-    parser.add_argument("--goal", metavar="X,Y[,Z]", help="in place of the world's own, m")
-    parser.add_argument("--start", metavar="X,Y[,Z]", help="in place of the world's own, m")
+    parser.add_argument("world", metavar="WORLD", help="name ('wayproof list') or world file")
+    parser.add_argument("--robot", required=True, help="name ('wayproof list') or spec file")
+    parser.add_argument(
+        "--seed", required=True, type=int, help="seed of the world and of all randomness"
+    )
+    parser.add_argument("--goal", metavar="X,Y[,Z]", help="goal, m (default: the world's)")
+    parser.add_argument("--start", metavar="X,Y[,Z]", help="start, m (default: the world's)")
     add_settings(parser)
     parser.add_argument(
         "--perturb",
         metavar="KIND:SEVERITY[:MODE]",
-        help="make one assumption wrong; 1 to 5, or between",
+        help="make one assumption wrong, with severity 1 to 5",
     )
-    parser.add_argument("--log", type=Path, metavar="FILE", help="the log's name")
     parser.add_argument(
-        "--render", type=Path, metavar="FILE", help="then draw it, moving: a .gif or .mp4"
+        "--log", type=Path, metavar="FILE", help="log file (default: in the folder of --logs)"
+    )
+    parser.add_argument(
+        "--render", type=Path, metavar="FILE", help="draw a movie of the episode: a .gif or .mp4"
     )
     add_check(parser)
     add_log_folder(parser)

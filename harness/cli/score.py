@@ -1,4 +1,4 @@
-"""`wayproof score`: an episode's metrics again, from its log alone."""
+"""`wayproof score`: compute the metrics of an episode from its log alone."""
 
 from __future__ import annotations
 
@@ -58,18 +58,20 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def summary_of(metric: Metric) -> str:
-    """What a metric's docstring says of its formula and its source."""
+    """Return the formula and the source of a metric, from its docstring."""
     return " ".join((metric.function.__doc__ or "").split())
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_log_paths(parser)
-    parser.add_argument("--long", action="store_true", help="each metric's formula and source, too")
+    parser.add_argument(
+        "--long", action="store_true", help="print the formula and source of each metric as well"
+    )
     add_unchecked(parser)
 
 
 VERB = Verb(
-    help="an episode's metrics again, from its log alone",
+    help="compute the metrics of an episode from its log alone",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof score logs/warehouse-drone-3.mcap",

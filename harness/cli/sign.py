@@ -1,4 +1,4 @@
-"""`wayproof sign`: an Ed25519 signature beside a log, or a new pair of keys."""
+"""`wayproof sign`: write an Ed25519 signature beside a log, or a new pair of keys."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _sign(options: argparse.Namespace, console: Console) -> tuple[int, Document]
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", metavar="LOG", type=Path, nargs="*")
+    parser.add_argument("log", metavar="LOG", type=Path, nargs="*", help="log file, repeatable")
     parser.add_argument(
         "--key", type=Path, metavar="FILE", help="Ed25519 private key, PEM or OpenSSH"
     )
@@ -78,7 +78,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 VERB = Verb(
-    help="sign a log with an Ed25519 key, so that 'verify --key' notices any change to it",
+    help="sign a log with an Ed25519 key, so that 'verify --key' detects any change",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof sign logs/warehouse-drone-3.mcap --key me.pem",

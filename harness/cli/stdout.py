@@ -1,4 +1,4 @@
-"""Standard output whose errors are told apart from those of files."""
+"""Standard output with errors of its own class."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import sys
 from typing import Any, TextIO
 
 BROKEN_PIPE = 141
-"""Exit code of a command whose reader went away, as a shell has it: 128 and SIGPIPE."""
+"""Exit code of a command whose reader has closed the pipe: 128 + SIGPIPE, as in a shell."""
 
 
 class OutputError(Exception):
-    """Standard output takes no more."""
+    """Standard output cannot be written to."""
 
     def __init__(self, cause: OSError) -> None:
-        """Keep what the system said."""
+        """Keep the error of the system."""
         super().__init__(cause.strerror)
         self._cause = cause
 
     def give_up(self) -> int:
-        """Let nothing more be written; say why, unless the reader only had enough.
+        """Discard further output, and print the reason unless the reader closed the pipe.
 
         Returns:
             The exit code.
@@ -36,7 +36,7 @@ class OutputError(Exception):
 
 
 class CheckedStdout:
-    """A text stream whose failures to write are `OutputError`; else it is the stream itself."""
+    """Text stream that raises `OutputError` if it cannot be written to."""
 
     def __init__(self, stream: TextIO) -> None:
         """Wrap a stream."""
@@ -54,10 +54,10 @@ class CheckedStdout:
             raise OutputError(error) from None
 
     def flush(self) -> None:
-        """Hand on what was written.
+        """Flush the stream.
 
         Raises:
-            OutputError: It cannot be.
+            OutputError: It cannot be written to.
         """
         try:
             self._stream.flush()
@@ -65,5 +65,5 @@ class CheckedStdout:
             raise OutputError(error) from None
 
     def __getattr__(self, name: str) -> Any:
-        """Anything else of the stream."""
+        """Return any other attribute of the stream."""
         return getattr(self._stream, name)

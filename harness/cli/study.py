@@ -1,4 +1,4 @@
-"""`wayproof study`: many episodes, paired, judged by gates."""
+"""`wayproof study`: run many paired episodes and judge them by gates."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wayproof.harness.study.study import StudyResult
 
 SHOWN_FOREIGN = 10
-"""Lines for logs of other episodes; `--json` has all."""
+"""Maximum number of lines about logs of other episodes; `--json` has all."""
 
 VERDICT_STYLES = {
     "complete": "green",
@@ -35,7 +35,7 @@ VERDICT_STYLES = {
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Run a study, or go on with it."""
+    """Run a study, or continue it."""
     if options.worlds is not None:
         return _published(options, console)
     from wayproof.harness.study.file import plan_episodes, read_study
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def kept(done: int, episodes: int) -> Interrupted:
-    """What a study has when Ctrl-C ends it."""
+    """Return the interrupt that says how much of a study is kept."""
     return Interrupted(
         f"{done} of {episodes} episodes are kept, and the same command goes on with the others"
     )
@@ -90,7 +90,7 @@ def kept(done: int, episodes: int) -> Interrupted:
 def _checks(
     options: argparse.Namespace, planned: Sequence[Planned], store: Store
 ) -> Callable[[], None] | None:
-    """What checks the causes of failures, if it was asked for."""
+    """Return the function that checks the causes of failures; None without `--check`."""
     if options.check is None:
         return None
     from wayproof.harness.study.checks import check_failures
@@ -102,7 +102,7 @@ def _checks(
 
 
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """A published benchmark by its own protocol and scores: every world, so many seeds of each."""
+    """Run a published benchmark by its own protocol: some seeds of every world."""
     from wayproof.harness.bench.published import Files
     from wayproof.harness.bench.stages import run_stage
     from wayproof.harness.bench.table import print_rows
@@ -120,7 +120,7 @@ def _certify(
     planned: Sequence[Planned],
     store: Store,
 ) -> Certificate:
-    """Run a sample again in other ways."""
+    """Run a sample of the episodes again in other arrangements of processes and threads."""
     from wayproof.harness.study.determinism import ARRANGEMENTS, FILE, certify
 
     with Watch(console, None) as watch:
@@ -129,8 +129,8 @@ def _certify(
         )
     differing = [one for one in certificate.reruns if not one.identical]
     for one in differing:
-        told = f": {one.key}, {one.arrangement}: {one.error or f'chain {one.chain}'}"
-        console.print(Text.assemble(("differs", "bold red"), told))
+        rerun = f": {one.key}, {one.arrangement}: {one.error or f'chain {one.chain}'}"
+        console.print(Text.assemble(("differs", "bold red"), rerun))
     verdict = f"{len(differing)} differ" if differing else "all are identical"
     console.print(
         f"determinism: {len(certificate.sample)} episodes run again in {len(ARRANGEMENTS)} other "
@@ -142,7 +142,7 @@ def _certify(
 
 
 def print_study(console: Console, result: StudyResult) -> None:
-    """Each arm in two lines, then the gates, then the verdict."""
+    """Print each arm in two lines, then the gates and the verdict."""
     from wayproof.harness.study.file import name_of
     from wayproof.harness.study.gates import gate_in_words
     from wayproof.harness.study.study import verdict_in_words
@@ -162,7 +162,7 @@ def print_study(console: Console, result: StudyResult) -> None:
 
 
 def print_foreign(console: Console, result: StudyResult) -> None:
-    """Name the logs that are not of the episodes planned."""
+    """Print the logs that are not of the planned episodes."""
     for line in result.foreign[:SHOWN_FOREIGN]:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     if len(result.foreign) > SHOWN_FOREIGN:
@@ -192,27 +192,39 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file",
         metavar="FILE",
-        help="a study in TOML, or the name of a packaged one; with --worlds: barn, dodge",
+        help="study file (TOML) or name of a packaged study; with --worlds: barn or dodge",
     )
     parser.add_argument(
-        "--worlds", type=Path, metavar="DIR", help="a published benchmark's files, by its protocol"
+        "--worlds", type=Path, metavar="DIR", help="folder with the worlds of a published benchmark"
     )
     parser.add_argument(
-        "--repeats", type=int, metavar="N", help="with --worlds: seeds of each world"
+        "--repeats", type=int, metavar="N", help="number of seeds of each world, with --worlds"
     )
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: logs/NAME")
-    parser.add_argument("--shard", metavar="I/N", help="run the I-th of N parts alone")
     parser.add_argument(
-        "--merge", type=Path, nargs="+", metavar="FOLDER", help="take over other folders' episodes"
+        "--out", type=Path, metavar="FOLDER", help="folder of the study (default: logs/NAME)"
     )
-    parser.add_argument("--retry-errors", action="store_true", help="run episodes in error again")
+    parser.add_argument("--shard", metavar="I/N", help="run only the I-th of N parts")
+    parser.add_argument(
+        "--merge",
+        type=Path,
+        nargs="+",
+        metavar="FOLDER",
+        help="copy finished episodes from other folders",
+    )
+    parser.add_argument(
+        "--retry-errors", action="store_true", help="run episodes again that ended in an error"
+    )
     parser.add_argument(
         "--check-determinism",
         action="store_true",
-        help="run a sample again in new processes, other orders and threads; write a certificate",
+        help="run a sample again in other processes, orders and threads; write a certificate",
     )
     parser.add_argument(
-        "--sample", type=int, default=8, metavar="N", help="episodes for --check-determinism"
+        "--sample",
+        type=int,
+        default=8,
+        metavar="N",
+        help="number of episodes for --check-determinism (default: 8)",
     )
     add_inconclusive(parser)
     add_check(parser)
@@ -221,16 +233,16 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_inconclusive(parser: argparse.ArgumentParser) -> None:
-    """Let gates pass that nothing decides."""
+    """Add `--allow-inconclusive`."""
     parser.add_argument(
         "--allow-inconclusive",
         action="store_true",
-        help="exit code 0 where no gate failed and none that is 'proven' is inconclusive",
+        help="exit code 0 for inconclusive gates, except those that must be 'proven'",
     )
 
 
 VERB = Verb(
-    help="many episodes, each paired with its twin, judged by gates",
+    help="run many paired episodes and judge them by gates",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof study smoke",

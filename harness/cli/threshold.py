@@ -1,4 +1,4 @@
-"""`wayproof threshold`: the smallest perturbation at which each seed fails."""
+"""`wayproof threshold`: find the smallest perturbation at which each seed fails."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Bisect the severity of each seed of a study, or go on with it; 3 if any could not be run."""
+    """Bisect the severity for each seed of a study; exit code 3 if any seed cannot be run."""
     from wayproof.harness.perturbations import check_kind
     from wayproof.harness.study.file import read_study
     from wayproof.harness.study.store import Store
@@ -52,13 +52,16 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
             raise Interrupted(GOES_ON) from None
     for margin in margins:
         print_margin(console, margin)
-    told = [asdict(margin) for margin in margins]
     incomplete = any(margin.errors or margin.unfinished for margin in margins)
-    return (3 if incomplete else 0), {"name": name, "folder": str(store.folder), "margins": told}
+    return (3 if incomplete else 0), {
+        "name": name,
+        "folder": str(store.folder),
+        "margins": [asdict(margin) for margin in margins],
+    }
 
 
 def print_margin(console: Console, margin: Margin) -> None:
-    """One arm in two lines."""
+    """Print the thresholds of one arm in two lines."""
     from wayproof.harness.study.file import name_of
     from wayproof.harness.study.threshold import margin_in_words
 
@@ -68,22 +71,32 @@ def print_margin(console: Console, margin: Margin) -> None:
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "file", metavar="FILE", help="a study in TOML, or the name of a packaged one"
+        "file", metavar="FILE", help="study file (TOML) or name of a packaged study"
     )
     parser.add_argument(
         "--perturb",
         action="append",
         metavar="KIND[:MODE]",
-        help="what to bisect, repeatable; by default the study's own [perturbations]",
+        help="perturbation to bisect, repeatable (default: [perturbations] of the study)",
     )
-    parser.add_argument("--episodes", type=int, metavar="N", help="most for one seed (default: 12)")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: logs/NAME-threshold")
+    parser.add_argument(
+        "--episodes",
+        type=int,
+        metavar="N",
+        help="maximum number of episodes for one seed (default: 12)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="folder of the logs (default: logs/NAME-threshold)",
+    )
     add_engine(parser)
     add_plugins(parser)
 
 
 VERB = Verb(
-    help="the smallest perturbation at which each seed fails, by bisection",
+    help="find the smallest perturbation at which each seed fails, by bisection",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof threshold pose_drift --episodes 8",

@@ -1,4 +1,4 @@
-"""What a verb of the command line is, and the options that several share."""
+"""Interface of a verb of the command line, and options that several verbs share."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Verb:
     """One verb: `wayproof NAME ...`.
 
     Attributes:
-        help: What it does, in a line.
-        add_arguments: Declares its arguments, `--json` apart.
-        run: Does it and returns the exit code and the document that `--json` prints. It imports
-            what it needs itself, so that `--help` need not load the simulator.
-        example: A line that can be typed.
+        help: One line that says what the verb does.
+        add_arguments: Declares the arguments, except `--json`.
+        run: Runs the verb; returns the exit code and the document that `--json` prints. It imports
+            what it needs by itself, so that `--help` does not load the simulator.
+        example: Command line that can be typed.
     """
 
     help: str
@@ -38,26 +38,26 @@ class Verb:
 
 
 def add_log_paths(parser: argparse.ArgumentParser) -> None:
-    """One or more logs, and leave to run code that they name."""
-    parser.add_argument("log", metavar="LOG", type=Path, nargs="+")
+    """Add one or more logs and `--allow-plugins`."""
+    parser.add_argument("log", metavar="LOG", type=Path, nargs="+", help="log file, repeatable")
     add_plugins(parser)
 
 
 def add_plugins(parser: argparse.ArgumentParser) -> None:
-    """Leave to run code that logs and study files name."""
+    """Add `--allow-plugins`: permission to run code that logs and study files name."""
     parser.add_argument(
         "--allow-plugins",
         action="store_true",
-        help="load the planner or controller that a log or a study names as module:Class or "
+        help="run the planner or controller that a log or study names as module:Class or "
         "FILE.py:Class",
     )
 
 
 def warn_of_changed_plugins(log: Log) -> list[str]:
-    """Say of each of the user's classes whose file is not what the log was made with.
+    """Warn of each user's class whose file has changed since the log was written.
 
     Returns:
-        Their names.
+        Names of these classes.
     """
     from wayproof.harness.user_code import plugin_digests
 
@@ -73,11 +73,11 @@ def warn_of_changed_plugins(log: Log) -> list[str]:
 
 
 def add_unchecked(parser: argparse.ArgumentParser) -> None:
-    """Leave to read a log that contradicts itself."""
+    """Add `--unchecked`: permission to read a log that contradicts itself."""
     parser.add_argument(
         "--unchecked",
         action="store_true",
-        help="read a log even if its result does not follow from its content",
+        help="read the log even if its result does not follow from its content",
     )
 
 
@@ -85,7 +85,8 @@ def check_log(path: Path, options: argparse.Namespace) -> None:
     """Refuse a log whose result, chain or hashes do not follow from its content.
 
     Raises:
-        InputError: It is none, is damaged, or contradicts itself and `--unchecked` is not given.
+        InputError: The file is no log or damaged, or it contradicts itself and `--unchecked` is
+            not given.
     """
     if options.unchecked:
         return
@@ -97,38 +98,40 @@ def check_log(path: Path, options: argparse.Namespace) -> None:
 
 
 def add_log_folder(parser: argparse.ArgumentParser) -> None:
-    """Where new logs go."""
-    parser.add_argument("--logs", type=Path, default=LOGS, metavar="FOLDER", help="log folder")
+    """Add `--logs`."""
+    parser.add_argument(
+        "--logs", type=Path, default=LOGS, metavar="FOLDER", help="folder for new logs"
+    )
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Settings in place of their defaults."""
+    """Add `--set KEY=VALUE`."""
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="override a setting, repeatable; names by 'wayproof list'",
+        help="override a setting, repeatable; 'wayproof list' shows the names",
     )
 
 
 def one_or_all(name: str, documents: list[Document]) -> Document:
-    """The document of a verb that takes several logs: flat for one, a list under `name` else."""
+    """Return the document of a verb that takes logs: flat for one log, else a list under `name`."""
     return documents[0] if len(documents) == 1 else {name: documents}
 
 
-MOST_CHECKED = 600.0
-"""Simulated time after which `--check` begins no other remedy, s."""
+MAX_CHECKED = 600.0
+"""Default simulated time after which `--check` starts no further simulation, s."""
 
 
 def add_check(parser: argparse.ArgumentParser) -> None:
-    """`--check [SECONDS]`."""
+    """Add `--check [SECONDS]`."""
     parser.add_argument(
         "--check",
         type=float,
         nargs="?",
-        const=MOST_CHECKED,
+        const=MAX_CHECKED,
         metavar="SECONDS",
-        help="check causes of failure by simulating again with one thing put right, until so much "
-        f"time is simulated (default {MOST_CHECKED:g} s)",
+        help="check causes of failure by simulating again with one thing corrected at a time, for "
+        f"at most so much simulated time (default {MAX_CHECKED:g} s)",
     )

@@ -1,4 +1,4 @@
-"""`wayproof verify`: one verdict on whether a log's content can be believed."""
+"""`wayproof verify`: recompute everything in a log that can be recomputed."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def print_verification(console: Console, one: Verification) -> None:
-    """One log's verdict in a line, what was found, and what the verdict covers."""
+    """Print the verdict on a log, what was found, and what the verdict covers."""
     console.print(Text.assemble(*_verdict(one)), soft_wrap=True, highlight=False)
     if not one.verified:
         print_differences(console, one.findings[1:])
@@ -72,18 +72,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--key",
         type=Path,
         metavar="PUBLIC",
-        help="Ed25519 public key, PEM or OpenSSH, that must have signed the log",
+        help="Ed25519 public key, PEM or OpenSSH, whose signature the log must have",
     )
     parser.add_argument(
         "--no-simulation",
         dest="simulation",
         action="store_false",
-        help="leave out the closed loop: what only it shows remains a claim",
+        help="skip the simulation; what only it can check remains a claim",
     )
 
 
 VERB = Verb(
-    help="recompute all of a log that can be recomputed, for one verdict; exit code 0 or 1",
+    help="recompute everything in a log that can be recomputed; exit code 0 or 1",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof verify logs/warehouse-drone-3.mcap",

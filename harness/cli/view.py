@@ -1,4 +1,4 @@
-"""`wayproof view`: a log in Rerun, on one timeline with the map that each decision rests on."""
+"""`wayproof view`: show a log in the Rerun viewer, with the map of each decision."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 @contextmanager
 def _without_collector() -> Iterator[None]:
-    """Nothing here hangs on itself; to look for it takes a tenth of what the imports take."""
+    """Switch the cyclic garbage collector off: it takes a tenth of the time of the imports."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -50,19 +50,26 @@ def _without_collector() -> Iterator[None]:
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", metavar="LOG", type=Path)
-    parser.add_argument("--save", type=Path, metavar="FILE.rrd", help="write it, open no viewer")
-    parser.add_argument("--compare", type=Path, metavar="LOG2", help="a second log beside it")
+    parser.add_argument("log", metavar="LOG", type=Path, help="log file")
+    parser.add_argument(
+        "--save",
+        type=Path,
+        metavar="FILE.rrd",
+        help="write a Rerun recording instead of opening the viewer",
+    )
+    parser.add_argument(
+        "--compare", type=Path, metavar="LOG2", help="second log to show beside the first"
+    )
     add_unchecked(parser)
     parser.add_argument(
         "--allow-plugins",
         action="store_true",
-        help="load the planner or controller that a log names as module:Class or FILE.py:Class",
+        help="run the planner or controller that the log names as module:Class or FILE.py:Class",
     )
 
 
 VERB = Verb(
-    help="a log in the Rerun viewer: map, robot, truth and decisions on one timeline",
+    help="show a log in the Rerun viewer: map, robot, truth and decisions on one timeline",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof view logs/warehouse-drone-3.mcap --save drone.rrd",
