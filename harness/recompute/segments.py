@@ -1,7 +1,7 @@
-"""The stacks of a log that was forked, one after the other, each with the past of the one before.
+"""The stacks of a forked log, each continuing from the state of the one before.
 
-A fork's stack has a map of its own, built with its own settings from all the sweeps since the
-start; what it takes over is what was decided: the trajectory, the global path, the chain.
+The stack of a fork has a map of its own, built with its own settings from all the sweeps since the
+start. It takes over the planner state: the trajectory, the global path, the chain of hashes.
 """
 
 from __future__ import annotations
@@ -14,7 +14,12 @@ from wayproof.harness.config import Config
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
-from wayproof.harness.recompute.side_by_side import guarded, layer_of, recompute, shift_height
+from wayproof.harness.recompute.side_by_side import (
+    as_input_error,
+    layer_of,
+    recompute,
+    shift_height,
+)
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.pipeline import Navigator
@@ -22,13 +27,13 @@ from wayproof.harness.stack.pipeline import Navigator
 
 @dataclass(frozen=True)
 class Segment:
-    """Decisions that were made with the same settings.
+    """Consecutive decisions made with the same settings.
 
     Attributes:
-        begin: Number of the first of them.
-        config: The settings.
-        mission: What the stack was told.
-        beams: Sensor geometry by sensor name.
+        begin: Number of the first decision.
+        config: Settings.
+        mission: Mission of the stack.
+        beams: Beam geometry by sensor name.
     """
 
     begin: int
@@ -38,12 +43,12 @@ class Segment:
 
     @property
     def period_s(self) -> float:
-        """Time from one decision to the next, s: they follow the first sensor's rate."""
+        """Time between decisions, s; the first sensor triggers them."""
         return 1.0 / next(iter(self.beams.values())).rate
 
 
 def segments_of(log: Log) -> list[Segment]:
-    """A log's, in order; one if it was never forked."""
+    """Return the segments of a log in order; one if it was never forked."""
     begins = [0, *(fork.at for fork in log.forks)]
     parts = [(fork.config, fork.mission, fork.beams) for fork in log.forks]
     parts.append((log.config, log.mission, log.beams))
@@ -51,49 +56,51 @@ def segments_of(log: Log) -> list[Segment]:
 
 
 class SegmentedStack:
-    """One `step` or `watch` for each record, by the stack whose turn it is.
+    """One stack for each segment; `step` or `watch` each record with the current one.
 
     Attributes:
-        segment: Of the decision that comes next or was made last.
-        navigator: Its stack.
+        segment: Segment of the current stack.
+        navigator: Current stack.
     """
 
-    def __init__(self, runs: Sequence[Segment]) -> None:
-        """Start all stacks.
+    def __init__(self, segments: Sequence[Segment]) -> None:
+        """Build all stacks.
 
         Raises:
-            InputError: There is no such stack.
+            InputError: A stack cannot be built with its settings.
         """
-        beams = runs[0].beams
-        stacks = [guarded("the log's stack", partial(_build, run, beams)) for run in runs]
-        self.segment, *self._later = runs
+        beams = segments[0].beams
+        stacks = [as_input_error("the log's stack", partial(_build, s, beams)) for s in segments]
+        self.segment, *self._later = segments
         self.navigator, *self._waiting = stacks
 
     def step(self, record: Record) -> pb.Decision:
-        """What is decided on one record; the stacks that wait take it into their maps.
+        """Decide on one record; later stacks integrate its inputs into their maps.
 
         Raises:
-            InputError: The inputs are none that a decision can be made on.
+            InputError: The user's class failed, or there is too little memory.
         """
         self.go_to(record.decision.sequence)
         decision = recompute(self.navigator, record)
+        what = f"decision {decision.sequence}"
         for stack in self._waiting:
-            guarded(f"decision {decision.sequence}", partial(stack.mapper.update, record.inputs))
+            as_input_error(what, partial(stack.mapper.update, record.inputs))
         return decision
 
     def watch(self, inputs: Inputs) -> Navigator:
-        """The stack whose turn it is, with its map as it decides on these inputs; nobody decides.
+        """Integrate the inputs of a decision without deciding; return the current stack.
 
         Raises:
-            InputError: The inputs are none that a map can take.
+            InputError: There is too little memory.
         """
         self.go_to(inputs.sequence)
+        what = f"decision {inputs.sequence}"
         for stack in (self.navigator, *self._waiting):
-            guarded(f"decision {inputs.sequence}", partial(stack.mapper.integrate, inputs))
+            as_input_error(what, partial(stack.mapper.integrate, inputs))
         return self.navigator
 
     def go_to(self, sequence: int) -> Navigator:
-        """The stack that makes a decision, with all that the ones before it decided."""
+        """Make the stack of a decision the current one, in the state of the one before."""
         while self._later and self._later[0].begin <= sequence:
             before = self.navigator
             self.segment, *self._later = self._later
@@ -107,5 +114,5 @@ class SegmentedStack:
         return self.navigator
 
 
-def _build(run: Segment, beams: Mapping[str, Beams]) -> Navigator:
-    return build_navigator(run.config, run.mission, beams)
+def _build(segment: Segment, beams: Mapping[str, Beams]) -> Navigator:
+    return build_navigator(segment.config, segment.mission, beams)

@@ -30,85 +30,87 @@ T = TypeVar("T")
 
 
 def recompute(navigator: Navigator, record: Record) -> pb.Decision:
-    """Decide on one record's inputs, with the delay that it had.
+    """Decide on the inputs of one record, with its recorded delay.
 
     Raises:
-        InputError: The inputs are none that a decision can be made on.
+        InputError: The user's class failed, or there is too little memory.
     """
-    return guarded(
+    return as_input_error(
         f"decision {record.decision.sequence}",
         lambda: navigator.commit(navigator.step(record.inputs), record.latency.delay_s),
     )
 
 
 class SideBySide:
-    """Both stacks; one `step` for each record, then `part` to go on with the changed one."""
+    """A recorded and a changed stack: `step` each record, then `split_off` the changed one."""
 
     def __init__(
         self, log: Log, recorded: Config, changed: Config, beams: Mapping[str, Beams] | None = None
     ) -> None:
-        """Start both.
+        """Build both stacks.
 
         Args:
-            log: Its mission, and its sensors.
-            recorded: Settings that the decisions were made with.
-            changed: Settings in question.
-            beams: Sensors of the inputs, where they are not the log's last ones.
+            log: Log with the mission and the sensors.
+            recorded: Settings that the log was recorded with.
+            changed: Settings of the changed stack.
+            beams: Beam geometry by sensor; by default that at the end of the log.
 
         Raises:
-            InputError: There is no such stack.
+            InputError: A stack cannot be built with these settings.
         """
         self._beams = log.beams if beams is None else beams
         mission = log.mission
-        self.recorded = guarded(
+        self.recorded = as_input_error(
             "the recorded stack", lambda: build_navigator(recorded, mission, self._beams)
         )
         mission = changed_mission(log.mission, recorded, changed)
-        self.changed = guarded(
+        self.changed = as_input_error(
             "the changed stack", lambda: build_navigator(changed, mission, self._beams)
         )
         self._delay = _changed_delay(recorded, changed)
-        self._layer = 0.0  # of the changed costmap above the recorded one, m
+        self._height = 0.0  # of the changed layer above the recorded one, m
         if mission.motion == "ground":
-            self._layer = layer_of(self.changed) - layer_of(self.recorded)
+            self._height = layer_of(self.changed) - layer_of(self.recorded)
 
     def step(self, record: Record) -> tuple[pb.Decision, pb.Decision]:
-        """What each decides on one record: recorded, changed."""
+        """Decide on one record with each; return the recorded and the changed decision."""
         state, chain = self.recorded.state, self.recorded.chain
         recorded = recompute(self.recorded, record)
-        self.changed.load_state(shift_height(state, self._layer), chain)
+        self.changed.load_state(shift_height(state, self._height), chain)
         if self._delay is not None:
             latency = pb.Latency(sequence=record.latency.sequence, delay_s=self._delay)
             record = replace(record, latency=latency)
         return recorded, recompute(self.changed, record)
 
-    def part(self, beams: Mapping[str, Beams]) -> Navigator:
-        """The changed stack, with the recorded one's past and these sensors, to go on by itself."""
-        self.changed.load_state(shift_height(self.recorded.state, self._layer), self.recorded.chain)
+    def split_off(self, beams: Mapping[str, Beams]) -> Navigator:
+        """Return the changed stack in the state of the recorded one, with these sensors."""
+        self.changed.load_state(
+            shift_height(self.recorded.state, self._height), self.recorded.chain
+        )
         self.changed.mapper.set_sensors(beams)
         return self.changed
 
 
 def shift_height(state: PlannerState, height: float) -> PlannerState:
-    """The planner state in a costmap whose one layer lies this much higher, m."""
+    """Return the state for a costmap whose single layer is higher by `height`, m."""
     if height == 0.0:
         return state
     offset = np.array([0.0, 0.0, height])
 
-    def moved(trajectory: Trajectory) -> Trajectory:
+    def shifted(trajectory: Trajectory) -> Trajectory:
         return replace(trajectory, path=trajectory.path + offset)
 
     return replace(
         state,
-        trajectory=moved(state.trajectory),
-        earlier=tuple(moved(one) for one in state.earlier),
+        trajectory=shifted(state.trajectory),
+        earlier=tuple(shifted(earlier) for earlier in state.earlier),
         global_path=None if state.global_path is None else state.global_path + offset,
         viewpoints=state.viewpoints + offset,
     )
 
 
 def changed_mission(mission: Mission, recorded: Config, changed: Config) -> Mission:
-    """The mission, with the changed settings' goal."""
+    """Return the mission with the goal of the changed settings."""
     if changed.goal is None or changed.goal == recorded.goal:
         return mission
     x, y, *z = changed.goal
@@ -116,26 +118,31 @@ def changed_mission(mission: Mission, recorded: Config, changed: Config) -> Miss
 
 
 def _changed_delay(recorded: Config, changed: Config) -> float | None:
-    """The delay of every changed decision, s; none if it is the recorded one."""
+    """Return the delay of each changed decision, s; None to keep the recorded delays."""
     if changed.latency == recorded.latency or changed.latency.mode == "measured":
         return None
     return changed.latency.expected
 
 
 def layer_of(navigator: Navigator) -> float:
-    """Height of the layer that a ground robot plans in, m."""
+    """Return the height of the layer that a ground robot plans in, m."""
     costmap = navigator.costmap
     return float(costmap.origin[2] + 0.5 * costmap.resolution)
 
 
-def guarded(what: str, make: Callable[[], T]) -> T:
-    """Say in one line that a log's settings need more memory, or that the user's class failed.
+def as_input_error(what: str, make: Callable[[], T]) -> T:
+    """Return `make()`; a failure that the input is to blame for becomes an InputError.
 
-    Nothing else: what a log holds is checked where it is read, so any other exception is a fault of
-    Wayproof's own, and its traceback is needed.
+    Such are failures of the user's class, and settings that need more memory. The content of a log
+    is checked where it is decoded, so any other exception is a fault of Wayproof: it passes, with
+    its traceback and a note.
+
+    Args:
+        what: Name of the step for messages, such as `decision 12`.
+        make: The step.
 
     Raises:
-        InputError: One of these two.
+        InputError: The user's class failed, or there is too little memory.
     """
     try:
         return make()
@@ -143,3 +150,8 @@ def guarded(what: str, make: Callable[[], T]) -> T:
         raise InputError(f"{what}: {error}") from error
     except MemoryError:
         raise InputError(f"{what}: out of memory, expected smaller maps, or more memory") from None
+    except InputError:
+        raise
+    except Exception as error:
+        error.add_note(f"raised by Wayproof's own code at {what}")
+        raise

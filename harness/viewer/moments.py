@@ -16,7 +16,7 @@ from wayproof.harness.inputs import Beams
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
-from wayproof.harness.recompute.side_by_side import guarded
+from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.viewer.ahead import Ahead
@@ -58,7 +58,7 @@ class Moment:
     def costmap(self) -> Costmap:
         """That the decision rests on; brought up to date when it is first asked for."""
         what = f"decision {self.decision.sequence}"
-        guarded(what, lambda: self.navigator.mapper.update_costmap(self.record.inputs))
+        as_input_error(what, lambda: self.navigator.mapper.update_costmap(self.record.inputs))
         return self.navigator.costmap
 
     @property

@@ -21,7 +21,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.recompute.rebuild import rebuild
-from wayproof.harness.recompute.side_by_side import guarded
+from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.sim.snapshot import PhysicsState, restore_parts
 from wayproof.harness.stack.decision import path_of
@@ -256,7 +256,7 @@ def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = Fal
 
 def drawn(stage: Stage, moment: Moment) -> Image.Image:
     """One moment; what a stranger's log breaks is told in a line."""
-    return guarded(f"decision {moment.decision.sequence}", lambda: stage.draw(moment))
+    return as_input_error(f"decision {moment.decision.sequence}", lambda: stage.draw(moment))
 
 
 def _write(out: Path, picture: Image.Image) -> None:

@@ -14,7 +14,6 @@ import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override, to_json
-from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.file import CLEAN, Arm, planned_for
@@ -365,16 +364,6 @@ def test_the_two_loaders_are_one_text():
     assert (ROOT / "planners/ompl/_plugin.py").read_text() == (
         ROOT / "models/_plugin.py"
     ).read_text()
-
-
-def test_a_replay_in_which_the_users_class_fails_is_one_line():
-    from wayproof.harness.recompute.side_by_side import guarded
-
-    def fails():
-        raise UserCodeError("planner 'a.py:B'", "raised ValueError")
-
-    with pytest.raises(InputError, match=r"decision 4: planner 'a\.py:B' raised ValueError"):
-        guarded("decision 4", fails)
 
 
 def test_a_study_keeps_what_an_episode_in_error_had_logged(recorded, tmp_path):

@@ -1,0 +1,71 @@
+"""Who is to blame for a failure while a log is recomputed: the input, or Wayproof."""
+
+import subprocess
+import sys
+
+import pytest
+
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
+from wayproof.harness.cli.main import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.recompute.side_by_side import as_input_error
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.planners.ompl._plugin import UserCodeError
+
+SMALL_LOG = str(COMMITTED / committed_name())
+
+
+def raising(error):
+    def make():
+        raise error
+
+    return make
+
+
+def test_a_failure_of_the_users_class_is_bad_input():
+    error = UserCodeError("planner 'a.py:B'", "raised ValueError")
+    with pytest.raises(InputError, match=r"decision 4: planner 'a\.py:B' raised ValueError"):
+        as_input_error("decision 4", raising(error))
+
+
+def test_too_little_memory_is_bad_input():
+    with pytest.raises(InputError, match="decision 4: out of memory, expected smaller maps"):
+        as_input_error("decision 4", raising(MemoryError()))
+
+
+def test_an_input_error_stays_as_it_is():
+    error = InputError("sweep of 3 beams, expected 4")
+    with pytest.raises(InputError) as caught:
+        as_input_error("decision 4", raising(error))
+    assert caught.value is error
+    assert not hasattr(error, "__notes__")
+
+
+@pytest.mark.parametrize("kind", [TypeError, RuntimeError, KeyError, ValueError])
+def test_a_fault_of_the_stack_is_no_bad_input(monkeypatch, kind):
+    step = Navigator.step
+
+    def fails_at_the_third(navigator, inputs):
+        if inputs.sequence == 2:
+            raise kind("planted")
+        return step(navigator, inputs)
+
+    monkeypatch.setattr(Navigator, "step", fails_at_the_third)
+    with pytest.raises(kind, match="planted") as caught:
+        main(["replay", SMALL_LOG])
+    assert caught.value.__notes__ == ["raised by Wayproof's own code at decision 2"]
+
+
+def test_a_fault_of_the_stack_ends_the_command_with_a_traceback_and_code_1():
+    code = (
+        "import sys\n"
+        "from wayproof.harness.cli.main import main\n"
+        "from wayproof.harness.stack.pipeline import Navigator\n"
+        "def step(*_): raise TypeError('planted')\n"
+        "Navigator.step = step\n"
+        f"sys.exit(main(['replay', {SMALL_LOG!r}]))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("Traceback")
+    assert "TypeError: planted\nraised by Wayproof's own code at decision 0" in ended.stderr
