@@ -8,7 +8,7 @@ its own, built from all the sweeps before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
@@ -16,7 +16,6 @@ import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import Beams
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -42,30 +41,25 @@ def recompute(navigator: Navigator, record: Record) -> pb.Decision:
 
 
 class SideBySide:
-    """A recorded and a changed stack: `step` each record, then `split_off` the changed one."""
+    """A recorded and a changed stack that decide on the same records."""
 
-    def __init__(
-        self, log: Log, recorded: Config, changed: Config, beams: Mapping[str, Beams] | None = None
-    ) -> None:
+    def __init__(self, log: Log, recorded: Config, changed: Config) -> None:
         """Build both stacks.
 
         Args:
             log: Log with the mission and the sensors.
             recorded: Settings that the log was recorded with.
             changed: Settings of the changed stack.
-            beams: Beam geometry by sensor; by default that at the end of the log.
 
         Raises:
             InputError: A stack cannot be built with these settings.
         """
-        self._beams = log.beams if beams is None else beams
-        mission = log.mission
-        self.recorded = as_input_error(
-            "the recorded stack", lambda: build_navigator(recorded, mission, self._beams)
-        )
         mission = changed_mission(log.mission, recorded, changed)
+        self.recorded = as_input_error(
+            "the recorded stack", lambda: build_navigator(recorded, log.mission, log.beams)
+        )
         self.changed = as_input_error(
-            "the changed stack", lambda: build_navigator(changed, mission, self._beams)
+            "the changed stack", lambda: build_navigator(changed, mission, log.beams)
         )
         self._delay = _changed_delay(recorded, changed)
         self._height = 0.0  # of the changed layer above the recorded one, m
@@ -81,14 +75,6 @@ class SideBySide:
             latency = pb.Latency(sequence=record.latency.sequence, delay_s=self._delay)
             record = replace(record, latency=latency)
         return recorded, recompute(self.changed, record)
-
-    def split_off(self, beams: Mapping[str, Beams]) -> Navigator:
-        """Return the changed stack in the state of the recorded one, with these sensors."""
-        self.changed.load_state(
-            shift_height(self.recorded.state, self._height), self.recorded.chain
-        )
-        self.changed.mapper.set_sensors(beams)
-        return self.changed
 
 
 def shift_height(state: PlannerState, height: float) -> PlannerState:
