@@ -18,13 +18,13 @@ from wayproof.maps.others.dynamic import DynamicMap
 from wayproof.maps.others.grid2d import Grid2D
 from wayproof.maps.others.octomap import OctoMap
 from wayproof.maps.others.tsdf import TsdfMap
-from wayproof.maps.representation import Maker, Representation
+from wayproof.maps.representation import Representation
 from wayproof.maps.semantic import UNLABELLED, SemanticLayer
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.sweep import SweepStatistics
 from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
 
-MAPS: dict[str, Maker] = {
+MAPS: dict[str, type[Representation]] = {
     "dynamic": DynamicMap,
     "grid2d": Grid2D,
     "octomap": OctoMap,
@@ -65,7 +65,7 @@ __all__ = [
 
 def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -> None:
     """Compile what an episode on one representation runs, so that nothing timed pays for it."""
-    half_life = 0.0 if kind == "octomap" else 1.0  # OctoMap refuses any
+    half_life = 1.0 if MAPS[kind].decays else 0.0
     config = MapConfig(kind=kind, memory_mib=1, half_life=half_life)
     inflation = CostmapConfig(max_slope=max_slope)
     tiny = MAPS[kind](config)

@@ -1,6 +1,8 @@
-"""The cells of simple shapes, and sets of cells: arrays (m, 3) in order without repetition."""
+"""Cells of simple shapes, and sets of cells: arrays (m, 3) in lexical order, each once."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,36 +11,55 @@ from wayproof.maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
 from wayproof.maps.kernels import tracking as kernels
 
 
-def box_cells(first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The cells (n, 3) of a box, from its least one up to another."""
-    nx, ny, nz = (int(cells) for cells in end - first)
-    places = [axis.ravel() for axis in np.indices((nx, ny, nz))]
-    cells: NDArray[np.int64] = np.stack(places, axis=1) + first
-    return cells
+class CellMask(NamedTuple):
+    """Some cells of a box.
+
+    Attributes:
+        first: (3,) least cell of the box.
+        inside: (nx, ny, nz) which of its cells are meant.
+    """
+
+    first: NDArray[np.int64]
+    inside: NDArray[np.bool_]
+
+    def cells(self) -> NDArray[np.int64]:
+        """Return the cells (n, 3) in lexical order."""
+        cells: NDArray[np.int64] = np.argwhere(self.inside) + self.first
+        return cells
 
 
-def ball_cells(centre: ArrayLike, radius: float, resolution: float) -> NDArray[np.int64]:
-    """The cells (n, 3) whose centres lie in a ball; centre (3,) and radius in m.
+def box_mask(low: ArrayLike, high: ArrayLike, resolution: float) -> CellMask:
+    """Return the cells whose centres lie in a box, corners (3,) in m.
+
+    Raises:
+        ValueError: A corner is not finite.
+    """
+    first, end = cell_box(low, high, resolution)
+    return CellMask(first, np.ones(end - first, np.bool_))
+
+
+def ball_mask(centre: ArrayLike, radius: float, resolution: float) -> CellMask:
+    """Return the cells whose centres lie in a ball; centre (3,) and radius in m.
 
     Raises:
         ValueError: The ball is not finite.
     """
     middle = finite_vector("centre", centre)
-    cells = box_cells(*cell_box(middle - radius, middle + radius, resolution))
-    squared = np.square(centres(cells, resolution) - middle).sum(axis=1)
-    inside: NDArray[np.bool_] = squared <= radius * radius
-    return cells[inside]
+    first, end = cell_box(middle - radius, middle + radius, resolution)
+    cells = np.moveaxis(np.indices(tuple(end - first)), 0, -1) + first  # (nx, ny, nz, 3)
+    squared = np.square(centres(cells, resolution) - middle).sum(axis=-1)
+    return CellMask(first, squared <= radius * radius)
 
 
-def floor_cells(low: ArrayLike, high: ArrayLike, resolution: float) -> NDArray[np.int64]:
-    """The floor's cells (n, 3) whose centres lie in a rectangle, corners (2,) in m.
+def floor_mask(low: ArrayLike, high: ArrayLike, resolution: float) -> CellMask:
+    """Return the floor's cells whose centres lie in a rectangle, corners (2,) in m.
 
     Raises:
         ValueError: A corner is not finite.
     """
     first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], resolution)
     first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
-    return box_cells(first, end)
+    return CellMask(first, np.ones(end - first, np.bool_))
 
 
 def as_set(cells: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -35,6 +35,15 @@ class ColumnMap(Protocol):
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Boxes (k, 6) of cells whose states changed since a stamp (0: all), and a new stamp."""
 
+    def keep_out(
+        self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
+    ) -> NDArray[np.uint64] | None:
+        """Return the cells (nx, ny, words) of a box that are blocked without being occupied.
+
+        None if there are none: of most maps.
+        """
+        return None
+
     def rewrite_columns(
         self,
         low_cell: tuple[int, int, int],

@@ -13,9 +13,6 @@ UnknownPolicy = Literal["forbid", "penalize", "allow"]
 NoReturn = Literal["free", "ignored"]
 """Evidence of a beam without return."""
 
-NO_DECAY_KINDS = ("dynamic", "voxel")
-"""Map kinds with a region that is exempt from decay."""
-
 
 @dataclass(frozen=True)
 class DynamicConfig:
@@ -109,11 +106,6 @@ class MapConfig:
     def __post_init__(self) -> None:
         """Check every field."""
         check_fields(self, "map.")
-        if self.no_decay_radius > 0.0 and self.kind not in NO_DECAY_KINDS:
-            raise ValueError(
-                f"map.no_decay_radius: got {self.no_decay_radius:g} with kind {self.kind!r}, "
-                f"expected 0, or one of the kinds {', '.join(NO_DECAY_KINDS)}"
-            )
         low, high = self.min_obstacle_height, self.max_obstacle_height
         if high < low + 0.01:
             raise ValueError(

@@ -14,7 +14,7 @@ from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever
 from wayproof.harness.stack.labels import bound_version, make_layer, vote, widened
-from wayproof.maps import MAPS, Costmap, VoxelMap
+from wayproof.maps import MAPS, Costmap
 
 Array = NDArray[np.float64]
 
@@ -84,9 +84,9 @@ class Mapper:
             if self.labels is not None and sweep.classes is not None:
                 limits = self._config.map.minimum_range, beams.range
                 vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
-        if (reach := self._config.map.no_decay_radius) > 0.0 and isinstance(self.map, VoxelMap):
+        if (reach := self._config.map.no_decay_radius) > 0.0:
             position = inputs.pose.position
-            self.map.hold(position - reach, position + reach, inputs.time_ns)
+            self.map.exempt_from_decay(position - reach, position + reach, inputs.time_ns)
         if self.informant is not None:
             self.informant(inputs)
 

@@ -75,10 +75,10 @@ class ClassMargins(ColumnMap):
         """The occupied and the free cells of a box: those of the map, as they are."""
         return self._map.columns(low_cell, shape)
 
-    def grown(
+    def keep_out(
         self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
     ) -> NDArray[np.uint64]:
-        """What of a box is within its margin of an occupied cell: (nx, ny, words) bits."""
+        """Return which cells of a box lie within the margin of an occupied one: (nx, ny, words)."""
         balls = np.zeros(shape, np.uint64)
         cells, labels = self._layer.labelled(self._squared >= 0)
         low = np.array(low_cell) - self._reach

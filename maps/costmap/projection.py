@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps.columns import WORD_BITS, ColumnMap, Columns, Window, layer_bits
-from wayproof.maps.costmap.class_margins import ClassMargins
 from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.kernels import labels
 
@@ -53,10 +52,7 @@ class Projection:
         if box is None:
             return None
         voxel_map.rewrite_columns(self._window.first, boxes, self._held[0], self._held[1])
-        grown = None
-        if isinstance(voxel_map, ClassMargins):
-            grown = voxel_map.grown(*self._part(*box))
-        return self._take(grown, *box)
+        return self._take(voxel_map.keep_out(*self._part(*box)), *box)
 
     def _part(self, x: slice, y: slice) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Least cell and size (nx, ny, words) of a box of columns."""

@@ -9,13 +9,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from wayproof.maps.columns import ColumnMap, Window, region_of_interest
+from wayproof.maps.columns import Window, region_of_interest
 from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import cells_at
 from wayproof.maps.kernels import blocks as kernels
 from wayproof.maps.kernels import decay
 from wayproof.maps.others.blocks import Blocks
 from wayproof.maps.parallel import ThreadTeam
+from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import Sweep, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import BeamEndpoints
@@ -25,7 +26,7 @@ CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Least cell (3,) of a box, and one past the greatest."""
 
 
-class BlockMap(ColumnMap):
+class BlockMap(Representation):
     """What a representation that keeps its cells in `Blocks` does whatever these hold.
 
     One layer holds the evidence of each cell, of which decay takes; where it is 0 the cell is
@@ -49,6 +50,7 @@ class BlockMap(ColumnMap):
         layers: Mapping[str, DTypeLike],
     ) -> None:
         """Make an unknown map of blocks of a shape, with these layers besides `fresh`."""
+        refuse_unsupported(type(self), config)
         self.config = config
         self.resolution = config.resolution
         self._team = ThreadTeam(threads)

@@ -22,9 +22,8 @@ from wayproof.maps.others.tracking import NO_CELLS, Traffic
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.store.slot_pool import EVERYWHERE, ChangeLog
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
-from wayproof.maps.voxel.bricks import brick_boxes
+from wayproof.maps.voxel.brick_index import brick_boxes, brick_cells, brick_of
 from wayproof.maps.voxel.endpoints import BeamEndpoints
-from wayproof.maps.voxel.update_mask import brick_cells, brick_of
 from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
 
 BRICK_SHAPE = (16, 16, 1)  # columns and words

@@ -7,14 +7,14 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps.cell_sets import floor_cells
+from wayproof.maps.cell_sets import CellMask
 from wayproof.maps.columns import WORD_BITS, layer_bits
 from wayproof.maps.config import MapConfig
-from wayproof.maps.grid import FLOOR_LAYER, cell_box, cells_at
+from wayproof.maps.grid import FLOOR_LAYER, cells_at
 from wayproof.maps.kernels import beams
 from wayproof.maps.kernels import grid2d as kernels
 from wayproof.maps.others.block_map import BlockMap
-from wayproof.maps.states import OCCUPIED, UNKNOWN
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.log_odds import LogOddsModel, states_of
 
@@ -61,17 +61,6 @@ class Grid2D(BlockMap):
         )
         self._band = 2 * (bottom + beams.FLOOR_SUBCELLS), 2 * (top + beams.FLOOR_SUBCELLS)
 
-    def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Lower the cells whose columns stand in a box by one miss, except occupied ones."""
-        first, end = cell_box(low, high, self.resolution)
-        self.advance(time_ns)
-        if end[2] <= max(first[2], FLOOR_LAYER + 1):
-            return  # nothing of it is above the floor
-        tile, marks, inside = self._open(first[:2], end[:2])
-        (x0, y0), (x1, y1) = inside
-        marks[0, x0:x1, y0:y1] = kernels.CROSSED
-        self._update(tile, marks[0], True, time_ns)
-
     def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
         """Refuse: a body in a ball of free space flies, and the grid knows no heights.
 
@@ -80,10 +69,22 @@ class Grid2D(BlockMap):
         """
         raise ValueError(_no_heights("a body that flies"))
 
-    def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Only time passes: the floor is taken to be everywhere."""
-        floor_cells(low, high, self.resolution)  # refuses strange corners
+    def mark(self, cells: CellMask, state: int, time_ns: int) -> None:
+        """Lower the columns that hold any of the cells by one miss, except occupied ones.
+
+        Cells of the floor and below have no effect: the floor is taken to be everywhere.
+        """
         self.advance(time_ns)
+        low = cells.first[:2]
+        above = max(FLOOR_LAYER + 1 - int(cells.first[2]), 0)
+        columns = np.asarray(cells.inside[:, :, above:].any(axis=2))
+        if state != FREE or not columns.any():
+            return
+        tile, marks, inside = self._open(low, low + columns.shape)
+        (x0, y0), (x1, y1) = inside
+        (i0, j0), (i1, j1) = inside + tile * TILE - low
+        marks[0, x0:x1, y0:y1] = kernels.CROSSED * columns[i0:i1, j0:j1]
+        self._update(tile, marks[0], True, time_ns)
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """The probability that something stands in the columns of points (n, 3): (n,).

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps._jit import kernel
-from wayproof.maps.cell_sets import ball_cells, box_cells, floor_cells
-from wayproof.maps.columns import WORD_BITS, ColumnMap, pack
+from wayproof.maps.cell_sets import CellMask
+from wayproof.maps.columns import WORD_BITS, pack
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import exponentials
-from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, cells_at, centres
+from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cells_at, centres
+from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import BeamRanges
@@ -36,7 +37,7 @@ DISCRETIZE = (
 )
 
 
-class OctoMap(ColumnMap):
+class OctoMap(Representation):
     """A map of log-odds in an octree (Hornung et al. 2013, "OctoMap", Autonomous Robots 34).
 
     Sweeps go through OctoMap's own `insertPointCloud`: as in VoxelMap, each cell is updated once a
@@ -51,6 +52,8 @@ class OctoMap(ColumnMap):
         resolution: Edge of a cell, m.
     """
 
+    decays = False
+
     def __init__(
         self,
         config: MapConfig,
@@ -64,11 +67,7 @@ class OctoMap(ColumnMap):
             ValueError: pyoctomap is not installed, or decay is asked for, which OctoMap does not
                 have.
         """
-        if config.half_life != 0.0:
-            raise ValueError(
-                f"map.half_life: got {config.half_life:g}, expected 0 with map.kind 'octomap', "
-                "which has no decay"
-            )
+        refuse_unsupported(type(self), config)
         self.config = config
         self.resolution = config.resolution
         self._tree = _empty_tree(config)
@@ -119,23 +118,14 @@ class OctoMap(ColumnMap):
         self._note(starts[told], ends[told], time_ns)
         return SweepStatistics(*lengths.count, 0)
 
-    def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Lower the cells whose centres lie in a box by one miss, except occupied ones."""
-        cells = box_cells(*cell_box(low, high, self.resolution))
-        self._mark(cells, -self.config.log_odds_miss, time_ns)
-
-    def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
-        """Lower the cells whose centres lie in a sphere by one miss, except occupied ones."""
-        cells = ball_cells(centre, radius, self.resolution)
-        self._mark(cells, -self.config.log_odds_miss, time_ns)
-
-    def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Raise the floor's cells whose centres lie in a rectangle by one hit, except free ones."""
-        self._mark(floor_cells(low, high, self.resolution), self.config.log_odds_hit, time_ns)
-
-    def hold(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Nothing: without decay, everything is held."""
+    def mark(self, cells: CellMask, state: int, time_ns: int) -> None:
+        """Lower cells by one miss, or raise them by one hit, as `VoxelMap.mark` does."""
         self.advance(time_ns)
+        points = centres(cells.cells(), self.resolution)
+        points = points[self.state_at(points) != (OCCUPIED if state == FREE else FREE)]
+        step = -self.config.log_odds_miss if state == FREE else self.config.log_odds_hit
+        self._tree.updateNodes(self._in_tree(points).tolist(), step, True)
+        self._note(points, points, time_ns)
 
     def advance(self, time_ns: int) -> None:
         """Nothing happens: OctoMap has no decay."""
@@ -192,14 +182,6 @@ class OctoMap(ColumnMap):
         limit = (HALF_TREE - 1) * self.resolution - 2.0 * range_limit
         if not np.all(np.abs(self._in_tree(starts)) < limit):
             raise ValueError(f"origin: got one beyond {limit:g} m, where OctoMap's tree ends")
-
-    def _mark(self, cells: NDArray[np.int64], step: float, time_ns: int) -> None:
-        """Add a step to cells (k, 3), but to none whose state contradicts it."""
-        self.advance(time_ns)
-        points = centres(cells, self.resolution)
-        points = points[self.state_at(points) != (OCCUPIED if step < 0.0 else FREE)]
-        self._tree.updateNodes(self._in_tree(points).tolist(), step, True)
-        self._note(points, points, time_ns)
 
     def _note(self, starts: NDArray[np.float64], ends: NDArray[np.float64], time_ns: int) -> None:
         """Note where beams went, each (n, 3) m, world, and when."""

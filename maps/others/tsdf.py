@@ -7,9 +7,9 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps.cell_sets import ball_cells, box_cells, floor_cells
+from wayproof.maps.cell_sets import CellMask
 from wayproof.maps.config import MapConfig
-from wayproof.maps.grid import FLOOR_LAYER, cell_box, cells_at
+from wayproof.maps.grid import FLOOR_LAYER, cells_at
 from wayproof.maps.kernels import beams
 from wayproof.maps.kernels import tsdf as kernels
 from wayproof.maps.others.block_map import BlockMap, CellBox
@@ -56,19 +56,30 @@ class TsdfMap(BlockMap):
         super().__init__(config, threads, low, high, (kernels.EDGE,) * 3, layers)
         self._scores = np.zeros((threads, 0), np.uint16)
 
-    def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Tell the cells whose centres lie in a box that they are free, except occupied ones."""
-        cells = box_cells(*cell_box(low, high, self.resolution))
-        self._mark(cells, kernels.TRUNCATION, OCCUPIED, time_ns)
+    def mark(self, cells: CellMask, state: int, time_ns: int) -> None:
+        """Average the truncation into cells that are not occupied, or 0 into those not free.
 
-    def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
-        """Tell the cells whose centres lie in a sphere that they are free, except occupied ones."""
-        cells = ball_cells(centre, radius, self.resolution)
-        self._mark(cells, kernels.TRUNCATION, OCCUPIED, time_ns)
-
-    def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Tell the cells of a rectangle of floor of a surface there, except free ones."""
-        self._mark(floor_cells(low, high, self.resolution), 0, FREE, time_ns)
+        Raises:
+            ValueError: The time is negative.
+        """
+        check_time(time_ns)
+        marked = cells.cells()
+        if self._region is not None:
+            low, high = self._region
+            marked = marked[np.all((marked >= low) & (marked < high), axis=1)]
+        if len(marked) == 0:
+            self.advance(time_ns)
+            return
+        corner, blocks = self._open((marked.min(axis=0), marked.max(axis=0) + 1))
+        self.advance(time_ns)
+        marked = marked[self._states_of(marked) != (OCCUPIED if state == FREE else FREE)]
+        block = np.ravel_multi_index(tuple((marked // kernels.EDGE - corner).T), blocks)
+        place = np.ravel_multi_index(tuple((marked % kernels.EDGE).T), (kernels.EDGE,) * 3)
+        score = kernels.score_of(kernels.TRUNCATION if state == FREE else 0)
+        self._scores[0][(block << kernels.CELLS_BITS) + place] = score
+        touched = np.zeros(int(np.prod(blocks)), np.bool_)
+        touched[block] = True
+        self._update(corner, blocks, touched, time_ns)
 
     def distance_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Signed distance to the surface at the cells of points (n, 3), m, world: (n,) m.
@@ -171,25 +182,6 @@ class TsdfMap(BlockMap):
         layers = self._blocks.layers
         for slot in slots:
             layers["distance"][slot][layers["weight"][slot] == 0] = 0
-
-    def _mark(self, cells: NDArray[np.int64], distance: int, except_for: int, time_ns: int) -> None:
-        """Tell cells (n, 3) a distance, but those of one state."""
-        check_time(time_ns)
-        if self._region is not None:
-            low, high = self._region
-            cells = cells[np.all((cells >= low) & (cells < high), axis=1)]
-        if len(cells) == 0:
-            self.advance(time_ns)
-            return
-        corner, blocks = self._open((cells.min(axis=0), cells.max(axis=0) + 1))
-        self.advance(time_ns)
-        cells = cells[self._states_of(cells) != except_for]
-        block = np.ravel_multi_index(tuple((cells // kernels.EDGE - corner).T), blocks)
-        place = np.ravel_multi_index(tuple((cells % kernels.EDGE).T), (kernels.EDGE,) * 3)
-        self._scores[0][(block << kernels.CELLS_BITS) + place] = kernels.score_of(distance)
-        touched = np.zeros(int(np.prod(blocks)), np.bool_)
-        touched[block] = True
-        self._update(corner, blocks, touched, time_ns)
 
     def _clip(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> CellBox:
         """The part of a box of cells that lies in the region of interest; may be empty."""

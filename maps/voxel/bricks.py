@@ -14,7 +14,7 @@ from wayproof.maps.kernels.decay import NEVER
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.store.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
-from wayproof.maps.voxel.update_mask import brick_cells
+from wayproof.maps.voxel.brick_index import brick_boxes
 
 BYTES_IN_BRICK = kernels.COLUMNS * kernels.HEIGHT * 5 // 4 + 80
 
@@ -186,8 +186,3 @@ class Bricks(SlotPool):
                 yield whole[i * size : (i + 1) * size] if any_known else b""
 
         return self.digest(contents)
-
-
-def brick_boxes(keys: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Boxes of cells (k, 6) of bricks (k, 3)."""
-    return np.hstack([brick_cells(keys), brick_cells(keys + 1)])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps.columns import pack
+from wayproof.maps.columns import Window, pack
 from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.kernels import beam_targets, beams, bricks, carve, update
 from wayproof.maps.kernels.beam_columns import MAX_STEPS
@@ -19,13 +19,11 @@ from wayproof.maps.kernels.early_stop import SLOPES
 from wayproof.maps.kernels.work_queue import new_queue
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.sweep import Sweep
+from wayproof.maps.voxel.brick_index import BELOW, BITS
 
 MAX_WINDOW_WORDS = 1 << 26
 BEAM_US, END_US, TARGET_US, WORD_US = 0.01, 0.008, 0.3, 0.001
 """About: to place a beam, to list an end, to carve a target, to gather a word."""
-
-BELOW = 0, 0, bricks.BELOW_FLOOR
-BITS = bricks.EDGE_BITS, bricks.EDGE_BITS, 6  # of a cell's place in its brick
 
 SPREAD = np.argsort(
     [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64],
@@ -52,14 +50,14 @@ class UpdateMask:
     hits: NDArray[np.uint64]
     misses: NDArray[np.uint64]
 
-    def take_misses(self) -> NDArray[np.uint64]:
-        """Return the bits to be lowered, (k, 256) words by brick and column, and clear them."""
+    def take(self) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """Return the bits of hits and misses, each (k, 256) words by brick, and clear them."""
         row = np.arange(bricks.EDGE)
         columns = row[:, None] * self.strides[0] + row * self.strides[1]  # (16, 16)
         words = self.offsets[:, None] + columns.reshape(-1)  # (k, 256)
-        bits = self.misses[words]
-        self.misses[words] = 0
-        return bits
+        hits, misses = self.hits[words], self.misses[words]
+        self.hits[words] = self.misses[words] = 0
+        return hits, misses
 
 
 Cell = tuple[int, int, int]
@@ -313,24 +311,18 @@ class SweepRasterizer:
         )
 
 
+def cell_bounds(region: Window | None) -> NDArray[np.int64] | None:
+    """Return the least and greatest cell (2, 3) of a region of interest, if there is one."""
+    if region is None:
+        return None
+    return np.stack([region.first, np.add(region.first, region.shape) - 1])
+
+
 def _new_targets(count: int) -> beam_targets.Targets:
     """Return memory for targets."""
     return beam_targets.Targets(
         np.empty((count, 5), np.int32), np.empty(count, np.uint64), np.empty(count, np.int32)
     )
-
-
-def brick_of(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Indices of the bricks that cells (..., 3) lie in."""
-    found: NDArray[np.int64] = (cells + np.array(BELOW)) >> np.array(BITS)
-    return found
-
-
-def brick_cells(keys: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Least cells (..., 3) of bricks."""
-    size = np.array([bricks.EDGE, bricks.EDGE, bricks.HEIGHT])
-    low: NDArray[np.int64] = keys.astype(np.int64) * size - [0, 0, bricks.BELOW_FLOOR]
-    return low
 
 
 def _frame(low: Cell, high: Cell) -> Frame:

@@ -11,19 +11,21 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps.columns import WORD_BITS, ColumnMap, Window, region_of_interest, unpack
+from wayproof.maps.cell_sets import CellMask, box_mask
+from wayproof.maps.columns import WORD_BITS, region_of_interest, unpack
 from wayproof.maps.config import MapConfig
 from wayproof.maps.elementary import norm
-from wayproof.maps.grid import FLOOR_LAYER, cell_box, cells_at, centres, finite_vector
+from wayproof.maps.grid import cells_at, finite_vector
 from wayproof.maps.kernels import beams, decay
 from wayproof.maps.kernels import update as updates
 from wayproof.maps.parallel import ThreadTeam
+from wayproof.maps.representation import Representation
 from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
 from wayproof.maps.voxel.bricks import Bricks
 from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
-from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds
 
 UPDATE_US, FADE_US = 5.0, 9.0  # about, a brick
 
@@ -43,7 +45,7 @@ class RayEnd:
     point: NDArray[np.float64]
 
 
-class VoxelMap(ColumnMap):
+class VoxelMap(Representation):
     """Cells over all space, each with the log-odds that it is occupied.
 
     A cell's update is l += logit P(m|z) - l0 with l0 = 0, clamped (Hornung et al. 2013, "OctoMap",
@@ -62,6 +64,8 @@ class VoxelMap(ColumnMap):
         resolution: Edge of a cell, m.
         evidence: Steps and clamps in units.
     """
+
+    exempts = True
 
     def __init__(
         self,
@@ -89,7 +93,7 @@ class VoxelMap(ColumnMap):
         self.evidence = LogOddsModel.from_config(config)
         self._team = ThreadTeam(threads)
         self._rasterizer = SweepRasterizer(
-            self._team, _bounds(region_of_interest(low, high, config.resolution))
+            self._team, cell_bounds(region_of_interest(low, high, config.resolution))
         )
         self._bricks = Bricks(config.memory_mib)
         self._losses = decay_per_tick(config)
@@ -145,77 +149,48 @@ class VoxelMap(ColumnMap):
         hits, clears, dropped, too_near = endpoints.counts
         return SweepStatistics(hits, clears, dropped, too_near, updated)
 
-    def mark_free(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Lower the cells whose centres lie in a box by one miss, except occupied ones.
-
-        For space that a body occupies itself, or a start area that is declared clear: an obstacle
-        that was seen stays.
+    def mark(self, cells: CellMask, state: int, time_ns: int) -> None:
+        """Lower cells by one miss, or raise them by one hit, except those of the contrary state.
 
         Args:
-            low: (3,) least corner, m, world.
-            high: (3,) greatest corner, m, world.
+            cells: Which of them.
+            state: What they are to become: free or occupied.
             time_ns: Simulated time, ns.
 
         Raises:
-            ValueError: A corner is not finite.
+            ValueError: The time is negative.
         """
-        first, end = cell_box(low, high, self.resolution)
-        self._mark(first, np.ones(end - first, np.bool_), OCCUPIED, time_ns)
-
-    def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
-        """Lower the cells whose centres lie in a sphere by one miss, except occupied ones.
-
-        Args:
-            centre: (3,) m, world.
-            radius: m.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: The sphere is not finite.
-        """
-        middle = finite_vector("centre", centre)
-        first, end = cell_box(middle - radius, middle + radius, self.resolution)
-        cells = np.moveaxis(np.indices(tuple(end - first)), 0, -1) + first  # (nx, ny, nz, 3)
-        squared = np.square(centres(cells, self.resolution) - middle).sum(axis=-1)
-        self._mark(first, squared <= radius * radius, OCCUPIED, time_ns)
-
-    def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Raise the floor's cells whose centres lie in a rectangle by one hit, except free ones.
-
-        What a standing body knows of the ground that none of its beams reach: it is held.
-
-        Args:
-            low: (2,) least corner, m, world.
-            high: (2,) greatest corner, m, world.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: A corner is not finite.
-        """
-        first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], self.resolution)
-        first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
-        self._mark(first, np.ones(end - first, np.bool_), FREE, time_ns)
-
-    def hold(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
-        """Spare the cells whose centres lie in a box from the next decay tick.
-
-        For what a standing body's sensors cannot see, under it and around it: called between ticks,
-        it is not forgotten. Nothing is learnt by it either.
-
-        Args:
-            low: (3,) least corner, m, world.
-            high: (3,) greatest corner, m, world.
-            time_ns: Simulated time, ns.
-
-        Raises:
-            ValueError: A corner is not finite.
-        """
-        first, end = cell_box(low, high, self.resolution)
         self.advance(time_ns)
-        if self.config.half_life == 0.0 or np.any(end <= first):
+        if cells.inside.size == 0:
             return
-        mask = self._rasterizer.fill(first, np.ones(end - first, np.bool_), raised=False)
-        bits = mask.take_misses()
+        nx, ny, nz = cells.inside.shape
+        occupied, free = self.columns(cells.first, (nx, ny, -(-nz // WORD_BITS)))
+        contrary = unpack(occupied if state == FREE else free, nz).view(np.bool_)
+        mask = self._rasterizer.fill(
+            cells.first, cells.inside & ~contrary, raised=state == OCCUPIED
+        )
+        self._apply(mask, time_ns)
+
+    def exempt_from_decay(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+        """Exempt the cells whose centres lie in a box from the next decay tick.
+
+        For what a standing body's sensors cannot see, under it and around it. Nothing is learnt
+        about these cells either.
+
+        Args:
+            low: (3,) least corner, m, world.
+            high: (3,) greatest corner, m, world.
+            time_ns: Simulated time, ns.
+
+        Raises:
+            ValueError: A corner is not finite, or the time is negative.
+        """
+        cells = box_mask(low, high, self.resolution)
+        self.advance(time_ns)
+        if self.config.half_life == 0.0 or cells.inside.size == 0:
+            return
+        mask = self._rasterizer.fill(cells.first, cells.inside, raised=False)
+        _, bits = mask.take()
         slots = self._bricks.find(mask.bricks)
         known = slots[slots >= 0]
         self._fade(known, to_now=True)
@@ -416,19 +391,6 @@ class VoxelMap(ColumnMap):
         values[~inside], slots[~inside] = 0, -1
         return values, slots
 
-    def _mark(
-        self, first: NDArray[np.int64], cells: NDArray[np.bool_], except_for: int, time_ns: int
-    ) -> None:
-        """Mark cells (nx, ny, nz) of a box, but none whose state is `except_for`, and update."""
-        self.advance(time_ns)
-        if cells.size == 0:
-            return
-        nx, ny, nz = cells.shape
-        occupied, free = self.columns(first, (nx, ny, -(-nz // WORD_BITS)))
-        spared = unpack(occupied if except_for == OCCUPIED else free, nz).view(np.bool_)
-        mask = self._rasterizer.fill(first, cells & ~spared, raised=except_for == FREE)
-        self._apply(mask, time_ns)
-
     def _apply(self, mask: UpdateMask, time_ns: int) -> int:
         """Update the marked cells; return their number."""
         bricks, count = self._bricks, len(mask.bricks)
@@ -477,10 +439,3 @@ class VoxelMap(ColumnMap):
         bricks.stamps[behind[turned]] = self._stamp
         if not to_now:
             bricks.release(behind[~alive], self._stamp)
-
-
-def _bounds(region: Window | None) -> NDArray[np.int64] | None:
-    """Least and greatest cell (2, 3) of a region of interest, if there is one."""
-    if region is None:
-        return None
-    return np.stack([region.first, np.add(region.first, region.shape) - 1])

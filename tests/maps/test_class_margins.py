@@ -63,7 +63,7 @@ def test_cells_of_a_class_grow_by_its_margin(margins):
     plain, expected = slow(voxel_map, layer, margins)
     margined = ClassMargins(voxel_map, layer, margins)
     np.testing.assert_array_equal(states_in(margined, *BOX), plain)
-    grown = unpack(margined.grown((-20, -20, -2), (40, 40, 1)), plain.shape[2])
+    grown = unpack(margined.keep_out((-20, -20, -2), (40, 40, 1)), plain.shape[2])
     np.testing.assert_array_equal(np.where(grown, OCCUPIED, plain), expected)
     assert grown.any() == bool(margins)
 

@@ -232,13 +232,15 @@ def test_what_is_held_is_not_forgotten_and_nothing_else():
     look(voxel_map, LEFT, 0)
     seen = voxel_map.counts()
     for k in range(1, 60):
-        voxel_map.hold((2.0, 0.4, 0.4), (2.7, 0.7, 0.5), k * SECOND + 1)
+        voxel_map.exempt_from_decay((2.0, 0.4, 0.4), (2.7, 0.7, 0.5), k * SECOND + 1)
     assert log_odds(voxel_map, WALL) == 27
     assert log_odds(voxel_map, [[2.05, 0.55, 0.475]]) == -12
     assert voxel_map.state_at([*SIDE, EYE]).tolist() == [UNKNOWN] * 2
     assert seen["free"] == 39
     assert voxel_map.counts() == {"free": 5, "occupied": 1}
-    voxel_map.hold((50.0, 0.0, 0.0), (51.0, 1.0, 1.0), 60 * SECOND)  # nothing is known there
+    voxel_map.exempt_from_decay(
+        (50.0, 0.0, 0.0), (51.0, 1.0, 1.0), 60 * SECOND
+    )  # nothing is known there
     for k in range(61, 120):
         voxel_map.advance(k * SECOND)
     assert voxel_map.counts() == {"free": 0, "occupied": 0}

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.maps.counting_map import CountingMap, HalvingMap
 from wayproof.maps import (
     FREE,
     MAPS,
@@ -20,17 +21,18 @@ EYE = np.array([0.55, 1.05, 0.475])  # the middle of a cell
 FORWARD = np.array([[1.0, 0.0, 0.0]])
 LOW, SHAPE = (-34, -34, -34), (78, 78, 78)  # cells around the eye, within the reach of its beams
 
-FADING = sorted(set(MAPS) - {"octomap"})
-BOUNDED = FADING  # OctoMap takes neither a bound on its memory nor a region of interest
-TEAMS = FADING  # nor threads
-HIGH = sorted(set(MAPS) - {"grid2d"})  # know heights
+KINDS = {**MAPS, "counting": CountingMap, "halving": HalvingMap}
+FADING = sorted(kind for kind in KINDS if KINDS[kind].decays)
+# OctoMap takes no bound on its memory, no region of interest and no threads.
+BOUNDED = TEAMS = sorted(set(KINDS) - {"octomap"})
+HIGH = sorted(set(KINDS) - {"grid2d"})  # know heights
 
-every_map = pytest.mark.parametrize("kind", sorted(MAPS))
+every_map = pytest.mark.parametrize("kind", sorted(KINDS))
 
 
 def make(kind, threads=1, low=None, high=None, **settings):
     config = MapConfig(**({"kind": kind, "half_life": 0.0, "memory_mib": 16} | settings))
-    return MAPS[kind](config, threads, low, high)
+    return KINDS[kind](config, threads, low, high)
 
 
 def look(a_map, *ranges_mm, directions=None, origin=EYE, time_ns=0, limit=3.0, moments=None):
@@ -213,7 +215,7 @@ def test_every_way_to_ask_gives_one_answer(kind):
 @every_map
 @pytest.mark.parametrize("motion", ["ground", "air"])
 def test_every_change_is_told_and_a_costmap_follows(kind, motion):
-    a_map = make(kind, half_life=0.0 if kind == "octomap" else 2.0)
+    a_map = make(kind, half_life=2.0 if KINDS[kind].decays else 0.0)
     body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), motion, 0.15, 0.4, 0.1
     following, now, before = Costmap(CostmapConfig(), a_map, *body), 0, np.zeros(SHAPE, np.uint8)
     for k in range(8):
@@ -292,9 +294,26 @@ def test_what_nobody_sees_fades_by_ticks_until_it_is_forgotten(kind):
     assert late.counts() == {"free": 0, "occupied": 0}
 
 
-def test_octomap_refuses_to_fade():
-    with pytest.raises(ValueError, match=r"^map.half_life: got 30, expected 0 with [^\n]*$"):
-        make("octomap", half_life=30.0)
+@pytest.mark.parametrize("kind", sorted(set(KINDS) - set(FADING)))
+def test_a_map_without_decay_refuses_a_half_life(kind):
+    expected = f"^map.half_life: got 30, expected 0 with map.kind '{kind}', which has no decay$"
+    with pytest.raises(ValueError, match=expected):
+        make(kind, half_life=30.0)
+
+
+@every_map
+def test_an_exemption_from_decay_is_taken_or_refused(kind):
+    settings = {"half_life": 1.0 if KINDS[kind].decays else 0.0, "no_decay_radius": 0.5}
+    if not KINDS[kind].exempts:
+        with pytest.raises(ValueError, match=r"^map\.no_decay_radius: got 0\.5, expected 0 with "):
+            make(kind, **settings)
+        return
+    a_map = make(kind, **settings)
+    look(a_map, 2000)
+    for k in range(1, 40):
+        a_map.exempt_from_decay((2.4, 0.9, 0.3), (2.7, 1.2, 0.6), k * SECOND - 1)
+        a_map.advance(k * SECOND)
+    assert a_map.state_at(ahead(1.5, 2.0)).tolist() == [UNKNOWN, OCCUPIED]
 
 
 @pytest.mark.parametrize("kind", BOUNDED)

@@ -47,9 +47,3 @@ def test_a_bad_value_of_a_costmap_names_its_field(field, value):
 def test_the_message_is_one_clear_line():
     with pytest.raises(ValueError, match=r"^map\.resolution: got -0\.1, expected 0\.01 to 0\.5 m$"):
         MapConfig(resolution=-0.1)
-
-
-def test_what_cannot_hold_says_so():
-    assert MapConfig(kind="dynamic", no_decay_radius=0.5).no_decay_radius == 0.5
-    with pytest.raises(ValueError, match=r"^map\.no_decay_radius: got 0\.5 with kind 'tsdf', "):
-        MapConfig(kind="tsdf", no_decay_radius=0.5)

@@ -330,7 +330,7 @@ def test_a_bounded_map_is_the_unbounded_one_in_its_region(threads):
                 voxel_map.mark_free(origin - 0.3, origin + 0.2, time_ns)
                 voxel_map.mark_free_sphere(draw.uniform(-3.0, 3.0, 3), 0.7, time_ns)
                 voxel_map.mark_floor([-3.0, -3.0], [0.5, 0.5], time_ns)
-                voxel_map.hold(origin, origin + 1.0, time_ns)
+                voxel_map.exempt_from_decay(origin, origin + 1.0, time_ns)
         first, end = (np.floor(corner / 0.1 + [0, 0, 0.75]).astype(int) for corner in (low, high))
         cells = np.moveaxis(np.indices((60, 60, 60)), 0, -1).reshape(-1, 3) - 30
         inside = np.all((first <= cells) & (cells <= end), axis=1)
