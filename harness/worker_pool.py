@@ -206,15 +206,15 @@ class WorkerPool:
                 except RuntimeError:  # broken since the last look
                     break
                 running[future] = waiting.popleft()
-            for future in wait(running, timeout=POLL, return_when=FIRST_COMPLETED).done:
-                attempt = running.pop(future)
-                error = future.exception()
+            for ended in wait(running, timeout=POLL, return_when=FIRST_COMPLETED).done:
+                attempt = running.pop(ended)
+                error = ended.exception()
                 if isinstance(error, BrokenProcessPool):
                     waiting.appendleft(attempt)
                 elif isinstance(error, pebble.ProcessExpired) and attempt.tries < TRIES:
                     waiting.appendleft(attempt._replace(tries=attempt.tries + 1))
                 else:
-                    yield self._ended(attempt, future, error)
+                    yield self._ended(attempt, ended, error)
         waiting.extendleft(running.values())
 
     def _ended(

@@ -26,7 +26,7 @@ from wayproof.harness.bench.micro.rays import bench_rays
 from wayproof.harness.bench.published import BENCHMARKS, Files, find_benchmark
 from wayproof.harness.bench.statistics.coverage import PARTS as COVERAGE_PARTS
 from wayproof.harness.bench.statistics.coverage import bench_coverage
-from wayproof.harness.bench.table import Row, documents
+from wayproof.harness.bench.table import Document, Row, documents
 from wayproof.harness.errors import InputError, unknown_name
 
 
@@ -74,7 +74,7 @@ def run_stage(
     files: Files | None = None,
     kept: Path | None = None,
     only: str | None = None,
-) -> list[Row]:
+) -> list[Document]:
     """Measure one stage; its figures depend on the machine, its scenes on the seed alone.
 
     Args:
