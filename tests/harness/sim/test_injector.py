@@ -9,6 +9,7 @@ import pytest
 from wayproof.harness.config import Config
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.perturbations.depth_scale import DepthScale
+from wayproof.harness.perturbations.latency import Latency
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.models.odometry import PoseError
@@ -115,6 +116,16 @@ def test_a_delay_is_added_and_reported(scenario):
     message = perturbed.message(0, 0, PoseError())
     assert message.added_delay_s == pytest.approx(0.15)
     assert list(message.streams) == ["latency"]
+
+
+def test_a_delay_is_added_within_its_window_alone(scenario):
+    rate = scenario.scene.casters[0].mount.device.rate
+    perturbed = injector(scenario, Latency(severity=4, window=(1.0, 2.0)))
+    delays = []
+    for time_s in (0.5, 1.5, 2.5):
+        perturbed.delivered(scenario.scene.casters, round(time_s * rate))
+        delays.append(perturbed.delay)
+    assert delays == [0.0, pytest.approx(0.15), 0.0]
 
 
 def test_a_displaced_sensor_sees_another_world_and_the_log_says_where_it_sits(scenario, data):

@@ -57,6 +57,14 @@ def test_the_path_back_is_the_breadcrumbs_reversed_for_the_backtrack_length():
     np.testing.assert_allclose(path[:, 1], 2.05)
 
 
+def test_the_path_back_takes_the_latest_breadcrumbs_first_round_the_corners_of_the_way():
+    across = np.array([place(3.05, y) for y in np.arange(2.15, 2.7, 0.1)])
+    path = path_back(crumbs=np.vstack([CRUMBS, across]), position=(3.05, 2.75))
+    np.testing.assert_allclose(path[:7, 0], 3.05)
+    assert (np.diff(path[:7, 1]) < 0.0).all()
+    np.testing.assert_allclose(path[-1], place(3.05 - 0.3, 2.05))  # 0.7 m back, 0.3 m aside
+
+
 def test_the_path_back_skips_breadcrumbs_right_beside_the_robot():
     path = path_back(position=(3.08, 2.05))
     assert np.linalg.norm(path[1] - path[0]) >= BREADCRUMB_SPACING

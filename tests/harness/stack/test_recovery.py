@@ -97,6 +97,19 @@ def test_a_long_body_turns_out_of_the_inflation_by_the_smallest_turn_that_helps(
     assert command.reason.turn_rad == pytest.approx(end.heading - 0.7, abs=1e-5)
 
 
+def test_a_long_body_moves_out_of_the_inflation_where_that_is_less_than_a_turn():
+    """A pillar right before its nose, which a step back or a turn would free."""
+    input = make_input(make_states(occupied=[(1.5, 1.6, 2.0, 2.1)]), LONG)
+    assert not input.traversable.pose_free(input.position, 0.0)
+    assert any(input.traversable.pose_free(input.position, 0.1 * n) for n in range(9))
+    command, _ = escape(input, at_rest())
+    assert command.reason.kind == "escaping_inflation"
+    end = final_sample(command.trajectory)
+    assert end.heading == 0.0
+    assert input.traversable.pose_free(end.position, 0.0)
+    assert command.reason.distance_m < 0.2
+
+
 def waiting(seconds, states=None, **state):
     """Input and result of a wait at the start that has lasted for some time."""
     sequence = round(seconds * 1e9) // PERIOD_NS
