@@ -19,7 +19,7 @@ from wayproof.harness.cli import VERBS
 from wayproof.harness.cli.main import verb_parsers
 from wayproof.harness.config import Config
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.perturbations import PERTURBATIONS, WITHIN, AnyPerturbation
+from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation
 from wayproof.harness.study.statistics.support import Support
 
 FOLDER = Path(__file__).parent / "reference"
@@ -85,7 +85,7 @@ def config() -> str:
     ]
     lines += ["", "| kind | modes | meaning |", "|---|---|---|"]
     for kind, one in PERTURBATIONS.items():
-        fields = [each for each in msgspec.structs.fields(one) if each.name not in WITHIN]
+        fields = [each for each in msgspec.structs.fields(one) if each.name not in NOT_MODES]
         modes = ", ".join(f"`{mode}`" for each in fields for mode in get_args(each.type))
         lines.append(f"| `{kind}` | {cell(modes)} | {cell(summary(one))} |")
     return "\n".join(lines) + "\n"

@@ -72,7 +72,7 @@ class Limits:
 
 def goal_distance(mission: Mission, position: Array) -> float:
     """Distance of a true position (3,) from the goal, m; in the plane for a ground robot."""
-    axes = 2 if mission.motion == "ground" else 3
+    axes = mission.axes
     return _distance(position[:axes], np.array(mission.goal[:axes]))
 
 

@@ -94,7 +94,7 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
     known = _known_without_result(log, truths[-1])  # older recovered logs state less
     result = {**known, **log.result}
     route = result.get("route_length_m")
-    axes = 2 if log.mission.motion == "ground" else 3
+    axes = log.mission.axes
     return Trace(
         outcome=result["outcome"],
         duration=float(result["sim_time_s"]),

@@ -1,4 +1,4 @@
-"""The task as the navigation stack is told it; in the log, so that replay needs no world."""
+"""The task of the navigation stack; in the log, so that replay needs no world."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import msgspec
 
 from wayproof.harness.errors import InputError
 
-LEAST = 1e-6
-"""Of a size or a limit: less is no robot's, and no trajectory can be worked out for it."""
+MIN_SIZE = 1e-6
+"""Minimum of a size or a limit: below it no trajectory can be computed."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Mission:
     """Body, operating area, start and goal; metres, radians and seconds in the world frame.
 
     Attributes:
-        motion: `ground` plans in the plane, `air` in space.
+        motion: `ground` walks or drives, `air` flies.
         radius: Circumscribed radius of the body, m.
         height: Top of the body above the ground (ground) or its vertical extent (air), m.
         step_height: Highest thing that the body steps over, m.
@@ -31,8 +31,8 @@ class Mission:
         start: Base origin at the start, m.
         start_heading: rad.
         goal: Base origin at the goal, m.
-        discs: Offset along the body's x axis and radius of each disc of a body that is kept free at
-            its heading, m; none for a body that is one disc or ball of the radius.
+        discs: Offset along the body's x axis and radius of each disc of an elongated body, m;
+            none for a body that is one disc or ball of the radius.
     """
 
     motion: Literal["ground", "air"]
@@ -51,10 +51,12 @@ class Mission:
     discs: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse bodies and areas that no robot has, before a map of that size is made."""
+        """Refuse bodies and areas that no robot has, before a map of that size is allocated."""
         for name in ("radius", "height", "max_speed", "max_acceleration", "max_jerk"):
-            if not LEAST <= getattr(self, name) <= 1e4:
-                raise ValueError(f"{name}: got {getattr(self, name):g}, expected {LEAST:g} to 1e4")
+            if not MIN_SIZE <= getattr(self, name) <= 1e4:
+                raise ValueError(
+                    f"{name}: got {getattr(self, name):g}, expected {MIN_SIZE:g} to 1e4"
+                )
         for offset, radius in self.discs:
             if not (abs(offset) <= 1e4 and 0.0 < radius <= 1e4):
                 raise ValueError(f"discs: got offset {offset:g} m and radius {radius:g} m")
@@ -67,6 +69,16 @@ class Mission:
         for name in ("start", "goal"):
             if not all(abs(value) <= 1e4 for value in getattr(self, name)):
                 raise ValueError(f"{name}: got {getattr(self, name)}, expected within 1e4 m")
+
+    @property
+    def planar(self) -> bool:
+        """Whether the body moves in the plane, where the stack plans for it."""
+        return self.motion == "ground"
+
+    @property
+    def axes(self) -> int:
+        """Number of axes of a position that count: x and y in the plane, else x, y and z."""
+        return 2 if self.planar else 3
 
     def to_json(self) -> bytes:
         """Encode for the log; floats come back bit by bit."""

@@ -101,7 +101,7 @@ class Case:
     @property
     def axes(self) -> int:
         """In how many axes the robot moves: 2 on the ground."""
-        return 2 if self.mission.motion == "ground" else 3
+        return self.mission.axes
 
     def followed(self, time_ns: int) -> pb.Trajectory | None:
         """The trajectory that the robot followed at a time; none before the first took effect."""

@@ -96,7 +96,7 @@ def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Ce
     With `moving` only these movers count, and neither what stays nor the floor.
     """
     costmap, mission, size = navigator.costmap, case.mission, navigator.map.resolution
-    if mission.motion == "air":
+    if not mission.planar:
         occupied = case.space.occupied(costmap.origin, costmap.shape, size, moving)
         if moving:
             return occupied

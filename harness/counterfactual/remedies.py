@@ -20,6 +20,7 @@ from wayproof.harness.episode import Episode
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.writer import LogWriter
+from wayproof.harness.perturbations.perturbation import Changes
 from wayproof.harness.recompute.rebuild import rebuild
 from wayproof.harness.replay.fork import live_through
 from wayproof.harness.result import Result
@@ -54,8 +55,6 @@ STEP = 6.0
 NEVER = 1e9
 """A mover that appears at this time does not, s."""
 
-POSE_PERTURBATIONS = ("pose_drift", "pose_jump")
-RANGE_PERTURBATIONS = ("depth_dropout", "depth_noise", "depth_scale", "occlusion", "calibration")
 ERRORS = {one.name for one in fields(OdometryConfig)} - {"rate", "correlation_time"}
 EXACT = OdometryConfig(**dict.fromkeys(ERRORS, 0.0))
 
@@ -91,7 +90,7 @@ def nothing(log: Log, case: Case) -> Change:
 def true_pose(log: Log, case: Case) -> Change:
     """The pose has no error."""
     config = replace(log.config, odometry=replace(EXACT, rate=log.config.odometry.rate))
-    return Change(_unperturbed(config, *POSE_PERTURBATIONS), forget=("estimate",))
+    return Change(_unperturbed(config, "pose"), forget=("estimate",))
 
 
 def true_ranges(log: Log, case: Case) -> Change:
@@ -108,7 +107,7 @@ def true_ranges(log: Log, case: Case) -> Change:
         )
         return replace(scenario, scene=replace(scene, casters=casters))
 
-    return Change(_unperturbed(config, *RANGE_PERTURBATIONS), scenario=exact)
+    return Change(_unperturbed(config, "ranges"), scenario=exact)
 
 
 def true_map(log: Log, case: Case) -> Change:
@@ -173,7 +172,7 @@ def no_delay(log: Log, case: Case) -> Change:
     """Decisions take effect as they are made, and every sweep arrives."""
     deadline = log.config.latency.deadline
     latency = LatencyConfig(sense=0.0, map=0.0, plan=0.0, deadline=deadline)
-    config = _unperturbed(replace(log.config, latency=latency), "latency", "rate")
+    config = _unperturbed(replace(log.config, latency=latency), "delay", "arrivals")
     return Change(config, at_once=True)
 
 
@@ -245,8 +244,9 @@ def _delays(case: Case) -> dict[int, float]:
     return {**dict(enumerate(delays)), **after}
 
 
-def _unperturbed(config: Config, *kinds: str) -> Config:
-    if config.perturbation is None or config.perturbation.kind not in kinds:
+def _unperturbed(config: Config, *changes: Changes) -> Config:
+    """The settings without a perturbation that changes one of these."""
+    if config.perturbation is None or config.perturbation.changes not in changes:
         return config
     return replace(config, perturbation=None)
 
@@ -271,7 +271,7 @@ class Carried(Controller):
         mission = scenario.mission
         own.reset(resting, np.array(mission.start), mission.start_heading)
         self._resting = resting.qpos.copy()
-        self._on_ground = mission.motion == "ground"
+        self._on_ground = mission.planar
 
     def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
         """As the robot's own controller does."""

@@ -33,7 +33,7 @@ def true_cells(case: Case, navigator: Navigator) -> TrueCells:
     """The cells of a map's region as they truly are, with the movers where they were placed."""
     size, costmap = navigator.map.resolution, navigator.costmap
     corner = costmap.origin.copy()
-    if case.mission.motion == "air":
+    if not case.mission.planar:
         grid = true_occupancy(case, navigator)
     else:
         below = int(np.ceil(max(-case.mission.low[2], 0.0) / size))

@@ -257,7 +257,7 @@ def _blocking(
 ) -> BlockingCell:
     occupied = navigator.costmap.state[cell] == OCCUPIED
     column = centre[None]
-    if case.mission.motion == "ground":
+    if case.mission.planar:
         size = navigator.map.resolution
         heights = np.arange(0.5 * size, case.mission.height, size)
         column = np.column_stack([np.tile(centre[:2], (len(heights), 1)), heights])
@@ -278,7 +278,7 @@ def _way(case: Case, moment: Moment) -> Array:
     if len(global_path) >= 2:
         return global_path
     goal = np.array(case.mission.goal)
-    if case.mission.motion == "ground":
+    if case.mission.planar:
         goal[2] = committed[-1, 2]
     return np.vstack([committed[-1], goal])
 

@@ -102,7 +102,7 @@ def _draw_truth(axes: Axes, case: Case, moment: Moment) -> None:
     case.space.place_movers(moment.truth)
     here = moment.true_position
     bottom, layers = here[2] - 0.5 * FINE, 1
-    if case.mission.motion == "ground":
+    if case.mission.planar:
         bottom, top = case.mission.step_height, case.mission.height
         layers = max(1, round((top - bottom) / FINE))
     count = round(2.0 * REACH / FINE)

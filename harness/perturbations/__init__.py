@@ -1,6 +1,6 @@
-"""Perturbations by name, of which an episode has exactly one or none.
+"""Perturbations by name; an episode has one or none.
 
-A new one is a file and a line of `AnyPerturbation`; the config's type makes two at once impossible.
+A new one is a file, whose class declares what it `changes`, and a line of `AnyPerturbation`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ from wayproof.harness.perturbations.displacement import Displacement
 from wayproof.harness.perturbations.latency import Latency
 from wayproof.harness.perturbations.motion import Motion
 from wayproof.harness.perturbations.occlusion import Occlusion
-from wayproof.harness.perturbations.perturbation import GREATEST, UNPERTURBED, Perturbation, Report
+from wayproof.harness.perturbations.perturbation import (
+    MAX_SEVERITY,
+    UNPERTURBED,
+    Perturbation,
+    Report,
+)
 from wayproof.harness.perturbations.pose_drift import PoseDrift
 from wayproof.harness.perturbations.pose_jump import PoseJump
 from wayproof.harness.perturbations.rate import Rate
@@ -40,13 +45,13 @@ PERTURBATIONS: dict[str, type[Perturbation]] = {
     str(one.__struct_config__.tag): one for one in get_args(AnyPerturbation)
 }
 
-WITHIN = ("severity", "window", "direction")
-"""Fields that are no modes: all but the severity can only be set in a config."""
+NOT_MODES = ("severity", "window", "direction")
+"""Fields that are no modes; all but the severity can only be set in a config."""
 
 __all__ = [
+    "NOT_MODES",
     "PERTURBATIONS",
     "UNPERTURBED",
-    "WITHIN",
     "AnyPerturbation",
     "Displacement",
     "Perturbation",
@@ -60,12 +65,12 @@ def perturbation_from(text: str) -> AnyPerturbation:
     """Read `KIND:SEVERITY`, or `KIND:SEVERITY:MODE` where a kind has modes; 2.5 is a severity too.
 
     Raises:
-        InputError: It is none; the message says what there is.
+        InputError: The text is no perturbation; the message lists what is available.
     """
     kind, *rest = text.split(":")
     if kind not in PERTURBATIONS:
         raise unknown_name("perturbation", kind, PERTURBATIONS)
-    own = [name for name in PERTURBATIONS[kind].__struct_fields__ if name not in WITHIN]
+    own = [name for name in PERTURBATIONS[kind].__struct_fields__ if name not in NOT_MODES]
     fields = ["severity", *own]
     if not 1 <= len(rest) <= len(fields):
         form = ":".join([kind, "SEVERITY", *(f"[{name.upper()}]" for name in own)])
@@ -82,22 +87,22 @@ def perturbation_from(text: str) -> AnyPerturbation:
 
 def _check_severity(text: str, severity: str) -> None:
     try:
-        good = 0.0 < float(severity) <= GREATEST
+        good = 0.0 < float(severity) <= MAX_SEVERITY
     except ValueError:
         good = False
     if not good:
         raise InputError(
             f"--perturb {text}: severity: got {severity or 'nothing'}, expected above 0, "
-            f"up to {GREATEST:g}"
+            f"up to {MAX_SEVERITY:g}"
         )
 
 
 def check_kind(text: str, instead: str) -> None:
-    """Refuse what is not `KIND` or `KIND:MODE`, where the severity is not the user's to choose.
+    """Refuse a text other than `KIND` or `KIND:MODE`, where the user does not choose the severity.
 
     Args:
-        text: As the user wrote it.
-        instead: What finds or bounds the severity there.
+        text: Given by the user.
+        instead: What determines the severity, for the message.
 
     Raises:
         InputError: An unknown kind, a severity, or a mode of a kind that has none.

@@ -1,4 +1,4 @@
-"""The first sensor does not sit where the stack is told."""
+"""Perturbation of the first sensor's extrinsic calibration."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from wayproof.harness.perturbations.displacement import Displacement
-from wayproof.harness.perturbations.perturbation import Perturbation
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation
 from wayproof.models.random_streams import stream
 
 
@@ -21,6 +21,7 @@ class Calibration(Perturbation, frozen=True, tag="calibration"):
     """
 
     mode: Literal["rotation", "translation"] = "rotation"
+    changes: ClassVar[Changes] = "ranges"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.25, 0.5, 1.0, 2.0, 4.0)
 
     @property

@@ -1,4 +1,4 @@
-"""Echoes are lost: single ones, those of a patch, or those of whole sweeps."""
+"""Perturbation of echoes: a share is lost, single ones, a patch, or whole sweeps."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.perturbations.perturbation import Perturbation, Ranges, Report
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation, Ranges, Report
 
 
 class DepthDropout(Perturbation, frozen=True, tag="depth_dropout"):
-    """A share of the echoes of every sensor is lost, and looks as the device's lost echoes do.
+    """A share of the echoes of every sensor is lost, as the device reports a lost echo.
 
     Attributes:
         mode: `ray` loses each by itself, `patch` those of one seeded rectangle of the image (a run
@@ -21,6 +21,7 @@ class DepthDropout(Perturbation, frozen=True, tag="depth_dropout"):
     """
 
     mode: Literal["ray", "patch", "sweep"] = "ray"
+    changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "share"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.01, 0.03, 0.1, 0.3, 0.6)
 
@@ -57,4 +58,4 @@ def _sweep(report: Report, share: float) -> NDArray[np.bool_]:
 
 
 LOST = {"ray": _rays, "patch": _patch, "sweep": _sweep}
-"""Which echoes each mode loses."""
+"""Mask of the lost echoes by mode."""

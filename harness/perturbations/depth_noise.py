@@ -1,4 +1,4 @@
-"""Ranges are noisier than the device's figures say."""
+"""Perturbation of ranges by noise beyond the device's figures."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from wayproof.harness.perturbations.perturbation import Perturbation, Ranges, Report
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation, Ranges, Report
 from wayproof.models.sensors.beams import MILLIMETRES
 
 
 class DepthNoise(Perturbation, frozen=True, tag="depth_noise"):
-    """A Gaussian error more on each echo of every sensor, independent from beam to beam."""
+    """An additional Gaussian error of each echo of every sensor, independent from beam to beam."""
 
+    changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "m"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.01, 0.03, 0.06, 0.12, 0.24)
 
@@ -22,7 +23,7 @@ class DepthNoise(Perturbation, frozen=True, tag="depth_noise"):
         return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
-        """The sweep with the error; it does not make an echo one that was not seen."""
+        """The sweep with the error, clipped to the device's range so that no echo is lost."""
         device, reported = report.device, report.ranges_mm
         error = self.amount * MILLIMETRES * report.rng().standard_normal(len(reported))
         nearest = max(1.0, device.minimum_range * MILLIMETRES)

@@ -1,4 +1,4 @@
-"""Every range is too long by one factor."""
+"""Perturbation of the range scale: every range is too long by one factor."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from wayproof.harness.perturbations.perturbation import Perturbation, Ranges, Report
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation, Ranges, Report
 from wayproof.models.sensors.beams import MILLIMETRES
 
 
 class DepthScale(Perturbation, frozen=True, tag="depth_scale"):
     """Obstacles seem farther away than they are, to every sensor by the same factor 1 + amount."""
 
+    changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "share"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.005, 0.01, 0.02, 0.05, 0.1)
 

@@ -1,4 +1,4 @@
-"""A sensor that sits elsewhere than the stack is told."""
+"""Displacement of a sensor from the mounting that the stack is given."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Displacement:
-    """Where a sensor truly sits, seen from where the stack is told.
+    """True pose of a sensor relative to its stated mounting.
 
     Attributes:
-        position: (3,) shift, in the told sensor frame, m.
-        quaternion: (4,) turn about the told sensor's origin, w x y z.
+        position: (3,) shift, in the stated sensor frame, m.
+        quaternion: (4,) turn about the stated sensor's origin, w x y z.
     """
 
     position: Array
@@ -37,15 +37,15 @@ class Displacement:
         matrix[:] = (R_world_sensor @ self.R).ravel()
 
     def move_trail(self, trail: Trail, position: Array, R: Array) -> Trail:
-        """Poses of a base that carries the told sensor to where the displaced one truly was.
+        """Poses of a base whose stated sensor is where the displaced one truly was.
 
         With D the displacement, T_world_base T_base_sensor D = (T_world_base D') T_base_sensor,
         where D' = T_base_sensor D T_base_sensor^-1.
 
         Args:
             trail: True poses of the base.
-            position: (3,) of the told mounting, base frame, m.
-            R: (3, 3) of the told mounting, R_base_sensor.
+            position: (3,) of the stated mounting, base frame, m.
+            R: (3, 3) of the stated mounting, R_base_sensor.
         """
         turn = np.concatenate([self.quaternion[:1], R @ self.quaternion[1:]])
         R_turn = rotation_matrices(turn[None])[0]

@@ -1,29 +1,25 @@
-"""Decisions take longer than the stack reckons with."""
+"""Perturbation of the latency: decisions take longer than the stack expects."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar, Literal
 
-from wayproof.harness.perturbations.perturbation import Perturbation
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation
 
 
 class Latency(Perturbation, frozen=True, tag="latency"):
     """One stage takes longer, by the same time at each decision.
 
     Attributes:
-        stage: Where the time is lost; the pipeline has no queue, so the robot feels only the sum.
+        stage: Stage that is delayed; without a queue only the sum of all stages matters.
     """
 
     stage: Literal["sense", "map", "plan"] = "plan"
+    changes: ClassVar[Changes] = "delay"
     measured_in: ClassVar[str] = "s"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.02, 0.05, 0.1, 0.15, 0.25)
 
-    def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The delays."""
-        return ("latency",)
-
     @property
     def delay(self) -> float:
-        """What it adds to the delay of a decision, s."""
+        """Delay added to each decision, s."""
         return self.amount

@@ -1,36 +1,32 @@
-"""People walk where nobody did."""
+"""Perturbation of a static world: people who cross the robot's way."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
-from wayproof.harness.perturbations.perturbation import Perturbation
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation
 
 if TYPE_CHECKING:
     from wayproof.models.worlds import World
 
 PEOPLE = 4
-"""Who walk to and fro; chosen: in the warehouse one for each 5 m of the way."""
+"""Number of people; chosen: in the warehouse one for each 5 m of the way."""
 
 
 class Motion(Perturbation, frozen=True, tag="motion"):
     """Four people walk to and fro across the shortest way, at one speed.
 
-    Who finds no way across of 2 m is left out; what moves in the world already goes on as it does.
-    With a window they appear and vanish with it.
+    A person with no way across of 2 m is left out; the movers of the world stay as they are. With a
+    window they appear and vanish with it.
     """
 
+    changes: ClassVar[Changes] = "world"
     measured_in: ClassVar[str] = "m/s"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.4, 0.8, 1.34, 1.6, 2.0)
 
-    def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The world, and what all sensors see of it."""
-        return ("world", *(f"sensor/{name}" for name in sensors))
-
     def change_world(self, world: World, seed: int) -> World:
-        """The world with the people in it; which ways they walk does not depend on the severity."""
+        """The world with the people in it; their ways do not depend on the severity."""
         from wayproof.models.worlds import with_traffic  # it loads the simulator
 
         peopled = with_traffic(world, PEOPLE, self.amount, seed)

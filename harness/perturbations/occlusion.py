@@ -1,4 +1,4 @@
-"""Something blocks the view of the first sensor."""
+"""Perturbation of the field of view: a blocked sector of the first sensor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.perturbations.perturbation import Perturbation, Ranges, Report
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation, Ranges, Report
 from wayproof.models.random_streams import stream
 from wayproof.models.sensors.beams import DROPPED, directions
 
@@ -18,11 +18,12 @@ class Occlusion(Perturbation, frozen=True, tag="occlusion"):
     """A sector of azimuth about a seeded beam of the first sensor gives no information.
 
     Attributes:
-        direction: Of its middle in the sensor's frame, about z from x, in place of the seeded beam,
-            degrees.
+        direction: Azimuth of its middle in the sensor's frame, about z from x, degrees; by the seed
+            if none.
     """
 
     direction: float | None = None
+    changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "degrees"
     values: ClassVar[tuple[float, float, float, float, float]] = (10.0, 30.0, 60.0, 120.0, 240.0)
 

@@ -1,4 +1,4 @@
-"""What every perturbation is: one geometric assumption of the stack made wrong by a stated amount.
+"""Base of all perturbations: one geometric assumption of the stack made wrong by a stated amount.
 
 A perturbation acts between the simulator and the stack: on the error of the pose, on what a sensor
 reports or where it truly sits, on whether a sweep arrives, or on a decision's delay; `motion` alone
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -30,8 +30,12 @@ Array = NDArray[np.float64]
 Ranges = NDArray[np.uint16]
 Severity = Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]
 
-GREATEST = 5.0
+MAX_SEVERITY = 5.0
 """Severity at which the scale ends."""
+
+Changes = Literal["nothing", "pose", "ranges", "arrivals", "delay", "world"]
+"""What a perturbation changes: the estimated pose, the ranges of sweeps, which sweeps arrive, the
+delay of decisions, or the simulated world."""
 
 UNCHANGED = PoseError()
 
@@ -41,11 +45,11 @@ class Report:
     """One sweep as its device reports it, before the stack sees it.
 
     Attributes:
-        sensor: Its name.
-        device: What measured it.
-        table: Where its beams point.
-        ranges_mm: (n,) as reported.
-        seed: The episode's.
+        sensor: Name of the sensor.
+        device: Its device.
+        table: Directions of its beams.
+        ranges_mm: (n,) as reported, mm.
+        seed: Seed of the episode.
         sequence: Number of the sweep.
     """
 
@@ -58,17 +62,17 @@ class Report:
 
     @property
     def echoes(self) -> NDArray[np.bool_]:  # (n,)
-        """Which beams report a distance."""
+        """Mask of the beams that report a distance."""
         heard: NDArray[np.bool_] = (self.ranges_mm != DROPPED) & (self.ranges_mm != NO_RETURN)
         return heard
 
     @property
     def silence(self) -> np.uint16:
-        """What a lost echo looks like: emptiness, if the device takes that for free space."""
+        """Range of a lost echo: no return where the device reads that as free, else dropped."""
         return NO_RETURN if self.device.no_return_is_free else DROPPED
 
     def rng(self) -> np.random.Generator:
-        """Random numbers of this sweep that nothing else draws from."""
+        """Random numbers of this sweep, of a stream of its own."""
         return stream(self.seed, f"perturbation/{self.sensor}", self.sequence)
 
 
@@ -76,15 +80,17 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
     """One assumption off, or, as this base class, none.
 
     Attributes:
-        severity: More than 0, up to 5; in between two whole ones the amount is in between too.
-        window: Acts only from the first of these times until before the second, s; always if none.
+        severity: Above 0, up to 5; the amount is interpolated between whole severities.
+        window: Active from the first of these times until before the second, s; always if none.
+        changes: What it changes.
         measured_in: Unit of the values.
-        values: At severities 1 to 5; docs/perturbations.md says where they come from.
-        nothing: The value at severity 0, which changes nothing.
+        values: Amounts at severities 1 to 5, with their sources in docs/perturbations.md.
+        nothing: Amount at severity 0, which changes nothing.
     """
 
     severity: Severity = 3
     window: tuple[float, float] | None = None
+    changes: ClassVar[Changes] = "nothing"
     measured_in: ClassVar[str] = ""
     values: ClassVar[tuple[float, float, float, float, float]] = (0.0, 0.0, 0.0, 0.0, 0.0)
     nothing: ClassVar[float] = 0.0
@@ -108,7 +114,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
 
     @property
     def amount(self) -> float:
-        """How much is off, in `unit`: linear from one whole severity to the next."""
+        """Size of the perturbation, in `unit`: linear from one whole severity to the next."""
         scale = (self.nothing, *self.values)
         below = math.floor(self.severity)
         share = self.severity - below
@@ -118,10 +124,10 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
 
     @classmethod
     def severity_of(cls, amount: float) -> float:
-        """The severity that has an amount.
+        """The severity of an amount.
 
         Raises:
-            ValueError: The scale does not reach so far.
+            ValueError: The amount is outside the scale.
         """
         scale = (cls.nothing, *cls.values)
         if not scale[0] < amount <= scale[-1]:
@@ -131,40 +137,46 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return float(np.interp(amount, scale, range(len(scale))))
 
     def is_active(self, time_ns: int) -> bool:
-        """Whether it acts at this simulated time."""
+        """Whether it acts at a simulated time."""
         if self.window is None:
             return True
         return self.window[0] <= time_ns * 1e-9 < self.window[1]
 
     def change_world(self, world: World, seed: int) -> World:
-        """The world that the episode runs in, in place of the one that the config names.
+        """The perturbed world of the episode.
 
         Raises:
-            ValueError: That world cannot be changed so.
+            ValueError: The world cannot be changed so.
         """
         del seed
         return world
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Of a robot's sensors, in their order, those whose sweeps it changes."""
+        """The sensors whose sweeps it changes, in the order given."""
         del sensors
         return ()
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The input streams that it declares to change; see `harness.log.streams`."""
+        """Names of the input streams that it changes; see `harness.log.streams`."""
+        if self.changes == "pose":
+            return ("pose",)
+        if self.changes == "delay":
+            return ("latency",)
+        if self.changes == "world":
+            return ("world", *(f"sensor/{name}" for name in sensors))
         return tuple(f"sensor/{name}" for name in self.affected(sensors))
 
     def pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
-        """What it adds to the pose's error, `travelled` metres after the start.
+        """Error added to the pose, `travelled` metres after the start.
 
-        No estimate's standard deviation tells of it: that is the assumption that is off.
+        The stated standard deviations leave it out: that is the assumption made wrong.
         """
         if not self.is_active(time_ns):
             return UNCHANGED
         return self.active_pose_error(seed, time_ns, travelled)
 
     def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
-        """What it adds while it acts."""
+        """Error added to the pose while it acts."""
         del seed, time_ns, travelled
         return UNCHANGED
 
@@ -174,17 +186,17 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return True
 
     def report(self, report: Report) -> Ranges:  # (n,)
-        """What the stack gets in place of what an affected sensor reports."""
+        """The ranges (n,) that the stack gets in place of those reported, mm."""
         return report.ranges_mm
 
     def displacement(self, seed: int) -> Displacement | None:
-        """How an affected sensor truly sits; none if it sits where the stack is told."""
+        """Displacement of an affected sensor from its stated mounting; none if there is none."""
         del seed
         return None
 
     @property
     def delay(self) -> float:
-        """What it adds to the delay of a decision, s."""
+        """Delay added to each decision, s."""
         return 0.0
 
 

@@ -1,12 +1,11 @@
-"""The pose drifts away while the estimator believes that it does not."""
+"""Perturbation of the pose by a drift that the estimator does not report."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import ClassVar
 
-from wayproof.harness.perturbations.perturbation import Perturbation
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation
 from wayproof.models.odometry import PoseError
 from wayproof.models.random_streams import stream
 
@@ -15,19 +14,16 @@ class PoseDrift(Perturbation, frozen=True, tag="pose_drift"):
     """An error that grows with the distance travelled, in one seeded horizontal direction.
 
     Attributes:
-        direction: In place of the seeded one, about z from x, degrees.
+        direction: About z from x, degrees; by the seed if none.
     """
 
     direction: float | None = None
+    changes: ClassVar[Changes] = "pose"
     measured_in: ClassVar[str] = "m/m"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.001, 0.005, 0.02, 0.06, 0.09)
 
-    def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The pose."""
-        return ("pose",)
-
     def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
-        """As far as it has drifted."""
+        """The drift so far."""
         return along(direction(self.direction, seed, self.kind), self.amount * travelled)
 
 

@@ -1,11 +1,10 @@
-"""The pose jumps once and stays off, as after a wrong match against a map."""
+"""Perturbation of the pose by one lasting jump, as after a wrong match against a map."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
-from wayproof.harness.perturbations.perturbation import UNCHANGED, Perturbation
+from wayproof.harness.perturbations.perturbation import UNCHANGED, Changes, Perturbation
 from wayproof.harness.perturbations.pose_drift import along, direction
 from wayproof.models.odometry import PoseError
 from wayproof.models.random_streams import stream
@@ -20,16 +19,13 @@ class PoseJump(Perturbation, frozen=True, tag="pose_jump"):
     Within a window it jumps where the window begins, and back where it ends.
 
     Attributes:
-        direction: In place of the seeded one, about z from x, degrees.
+        direction: About z from x, degrees; by the seed if none.
     """
 
     direction: float | None = None
+    changes: ClassVar[Changes] = "pose"
     measured_in: ClassVar[str] = "m"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.03, 0.1, 0.3, 0.8, 1.4)
-
-    def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The pose."""
-        return ("pose",)
 
     def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
         """Nothing before the jump, all of it from then on."""

@@ -1,4 +1,4 @@
-"""Sensors are slower than the stack decides."""
+"""Perturbation of the sensor rate below the rate of decisions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from wayproof.harness.perturbations.perturbation import Perturbation
+from wayproof.harness.perturbations.perturbation import Changes, Perturbation
 
 
 class Rate(Perturbation, frozen=True, tag="rate"):
@@ -15,6 +15,7 @@ class Rate(Perturbation, frozen=True, tag="rate"):
     In between two whole n, the sweeps that come next after whole multiples of n arrive.
     """
 
+    changes: ClassVar[Changes] = "arrivals"
     measured_in: ClassVar[str] = "divisor"
     values: ClassVar[tuple[float, float, float, float, float]] = (2.0, 3.0, 5.0, 10.0, 20.0)
     nothing: ClassVar[float] = 1.0

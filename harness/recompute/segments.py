@@ -106,7 +106,7 @@ class SegmentedStack:
             self.segment, *self._later = self._later
             self.navigator, *self._waiting = self._waiting
             higher = 0.0
-            if self.segment.mission.motion == "ground":
+            if self.segment.mission.planar:
                 higher = layer_of(self.navigator) - layer_of(before)
             self.navigator.load_state(shift_height(before.state, higher), before.chain)
             for stack in (self.navigator, *self._waiting):

@@ -63,7 +63,7 @@ class SideBySide:
         )
         self._delay = _changed_delay(recorded, changed)
         self._height = 0.0  # of the changed layer above the recorded one, m
-        if mission.motion == "ground":
+        if mission.planar:
             self._height = layer_of(self.changed) - layer_of(self.recorded)
 
     def step(self, record: Record) -> tuple[pb.Decision, pb.Decision]:

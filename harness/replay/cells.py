@@ -147,7 +147,7 @@ def cells_around(
     voxel_map: Representation, path: Array, reach: float, config: Config, mission: Mission
 ) -> Cells:
     """The cells within a reach, m, and two more, of a path (n, 3), m."""
-    size, flat = voxel_map.resolution, mission.motion == "ground"
+    size, flat = voxel_map.resolution, mission.planar
     pad = reach + 3.0 * size
     low, high = path[:, :3].min(axis=0) - pad, path[:, :3].max(axis=0) + pad
     if flat:

@@ -114,7 +114,7 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
     for record in log.records():
         recorded, other = twin.step(record)
         faithful = faithful and not differences(record.decision, recorded, log.not_compared)
-        change = compare(recorded, other, log.mission.motion == "ground")
+        change = compare(recorded, other, log.mission.planar)
         if change is not None:
             changes.append(change)
         decisions += 1

@@ -56,7 +56,7 @@ class Simulation:
         self._pose_position, self._pose_quaternion = self._pose[:3], self._pose[3:]
         self._timestep = timestep = float(scene.model.opt.timestep)
         self.steps_per_decision = steps = round(decision_period(scenario) / timestep)
-        legs = mission.motion == "ground"
+        legs = mission.planar
         self.estimate = PoseEstimate(scenario.config, timestep, steps, start, heading, legs)
         self.rolling = any(caster.table.moments > 1 for caster in scene.casters)
         self.step_poses = StepPoses(steps)

@@ -19,7 +19,7 @@ def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]
         InputError: The map or the costmap cannot be made for this mission with these settings, or
             its body cannot be planned for in the state space.
     """
-    planner, flat = config.planner, mission.motion == "ground"
+    planner, flat = config.planner, mission.planar
     try:
         state_space_for(planner.state_space, planner.name, flat=flat, discs=bool(mission.discs))
     except ValueError as error:

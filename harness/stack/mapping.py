@@ -93,7 +93,7 @@ class Mapper:
     def update_costmap(self, inputs: Inputs) -> None:
         """Bring the costmap up to date with the map, for inputs that it has taken in."""
         # All distances of a plane are worked out sooner than some of them are looked for.
-        self.costmap.update(self._margin(inputs), whole=self._mission.motion == "ground")
+        self.costmap.update(self._margin(inputs), whole=self._mission.planar)
 
     def update(self, inputs: Inputs) -> None:
         """Bring map and costmap to where a decision on these inputs would have them."""
@@ -102,7 +102,7 @@ class Mapper:
 
     def planning_point(self, position: Array) -> Array:
         """The point (3,) in the costmap's frame: ground robots plan in the plane of its layer."""
-        if self._mission.motion == "air":
+        if not self._mission.planar:
             return position.copy()
         layer = self.costmap.origin[2] + 0.5 * self.costmap.resolution
         return np.array([position[0], position[1], layer])
@@ -124,7 +124,7 @@ class Mapper:
         body_radius = self.costmap.inflation_radius + self._extra_radius
         radius = body_radius + config.episode.start_clear_radius
         x, y, z = mission.start
-        if mission.motion == "air":
+        if not mission.planar:
             self.map.mark_free_sphere((x, y, z), radius, 0)
             return
         low, high = (x - radius, y - radius), (x + radius, y + radius)
@@ -134,6 +134,6 @@ class Mapper:
 
 
 def _altitude_window(config: Config, mission: Mission) -> tuple[float, float]:
-    if mission.motion == "ground":
+    if mission.planar:
         return -math.inf, math.inf
     return config.motion.altitude_low, config.motion.altitude_high

@@ -156,7 +156,7 @@ class PlannerInputBuilder:
             optimistic=spaces.optimistic,
             cell_states=self._mapper.costmap.states_between,
             unknown_blocks=config.costmap.unknown_policy == "forbid",
-            turns_in_place=mission.motion == "ground",
+            turns_in_place=mission.planar,
             penalize_unknown=config.costmap.unknown_policy == "penalize",
             limits=_limits(config, mission),
             planner=config.planner,

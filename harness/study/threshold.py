@@ -15,7 +15,7 @@ import msgspec
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS
-from wayproof.harness.perturbations.perturbation import GREATEST
+from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.file import (
     CLEAN,
@@ -89,7 +89,7 @@ class Bracket:
         if self.survived < 0.0:
             return 0.0
         if math.isinf(self.failed):
-            return None if self.survived == GREATEST else GREATEST
+            return None if self.survived == MAX_SEVERITY else MAX_SEVERITY
         if self.failed - self.survived <= RESOLUTION:
             return None
         return (self.survived + self.failed) / 2.0
@@ -201,7 +201,7 @@ def brackets_of(study: StudyFile, question: Question, contents: Contents) -> lis
             f"at most {MOST_PLANNED} pairs"
         )
     for name in names:
-        perturbation_at(name, GREATEST)
+        perturbation_at(name, MAX_SEVERITY)
     clean = [one for one in plan_episodes(study, contents) if one.arm.perturbation == CLEAN]
     return [
         Bracket(replace(one.arm, perturbation=name), one.config) for one in clean for name in names

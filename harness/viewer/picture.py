@@ -183,7 +183,7 @@ class Stage:
         near = np.hypot(off[:, 0], off[:, 1]) < SIGHT
         for middle, half in zip(middles[near], halves[near], strict=True):
             self._add_box(middle, half + SKIN, OCCUPIED_COLOUR)
-        lift = np.array([0.0, 0.0, 0.05 if mission.motion == "ground" else 0.0])
+        lift = np.array([0.0, 0.0, 0.05 if mission.planar else 0.0])
         decision = moment.decision
         self._add_line(path_of(decision.global_path) + lift, 0.015, GUIDE)
         self._add_line(path_of(decision.trajectory.path) + lift, 0.035, COMMITTED)

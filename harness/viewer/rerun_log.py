@@ -195,7 +195,7 @@ def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
     ahead = rr.Arrows3D(vectors=[[1.6 * mission.radius, 0.0, 0.0]], radii=0.02, colors=BELIEVED)
     stream.log(f"{world}/robot/ahead", ahead, static=True)
     for name, colour in (("robot", BELIEVED), ("truth", TRUE)):
-        if mission.motion == "air":
+        if not mission.planar:
             size = [mission.radius, mission.radius, 0.5 * mission.height]
             body = rr.Ellipsoids3D(half_sizes=[size], colors=colour, fill_mode="densewireframe")
             stream.log(f"{world}/{name}/body", body, static=True)

@@ -178,7 +178,7 @@ def entered_unknown(log: Log) -> int:
     robot on the ground, which is not one ball.
     """
     mission = log.mission
-    if mission.motion == "ground":
+    if mission.planar:
         return 0
     navigator = build_navigator(log.config, mission, log.beams)
     entered: set[bytes] = set()

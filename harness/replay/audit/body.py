@@ -46,7 +46,7 @@ class Body:
     @property
     def flat(self) -> bool:
         """Whether it moves in the plane."""
-        return self.mission.motion == "ground"
+        return self.mission.planar
 
     @property
     def half_diagonal(self) -> float:

@@ -111,5 +111,5 @@ def standing_at_start(mission: Mission) -> pb.Trajectory:
 
 def apart(moment: Moment, a: Array, b: Array) -> float:
     """Distance between two places (3,), m, in the plane for a body on the ground."""
-    axes = 2 if moment.mission.motion == "ground" else 3
+    axes = moment.mission.axes
     return float(np.sqrt(((a - b)[:axes] ** 2).sum()))

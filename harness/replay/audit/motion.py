@@ -126,7 +126,7 @@ def check_deadline(moment: Moment) -> list[Violation]:
 
 def _stands(moment: Moment, trajectory: pb.Trajectory, before: pb.Trajectory) -> bool:
     """Whether a trajectory is the one before; a fork may put its layer at another height."""
-    axes = 2 if moment.mission.motion == "ground" else 3
+    axes = moment.mission.axes
     pairs = [
         (np.array(trajectory.arc_length), np.array(before.arc_length)),
         (np.array(trajectory.heading), np.array(before.heading)),

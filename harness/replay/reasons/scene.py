@@ -38,7 +38,7 @@ class Scene:
     @property
     def axes(self) -> int:
         """2 for a body that walks, 3 for one that flies."""
-        return 2 if self.mission.motion == "ground" else 3
+        return self.mission.axes
 
     @property
     def size(self) -> float:

@@ -12,7 +12,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import AnyPerturbation
-from wayproof.harness.perturbations.perturbation import GREATEST
+from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.falsify.search import Hunt, Tried, hunt, shorten
 from wayproof.harness.study.falsify.space import LEAST, Space
@@ -49,11 +49,13 @@ class Search:
         Raises:
             InputError: Naming the option.
         """
-        perturbation_at(self.name, GREATEST)
+        perturbation_at(self.name, MAX_SEVERITY)
         if not 0.0 < self.window <= 3600.0:
             raise InputError(f"--window {self.window:g}: expected more than 0 s, at most 3600")
-        if not LEAST < self.greatest <= GREATEST:
-            raise InputError(f"--greatest {self.greatest:g}: expected {LEAST:g} to {GREATEST:g}")
+        if not LEAST < self.greatest <= MAX_SEVERITY:
+            raise InputError(
+                f"--greatest {self.greatest:g}: expected {LEAST:g} to {MAX_SEVERITY:g}"
+            )
 
 
 @dataclass(frozen=True)

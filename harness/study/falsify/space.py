@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.perturbations import PERTURBATIONS, AnyPerturbation
-from wayproof.harness.perturbations.perturbation import GREATEST
+from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.file import perturbation_at
 
 LEAST = 0.05
@@ -32,7 +32,7 @@ class Space:
     name: str
     latest: float
     length: float
-    greatest: float = GREATEST
+    greatest: float = MAX_SEVERITY
 
     @property
     def parameters(self) -> dict[str, tuple[float, float]]:

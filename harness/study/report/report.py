@@ -11,7 +11,7 @@ import jinja2
 
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import METRICS, read_trace
-from wayproof.harness.perturbations.perturbation import GREATEST
+from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.analysis import ArmSummary, Sample, samples_of
 from wayproof.harness.study.file import CLEAN, Arm, name_of, plan_episodes
 from wayproof.harness.study.gates import gate_advice, interval_in_words
@@ -132,7 +132,7 @@ def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:
 
 def _borne(margins: Sequence[Margin]) -> list[Borne]:
     return [
-        Borne(one, margin_in_words(one), borne(one.critical, GREATEST, "severity"))
+        Borne(one, margin_in_words(one), borne(one.critical, MAX_SEVERITY, "severity"))
         for one in margins
         if one.critical
     ]
