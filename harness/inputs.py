@@ -23,8 +23,8 @@ from wayproof.models.sensors.beams import (
     NO_RETURN,
     BeamTable,
     directions,
-    moment_offsets,
-    moments,
+    pose_indices,
+    pose_offsets,
     ray_ranges,
     rotate,
 )
@@ -100,8 +100,8 @@ class Beams:
         self.table = table
         self.range = range
         self.rate = rate
-        self._ages = -1e-9 * moment_offsets(table, round(1e9 / rate))
-        self._moments = moments(table)
+        self._ages = -1e-9 * pose_offsets(table, round(1e9 / rate))
+        self._moments = pose_indices(table)
         self._directions = directions(table, 0)
         self._position_base_sensor = position_base_sensor
         self._R_base_sensor = R_base_sensor
@@ -118,7 +118,7 @@ class Beams:
                 f"sweep of '{sweep.sensor}': {len(sweep.ranges_mm)} beams, "
                 f"expected {self.table.beams}"
             )
-        if self.table.order == "pairs":
+        if self.table.non_repetitive:
             self._directions = directions(self.table, sequence)
         origins, rotations = self._poses(pose)
         one = len(rotations) == 1
@@ -129,7 +129,7 @@ class Beams:
     def _poses(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where the sensor is believed to have been: (m, 3) in m and (m, 3, 3), world."""
         positions, rotations = pose.position[None], pose.rotation[None]
-        if self.table.moments > 1:
+        if self.table.scan_poses > 1:
             if pose.trail is None:
                 raise InputError("pose without a trail, expected one for a rolling shutter")
             positions, rotations = pose.trail.before_now(self._ages)
@@ -293,7 +293,7 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
             order=info.order,  # type: ignore[arg-type]  # the table checks it
             row_step=info.row_step,
             column_step=info.column_step,
-            moments=info.scan_poses,
+            scan_poses=info.scan_poses,
             measures=info.measures,  # type: ignore[arg-type]
         )
     except ValueError as error:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wayproof.models.sensors.beams import directions
 from wayproof.models.sensors.caster import ROBOT_GROUP
-from wayproof.models.sensors.devices import Mount, Rangefinder
+from wayproof.models.sensors.devices import Mount
 from wayproof.models.solids import distance_to, holds
 
 OLDEST_MUJOCO = (4, 0)
@@ -84,7 +84,7 @@ class _View:
         self.mount = mount
         self.origin = data.site_xpos[site]
         self.R_world_sensor = data.site_xmat[site].reshape(3, 3)
-        if isinstance(mount.device, Rangefinder):  # MuJoCo's own looks past its body, in any group
+        if mount.device.by_mujoco:  # past its own body, in any group
             visible = _opaque(model) & (model.geom_bodyid != model.site_bodyid[site])
         else:
             visible = _visible(model)
@@ -159,7 +159,7 @@ def _own_body_seen(view: _View, base: int) -> Iterator[Finding]:
     met = [int(geom) for geom in view.visible[own] if view.meets(int(geom))]
     if not met:
         return
-    if isinstance(mount.device, Rangefinder):
+    if mount.device.by_mujoco:
         expected = "a free view: a <rangefinder> leaves out its own body alone"
     else:
         expected = f"group {ROBOT_GROUP}, which its beams leave out"

@@ -11,7 +11,7 @@ from wayproof.models.classes import CLASSES
 from wayproof.models.robots import Controller, Robot
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import Caster, make_caster
-from wayproof.models.sensors.devices import DEVICES, OWN, Device, Mount, Rangefinder, SensorConfig
+from wayproof.models.sensors.devices import DEVICES, OWN, Device, Mount, SensorConfig
 from wayproof.models.worlds import World
 
 FLOOR = CLASSES.index("floor")
@@ -72,23 +72,24 @@ def bind(mjcf: str, robot: Robot, sensors: SensorConfig | None = None, threads: 
         controller=robot.controller(model, ROBOT_PREFIX),
         casters=tuple(
             make_caster(model, mount, base, ROBOT_PREFIX, sensors, threads)
-            for mount in equip(robot.spec.mounts, sensors)
+            for mount in mount_devices(robot.spec.mounts, sensors)
         ),
         base=base,
         floor=tuple(np.flatnonzero(model.geom_user[:, 0] == FLOOR).tolist()),
     )
 
 
-def equip(mounts: tuple[Mount, ...], sensors: SensorConfig) -> tuple[Mount, ...]:
-    """A robot's mounts with the devices that the config puts there.
+def mount_devices(mounts: tuple[Mount, ...], sensors: SensorConfig) -> tuple[Mount, ...]:
+    """Return a robot's mounts with the devices that the config names.
 
     Raises:
-        ValueError: The robot has no such mount, or the device there is of the other sort: a sweep
-            cannot replace a `<rangefinder>`, nor the other way round.
+        ValueError: The robot has no such mount, or the device is one that MuJoCo measures, for
+            which the robot's MJCF has no sensor.
     """
-    wanted = {name: getattr(sensors, name) for name in ("lidar", "depth")}
+    fitting = [name for name, device in DEVICES.items() if not device.by_mujoco]
     own = {mount.name: mount for mount in mounts}
-    for name, device in wanted.items():
+    for name in ("lidar", "depth"):
+        device = getattr(sensors, name)
         if device == OWN:
             continue
         if name not in own:
@@ -96,8 +97,7 @@ def equip(mounts: tuple[Mount, ...], sensors: SensorConfig) -> tuple[Mount, ...]
                 f"sensors.{name}: got '{device}', but the robot has no mount '{name}' "
                 f"(available: {', '.join(own)})"
             )
-        if device not in DEVICES or isinstance(DEVICES[device], Rangefinder):
-            fitting = [k for k, v in DEVICES.items() if not isinstance(v, Rangefinder)]
+        if device not in fitting:
             raise ValueError(
                 f"sensors.{name}: got '{device}', expected a lidar or a camera "
                 f"(available: {', '.join(fitting)})"
@@ -107,11 +107,11 @@ def equip(mounts: tuple[Mount, ...], sensors: SensorConfig) -> tuple[Mount, ...]
 
 
 def resolve(mounts: tuple[Mount, ...], sensors: SensorConfig) -> SensorConfig:
-    """The config with the names of the devices that stand where it left the robot's own."""
-    names = {mount.name: device_name(mount.device) for mount in equip(mounts, sensors)}
+    """Return the config with the robot's own devices named instead of `own`."""
+    names = {mount.name: device_name(mount.device) for mount in mount_devices(mounts, sensors)}
     return replace(sensors, lidar=names.get("lidar", OWN), depth=names.get("depth", OWN))
 
 
 def device_name(device: Device) -> str:
-    """What `DEVICES` calls a device; `own` if it is not in there."""
+    """Return the name of a device in `DEVICES`; `own` if it is not there."""
     return next((name for name, known in DEVICES.items() if known == device), OWN)

@@ -19,14 +19,10 @@ from wayproof.models.robots import ROBOTS, Robot, RobotSpec
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.scene import Scene, bind, compose, device_name, resolve
 from wayproof.models.sensors.caster import Caster
-from wayproof.models.sensors.devices import DepthCamera, Device, Rangefinder
 from wayproof.models.worlds import World, shortest_path_length
 from wayproof.models.worlds.solvability import AIR_BANDS
 
 Point = tuple[float, float, float]
-
-KINDS: dict[type[Device], str] = {DepthCamera: "depth_camera", Rangefinder: "rangefinder"}
-"""What a log calls a sort of device, where it is no lidar."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +147,7 @@ def sensor_info(caster: Caster) -> pb.SensorInfo:
     position, R = caster.mounting
     return pb.SensorInfo(
         name=caster.mount.name,
-        kind=KINDS.get(type(device), "lidar"),
+        kind=device.kind,
         device=device_name(device),
         source=device.source,
         range_m=device.range,
@@ -161,7 +157,7 @@ def sensor_info(caster: Caster) -> pb.SensorInfo:
         beams=table.beams,
         row_step=table.row_step,
         column_step=table.column_step,
-        scan_poses=table.moments,
+        scan_poses=table.scan_poses,
         row_width=table.rows.shape[1],
         rows=table.rows.ravel().tolist(),
         columns=table.columns.ravel().tolist(),

@@ -49,7 +49,7 @@ class Sensors:
 
     def _sweep(self, caster: Caster, trail: Trail, sequence: int, time_ns: int) -> pb.Sweep:
         table = caster.table
-        rows = len(table.rows) if table.order == "grid" else 1
+        rows = table.image_rows
         ranges, classes = self._injector.cast(caster, self._simulation.data, trail, sequence)
         message = pb.Sweep(
             sequence=sequence,

@@ -58,7 +58,7 @@ class Simulation:
         self.steps_per_decision = steps = round(decision_period(scenario) / timestep)
         legs = mission.planar
         self.estimate = PoseEstimate(scenario.config, timestep, steps, start, heading, legs)
-        self.rolling = any(caster.table.moments > 1 for caster in scene.casters)
+        self.rolling = any(caster.table.scan_poses > 1 for caster in scene.casters)
         self.step_poses = StepPoses(steps)
         self._following = trajectory
         self._upcoming: deque[tuple[int, Trajectory]] = deque()  # with their arrival, ns

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from wayproof.models.rays.caster import TileCaster
-from wayproof.models.rays.kernels import Pattern
+from wayproof.models.rays.records import Pattern
 from wayproof.models.rays.tiles import cut_grid, cut_scattered
 from wayproof.models.sensors.beams import rotate
 

@@ -1,4 +1,4 @@
-"""A sweep of beams against MuJoCo's geoms, a tile of neighbouring beams at a time."""
+"""Caster of sweeps against MuJoCo's geoms, a tile of neighbouring beams at a time."""
 
 from __future__ import annotations
 
@@ -9,22 +9,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.rays.bounds import turn_cones, view_geoms
 from wayproof.models.rays.geometry import Geometry
-from wayproof.models.rays.kernels import (
-    Geoms,
-    Pattern,
-    Room,
-    Sweep,
-    cast_blocks,
-    look,
-    turn_cones,
-)
 from wayproof.models.rays.normals import surface_normals
+from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep
+from wayproof.models.rays.surface_kernels import Beams, SurfaceHits
 from wayproof.models.rays.surfaces import Surfaces
+from wayproof.models.rays.tile_kernels import cast_blocks
 
 
 class TileCaster:
-    """Casts patterns of beams against a model's primitives, meshes and height fields.
+    """Caster of patterns of beams against a model's primitives, meshes and height fields.
 
     Distances and geom ids are those of `mujoco.mj_ray`. Beams start anywhere, inside geoms too.
     The same inputs give the same bits, on any number of threads.
@@ -43,7 +38,7 @@ class TileCaster:
             model: Its static geoms and its heights must stay as they are.
             group_mask: (6,) non-zero for each geom group that beams meet.
             range: Longest distance of a hit, m.
-            threads: That a sweep is cast on.
+            threads: Number of threads that a sweep is cast on.
 
         Raises:
             ValueError: A ray-visible geom is an SDF, which only MuJoCo's caster can do; the range
@@ -71,16 +66,16 @@ class TileCaster:
         Args:
             data: Geom poses of all that moves; a rolling sweep meets them all as they are now.
             pattern: By `cut_grid` or `cut_scattered`.
-            origins: (3,) or, for each of m moments, (m, 3) in the world, m.
+            origins: (3,) or, for each of m scan poses, (m, 3) in the world, m.
             R_world_sensor: (3, 3) or (m, 3, 3). With one pose all beams leave from it, whatever
-                the pattern's moments.
+                the pattern's pose indices.
 
         Returns:
             Distances (n,) in m and geom ids (n,), in the order in which the beams were given to
             the pattern; -1 and -1 for a miss.
 
         Raises:
-            ValueError: Numbers of origins, rotations and moments do not fit each other.
+            ValueError: Numbers of origins, rotations and pose indices differ.
         """
         distance, geom_id, _ = self._cast(data, pattern, *_poses(pattern, origins, R_world_sensor))
         return distance, geom_id
@@ -92,7 +87,7 @@ class TileCaster:
         origins: NDArray[np.float64],
         R_world_sensor: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-        """Cast a sweep as `cast` does, and tell the surfaces' attitude where they are met.
+        """Cast a sweep as `cast` does, with the normals of the surfaces that the beams meet.
 
         Returns:
             Distances (n,), geom ids (n,) and unit normals (n, 3) in the world, zeros for a miss;
@@ -100,12 +95,12 @@ class TileCaster:
         """
         starts, rotations = _poses(pattern, origins, R_world_sensor)
         distance, geom_id, face = self._cast(data, pattern, starts, rotations)
-        moment = np.empty(len(distance), np.int32)
-        moment[pattern.places] = pattern.moments if len(starts) > 1 else 0
+        indices = np.empty(len(distance), np.int32)
+        indices[pattern.places] = pattern.pose_indices if len(starts) > 1 else 0
         beams = np.empty((len(distance), 3))
         beams[pattern.places] = pattern.beams.T
-        directions = np.einsum("nij,nj->ni", rotations[moment], beams)
-        points = starts[moment] + distance[:, None] * directions
+        directions = np.einsum("nij,nj->ni", rotations[indices], beams)
+        points = starts[indices] + distance[:, None] * directions
         normals = surface_normals(data, self._surfaces, geom_id, face, points)
         return distance, geom_id, normals
 
@@ -116,7 +111,7 @@ class TileCaster:
         origins: NDArray[np.float64],
         rotations: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
-        """Hits on primitives first, then what of meshes and height fields is nearer."""
+        """Cast at primitives first, then keep nearer hits on meshes and height fields."""
         self._geometry.refresh(data)
         self._surfaces.refresh(data)
         geoms, surfaces = self._geometry.geoms, self._surfaces
@@ -124,19 +119,18 @@ class TileCaster:
         beams = len(pattern.places)
         distance, geom_id = np.full(beams, -1.0), np.full(beams, -1, np.int32)
         face = np.full(beams if len(surfaces) else 0, -1, np.int32)
+        aimed = Beams(pattern.beams, pattern.places, pattern.pose_indices, origins, rotations)
+        hits = SurfaceHits(distance, geom_id, face)
 
         def meet_primitives(share: int) -> None:
-            # Neighbouring blocks take about as long: each thread gets every so many of them.
+            # Neighbouring blocks take about as long, so each thread gets every n-th one.
             room = _room(pattern, geoms)
             cast_blocks(share, self._threads, pattern, geoms, sweep, room, distance, geom_id)
 
         def meet_surfaces(share: int) -> None:
             tiles = len(pattern.tile_starts) - 1
             first, last = (tiles * k // self._threads for k in (share, share + 1))
-            surfaces.meet(
-                pattern, pattern.moments, origins, rotations, self._range,
-                distance, geom_id, face, first, last,
-            )  # fmt: skip
+            surfaces.meet(pattern.tile_starts[first : last + 1], aimed, self._range, hits)
 
         self._share(meet_primitives)
         if len(surfaces):
@@ -144,7 +138,7 @@ class TileCaster:
         return distance, geom_id, face
 
     def _share(self, work: Callable[[int], None]) -> None:
-        """Do each thread's share of some work."""
+        """Run `work` once for each thread, given the thread's number."""
         others = []
         if self._pool is not None:
             others = [self._pool.submit(work, share) for share in range(1, self._threads)]
@@ -156,21 +150,23 @@ class TileCaster:
 def _poses(
     pattern: Pattern, origins: NDArray[np.float64], R_world_sensor: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Origins (m, 3) and rotations (m, 3, 3) of the moments."""
+    """Origins (m, 3) and rotations (m, 3, 3) of the pose_indices."""
     o = _several("origins", origins, (3,))
     R = _several("R_world_sensor", R_world_sensor, (3, 3))
     m = max(len(o), len(R))
     if len(o) not in (1, m) or len(R) not in (1, m):
         raise ValueError(f"poses: got {len(o)} origins, {len(R)} rotations, expected as many")
-    if m > 1 and pattern.moments.max() >= m:
-        raise ValueError(f"moments: got up to {pattern.moments.max()}, expected less than {m}")
+    if m > 1 and pattern.pose_indices.max() >= m:
+        raise ValueError(
+            f"pose_indices: got up to {pattern.pose_indices.max()}, expected less than {m}"
+        )
     # Copies, as numba compiles anew for arrays that may not be written to.
-    o, R = (np.repeat(one, m // len(one), axis=0) for one in (o, R))
+    o, R = (np.repeat(array, m // len(array), axis=0) for array in (o, R))
     return o, R
 
 
 def _several(name: str, got: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """One array of a shape, or several of them, as several."""
+    """Return one array of a shape, or several of them, as several."""
     array = np.asarray(got, np.float64)
     if array.size == 0 or shape not in (array.shape, array.shape[1:]):
         raise ValueError(f"{name}: got shape {array.shape}, expected {shape} or several of these")
@@ -184,10 +180,10 @@ def _survey(
     rotations: NDArray[np.float64],
     limit: float,
 ) -> Sweep:
-    """How the beams and, nearest first, the geoms lie in the world."""
+    """Place the beams and, nearest first, the geoms in the world."""
     spread = float(np.sqrt(((origins - origins[0]) ** 2).sum(axis=1).max()))
     local, views = np.empty((len(geoms.ids), 3)), np.empty((6, len(geoms.ids)))
-    look(origins[0], spread, geoms, local, views)
+    view_geoms(origins[0], spread, geoms, local, views)
     order = np.argsort(views[0], kind="stable")
     beams, R = pattern.beams, rotations[0]
     tile_cones, block_cones = np.empty_like(pattern.tile_cones), np.empty_like(pattern.block_cones)
@@ -217,7 +213,7 @@ def _room(pattern: Pattern, geoms: Geoms) -> Room:
     return Room(
         v=np.empty((3, w)),
         starts=np.empty((3, w)),
-        spots=np.empty((3, w)),
+        local_starts=np.empty((3, w)),
         reach=np.empty(w),
         best=best,
         best_bits=best.view(np.int64),

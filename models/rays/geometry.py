@@ -1,4 +1,4 @@
-"""What a beam can meet: the ray-visible geoms of a model as plain tables."""
+"""Ray-visible geoms of a model as plain tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.rays.kernels import Geoms
+from wayproof.models.rays.records import Geoms
 
 PRIMITIVES = tuple(
     int(kind)

@@ -7,24 +7,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Array
-from wayproof.models.rays import surface_kernels
 from wayproof.models.rays.geometry import PRIMITIVES, shape_name, visible
-from wayproof.models.rays.kernels import Pattern
-from wayproof.models.rays.surface_kernels import Placed, Soup
+from wayproof.models.rays.packets import NORMAL, TRIANGLE_COLUMNS
+from wayproof.models.rays.surface_kernels import Beams, Placed, Soup, SurfaceHits, meet_tiles
 from wayproof.models.rays.tree import Tree, build_tree
 
 MESH, HEIGHT_FIELD = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 SHAPES = (MESH, HEIGHT_FIELD)
-"""MuJoCo's `mjtGeom` of all that is made of triangles here."""
-
-RAYS_AT_A_TIME = 64
-"""Arbitrary rays in place of a tile."""
+"""MuJoCo's `mjtGeom` of the shapes that are made of triangles here."""
 
 
 class Surfaces:
     """The ray-visible meshes and height fields of one model, posed where they are now.
 
-    A pass over rays that already have their hits on primitives, and that keeps the nearer hits.
+    `meet` passes over beams that already have their hits on primitives and keeps the nearer ones.
     Triangles are met from either side and without gaps between neighbours. Flexes and skins are no
     geoms: neither `mujoco.mj_ray` nor this meets them.
     """
@@ -55,72 +51,33 @@ class Surfaces:
         return len(self._geoms)
 
     def refresh(self, data: mujoco.MjData) -> None:
-        """Take over the poses of all that can move; call `mujoco.mj_kinematics` first."""
+        """Update the poses of all that can move; call `mujoco.mj_kinematics` first."""
         if self._moves:
             self._placed = self._place(data)
 
     def meet(
         self,
-        pattern: Pattern,
-        moments: NDArray[np.int32],
-        origins: Array,
-        rotations: Array,
+        starts: NDArray[np.int64],
+        beams: Beams,
         range: float,
-        distance: Array,
-        geom_id: NDArray[np.int32],
-        face: NDArray[np.int32],
-        first_tile: int,
-        last_tile: int,
+        hits: SurfaceHits,
     ) -> None:
         """Keep the nearer hits of some tiles of a sweep; of equal ones the lower geom id's.
 
         Tiles write to places of their own, so that threads may share a sweep.
 
         Args:
-            pattern: n beams in tiles.
-            moments: (n,) pose of the sensor at each beam, in the order of `pattern.beams`; of no
-                matter when there is one pose.
-            origins: (m, 3) of the sensor in the world, m.
-            rotations: (m, 3, 3) R_world_sensor.
+            starts: (t + 1,) first beam of each of these tiles, and one past the last beam.
+            beams: Beams of the sweep.
             range: Longest distance of a hit, m; finite.
-            distance: (n,) row-major as the sensor's beams: hits so far, m, and -1 for none.
-            geom_id: (n,) likewise.
-            face: (n,) likewise, for `normals`; -1 for hits so far.
-            first_tile: First of the tiles.
-            last_tile: One past the last.
+            hits: Hits so far; nearer ones are written over them.
         """
-        starts = pattern.tile_starts[first_tile : last_tile + 1]
         if len(self) and len(starts) > 1:
-            surface_kernels.meet_tiles(
-                int(np.diff(starts).max()), pattern.beams, pattern.places, moments, starts,
-                origins, rotations, self._soup, self._placed, range, distance, geom_id, face,
-            )  # fmt: skip
-
-    def meet_rays(
-        self,
-        origins: Array,
-        directions: Array,
-        range: float,
-        distance: Array,
-        geom_id: NDArray[np.int32],
-        face: NDArray[np.int32],
-    ) -> None:
-        """Keep the nearer hits of rays (n, 3) and (n, 3) in the world; the rest as in `meet`."""
-        count = len(origins)
-        if len(self) and count:
-            # Each ray is a beam of its own sensor, which is not turned.
-            starts = np.append(np.arange(0, count, RAYS_AT_A_TIME), count)
-            surface_kernels.meet_tiles(
-                RAYS_AT_A_TIME, np.ascontiguousarray(directions.T), np.arange(count),
-                np.arange(count, dtype=np.int32), starts, origins,
-                np.tile(np.eye(3), (count, 1, 1)), self._soup, self._placed, range, distance,
-                geom_id, face,
-            )  # fmt: skip
+            meet_tiles(starts, beams, self._soup, self._placed, range, hits)
 
     def face_normals(self, face: NDArray[np.int32]) -> Array:
-        """Unit normals (k, 3) of faces (k,) in their geom's frame, out of the solid."""
-        column = surface_kernels.NORMAL
-        normal = self._soup.triangles[face, column : column + 3]
+        """Return unit normals (k, 3) of faces (k,) in their geom's frame, out of the solid."""
+        normal = self._soup.triangles[face, NORMAL : NORMAL + 3]
         return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
     def _place(self, data: mujoco.MjData) -> Placed:
@@ -151,7 +108,7 @@ def _gather(model: mujoco.MjModel, ids: NDArray[np.int32]) -> tuple[Soup, NDArra
     roots = np.empty(len(ids), np.int32)
     root_of: dict[tuple[int, int], int] = {}
     trees: list[Tree] = []
-    tables: list[Array] = [np.empty((0, surface_kernels.TRIANGLE_COLUMNS))]
+    tables: list[Array] = [np.empty((0, TRIANGLE_COLUMNS))]
     nodes, triangles = 0, 0
     for row, geom in enumerate(ids):
         asset = int(model.geom_type[geom]), int(model.geom_dataid[geom])
@@ -176,10 +133,10 @@ def _table(corners: Array) -> Array:
     following = np.roll(corners, -1, axis=1)
     edges = following - corners  # (t, 3, 3)
     # From the middle of an edge: both triangles at it get the same numbers, but for the sign.
-    moments = np.cross((corners + following) / 2, edges)
+    pose_indices = np.cross((corners + following) / 2, edges)
     normals = np.cross(corners[:, 0] - corners[:, 2], corners[:, 1] - corners[:, 2])
     offsets = np.einsum("ti,ti->t", normals, corners[:, 2])
-    sides = np.concatenate([moments, edges], axis=2).reshape(-1, 18)
+    sides = np.concatenate([pose_indices, edges], axis=2).reshape(-1, 18)
     return np.concatenate([sides, normals, offsets[:, None]], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""A pattern of beams cut into tiles of neighbours, each inside a cone."""
+"""Cutting of beam patterns into tiles of neighbours, each inside a cone."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
-from wayproof.models.rays.kernels import Pattern, fit_cones
+from wayproof.models.rays.bounds import fit_cones
+from wayproof.models.rays.records import Pattern
 
 TILE = 8
 """Beams along each side of a tile: enough to fill vector registers, few enough to be narrow."""
@@ -15,39 +16,39 @@ BLOCK = 4
 """Tiles along each side of a block, which rules geoms out for all its tiles at once."""
 
 CURVE_BITS = 8
-"""The sphere of directions is cut into 2^8 x 2^8 cells: as many as 16 bits number, which numpy
-sorts fastest, and far smaller than a tile of any sensor."""
+"""Bits of each cell coordinate on the sphere: 2^8 x 2^8 cells are as many as 16 bits number, which
+numpy sorts fastest, and far smaller than a tile of any sensor."""
 
 
 def cut_grid(
     directions: NDArray[np.float64],
     rows: int,
     columns: int,
-    moments: NDArray[np.int32] | None = None,
+    pose_indices: NDArray[np.int32] | None = None,
 ) -> Pattern:
     """Cut a grid of beams into square tiles and blocks.
 
     Args:
         directions: (rows * columns, 3) unit vectors, sensor frame, row-major.
-        rows: Of the grid.
-        columns: Likewise.
-        moments: (rows * columns,) which of the sweep's sensor poses each beam leaves from; all
-            from one if left out.
+        rows: Number of rows of the grid.
+        columns: Number of columns.
+        pose_indices: (rows * columns,) scan pose that each beam leaves from; all from one if left
+            out.
 
     Raises:
         ValueError: There is no beam, or one is no unit vector; MuJoCo ends the process on a ray
-            without length. Or a shape is wrong, or a moment negative.
+            without length. Or a shape is wrong, or a pose index negative.
     """
     if rows * columns == 0:
         raise ValueError(f"beams: got {rows} rows x {columns} columns, expected at least one each")
     if len(directions) != rows * columns:
         raise ValueError(f"beams: got {len(directions)}, expected {rows} rows x {columns} columns")
     places, tile_starts, block_starts = _order(rows, columns)
-    return _pattern(directions, moments, places, tile_starts, block_starts)
+    return _pattern(directions, pose_indices, places, tile_starts, block_starts)
 
 
 def cut_scattered(
-    directions: NDArray[np.float64], moments: NDArray[np.int32] | None = None
+    directions: NDArray[np.float64], pose_indices: NDArray[np.int32] | None = None
 ) -> Pattern:
     """Cut beams in any order into tiles of neighbours; cheap enough to do it for every sweep.
 
@@ -56,7 +57,7 @@ def cut_scattered(
 
     Args:
         directions: (n, 3) unit vectors, sensor frame.
-        moments: (n,) as for `cut_grid`.
+        pose_indices: (n,) as for `cut_grid`.
 
     Raises:
         ValueError: As for `cut_grid`.
@@ -67,19 +68,21 @@ def cut_scattered(
     number_cells(np.array(directions, np.float64, order="C"), cells)
     places = np.argsort(cells, kind="stable")
     tile_starts = _runs(len(places), TILE * TILE)
-    return _pattern(directions, moments, places, tile_starts, _runs(len(tile_starts) - 1, BLOCK**2))
+    return _pattern(
+        directions, pose_indices, places, tile_starts, _runs(len(tile_starts) - 1, BLOCK**2)
+    )
 
 
 def _pattern(
     directions: NDArray[np.float64],
-    moments: NDArray[np.int32] | None,
+    pose_indices: NDArray[np.int32] | None,
     places: NDArray[np.int64],
     tile_starts: NDArray[np.int64],
     block_starts: NDArray[np.int64],
 ) -> Pattern:
-    _check(directions, moments)
-    if moments is None:
-        moments = np.zeros(len(places), np.int32)
+    _check(directions, pose_indices)
+    if pose_indices is None:
+        pose_indices = np.zeros(len(places), np.int32)
     beams = np.ascontiguousarray(np.asarray(directions, np.float64)[places].T)
     tile_cones, block_cones = (
         np.empty((len(tile_starts) - 1, 5)),
@@ -94,26 +97,28 @@ def _pattern(
         tile_cones=tile_cones,
         block_starts=block_starts,
         block_cones=block_cones,
-        moments=np.asarray(moments, np.int32)[places],
+        pose_indices=np.asarray(pose_indices, np.int32)[places],
     )
 
 
-def _check(directions: NDArray[np.float64], moments: NDArray[np.int32] | None) -> None:
+def _check(directions: NDArray[np.float64], pose_indices: NDArray[np.int32] | None) -> None:
     squared = np.einsum("ij,ij->i", directions, directions)
     if not (np.abs(squared - 1.0) < 2e-9).all():
         worst = int(np.argmax(np.abs(squared - 1.0)))
         raise ValueError(f"beam {worst}: got length {np.sqrt(squared[worst]):g}, expected 1")
-    if moments is not None:
-        if np.shape(moments) != (len(directions),):
-            raise ValueError(f"moments: got shape {np.shape(moments)}, expected one a beam")
-        if np.min(moments) < 0:
-            raise ValueError(f"moments: got {np.min(moments)}, expected none below 0")
+    if pose_indices is not None:
+        if np.shape(pose_indices) != (len(directions),):
+            raise ValueError(
+                f"pose_indices: got shape {np.shape(pose_indices)}, expected one a beam"
+            )
+        if np.min(pose_indices) < 0:
+            raise ValueError(f"pose_indices: got {np.min(pose_indices)}, expected none below 0")
 
 
 def _order(
     rows: int, columns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Places block by block and, inside a block, tile by tile; starts of tiles and of blocks."""
+    """Return places block by block, inside them tile by tile, and starts of tiles and blocks."""
     grid = np.arange(rows * columns).reshape(rows, columns)
     tiles: list[NDArray[np.int64]] = []
     block_starts = [0]
@@ -134,13 +139,13 @@ def _squares(grid: NDArray[np.int64], side: int) -> list[NDArray[np.int64]]:
 
 
 def _runs(count: int, length: int) -> NDArray[np.int64]:
-    """Starts of runs of `length`, the last one shorter, and the count."""
+    """Return the starts of runs of `length`, the last one shorter, and the count."""
     return np.append(np.arange(0, count, length), count)
 
 
 @kernel
 def number_cells(directions: NDArray[np.float64], cells: NDArray[np.uint16]) -> None:
-    """Place of each direction's cell on a Hilbert curve over the octahedral map of the sphere.
+    """Number each direction's cell along a Hilbert curve over the octahedral map of the sphere.
 
     The map (Cigolle et al. 2014, "A survey of efficient representations for independent unit
     vectors") has its seam behind the sensor. The walk down the curve is that of Hilbert 1891.

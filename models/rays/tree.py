@@ -1,4 +1,4 @@
-"""A tree of boxes over items, so that a ray is tried on few of them."""
+"""Trees of boxes over items (bounding volume hierarchies), so that a ray is tried on few."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from wayproof.models._jit import kernel
 from wayproof.models.arrays import Array
 
-MARGIN = 1e-9
-"""Boxes are wider than what they bound by this, m, so that rounding never rules out a hit."""
+BOX_MARGIN = 1e-9
+"""Excess of boxes over what they bound, m, so that rounding never rules out a hit."""
 
-LEAF = 4
-"""Items down to which nodes are split: about as many as cost what another box test costs."""
+LEAF_SIZE = 4
+"""Maximum number of items of a leaf: testing them costs about as much as another box test."""
 
 BINS = 16
-"""Places at which a split is tried; Wald 2007 finds 16 nearly as good as all."""
+"""Number of bins between which a split is tried; Wald 2007 finds 16 nearly as good as all."""
 
 MAX_SORTED_DEPTH = 48
-"""Below it nodes are halved by number, which bounds the depth whatever the geometry is."""
+"""Depth below which nodes are halved by number, which bounds the depth for any geometry."""
 
 DEEPEST = MAX_SORTED_DEPTH + 32
-"""Bound on the depth: 32-bit numbers of items cannot be halved more often."""
+"""Maximum depth: 32-bit numbers of items cannot be halved more often."""
 
 
 class Tree(NamedTuple):
@@ -42,55 +42,66 @@ class Tree(NamedTuple):
     order: NDArray[np.int32]
 
 
+class Items(NamedTuple):
+    """Boxes of n items, and the order in which the leaves list them.
+
+    Attributes:
+        lower: (n, 3) lower corners.
+        upper: (n, 3) upper corners.
+        order: (n,) every item once.
+    """
+
+    lower: Array
+    upper: Array
+    order: NDArray[np.int32]
+
+
 def build_tree(lower: Array, upper: Array) -> Tree:
-    """Tree over the boxes of n items with corners (n, 3) and (n, 3), none if there is no item."""
+    """Build the tree over n items with corners (n, 3) and (n, 3); it is empty without items."""
     count = len(lower)
     order = np.arange(count, dtype=np.int32)
     boxes, links = np.empty((2 * count, 6)), np.empty((2 * count, 3), np.int32)
     pending = np.empty((DEEPEST, 4), np.int64)
     bins, costs = np.empty((BINS + 1, 7)), np.empty(BINS)
-    nodes = grow_tree(lower, upper, order, boxes, links, pending, bins, costs) if count else 0
+    items = Items(lower, upper, order)
+    nodes = grow_tree(items, boxes, links, pending, bins, costs) if count else 0
     return Tree(boxes[:nodes].copy(), links[:nodes].copy(), order)
 
 
 @kernel
 def grow_tree(
-    lower: Array,
-    upper: Array,
-    order: NDArray[np.int32],
+    items: Items,
     boxes: Array,
     links: NDArray[np.int32],
     pending: NDArray[np.int64],
     bins: Array,
     costs: Array,
 ) -> int:
-    """Split from the root down by binned splits (Wald 2007); how many nodes that makes.
+    """Split from the root down by binned splits (Wald 2007); return the number of nodes.
 
     Args:
-        lower: (n, 3) lower corners, n >= 1.
-        upper: (n, 3) upper corners.
-        order: (n,) every item once; is brought into the order of the leaves.
-        boxes: (2 n, 6) and
-        links: (2 n, 3) are written, see `Tree`.
-        pending: (DEEPEST, 4) room for nodes that wait: node, first and last place, depth.
-        bins: (BINS + 1, 7) room for boxes and numbers of items, in the last row of one side.
-        costs: (BINS,) room for the costs of the left sides.
+        items: At least one; their order becomes that of the leaves.
+        boxes: (2 n, 6) is written, see `Tree`.
+        links: (2 n, 3) is written, see `Tree`.
+        pending: (DEEPEST, 4) scratch: nodes that wait, their first and last place, their depth.
+        bins: (BINS + 1, 7) scratch: boxes and numbers of items; the last row is of one side.
+        costs: (BINS,) scratch: costs of the left sides.
     """
-    pending[0, 0], pending[0, 1], pending[0, 2], pending[0, 3] = 0, 0, len(order), 0
+    pending[0, 0], pending[0, 1], pending[0, 2], pending[0, 3] = 0, 0, len(items.order), 0
     waiting, nodes = 1, 1
     while waiting > 0:
         waiting -= 1
         node, start, stop = pending[waiting, 0], pending[waiting, 1], pending[waiting, 2]
         depth = pending[waiting, 3] + 1
-        enclose(lower, upper, order, start, stop, boxes, node)
-        axis, low, high = widest_axis(lower, upper, order, start, stop)
-        if stop - start <= LEAF:
+        enclose(items, start, stop, boxes, node)
+        axis, low, high = widest_axis(items, start, stop)
+        if stop - start <= LEAF_SIZE:
             links[node, 0], links[node, 1], links[node, 2] = start, stop - start, axis
             continue
         middle = start
         if (high > low) & (depth < MAX_SORTED_DEPTH):
             scale = BINS / (high - low)
-            middle = split(lower, upper, order, start, stop, axis, low, scale, bins, costs)
+            middle = split(items, start, stop, axis, low, scale, bins, costs)
         if (middle == start) | (middle == stop):
             middle = (start + stop) // 2
         links[node, 0], links[node, 1], links[node, 2] = nodes, 0, axis
@@ -105,55 +116,45 @@ def grow_tree(
 
 
 @kernel
-def enclose(
-    lower: Array,
-    upper: Array,
-    order: NDArray[np.int32],
-    start: int,
-    stop: int,
-    boxes: Array,
-    node: int,
-) -> None:
-    """Write the box about some items and the margin about it."""
+def enclose(items: Items, start: int, stop: int, boxes: Array, node: int) -> None:
+    """Write the box about the items from `start` to `stop`, with the margin about it."""
+    lower, upper, order = items
     for k in range(3):
         low, high = math.inf, -math.inf
         for place in range(start, stop):
             item = order[place]
             low = lower[item, k] if lower[item, k] < low else low
             high = upper[item, k] if upper[item, k] > high else high
-        margin = MARGIN * (1.0 + abs(low) + abs(high))
+        margin = BOX_MARGIN * (1.0 + abs(low) + abs(high))
         boxes[node, k], boxes[node, 3 + k] = low - margin, high + margin
 
 
 @kernel
-def widest_axis(
-    lower: Array, upper: Array, order: NDArray[np.int32], start: int, stop: int
-) -> tuple[int, float, float]:
-    """Axis on which the middles of items spread most, and twice their least and greatest there."""
-    axis, least, greatest = 0, 0.0, -1.0
+def widest_axis(items: Items, start: int, stop: int) -> tuple[int, float, float]:
+    """Return the axis of the widest spread of middles, and twice their minimum and maximum, m."""
+    lower, upper, order = items
+    axis, lowest, highest = 0, 0.0, -1.0
     for k in range(3):
         low, high = math.inf, -math.inf
         for place in range(start, stop):
             middle = lower[order[place], k] + upper[order[place], k]
             low = middle if middle < low else low
             high = middle if middle > high else high
-        if high - low > greatest - least:
-            axis, least, greatest = k, low, high
-    return axis, least, greatest
+        if high - low > highest - lowest:
+            axis, lowest, highest = k, low, high
+    return axis, lowest, highest
 
 
 @kernel
 def bin_of(lower: Array, upper: Array, item: int, axis: int, low: float, scale: float) -> int:
-    """Bin of an item by its middle."""
+    """Return the bin of an item by its middle."""
     b = int((lower[item, axis] + upper[item, axis] - low) * scale)
     return b if b < BINS else BINS - 1
 
 
 @kernel
 def split(
-    lower: Array,
-    upper: Array,
-    order: NDArray[np.int32],
+    items: Items,
     start: int,
     stop: int,
     axis: int,
@@ -162,7 +163,8 @@ def split(
     bins: Array,
     costs: Array,
 ) -> int:
-    """Bring the items of the cheapest left side to the front; the first place of the right one."""
+    """Move the items of the cheapest left side to the front; return the right one's first place."""
+    lower, upper, order = items
     for b in range(BINS):
         clear(bins, b)
     for place in range(start, stop):
@@ -194,7 +196,7 @@ def clear(bins: Array, b: int) -> None:
 
 @kernel
 def gather(bins: Array, b: int) -> float:
-    """Widen the last row by bin b; the cost of the side that it then stands for."""
+    """Widen the last row by bin b; return the cost of the side that it then stands for."""
     for k in range(3):
         low, high = bins[b, k], bins[b, 3 + k]
         bins[BINS, k] = low if low < bins[BINS, k] else bins[BINS, k]
@@ -208,14 +210,14 @@ def gather(bins: Array, b: int) -> float:
 
 @kernel
 def cheapest_bin(bins: Array, costs: Array) -> int:
-    """Last bin of the left side, by the surface area heuristic (Goldsmith & Salmon 1987)."""
+    """Return the left side's last bin by the surface area heuristic (Goldsmith & Salmon 1987)."""
     clear(bins, BINS)
     for b in range(BINS):
         costs[b] = gather(bins, b)
     clear(bins, BINS)
-    last, least = 0, math.inf
+    last, cheapest = 0, math.inf
     for b in range(BINS - 1, 0, -1):
         cost = gather(bins, b) + costs[b - 1]
-        if cost < least:
-            last, least = b - 1, cost
+        if cost < cheapest:
+            last, cheapest = b - 1, cost
     return last

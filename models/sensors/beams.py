@@ -1,4 +1,4 @@
-"""Beams as data: where they point, when they leave, and the unsigned millimetres they report.
+"""Beams of a sensor as data: directions, scan poses and ranges in unsigned millimetres.
 
 Nothing here needs the simulator, so a log can be replayed without it: a decision rebuilds its beams
 bit by bit from the numbers of a `BeamTable`.
@@ -15,18 +15,19 @@ from numpy.typing import NDArray
 from wayproof.models._jit import kernel
 
 NO_RETURN = np.uint16(65535)
-"""A beam that met nothing within range: it clears space up to the sensor's range."""
+"""Report of a beam that met nothing within range: it clears space up to the sensor's range."""
 
 DROPPED = np.uint16(0)
-"""A beam without information: it neither clears nor occupies."""
+"""Report of a beam without information: it neither clears nor occupies."""
 
 MILLIMETRES = 1000.0
+"""Millimetres per metre."""
 
 LONGEST_RANGE = 65.534
 """Longest distance that a report can hold, m."""
 
-MOST_BEAMS = 1 << 24
-"""In one sweep: what a table says is checked before anything of that size is made."""
+MAX_BEAMS = 1 << 24
+"""Maximum number of beams in a sweep, checked before an array of that size is made."""
 
 Order = Literal["grid", "pairs"]
 Measures = Literal["range", "depth"]
@@ -34,7 +35,7 @@ Measures = Literal["range", "depth"]
 
 @dataclass(frozen=True, eq=False)
 class BeamTable:
-    """All that is needed to rebuild the beams of any sweep of one sensor.
+    """Tables from which the beams of any sweep of one sensor are rebuilt.
 
     A `grid` fires every row at every column, the same beams in every sweep. `pairs` never repeats a
     sweep: its beams step through rows and columns at two rates and go on where the sweep before
@@ -45,9 +46,9 @@ class BeamTable:
         columns: (c, 2) cos and sin of azimuth, or (c, 1) slopes y/x.
         beams: Beams in a sweep; r * c of a grid.
         order: `grid` or `pairs`.
-        row_step: Of pairs: rows from one beam to the next, up and down again.
-        column_step: Of pairs: columns from one beam to the next, modulo c.
-        moments: Sensor poses in one sweep, evenly spread over it; 1 is a global shutter.
+        row_step: Rows from one beam of `pairs` to the next, up and down again.
+        column_step: Columns from one beam of `pairs` to the next, modulo c.
+        scan_poses: Sensor poses in one sweep, evenly spread over it; 1 is a global shutter.
         measures: `range` along the beam, or `depth` along the x axis (slopes alone).
     """
 
@@ -57,14 +58,14 @@ class BeamTable:
     order: Order = "grid"
     row_step: int = 0
     column_step: int = 0
-    moments: int = 1
+    scan_poses: int = 1
     measures: Measures = "range"
 
     def __post_init__(self) -> None:
-        """Keep the tables as they are, for good.
+        """Check the tables and make them read-only.
 
         Raises:
-            ValueError: A table or a number that no sensor has; the message names it.
+            ValueError: A table or a number is no sensor's; the message names it.
         """
         for name in ("rows", "columns"):
             table = np.array(getattr(self, name), dtype=np.float64, order="C")
@@ -72,6 +73,16 @@ class BeamTable:
             object.__setattr__(self, name, table)
         _check_tables(self)
         _check_order(self)
+
+    @property
+    def non_repetitive(self) -> bool:
+        """Whether each sweep goes on where the one before ended, instead of firing one grid."""
+        return self.order == "pairs"
+
+    @property
+    def image_rows(self) -> int:
+        """Rows of a sweep as an image: those of a grid, else one."""
+        return 1 if self.non_repetitive else len(self.rows)
 
 
 def _check_tables(table: BeamTable) -> None:
@@ -95,24 +106,24 @@ def _check_order(table: BeamTable) -> None:
     full = len(table.rows) * len(table.columns)
     if table.order not in ("grid", "pairs"):
         raise ValueError(f"order: got '{table.order}', expected 'grid' or 'pairs'")
-    if table.order == "grid" and table.beams != full:
+    if not table.non_repetitive and table.beams != full:
         raise ValueError(f"beams: got {table.beams}, expected rows x columns = {full}")
-    if table.order == "pairs" and min(table.beams, table.row_step, table.column_step) < 1:
+    if table.non_repetitive and min(table.beams, table.row_step, table.column_step) < 1:
         raise ValueError(
             f"beams, row_step, column_step: got {table.beams}, {table.row_step}, "
             f"{table.column_step}, expected each >= 1"
         )
-    if table.beams > MOST_BEAMS:
-        raise ValueError(f"beams: got {table.beams}, expected at most {MOST_BEAMS}")
-    most = len(table.columns) if table.order == "grid" else table.beams
-    if not 1 <= table.moments <= most:
-        raise ValueError(f"moments: got {table.moments}, expected 1 to {most}")
+    if table.beams > MAX_BEAMS:
+        raise ValueError(f"beams: got {table.beams}, expected at most {MAX_BEAMS}")
+    limit = table.beams if table.non_repetitive else len(table.columns)
+    if not 1 <= table.scan_poses <= limit:
+        raise ValueError(f"scan_poses: got {table.scan_poses}, expected 1 to {limit}")
 
 
 def directions(table: BeamTable, sequence: int) -> NDArray[np.float64]:  # (beams, 3)
-    """Unit beam directions of one sweep in the sensor frame (x forward, y left, z up).
+    """Return unit beam directions of one sweep, sensor frame (x forward, y left, z up).
 
-    Of `pairs`, beam k of sweep s is the i-th since the start, i = s * beams + k. Its column is
+    For `pairs`, beam k of sweep s is the i-th since the start, i = s * beams + k. Its column is
     (i * column_step) mod c. Its row follows a triangle wave: with p = (i * row_step) mod 2r it is p
     on the way up, p < r, and 2r - 1 - p on the way down, so every row is met equally often.
 
@@ -120,10 +131,10 @@ def directions(table: BeamTable, sequence: int) -> NDArray[np.float64]:  # (beam
     rebuilt from logged tables are the same bits on every machine.
 
     Args:
-        table: See there.
+        table: Beams of the sensor.
         sequence: Number of the sweep, >= 0; a grid's beams do not depend on it.
     """
-    if table.order == "grid":
+    if not table.non_repetitive:
         return beam_directions(table.rows, table.columns)
     first = sequence * table.beams
     rows, columns = len(table.rows), len(table.columns)
@@ -134,42 +145,42 @@ def directions(table: BeamTable, sequence: int) -> NDArray[np.float64]:  # (beam
 
 
 def _steps(first: int, count: int, step: int, period: int) -> NDArray[np.int64]:
-    """((first + k) * step) mod period for k < count; reduced first, so nothing overflows."""
+    """Return ((first + k) * step) mod period for k < count; reduced first against overflow."""
     phase, step = int(first) * step % period, step % period
     return (phase + step * np.arange(count, dtype=np.int64)) % period
 
 
-def moments(table: BeamTable) -> NDArray[np.int32]:  # (beams,)
-    """Which of the sweep's sensor poses each beam leaves from, 0 the first.
+def pose_indices(table: BeamTable) -> NDArray[np.int32]:  # (beams,)
+    """Return the index of the scan pose that each beam leaves from.
 
-    A grid fires column after column in the order of its table, `pairs` beam after beam. Moment i of
-    m holds the beams of the i-th m-th of the sweep, and stands for the end of that part: the last
-    one is the sweep's end.
+    A grid fires column after column in the order of its table, `pairs` beam after beam. Of m poses
+    the i-th holds the beams of the i-th m-th of the sweep, and is the pose at the end of that part:
+    the last one is the sweep's end.
     """
-    if table.order == "pairs":
-        return _shares(table.beams, table.moments)
-    return np.tile(_shares(len(table.columns), table.moments), len(table.rows))
+    if table.non_repetitive:
+        return _shares(table.beams, table.scan_poses)
+    return np.tile(_shares(len(table.columns), table.scan_poses), len(table.rows))
 
 
 def _shares(count: int, parts: int) -> NDArray[np.int32]:
     return (np.arange(count, dtype=np.int64) * parts // count).astype(np.int32)
 
 
-def moment_offsets(table: BeamTable, period_ns: int) -> NDArray[np.int64]:  # (moments,)
-    """Time of each moment from the end of its sweep, ns: increasing, the last is 0.
+def pose_offsets(table: BeamTable, period_ns: int) -> NDArray[np.int64]:  # (scan_poses,)
+    """Return the time of each scan pose from the end of its sweep, ns: increasing, the last is 0.
 
     Args:
-        table: See there.
-        period_ns: From one sweep's end to the next.
+        table: Beams of the sensor.
+        period_ns: Time between the ends of two sweeps, ns.
     """
-    before_end = np.arange(table.moments - 1, -1, -1, dtype=np.int64)
-    return -(before_end * period_ns // table.moments)
+    before_end = np.arange(table.scan_poses - 1, -1, -1, dtype=np.int64)
+    return -(before_end * period_ns // table.scan_poses)
 
 
 def beam_directions(
     rows: NDArray[np.float64], columns: NDArray[np.float64]
 ) -> NDArray[np.float64]:  # (rows * columns, 3)
-    """Unit beam directions of a grid in the sensor frame, row-major; see `directions`.
+    """Return unit beam directions of a grid, sensor frame, row-major; see `directions`.
 
     Args:
         rows: (r, 2) cos and sin of elevation, or (r, 1) slopes z/x.
@@ -181,7 +192,7 @@ def beam_directions(
 def _unit_vectors(
     row: NDArray[np.float64], column: NDArray[np.float64]
 ) -> NDArray[np.float64]:  # (..., 3)
-    """Beams of rows (..., w) and columns (..., w) that broadcast against each other."""
+    """Return the beams of rows (..., w) and columns (..., w) that broadcast together."""
     if row.shape[-1] == 2:
         x = row[..., 0] * column[..., 0]
         y = row[..., 0] * column[..., 1]
@@ -194,7 +205,7 @@ def _unit_vectors(
 
 
 def quantise(distance: NDArray[np.float64], range_limit: float) -> NDArray[np.uint16]:
-    """Ranges in unsigned millimetres; misses (negative) and what lies beyond range: NO_RETURN."""
+    """Return ranges (n,), m, in unsigned mm; misses (negative) and ranges beyond: NO_RETURN."""
     millimetres = np.rint(distance * MILLIMETRES)
     beyond = (distance < 0.0) | (distance > range_limit)
     return np.where(beyond, NO_RETURN, np.clip(millimetres, 1, NO_RETURN - 1)).astype(np.uint16)
@@ -203,14 +214,13 @@ def quantise(distance: NDArray[np.float64], range_limit: float) -> NDArray[np.ui
 def ray_ranges(
     table: BeamTable, directions: NDArray[np.float64], millimetres: NDArray[np.uint16]
 ) -> NDArray[np.uint16]:  # (n,)
-    """What a sensor reported as ranges along its beams, which is what a map takes.
+    """Return a report as ranges along its beams, which a map takes, mm.
 
-    A depth along the x axis is divided by the beam's share of that axis, and rounded to the
-    millimetre; what a millimetre count cannot hold is held at its largest. `DROPPED` and
-    `NO_RETURN` stay.
+    A depth along the x axis is divided by the beam's share of that axis, rounded to the millimetre
+    and clipped to the largest count. `DROPPED` and `NO_RETURN` stay.
 
     Args:
-        table: Its `measures` says what was reported.
+        table: Beams of the sensor; `measures` says what it reports.
         directions: (n, 3) sensor frame, as `directions` gives them.
         millimetres: (n,) as reported.
     """
@@ -223,12 +233,12 @@ def ray_ranges(
 def rotate(
     R_world_sensor: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> NDArray[np.float64]:  # (n, 3)
-    """Beam directions in the world frame, element by element.
+    """Turn beam directions to the world frame, element by element.
 
     Not a matrix product: BLAS may fuse or reorder, and a replay must give the same bits anywhere.
 
     Args:
-        R_world_sensor: (3, 3), or (n, 3, 3) of each beam its own.
+        R_world_sensor: (3, 3), or (n, 3, 3) with one rotation for each beam.
         directions: (n, 3), sensor frame.
     """
     turned = np.empty((len(directions), 3))
@@ -247,7 +257,7 @@ def turn(
     directions: NDArray[np.float64],  # (n, 3)
     turned: NDArray[np.float64],  # (n, 3) out
 ) -> None:
-    """Directions turned by their rotations."""
+    """Turn directions by their rotations."""
     step = 1 if len(rotations) > 1 else 0
     for i in range(len(directions)):
         R = rotations[i * step]

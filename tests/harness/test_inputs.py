@@ -58,8 +58,8 @@ AHEAD = np.array([[1.0, 0.0]])  # cos, sin
 AROUND = np.array([[1.0, 0.0], [0.0, 1.0]])
 
 
-def beams(moments=1, **table):
-    table = {"rows": AHEAD, "columns": AROUND, "beams": 2, "moments": moments, **table}
+def beams(scan_poses=1, **table):
+    table = {"rows": AHEAD, "columns": AROUND, "beams": 2, "scan_poses": scan_poses, **table}
     return Beams(BeamTable(**table), 10.0, 10.0, np.array([0.2, 0.0, 0.1]), np.eye(3))
 
 
@@ -146,7 +146,7 @@ def test_a_logged_sensor_is_rebuilt():
         ({"rate_hz": 0.0}, "rate 0 Hz"),
         ({"beams": 3}, "beams: got 3"),
         ({"order": "spiral"}, "order: got 'spiral'"),
-        ({"scan_poses": 0}, "moments: got 0"),
+        ({"scan_poses": 0}, "scan_poses: got 0"),
         ({"measures": "colour"}, "measures: got 'colour'"),
         ({"rows": [2.0, 0.0]}, "rows: expected"),
         ({"rotation_base_sensor": [1.0]}, "no mounting"),

@@ -1,4 +1,4 @@
-"""Sensors as data: beams rebuilt from tables, moments of a sweep, and what errors do to ranges."""
+"""Sensors as data: beams rebuilt from tables, scan poses of a sweep, errors of ranges."""
 
 import dataclasses
 import os
@@ -19,8 +19,8 @@ from wayproof.models.sensors.beams import (
     BeamTable,
     beam_directions,
     directions,
-    moment_offsets,
-    moments,
+    pose_indices,
+    pose_offsets,
     quantise,
     ray_ranges,
 )
@@ -161,24 +161,24 @@ def test_tables_cannot_be_changed():
 # Moments of a sweep
 
 
-def test_moments_of_a_grid_follow_its_columns():
-    lidar = dataclasses.replace(LIDAR, elevations=(0.0, 0.1), azimuths=5, moments=2)
+def test_scan_poses_of_a_grid_follow_its_columns():
+    lidar = dataclasses.replace(LIDAR, elevations=(0.0, 0.1), azimuths=5, scan_poses=2)
     expected = [0, 0, 0, 1, 1]  # 2 j // 5
-    assert moments(lidar.beam_table()).tolist() == expected + expected
+    assert pose_indices(lidar.beam_table()).tolist() == expected + expected
 
 
-def test_moments_of_pairs_follow_the_beams():
-    assert moments(pairs(beams=7, moments=3)).tolist() == [0, 0, 0, 1, 1, 2, 2]
+def test_scan_poses_of_pairs_follow_the_beams():
+    assert pose_indices(pairs(beams=7, scan_poses=3)).tolist() == [0, 0, 0, 1, 1, 2, 2]
 
 
 def test_one_moment_is_a_global_shutter():
     table = dataclasses.replace(LIDAR, azimuths=9).beam_table()
-    assert not moments(table).any()
-    assert moment_offsets(table, 100).tolist() == [0]
+    assert not pose_indices(table).any()
+    assert pose_offsets(table, 100).tolist() == [0]
 
 
 def test_the_last_moment_is_the_end_of_the_sweep():
-    assert moment_offsets(pairs(moments=4), 100_000_000).tolist() == [
+    assert pose_offsets(pairs(scan_poses=4), 100_000_000).tolist() == [
         -75_000_000,
         -50_000_000,
         -25_000_000,
@@ -187,9 +187,9 @@ def test_the_last_moment_is_the_end_of_the_sweep():
 
 
 @given(beams=st.integers(1, 500), data=st.data())
-def test_moments_share_a_sweep_evenly(beams, data):
+def test_scan_poses_share_a_sweep_evenly(beams, data):
     count = data.draw(st.integers(1, beams))
-    held = np.bincount(moments(pairs(beams=beams, moments=count)), minlength=count)
+    held = np.bincount(pose_indices(pairs(beams=beams, scan_poses=count)), minlength=count)
     assert len(held) == count
     assert held.max() - held.min() <= 1
 
@@ -480,7 +480,7 @@ def test_a_sector_keeps_to_its_azimuths():
         ({"rate": 0.0}, "rate: got 0"),
         ({"source": ""}, "source: got nothing"),
         ({"elevations": ()}, "elevations, azimuths: got 0 and 100000"),
-        ({"moments": 0}, "moments: got 0, expected 1 to 100000"),
+        ({"scan_poses": 0}, "scan_poses: got 0, expected 1 to 100000"),
         ({"measures": "depth"}, "measures: got 'depth' with angles"),
         ({"measures": "time"}, "measures: got 'time'"),
     ],
@@ -532,7 +532,7 @@ def test_what_no_error_is_is_refused(fields, said):
         ({"rows": np.zeros((0, 2))}, "got shapes"),
         ({"rows": np.zeros((2, 2))}, "rows: expected finite slopes, or cos and sin"),
         ({"columns": np.full((2, 2), np.nan)}, "columns: expected finite"),
-        ({"moments": 3}, "moments: got 3, expected 1 to 2"),
+        ({"scan_poses": 3}, "scan_poses: got 3, expected 1 to 2"),
     ],
 )
 def test_what_no_table_is_is_refused(changes, said):

@@ -4,16 +4,18 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.models.interpreting import interpret_kernels
 from wayproof.models import rays
 from wayproof.models.poses import Trail
-from wayproof.models.rays import TileCaster, cut_grid, cut_scattered, kernels, tiles
+from wayproof.models.rays import TileCaster, bounds, cut_grid, cut_scattered, tile_kernels, tiles
 from wayproof.models.rays.geometry import Geometry
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import compose
 from wayproof.models.sensors.beams import directions as beams_of
 from wayproof.models.sensors.beams import rotate
-from wayproof.models.sensors.caster import Firing, MujocoEngine, RangefinderCaster
+from wayproof.models.sensors.caster import RangefinderCaster
 from wayproof.models.sensors.devices import DepthCamera, Device, SensorConfig, SpinningLidar, evenly
+from wayproof.models.sensors.engines import Firing, MujocoEngine
 from wayproof.models.worlds import WORLDS
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
@@ -55,10 +57,10 @@ def own_hits(model, data, directions, range, origin, R):
     return MujocoEngine(model, ALL, range, 1).cast(data, firing, origin[None], R[None])[:2]
 
 
-def pattern_of(sensor, moments=None):
+def pattern_of(sensor, indices=None):
     table = sensor.beam_table()
     rows, columns = len(table.rows), len(table.columns)
-    return cut_grid(directions_of(sensor), rows, columns, moments)
+    return cut_grid(directions_of(sensor), rows, columns, indices)
 
 
 def posed(worldbody, head=""):
@@ -122,10 +124,10 @@ def test_a_shape_is_met_where_mujoco_meets_it(shape, reach):
         v = (position - origin)[:, None] + 0.5 * rng.normal(size=(3, 40))
         v = np.ascontiguousarray(v / np.linalg.norm(v, axis=0))
         found, local = np.empty(40), R.T @ (origin - position)
-        one = size[None], R.reshape(1, 9), local[None]
-        kernels.reach_geom(40, KINDS[shape], 0, *one, None, v, found)
-        each, spots = np.empty(40), np.repeat(local[:, None], 40, axis=1)
-        kernels.reach_geom(40, KINDS[shape], 0, *one, spots, v, each)
+        geom = KINDS[shape], tuple(size), tuple(R.ravel()), tuple(local)
+        tile_kernels.reach_geom(40, *geom, None, v, found)
+        each, local_starts = np.empty(40), np.repeat(local[:, None], 40, axis=1)
+        tile_kernels.reach_geom(40, *geom, local_starts, v, each)
         assert each.tobytes() == found.tobytes()
         for beam in range(40):
             ray = v[:, beam].copy()
@@ -233,34 +235,34 @@ def rolling_poses(rng, m):
     return origins, rotations.reshape(m, 3, 3) @ start
 
 
-def by_mj_ray_rolling(model, data, origins, rotations, directions, moments, limit):
+def by_mj_ray_rolling(model, data, origins, rotations, directions, indices, limit):
     found = [
         by_mj_ray(model, data, origins[k], rotate(rotations[k], direction[None]), limit)
-        for k, direction in zip(moments, directions, strict=True)
+        for k, direction in zip(indices, directions, strict=True)
     ]
     return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
 
 @pytest.mark.parametrize("order", ["columns", "scattered"])
 def test_each_beam_of_a_rolling_sweep_leaves_from_its_own_pose(order):
-    """A lidar that fires column by column, and beams of any direction at any moment."""
+    """A lidar that fires column by column, and beams of any direction at any indices."""
     differ = 0
     for seed in range(6):
         rng = np.random.default_rng([7, seed])
         model, data = posed(random_geoms(rng, 60))
         if order == "columns":
             m, directions = 130, directions_of(LIDAR)
-            moments = np.tile(np.arange(m, dtype=np.int32), 21)
-            pattern = pattern_of(LIDAR, moments)
+            indices = np.tile(np.arange(m, dtype=np.int32), 21)
+            pattern = pattern_of(LIDAR, indices)
         else:
             m, directions = 40, random_directions(rng, 2000)
-            moments = rng.integers(m, size=2000, dtype=np.int32)
-            pattern = cut_scattered(directions, moments)
+            indices = rng.integers(m, size=2000, dtype=np.int32)
+            pattern = cut_scattered(directions, indices)
         origins, rotations = rolling_poses(rng, m)
         caster = TileCaster(model, ALL, range=8.0)
         found, ids = caster.cast(data, pattern, origins, rotations)
         expected, expected_ids = by_mj_ray_rolling(
-            model, data, origins, rotations, directions, moments, 8.0
+            model, data, origins, rotations, directions, indices, 8.0
         )
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
         np.testing.assert_array_equal(ids, expected_ids)
@@ -284,8 +286,8 @@ def test_a_rolling_sweep_by_hand():
 def test_equal_poses_are_one_pose():
     rng = np.random.default_rng(11)
     model, data = posed(random_geoms(rng, 80))
-    moments = np.tile(np.arange(130, dtype=np.int32), 21)
-    pattern, caster = pattern_of(LIDAR, moments), TileCaster(model, ALL, LIDAR.range)
+    indices = np.tile(np.arange(130, dtype=np.int32), 21)
+    pattern, caster = pattern_of(LIDAR, indices), TileCaster(model, ALL, LIDAR.range)
     for _ in range(4):
         origin, R = rng.uniform(-2.0, 2.0, 3), random_rotation(rng)
         one = caster.cast(data, pattern, origin, R)
@@ -450,25 +452,22 @@ def test_a_world_without_geoms_is_all_misses():
     assert (ids == -1).all()
 
 
-@pytest.mark.parametrize("moments", [1, 3])
-def test_compiled_kernels_are_their_python(moments, monkeypatch):
+@pytest.mark.parametrize("poses", [1, 3])
+def test_compiled_kernels_are_their_python(poses, monkeypatch):
     """The interpreter runs the same source, callees included, beam by beam."""
     rng = np.random.default_rng(5)
     model, data = posed(random_geoms(rng, 12, spread=2.0))
     sensor = camera(5, 9, 2.0, 1.0, range=5.0)
-    origins = [0.3, -0.2, 0.1] + 0.05 * rng.normal(size=(moments, 3))
-    rotations = np.stack([random_rotation(rng)] * moments)
+    origins = [0.3, -0.2, 0.1] + 0.05 * rng.normal(size=(poses, 3))
+    rotations = np.stack([random_rotation(rng)] * poses)
 
     def everything():
-        pattern = cut_scattered(directions_of(sensor), np.arange(45, dtype=np.int32) % moments)
+        pattern = cut_scattered(directions_of(sensor), np.arange(45, dtype=np.int32) % poses)
         hits = TileCaster(model, ALL, sensor.range).cast(data, pattern, origins, rotations)
         return [array.tobytes() for array in (*pattern, *hits)]
 
     compiled = everything()
-    for module in (kernels, tiles, rays.caster):
-        for name, kernel in list(vars(module).items()):
-            if hasattr(kernel, "py_func"):
-                monkeypatch.setattr(module, name, kernel.py_func)
+    interpret_kernels(monkeypatch, "wayproof.models.rays")
     with np.errstate(all="ignore"):
         assert everything() == compiled
 
@@ -486,7 +485,7 @@ def test_the_nearest_possible_distance_is_a_lower_bound():
         origin = data.mocap_pos[0] = rng.uniform(-5.0, 5.0, 3)
         mujoco.mj_kinematics(model, data)
         geometry.refresh(data)
-        kernels.look(origin, 0.0, geometry.geoms, local, views)
+        bounds.view_geoms(origin, 0.0, geometry.geoms, local, views)
         for geom in range(model.ngeom):
             kind = model.geom_type[geom]
             if kind == mujoco.mjtGeom.mjGEOM_PLANE or model.geom(geom).name == "dot":
@@ -527,21 +526,21 @@ MIXED = """<geom type="mesh" mesh="wedge" pos="1 -2 -.2" euler="20 30 40"/>
     <body mocap="true" pos="0 3 0"><geom type="mesh" mesh="wedge"/></body>"""
 
 
-@pytest.mark.parametrize("moments", [1, 26])
+@pytest.mark.parametrize("poses", [1, 26])
 @pytest.mark.parametrize("threads", [1, 2, 3])
-def test_triangles_and_primitives_in_one_scene(moments, threads):
+def test_triangles_and_primitives_in_one_scene(poses, threads):
     """Distances, ids and normals of MuJoCo's own caster, from one pose and from many."""
     model, data = posed(MIXED, MESH)
-    rng = np.random.default_rng(moments)
+    rng = np.random.default_rng(poses)
     directions = directions_of(LIDAR)
-    moment = np.tile(np.arange(130) * moments // 130, 21).astype(np.int32)
-    origins = np.array([0.1, 0.2, 0.3]) + rng.normal(0.0, 0.05, (moments, 3))
-    rotations = np.stack([random_rotation(rng) for _ in range(moments)])
+    indices = np.tile(np.arange(130) * poses // 130, 21).astype(np.int32)
+    origins = np.array([0.1, 0.2, 0.3]) + rng.normal(0.0, 0.05, (poses, 3))
+    rotations = np.stack([random_rotation(rng) for _ in range(poses)])
     caster = TileCaster(model, ALL, LIDAR.range, threads)
-    got = caster.cast_with_normals(data, pattern_of(LIDAR, moment), origins, rotations)
-    plain = caster.cast(data, pattern_of(LIDAR, moment), origins, rotations)
+    got = caster.cast_with_normals(data, pattern_of(LIDAR, indices), origins, rotations)
+    plain = caster.cast(data, pattern_of(LIDAR, indices), origins, rotations)
     assert all((one == other).all() for one, other in zip(plain, got, strict=False))
-    firing = Firing(directions, moment, pattern_of(LIDAR, moment))
+    firing = Firing(directions, indices, pattern_of(LIDAR, indices))
     own = MujocoEngine(model, ALL, LIDAR.range, 1)
     expected = own.cast(data, firing, origins, rotations, normals=True)
     hit = (expected.distance >= 0.0) & (expected.distance <= LIDAR.range)
@@ -563,8 +562,8 @@ X = np.array([[1.0, 0.0, 0.0]])
         (lambda: cut_grid(np.zeros((0, 3)), 0, 2), "beams: got 0 rows"),
         (lambda: cut_grid(X, 1, 2), "beams: got 1, expected 1 rows x 2 columns"),
         (lambda: cut_scattered(np.zeros((0, 3))), "beams: got 0"),
-        (lambda: cut_scattered(X, np.array([0, 1])), r"moments: got shape \(2,\)"),
-        (lambda: cut_scattered(X, np.array([-1])), "moments: got -1"),
+        (lambda: cut_scattered(X, np.array([0, 1])), r"pose_indices: got shape \(2,\)"),
+        (lambda: cut_scattered(X, np.array([-1])), "pose_indices: got -1"),
     ],
 )
 def test_what_is_no_pattern_is_refused(cut, said):
@@ -595,7 +594,7 @@ def test_what_is_no_caster_is_refused(groups, limit, threads, said):
         (np.zeros((0, 3)), np.eye(3), "origins: got shape"),
         (np.zeros(3), np.eye(2), "R_world_sensor: got shape"),
         (np.zeros((2, 3)), np.zeros((3, 3, 3)), "poses: got 2 origins, 3 rotations"),
-        (np.zeros((2, 3)), np.eye(3), "moments: got up to 2, expected less than 2"),
+        (np.zeros((2, 3)), np.eye(3), "pose_indices: got up to 2, expected less than 2"),
     ],
 )
 def test_poses_that_do_not_fit_are_refused(origins, rotations, said):
@@ -641,9 +640,9 @@ def test_nothing_is_compiled_after_the_warm_up():
     rays.warm_up()
     everything = {
         name: kernel
-        for module in (kernels, tiles)
+        for module in (bounds, tile_kernels, tiles)
         for name, kernel in vars(module).items()
-        if name in ("look", "cast_blocks", "fit_cones", "turn_cones", "number_cells")
+        if name in ("view_geoms", "cast_blocks", "fit_cones", "turn_cones", "number_cells")
     }
     assert len(everything) == 5
     before = {name: len(kernel.signatures) for name, kernel in everything.items()}
@@ -654,7 +653,7 @@ def test_nothing_is_compiled_after_the_warm_up():
     caster.cast(data, pattern_of(LIDAR), data.geom_xpos[0], R)
     directions = np.asfortranarray(directions_of(LIDAR))
     directions.flags.writeable = False
-    moments = (np.arange(len(directions)) % 7)[::-1]
-    caster.cast(data, cut_scattered(directions, moments), data.geom_xpos[:7], R)
+    indices = (np.arange(len(directions)) % 7)[::-1]
+    caster.cast(data, cut_scattered(directions, indices), data.geom_xpos[:7], R)
     caster.cast(data, cut_grid(directions[::-2][:9], 3, 3), data.geom_xpos[0], R.T)
     assert before == {name: len(kernel.signatures) for name, kernel in everything.items()}

@@ -10,8 +10,8 @@ from tests.models.watching import watch
 from wayproof.models.poses import Trail
 from wayproof.models.robots import ROBOTS, Setpoint
 from wayproof.models.robots.robot import ROBOT_PREFIX
-from wayproof.models.scene import compose, equip, resolve
-from wayproof.models.sensors.beams import NO_RETURN, directions, moments
+from wayproof.models.scene import compose, mount_devices, resolve
+from wayproof.models.sensors.beams import NO_RETURN, directions, pose_indices
 from wayproof.models.sensors.caster import ROBOT_GROUP, SweepCaster
 from wayproof.models.sensors.devices import DEVICES, Mount, SensorConfig
 from wayproof.models.truth import Truth
@@ -81,7 +81,7 @@ def rolling_trail(scene, data):
 def test_a_rolling_shutter_sees_from_where_the_sensor_was(placed, engine):
     """Each beam against mj_ray from the pose of its own moment, found here by hand."""
     scene, data = placed
-    device = dataclasses.replace(DEVICES["ideal-lidar-floor"], azimuths=40, moments=40)
+    device = dataclasses.replace(DEVICES["ideal-lidar-floor"], azimuths=40, scan_poses=40)
     mount = Mount("lidar", "lidar", device)
     config = SensorConfig(engine=engine)
     caster = SweepCaster(scene.model, mount, scene.base, ROBOT_PREFIX, config)
@@ -92,7 +92,7 @@ def test_a_rolling_shutter_sees_from_where_the_sensor_was(placed, engine):
     groups[ROBOT_GROUP] = 0
     beams, when, geom, R = (
         directions(caster.table, 0),
-        moments(caster.table),
+        pose_indices(caster.table),
         np.zeros(1, np.int32),
         np.empty(9),
     )
@@ -119,7 +119,7 @@ def test_a_rolling_shutter_sees_from_where_the_sensor_was(placed, engine):
 
 def test_devices_are_mounted_by_name():
     mounts = ROBOTS["drone"].spec.mounts
-    fitted = equip(mounts, SensorConfig(lidar="ouster-os1-64"))
+    fitted = mount_devices(mounts, SensorConfig(lidar="ouster-os1-64"))
     assert [mount.name for mount in fitted] == [mount.name for mount in mounts]
     assert fitted[0].device is DEVICES["ouster-os1-64"]
     assert fitted[1:] == mounts[1:]
@@ -137,7 +137,7 @@ def test_devices_are_mounted_by_name():
 )
 def test_devices_that_do_not_fit_are_refused(robot, config, said):
     with pytest.raises(ValueError, match=said):
-        equip(ROBOTS[robot].spec.mounts, config)
+        mount_devices(ROBOTS[robot].spec.mounts, config)
 
 
 def test_clearance_is_the_least_over_all_pairs(placed):

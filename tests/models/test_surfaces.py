@@ -4,11 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.rays import surface_kernels, tree
-from wayproof.models.rays.surface_kernels import WIDTH
+from tests.models.interpreting import interpret_kernels
+from wayproof.models.rays.packets import WIDTH
+from wayproof.models.rays.surface_kernels import Beams, SurfaceHits
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tiles import cut_grid
-from wayproof.models.rays.tree import LEAF, MAX_SORTED_DEPTH, build_tree
+from wayproof.models.rays.tree import LEAF_SIZE, MAX_SORTED_DEPTH, build_tree
 from wayproof.models.sensors.beams import directions as beams_of
 from wayproof.models.sensors.devices import DepthCamera, SpinningLidar, evenly
 
@@ -80,18 +81,28 @@ def random_rays(rng, count, spread=4.0, about=((0.0, 0.0, 0.0),)):
     return origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-def nothing_yet(count):
-    return np.full(count, -1.0), np.full(count, -1, np.int32), np.full(count, -1, np.int32)
+def no_hits(count):
+    return SurfaceHits(
+        np.full(count, -1.0), np.full(count, -1, np.int32), np.full(count, -1, np.int32)
+    )
 
 
-def cast_rays(surfaces, origins, directions, limit=30.0):
-    found = nothing_yet(len(origins))
-    surfaces.meet_rays(origins, directions, limit, *found)
-    return found
+def cast_rays(surfaces, origins, directions, limit=30.0, hits=None):
+    """Hits of world rays, each a beam of its own sensor, 64 at a time as in a tile."""
+    count = len(origins)
+    hits = no_hits(count) if hits is None else hits
+    starts = np.append(np.arange(0, count, 64), count)
+    indices = np.arange(count)
+    turns = np.tile(np.eye(3), (count, 1, 1))
+    beams = np.ascontiguousarray(directions.T)
+    surfaces.meet(
+        starts, Beams(beams, indices, indices.astype(np.int32), origins, turns), limit, hits
+    )
+    return hits
 
 
 def by_mj_ray(model, data, origins, directions, limit=30.0):
-    distance, ids, _ = nothing_yet(len(origins))
+    distance, ids, _ = no_hits(len(origins))
     geom = np.zeros(1, np.int32)
     for ray, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
         found = mujoco.mj_ray(model, data, origin, direction, ALL, 1, -1, geom)
@@ -254,25 +265,27 @@ def test_a_sweep_by_tiles_is_its_beams_alone(sensor, poses):
     table = sensor.beam_table()
     pattern = cut_grid(beams_of(table, 0), len(table.rows), len(table.columns))
     count, tiles = len(pattern.places), len(pattern.tile_starts) - 1
-    moments = rng.integers(0, poses, count).astype(np.int32)
+    indices = rng.integers(0, poses, count).astype(np.int32)
     origins = np.array([0.0, 0.0, 1.0]) + 0.1 * rng.normal(size=(poses, 3))
     rotations = np.empty((poses, 9))
     for R in rotations:
         quaternion = np.array([1.0, 0.0, 0.0, 0.0]) + 0.05 * rng.normal(size=4)
         mujoco.mju_quat2Mat(R, quaternion / np.linalg.norm(quaternion))
     rotations = rotations.reshape(-1, 3, 3)
-    whole, parts = nothing_yet(count), nothing_yet(count)
-    surfaces.meet(pattern, moments, origins, rotations, 30.0, *whole, 0, tiles)
+    whole, parts = no_hits(count), no_hits(count)
+    starts = pattern.tile_starts
+    beams = Beams(pattern.beams, pattern.places, indices, origins, rotations)
+    surfaces.meet(starts, beams, 30.0, whole)
     for first, last in [(tiles // 2, tiles), (0, 0), (0, 3), (3, tiles // 2)]:
-        surfaces.meet(pattern, moments, origins, rotations, 30.0, *parts, first, last)
+        surfaces.meet(starts[first : last + 1], beams, 30.0, parts)
     for one, other in zip(whole, parts, strict=True):
         assert one.tobytes() == other.tobytes()
     if poses == 1:
-        late = nothing_yet(count)
-        surfaces.meet(pattern, moments + 7, origins, rotations, 30.0, *late, 0, tiles)
+        late = no_hits(count)
+        surfaces.meet(starts, beams._replace(pose_indices=indices + 7), 30.0, late)
         assert late[0].tobytes() == whole[0].tobytes()
-    directions = np.einsum("nij,jn->ni", rotations[moments], pattern.beams)
-    expected, ids = by_mj_ray(model, data, origins[moments], directions)
+    directions = np.einsum("nij,jn->ni", rotations[indices], pattern.beams)
+    expected, ids = by_mj_ray(model, data, origins[indices], directions)
     assert (ids >= 0).sum() > 50
     np.testing.assert_array_equal(whole[1][pattern.places], ids)
     assert np.abs(whole[0][pattern.places] - expected).max() <= 1e-9
@@ -290,7 +303,7 @@ def test_nearer_hits_stand_and_equal_ones_go_to_the_lower_id():
     origins, directions = np.tile([0.2, 0.1, 2.0], (4, 1)), np.tile([0.0, 0.0, -1.0], (4, 1))
     distance = np.array([-1.0, 1.5, 2.0, 2.0])
     ids, face = np.array([-1, 3, 3, -5], np.int32), np.full(4, -1, np.int32)
-    surfaces.meet_rays(origins, directions, 30.0, distance, ids, face)
+    cast_rays(surfaces, origins, directions, hits=SurfaceHits(distance, ids, face))
     assert distance.tolist() == [2.0, 1.5, 2.0, 2.0]
     assert ids.tolist() == [0, 3, 0, -5]
     assert (face >= 0).tolist() == [True, False, True, False]
@@ -334,7 +347,7 @@ def test_no_flexes():
     assert len(Surfaces(model, ALL)) == 0
 
 
-@pytest.mark.parametrize("count", [0, 1, LEAF, LEAF + 1, 300])
+@pytest.mark.parametrize("count", [0, 1, LEAF_SIZE, LEAF_SIZE + 1, 300])
 def test_a_tree_holds_every_item_once_inside_its_boxes(count):
     rng = np.random.default_rng(count)
     lower = rng.normal(size=(count, 3))
@@ -348,7 +361,7 @@ def test_a_tree_holds_every_item_once_inside_its_boxes(count):
                 assert (boxes[node, :3] <= boxes[child, :3] + 1e-8).all()
                 assert (boxes[node, 3:] >= boxes[child, 3:] - 1e-8).all()
         else:
-            assert items <= LEAF
+            assert items <= LEAF_SIZE
             own = order[first : first + items]
             assert (boxes[node, :3] < lower[own]).all()
             assert (boxes[node, 3:] > upper[own]).all()
@@ -374,10 +387,7 @@ def test_compiled_kernels_do_what_the_source_says(monkeypatch):
     model, _ = posed(rugged(rng))
     origins, directions = random_rays(rng, 3 * WIDTH - 3)
     compiled = cast_rays(Surfaces(model, ALL), origins, directions)
-    for module in (tree, surface_kernels):
-        for name, thing in list(vars(module).items()):
-            if hasattr(thing, "py_func"):
-                monkeypatch.setattr(module, name, thing.py_func)
+    interpret_kernels(monkeypatch, "wayproof.models.rays")
     with np.errstate(all="ignore"):
         interpreted = cast_rays(Surfaces(model, ALL), origins, directions)
     assert (compiled[1] >= 0).sum() > 5

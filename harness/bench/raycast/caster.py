@@ -1,4 +1,4 @@
-"""Rays that share nothing: any origins and directions, against every shape but SDFs."""
+"""Caster of single rays, of any origins and directions, against every shape but SDFs."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.bench.raycast.kernels import cast_rays
+from wayproof.harness.bench.raycast.kernels import GeomTree, RayGeoms, cast_rays
 from wayproof.models.arrays import Array
 from wayproof.models.rays.geometry import PRIMITIVES, visible
-from wayproof.models.rays.kernels import PLANE, SPHERE
 from wayproof.models.rays.normals import surface_normals
+from wayproof.models.rays.shapes import PLANE, SPHERE
+from wayproof.models.rays.surface_kernels import Beams, SurfaceHits
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tree import build_tree
+
+RAYS_AT_A_TIME = 64
+"""Rays that are met with triangles in one run, as the beams of a tile are."""
 
 UNIT_TOLERANCE = 1e-9
 """By how much a direction's length may differ from 1."""
@@ -74,7 +78,7 @@ class RayCaster:
     def cast_with_normals(
         self, data: mujoco.MjData, origins: Array, directions: Array
     ) -> tuple[Array, NDArray[np.int32], Array]:
-        """Cast rays as `cast` does, and tell the surface's attitude where they hit.
+        """Cast rays as `cast` does, with the normals of the surfaces that they hit.
 
         Returns:
             Distances (n,), geom ids (n,) and normals (n, 3) as `surface_normals` gives them.
@@ -95,15 +99,26 @@ class RayCaster:
         count = len(origins)
         distance, geom_id = np.empty(count), np.empty(count, np.int32)
         face = np.full(count, -1, np.int32)
-        cast_rays(
-            origins, directions, self._ids, self._kinds, self._sizes, self._positions,
-            self._rotations, *self._tree, self._range, distance, geom_id,
-        )  # fmt: skip
-        self._surfaces.meet_rays(origins, directions, self._range, distance, geom_id, face)
+        geoms = RayGeoms(self._ids, self._kinds, self._sizes, self._positions, self._rotations)
+        cast_rays(origins, directions, geoms, self._tree, self._range, distance, geom_id)
+        self._meet_surfaces(origins, directions, SurfaceHits(distance, geom_id, face))
         return distance, geom_id, face
 
+    def _meet_surfaces(self, origins: Array, directions: Array, hits: SurfaceHits) -> None:
+        """Keep nearer hits on triangles; each ray is a beam of its own sensor, not turned."""
+        count = len(origins)
+        starts = np.append(np.arange(0, count, RAYS_AT_A_TIME), count)
+        beams = Beams(
+            directions=np.ascontiguousarray(directions.T),
+            places=np.arange(count),
+            pose_indices=np.arange(count, dtype=np.int32),
+            origins=origins,
+            rotations=np.tile(np.eye(3), (count, 1, 1)),
+        )
+        self._surfaces.meet(starts, beams, self._range, hits)
+
     def _take(self, data: mujoco.MjData) -> None:
-        """Take over all poses and build the tree over the boxes that then are about the geoms."""
+        """Update all poses and build the tree over the geoms' boxes there."""
         self._positions, self._rotations = data.geom_xpos[self._ids], data.geom_xmat[self._ids]
         # MuJoCo does not turn rays into a sphere's frame either: so the last digits agree.
         self._rotations[self._kinds == SPHERE] = np.eye(3).ravel()
@@ -115,7 +130,7 @@ class RayCaster:
         reach = np.einsum("gij,gj->gi", np.abs(R), half[rows])
         tree = build_tree(centre - reach, centre + reach)
         order = np.concatenate([rows[tree.order], np.flatnonzero(~bounded)]).astype(np.int32)
-        self._tree = tree.boxes, tree.links, order, len(rows)
+        self._tree = GeomTree(tree.boxes, tree.links, order, len(rows))
 
 
 def _bounds(model: mujoco.MjModel, ids: NDArray[np.int32]) -> Array:

@@ -1,13 +1,15 @@
-"""Casting rays that share nothing, each alone down a tree over the geoms' boxes."""
+"""Casting of single rays, each alone down a tree over the geoms' boxes."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
-from wayproof.models.arrays import Array
-from wayproof.models.rays.kernels import (
+from wayproof.models.arrays import Array, Vector3
+from wayproof.models.rays.shapes import (
     CAPSULE,
     CYLINDER,
     ELLIPSOID,
@@ -24,86 +26,91 @@ from wayproof.models.rays.kernels import (
 TREE_STACK = 128
 """Nodes that wait while a ray walks a tree: more than any tree is deep."""
 
-LEAST_INVERTED = 1e-30
-"""A direction's component counts as no less: what that turns a ray by is inside the margin."""
+MIN_INVERTED = 1e-30
+"""Minimum component of a direction that is inverted: it turns a ray by less than the margin."""
+
+
+class RayGeoms(NamedTuple):
+    """Primitives that rays meet.
+
+    Attributes:
+        ids: (g,) geom id in the model, ascending.
+        kinds: (g,) MuJoCo's `mjtGeom`, primitives only.
+        sizes: (g, 3) MuJoCo's sizes, m.
+        positions: (g, 3) in the world, m.
+        rotations: (g, 9) R_world_geom, row-major.
+    """
+
+    ids: NDArray[np.int32]
+    kinds: NDArray[np.int32]
+    sizes: Array
+    positions: Array
+    rotations: Array
+
+
+class GeomTree(NamedTuple):
+    """Tree over the geoms with bounds, and the geoms without.
+
+    Attributes:
+        boxes: (k, 6) nodes; none if there is no geom with bounds.
+        links: (k, 3) see `Tree.links`.
+        order: (g,) rows of the geoms as the leaves list them, then those without bounds.
+        bounded: Number of geoms with bounds; every ray is tried on the others.
+    """
+
+    boxes: Array
+    links: NDArray[np.int32]
+    order: NDArray[np.int32]
+    bounded: int
 
 
 @kernel
-def reach_shape(
-    kind: int,
-    px: float,
-    py: float,
-    pz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-    sx: float,
-    sy: float,
-    sz: float,
-) -> float:
-    """Distance of one ray to one geom, both in the geom's frame."""
+def reach_shape(kind: int, p: Vector3, v: Vector3, size: Vector3) -> float:
+    """Return the distance of one ray to one geom, both in the geom's frame."""
+    sx, sy, sz = size
     if kind == PLANE:
-        return plane(px, py, pz, vx, vy, vz, sx, sy)
+        return plane(p, v, sx, sy)
     if kind == SPHERE:
-        return sphere(px, py, pz, vx, vy, vz, sx)
+        return sphere(p, v, sx)
     if kind == CAPSULE:
-        return capsule(px, py, pz, vx, vy, vz, sx, sy)
+        return capsule(p, v, sx, sy)
     if kind == ELLIPSOID:
-        ix, iy, iz = 1.0 / (sx * sx), 1.0 / (sy * sy), 1.0 / (sz * sz)
-        return ellipsoid(px, py, pz, vx, vy, vz, ix, iy, iz)
+        return ellipsoid(p, v, (1.0 / (sx * sx), 1.0 / (sy * sy), 1.0 / (sz * sz)))
     if kind == CYLINDER:
-        return cylinder(px, py, pz, vx, vy, vz, sx, sy)
-    return box(px, py, pz, vx, vy, vz, sx, sy, sz)
+        return cylinder(p, v, sx, sy)
+    return box(p, v, size)
 
 
 @kernel
-def reach_row(
-    ox: float,
-    oy: float,
-    oz: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    kinds: NDArray[np.int32],
-    sizes: Array,
-    positions: Array,
-    rotations: Array,
-    g: int,
-) -> float:
-    """Distance of one ray in the world to the geom in row g."""
-    x, y, z = ox - positions[g, 0], oy - positions[g, 1], oz - positions[g, 2]
+def reach_row(o: Vector3, d: Vector3, geoms: RayGeoms, g: int) -> float:
+    """Return the distance of one ray in the world to the geom in row g."""
+    _, kinds, sizes, positions, rotations = geoms
+    x, y, z = o[0] - positions[g, 0], o[1] - positions[g, 1], o[2] - positions[g, 2]
     m0, m1, m2 = rotations[g, 0], rotations[g, 1], rotations[g, 2]
     m3, m4, m5 = rotations[g, 3], rotations[g, 4], rotations[g, 5]
     m6, m7, m8 = rotations[g, 6], rotations[g, 7], rotations[g, 8]
-    return reach_shape(
-        kinds[g],
-        m0 * x + m3 * y + m6 * z, m1 * x + m4 * y + m7 * z, m2 * x + m5 * y + m8 * z,
-        m0 * dx + m3 * dy + m6 * dz, m1 * dx + m4 * dy + m7 * dz, m2 * dx + m5 * dy + m8 * dz,
-        sizes[g, 0], sizes[g, 1], sizes[g, 2],
-    )  # fmt: skip
+    p = m0 * x + m3 * y + m6 * z, m1 * x + m4 * y + m7 * z, m2 * x + m5 * y + m8 * z
+    v = (
+        m0 * d[0] + m3 * d[1] + m6 * d[2],
+        m1 * d[0] + m4 * d[1] + m7 * d[2],
+        m2 * d[0] + m5 * d[1] + m8 * d[2],
+    )
+    return reach_shape(kinds[g], p, v, (sizes[g, 0], sizes[g, 1], sizes[g, 2]))
 
 
 @kernel
 def between(low: float, high: float, near: float, far: float) -> tuple[float, float]:
-    """What two crossings, in either order, leave of an interval."""
+    """Clip an interval by two crossings, in either order."""
     enter = low if low < high else high
     leave = high if low < high else low
     return (enter if enter > near else near), (leave if leave < far else far)
 
 
 @kernel
-def enters(
-    boxes: Array,
-    node: int,
-    ox: float,
-    oy: float,
-    oz: float,
-    ix: float,
-    iy: float,
-    iz: float,
-    best: float,
-) -> bool:
-    """Whether a ray, given by its origin and inverse direction, enters a box before `best`."""
+def enters(boxes: Array, node: int, o: Vector3, inverse: Vector3, best: float) -> bool:
+    """Return whether a ray, by origin and inverse direction, enters a box before `best`."""
+    ox, oy, oz = o
+    ix, iy, iz = inverse
     near, far = 0.0, best
     near, far = between((boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix, near, far)
     near, far = between((boxes[node, 1] - oy) * iy, (boxes[node, 4] - oy) * iy, near, far)
@@ -112,58 +119,49 @@ def enters(
 
 
 @kernel
+def inverse_of(d: float) -> float:
+    """Return 1 / d, finite, which keeps 0 * infinity out."""
+    return 1.0 / (d if abs(d) > MIN_INVERTED else MIN_INVERTED)
+
+
+@kernel
 def cast_rays(
     origins: Array,
     directions: Array,
-    ids: NDArray[np.int32],
-    kinds: NDArray[np.int32],
-    sizes: Array,
-    positions: Array,
-    rotations: Array,
-    boxes: Array,
-    links: NDArray[np.int32],
-    order: NDArray[np.int32],
-    everywhere: int,
+    geoms: RayGeoms,
+    tree: GeomTree,
     limit: float,
     distance: Array,
     geom_id: NDArray[np.int32],
 ) -> None:
-    """Cast rays that have nothing in common, each alone down a tree over the geoms' boxes.
+    """Cast rays that have nothing in common, each alone.
 
     Args:
         origins: (n, 3) in the world, m.
         directions: (n, 3) unit vectors in the world.
-        ids: (g,) geom id in the model, ascending.
-        kinds: (g,) MuJoCo's `mjtGeom`, primitives only.
-        sizes: (g, 3) MuJoCo's sizes, m.
-        positions: (g, 3) in the world, m.
-        rotations: (g, 9) R_world_geom, row-major.
-        boxes: (k, 6) nodes of the tree over the geoms with bounds; none if there is no such geom.
-        links: (k, 3) of a leaf its first place in `order` and how many; of an inner node its first
-            child, of which the second is the next node, and 0; then the axis of the split.
-        order: (g,) rows of the geoms as the leaves list them, then those without bounds.
-        everywhere: First of these in `order`; every ray is tried on them.
+        geoms: Primitives.
+        tree: Tree over them.
         limit: Longest distance, m; finite.
         distance: (n,) is written: m, -1 without a hit.
         geom_id: (n,) likewise, -1 without a hit.
     """
+    ids = geoms.ids
+    boxes, links, order, bounded = tree
     stack = np.empty(TREE_STACK, np.int32)
     for i in range(len(origins)):
-        ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        # A finite inverse keeps 0 * infinity out.
-        ix = 1.0 / (dx if abs(dx) > LEAST_INVERTED else LEAST_INVERTED)
-        iy = 1.0 / (dy if abs(dy) > LEAST_INVERTED else LEAST_INVERTED)
-        iz = 1.0 / (dz if abs(dz) > LEAST_INVERTED else LEAST_INVERTED)
+        o = origins[i, 0], origins[i, 1], origins[i, 2]
+        d = directions[i, 0], directions[i, 1], directions[i, 2]
+        inverse = inverse_of(d[0]), inverse_of(d[1]), inverse_of(d[2])
         best, best_row = limit, len(ids)
-        waiting, first, stop = 0, everywhere, len(order)
+        # The geoms without bounds first, then the leaves that the ray enters, nearest child first.
+        waiting, first, stop = 0, bounded, len(order)
         if len(boxes) > 0:
             stack[0] = 0
             waiting = 1
         while True:
             for place in range(first, stop):
                 g = order[place]
-                x = reach_row(ox, oy, oz, dx, dy, dz, kinds, sizes, positions, rotations, g)
+                x = reach_row(o, d, geoms, g)
                 if (x < best) | ((x == best) & (g < best_row)):
                     best, best_row = x, g
             if waiting == 0:
@@ -171,7 +169,7 @@ def cast_rays(
             waiting -= 1
             node = stack[waiting]
             first, stop = 0, 0
-            if not enters(boxes, node, ox, oy, oz, ix, iy, iz, best):
+            if not enters(boxes, node, o, inverse, best):
                 continue
             first = links[node, 0]
             stop = first + links[node, 1]

@@ -16,7 +16,7 @@ from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.stack.build import build_navigator
 from wayproof.maps import MAPS, UnknownPolicy
 from wayproof.models.robots import ROBOTS
-from wayproof.models.sensors.devices import DEVICES, Rangefinder
+from wayproof.models.sensors.devices import DEVICES
 from wayproof.models.worlds import WORLDS
 from wayproof.planners import PLANNERS
 
@@ -74,7 +74,7 @@ def _map(turn: int, rng: np.random.Generator) -> Config:
 
 def _device(turn: int, rng: np.random.Generator) -> Config:
     """As the lidar; what only measures one distance has no such place."""
-    mounted = [name for name in DEVICES if not isinstance(DEVICES[name], Rangefinder)]
+    mounted = [name for name in DEVICES if not DEVICES[name].by_mujoco]
     return _plain(turn, rng, f"sensors.lidar={_in_turn(mounted, turn)}")
 
 

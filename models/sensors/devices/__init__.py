@@ -1,4 +1,4 @@
-"""Range sensors by name; a new one is a file that describes it and a line here.
+"""Range sensors by name; a new one, of a known or a new kind, is a file and a line in `DEVICES`.
 
 Presets say in `source` which data sheet they follow. Where a sheet gives an accuracy of +- x, x is
 read as one standard deviation, which does not flatter the sensor. No sheet states how many returns

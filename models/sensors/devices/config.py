@@ -1,4 +1,4 @@
-"""Which sensors a robot carries and how they are simulated."""
+"""Settings of a robot's sensors and of how they are simulated."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from dataclasses import dataclass
 from typing import Literal
 
 OWN = "own"
-"""In place of a device's name: what the robot carries by itself."""
+"""Stands for the device that the robot's spec mounts."""
 
 
 @dataclass(frozen=True)
 class SensorConfig:
-    """Which sensors a robot carries and how they are simulated.
+    """Devices that a robot carries, and how their sweeps are simulated.
 
     Attributes:
-        lidar: Name in `DEVICES` of what is mounted as `lidar`, or `own` for the robot's own.
+        lidar: Name in `DEVICES` of the device mounted as `lidar`; `own` is the robot's own.
         depth: Likewise as `depth`.
-        engine: `tile` is Wayproof's caster; `mujoco` takes MuJoCo's own, which is slower and lets
-            anybody check an episode against it.
-        semantics: Whether a sweep tells of each return what it met, as a labelled camera would: the
-            class of the geom, without an error.
+        engine: `tile` is Wayproof's caster; `mujoco` takes MuJoCo's own, which is slower, to check
+            an episode against it.
+        semantics: Whether a sweep reports the class of the geom that each beam met, without
+            errors, as a labelled camera would.
     """
 
     lidar: str = OWN

@@ -1,9 +1,10 @@
-"""Pinhole cameras that see distance."""
+"""Pinhole depth cameras."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ class DepthCamera(Device):
         field_of_view_vertical: Full angle, rad.
     """
 
+    kind: ClassVar[str] = "depth_camera"
+
     height: int
     width: int
     field_of_view_horizontal: float
@@ -30,7 +33,7 @@ class DepthCamera(Device):
     measures: Measures = "depth"
 
     def beam_table(self) -> BeamTable:
-        """The slopes z/x of each row and y/x of each column, through the pixels' centres."""
+        """Return slopes z/x of each row and y/x of each column, through the pixels' centres."""
         for name in ("field_of_view_horizontal", "field_of_view_vertical"):
             angle = getattr(self, name)
             if not 0.0 < angle < math.pi:

@@ -1,10 +1,11 @@
-"""What every range sensor states about itself, and where a robot carries one."""
+"""Base class of range sensors, and the mount of one on a robot."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from wayproof.models.sensors.beams import LONGEST_RANGE, BeamTable, Measures
 from wayproof.models.sensors.devices.noise import RangeNoise
@@ -14,17 +15,26 @@ from wayproof.models.sensors.devices.noise import RangeNoise
 class Device(ABC):
     """A range sensor as its data sheet describes it, on no robot in particular.
 
+    A kind of sensor is a subclass: it names itself in `kind` and gives its beams in `beam_table`.
+    Rays, errors, the log and replay need no more of it.
+
     Attributes:
         range: Longest measured distance, m, at most what a log holds: 65.534.
-        minimum_range: What is nearer gives no information, m.
-        rate: Sweeps, images or readings a second, Hz.
+        minimum_range: Distance below which a surface gives no information, m.
+        rate: Sweeps, images or readings per second, Hz.
         noise: Errors of its ranges.
         no_return_is_free: Whether a beam without echo is evidence of free space up to the range. A
             real sensor cannot tell black or slanted surfaces from emptiness.
         measures: `range` along the beam, or `depth` along the sensor's x axis; range,
             minimum_range and noise are in terms of it.
-        source: Where the figures come from.
+        source: Data sheet or assumption that the figures come from.
     """
+
+    kind: ClassVar[str]
+    """Name of the kind in a log, such as `lidar`."""
+
+    by_mujoco: ClassVar[bool] = False
+    """Whether MuJoCo's own `<rangefinder>` measures, which sees all geoms but its own body's."""
 
     range: float
     minimum_range: float = 0.0
@@ -35,10 +45,10 @@ class Device(ABC):
     source: str
 
     def __post_init__(self) -> None:
-        """Refuse what no sensor is.
+        """Refuse figures that no sensor has.
 
         Raises:
-            ValueError: A field is outside its span; the message names it.
+            ValueError: A field is out of bounds; the message names it.
         """
         if not 0.0 < self.range <= LONGEST_RANGE:
             raise ValueError(f"range: got {self.range:g}, expected > 0 to {LONGEST_RANGE} m")
@@ -50,15 +60,15 @@ class Device(ABC):
         if not 0.0 < self.rate < math.inf:
             raise ValueError(f"rate: got {self.rate:g}, expected a finite number > 0 Hz")
         if not self.source:
-            raise ValueError("source: got nothing, expected where the figures come from")
+            raise ValueError("source: got nothing, expected a data sheet or an assumption")
         self.beam_table()  # which checks the pattern
 
     @abstractmethod
     def beam_table(self) -> BeamTable:
-        """The pattern of its beams.
+        """Return the pattern of its beams.
 
         Raises:
-            ValueError: It has none.
+            ValueError: The figures give no pattern.
         """
 
 
@@ -69,7 +79,7 @@ class Mount:
     Attributes:
         name: Topic name, unique on the robot; a rangefinder's is its MJCF sensor's name.
         site: MJCF site that the beams leave from; x forward, z up. A rangefinder looks along z.
-        device: What is mounted there.
+        device: The device mounted there.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What separates a reported range from the true one."""
+"""Errors of range sensors."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class RangeNoise:
     "Accuracy and resolution of Kinect depth data for indoor mapping applications", Sensors 2012).
 
     Attributes:
-        sigma: Standard deviation at any distance, m.
-        sigma_proportional: Share of the distance.
-        sigma_quadratic: Share of the squared distance, 1/m; a stereo camera's is the disparity's
-            error in pixels over focal length in pixels and baseline in m.
+        sigma: Constant part of the standard deviation, m.
+        sigma_proportional: Standard deviation per distance.
+        sigma_quadratic: Standard deviation per squared distance, 1/m; a stereo camera's is the
+            disparity's error in pixels over focal length in pixels and baseline in m.
         quantum: Reporting step, m; 0 is the log's millimetre.
         dropout: Probability that a return is lost.
         grazing: A return is lost if its beam meets the surface at a smaller angle than this, rad.
@@ -35,10 +35,10 @@ class RangeNoise:
     grazing: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no error of a sensor.
+        """Refuse errors that no sensor has.
 
         Raises:
-            ValueError: A field is outside its span; the message names it.
+            ValueError: A field is out of bounds; the message names it.
         """
         for name in ("sigma", "sigma_proportional", "sigma_quadratic"):
             value = getattr(self, name)

@@ -8,7 +8,7 @@ from wayproof.models.sensors.devices.spinning_lidar import SpinningLidar, evenly
 OUSTER_OS1_64 = SpinningLidar(
     elevations=evenly(math.radians(-16.6), math.radians(16.6), 64),
     azimuths=1024,
-    moments=16,
+    scan_poses=16,
     range=40.0,
     minimum_range=0.8,
     rate=10.0,

@@ -1,8 +1,9 @@
-"""Sensors of a single beam."""
+"""Rangefinders: sensors of a single beam."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,8 +15,11 @@ from wayproof.models.sensors.devices.device import Device
 class Rangefinder(Device):
     """One beam by MuJoCo's own `<rangefinder>` sensor, which sees no geom of its own body."""
 
+    kind: ClassVar[str] = "rangefinder"
+    by_mujoco: ClassVar[bool] = True
+
     def beam_table(self) -> BeamTable:
-        """The one beam, along the site's z axis as MuJoCo defines it."""
+        """Return the one beam, along the site's z axis as MuJoCo defines it."""
         return BeamTable(
             rows=np.array([[0.0, 1.0]]),
             columns=np.array([[1.0, 0.0]]),

@@ -1,9 +1,10 @@
-"""Lidars whose pattern does not repeat: the longer they look, the more they have seen."""
+"""Lidars with a non-repetitive pattern, whose coverage grows with time."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,14 +28,16 @@ class SolidStateLidar(Device):
         elevation_high: Upper edge, rad.
         azimuth_low: Right edge, rad.
         azimuth_high: Left edge, rad; the full circle by default.
-        rows: Elevations that there are.
-        columns: Azimuths that there are.
+        rows: Number of elevations.
+        columns: Number of azimuths.
         row_step: Rows from one beam to the next.
         column_step: Columns from one beam to the next.
         beams: Beams in a sweep.
-        moments: Sensor poses in one sweep, each for as many successive beams; 1 freezes the motion
-            of the body during a sweep.
+        scan_poses: Sensor poses in one sweep, each for as many successive beams; 1 freezes the
+            motion of the body during a sweep.
     """
+
+    kind: ClassVar[str] = "lidar"
 
     elevation_low: float
     elevation_high: float
@@ -45,10 +48,10 @@ class SolidStateLidar(Device):
     row_step: int
     column_step: int
     beams: int
-    moments: int = 1
+    scan_poses: int = 1
 
     def beam_table(self) -> BeamTable:
-        """Rows and columns at the centres of equal parts of the field of view."""
+        """Return rows and columns at the centres of equal parts of the field of view."""
         if not -math.pi / 2 <= self.elevation_low < self.elevation_high <= math.pi / 2:
             raise ValueError(
                 f"elevation_low, elevation_high: got {self.elevation_low:g} and "
@@ -70,7 +73,7 @@ class SolidStateLidar(Device):
             order="pairs",
             row_step=self.row_step,
             column_step=self.column_step,
-            moments=self.moments,
+            scan_poses=self.scan_poses,
             measures=self.measures,
         )
 

@@ -1,8 +1,9 @@
-"""Lidars that turn: every ring fires at every azimuth."""
+"""Spinning lidars: every ring fires at every azimuth."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from wayproof.models.sensors.devices.device import Device
 
 
 def evenly(low: float, high: float, rings: int) -> tuple[float, ...]:
-    """Elevations of so many rings from `low` to `high`, both included, rad."""
+    """Return the elevations of evenly spaced rings from `low` to `high`, both included, rad."""
     return tuple(np.linspace(low, high, rings, dtype=np.float64).tolist())
 
 
@@ -21,18 +22,20 @@ class SpinningLidar(Device):
     """A lidar that turns once a sweep about its z axis, counterclockwise from behind.
 
     Attributes:
-        elevations: Of each ring, rad; see `evenly`.
+        elevations: Elevation of each ring, rad; see `evenly`.
         azimuths: Number of directions around the z axis.
-        moments: Sensor poses in one sweep, each for as many neighbouring azimuths; 1 freezes the
+        scan_poses: Sensor poses in one sweep, each for as many neighbouring azimuths; 1 freezes the
             motion of the body during a sweep.
     """
 
+    kind: ClassVar[str] = "lidar"
+
     elevations: tuple[float, ...]
     azimuths: int
-    moments: int = 1
+    scan_poses: int = 1
 
     def beam_table(self) -> BeamTable:
-        """One row a ring and one column an azimuth, in firing order."""
+        """Return one row for each ring and one column for each azimuth, in firing order."""
         if not self.elevations or self.azimuths < 1:
             raise ValueError(
                 f"elevations, azimuths: got {len(self.elevations)} and {self.azimuths}, "
@@ -43,11 +46,11 @@ class SpinningLidar(Device):
             rows=cos_sin(np.array(self.elevations)),
             columns=cos_sin(azimuth),
             beams=len(self.elevations) * self.azimuths,
-            moments=self.moments,
+            scan_poses=self.scan_poses,
             measures=self.measures,
         )
 
 
 def cos_sin(angle: NDArray[np.floating]) -> NDArray[np.float64]:  # (n, 2)
-    """Cosine and sine of each angle (n,) in rad, as a beam table holds them."""
+    """Return cosine and sine of each angle (n,) in rad, as a beam table holds them."""
     return np.stack([np.cos(angle), np.sin(angle)], axis=1, dtype=np.float64)

@@ -8,7 +8,7 @@ from wayproof.models.sensors.devices.spinning_lidar import SpinningLidar, evenly
 VELODYNE_VLP16 = SpinningLidar(
     elevations=evenly(math.radians(-15.0), math.radians(15.0), 16),
     azimuths=1808,  # firing cycles of 55.296 us in a turn of 0.1 s
-    moments=16,
+    scan_poses=16,
     range=65.5,
     minimum_range=0.4,
     rate=10.0,
