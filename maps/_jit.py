@@ -1,11 +1,11 @@
-"""The one way this package compiles a kernel."""
+"""Decorators that compile the kernels of maps."""
 
 import numba
 
-# error_model="numpy" leaves division without a branch; nogil lets Python's own threads run kernels
-# side by side. No fastmath: it would let the compiler reorder arithmetic, and two machines could
-# then build two maps.
+# error_model="numpy" compiles a division without a branch for zero; nogil lets Python threads run
+# kernels side by side. No fastmath: it would let the compiler reorder arithmetic, and two machines
+# could then build two maps.
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 
-# A call costs some nanoseconds an argument: for what is called for each column, put in its place.
+# A call costs some nanoseconds an argument; for kernels that are called for each column.
 inlined = numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)

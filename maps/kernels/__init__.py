@@ -1,1 +1,1 @@
-"""Compiled kernels; those that call each other stand in one file."""
+"""Compiled kernels of the maps, by topic; kernels may call those of other files."""

@@ -268,8 +268,8 @@ class DynamicMap(VoxelMap):
         free: NDArray[np.uint64],
     ) -> None:
         """Lay what moved away and what may come over the states of a window of cells."""
-        kernels.lay_over(low_cell, self._overlay.vacated, True, occupied, free)
-        kernels.lay_over(low_cell, self._overlay.claimed, False, free, occupied)
+        kernels.move_bits(low_cell, self._overlay.vacated, True, occupied, free)
+        kernels.move_bits(low_cell, self._overlay.claimed, False, free, occupied)
 
     def _evidence(self) -> NDArray[np.float64]:
         """Of the cells that something was met in: a sweep that crosses one lowers it."""
@@ -295,7 +295,7 @@ class DynamicMap(VoxelMap):
         """Take in the confident cells (n, 3) that were hit, and which known ones were crossed."""
         known = self._sightings
         places = np.empty(len(met), np.int64)
-        kernels.locate_all(known.cells, met, places)
+        kernels.find_indices(known.cells, met, places)
         again, fresh = places[places >= 0], met[places < 0]
         cells = np.concatenate([known.cells, fresh])
         since, hit = (

@@ -103,7 +103,7 @@ class EverFreeSpace:
         near = near[pool.find(near) >= 0]
         around = pool.find((near[:, None] + NEIGHBOURS).reshape(-1, 3)).reshape(-1, 3, 3, 3)
         shrunk = np.empty((len(near), bricks.COLUMNS), np.uint64)
-        kernels.shrink(pool.layers["free"], around, shrunk)
+        kernels.erode(pool.layers["free"], around, shrunk)
         slots = around[:, 1, 1, 1]
         pool.layers["ever_free"][slots] |= shrunk
         pool.dirty[slots] = True

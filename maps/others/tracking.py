@@ -160,7 +160,7 @@ class Traffic:
 def clusters_of(cells: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     """The parts of a set of cells (m, 3) that hang together, in the order of their least cells."""
     labels = np.empty(len(cells), np.int64)
-    parts = kernels.label_parts(cells, labels)
+    parts = kernels.label_components(cells, labels)
     return [cells[labels == part] for part in range(parts)]
 
 

@@ -16,10 +16,10 @@ def from_middle(sensor, end):
 def naive_cells(sensor, end, returned, guard):
     """The cells that a beam crosses, from its end cell to the sensor (in 1/1024 of a cell)."""
     cell = [q // HALVES for q in sensor]
-    way = from_middle(sensor, end)
+    to_sensor = from_middle(sensor, end)
     faces = []
     for axis in range(2):
-        half = 2**49 // abs(way[axis])
+        half = 2**49 // abs(to_sensor[axis])
         for k in range(abs(cell[axis] - end[axis])):
             faces.append(((2 * k + 1) * half, axis))
     x, y, z = end
@@ -28,11 +28,11 @@ def naive_cells(sensor, end, returned, guard):
         leave = cell[2]
         if fraction is not None:
             middle = HALVES * end[2] + HALVES // 2
-            leave = int((middle + Fraction(fraction, WHOLE) * way[2]) // HALVES)
+            leave = int((middle + Fraction(fraction, WHOLE) * to_sensor[2]) // HALVES)
         crossed |= {(x, y, height) for height in range(min(z, leave), max(z, leave) + 1)}
         z = leave
-        x += (axis == 0) * (1 if way[0] > 0 else -1)
-        y += (axis == 1) * (1 if way[1] > 0 else -1)
+        x += (axis == 0) * (1 if to_sensor[0] > 0 else -1)
+        y += (axis == 1) * (1 if to_sensor[1] > 0 else -1)
     if guard and returned and end[2] == 0 and cell[2] > 0:
         crossed = {c for c in crossed if c[2] != 0}
     return crossed

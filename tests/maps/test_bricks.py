@@ -3,11 +3,8 @@
 import resource
 
 import numpy as np
-import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from wayproof.maps.kernels import bricks as kernels
-from wayproof.maps.kernels import update as updates
 from wayproof.maps.voxel.bricks import BYTES_IN_BRICK, READY, Bricks
 
 MIDDLE = np.array([0.5, 0.5, -0.25])
@@ -185,65 +182,6 @@ def test_unknown_is_what_no_brick_holds():
     assert voxel_map.state_at([[0.05, 0.05, 50.0], [0.05, -3.0, 0.5]]).tolist() == [UNKNOWN] * 2
 
 
-def both(kernel):
-    return pytest.mark.parametrize("run", [kernel, kernel.py_func], ids=["compiled", "python"])
-
-
-STEPS = [(27, 12, -60, 104), (29, 13, -64, 111), (100, 120, -127, 127), (1, 1, -2, 1)]
-
-
-@both(updates.update_column)
-@pytest.mark.parametrize("steps", STEPS)
-def test_update_column(run, steps):
-    hit, miss, low, high = steps
-    rng = np.random.default_rng(hit)
-    for _ in range(60 if run is updates.update_column else 8):
-        old = rng.integers(low, high + 1, 64).astype(np.int8)
-        old[rng.random(64) < 0.2] = 0
-        old[rng.random(64) < 0.2] = low
-        hits, free = (
-            int.from_bytes(np.packbits(rng.random(64) < p, bitorder="little").tobytes(), "little")
-            for p in (0.1, rng.random())
-        )
-        free &= ~hits
-        known = np.packbits((old == low) & (rng.random(64) < 0.5), bitorder="little")
-        settled = int(known.view(np.uint64)[0])
-        cells = old.copy()
-        with np.errstate(over="ignore"):
-            left, flags = run(
-                cells,
-                cells.view(np.uint64),
-                np.uint64(settled),
-                np.uint64(hits),
-                np.uint64(free),
-                steps,
-            )
-        new = old.astype(int)
-        for z in range(64):
-            if hits >> z & 1:
-                new[z] = min(new[z] + hit, high)
-            elif free >> z & 1:
-                new[z] = max(new[z] - miss, low)
-        np.testing.assert_array_equal(cells, new)
-        bits = [int(left) >> z & 1 for z in range(64)]
-        assert all(new[z] == low for z in range(64) if bits[z])
-        crossed = [z for z in range(64) if free >> z & 1]
-        assert all(bits[z] == (new[z] == low) for z in crossed)
-        assert flags & 1 == np.any(new != old)
-        assert flags >> 1 == np.any(np.sign(new) != np.sign(old))
-
-
-@both(updates.update_column)
-def test_a_hit_after_which_a_free_cell_is_just_unknown_turns_it(run):
-    cells = np.full(64, -60, np.int8)
-    cells[5] = -27
-    words = (np.uint64(word) for word in (0, 1 << 5, 0))
-    with np.errstate(over="ignore"):
-        _, flags = run(cells, cells.view(np.uint64), *words, STEPS[0])
-    assert cells[5] == 0
-    assert flags == updates.CONTENT_CHANGED | updates.STATES_CHANGED
-
-
 def test_a_cell_that_is_no_longer_free_is_told_though_it_is_not_occupied():
     voxel_map = make(log_odds_hit=0.4, log_odds_miss=0.4)
     for range_mm in (1000, 500):  # through the cell at 0.5 m, and up to it
@@ -251,41 +189,3 @@ def test_a_cell_that_is_no_longer_free_is_told_though_it_is_not_occupied():
         voxel_map.integrate((0.05, 0.05, 0.5), FORWARD, np.array([range_mm], np.uint16), 2.0, 0)
     assert voxel_map.state_at([[0.55, 0.05, 0.5]]).tolist() == [UNKNOWN]
     assert len(voxel_map.changed(now)[0]) == 1
-
-
-@both(kernels.column_states)
-def test_column_states(run):
-    rng = np.random.default_rng(5)
-    for _ in range(30):
-        cells = rng.integers(-128, 128, 64).astype(np.int8)
-        cells[rng.random(64) < 0.4] = 0
-        cells[:16] = -60
-        cells[16:40][rng.random(24) < 0.7] = -60
-        known = rng.integers(0, 2**63, dtype=np.uint64) | np.uint64(0xFFFF)
-        settled = np.packbits(cells == -60, bitorder="little").view(np.uint64)[0] & known
-        with np.errstate(over="ignore"):
-            occupied, free = run(cells.view(np.uint64), settled)
-        assert [int(occupied) >> z & 1 for z in range(64)] == (cells > 0).tolist()
-        assert [int(free) >> z & 1 for z in range(64)] == (cells < 0).tolist()
-
-
-@both(updates.digest_bricks)
-def test_digests_tell_single_words_apart(run):
-    rng = np.random.default_rng(5)
-    eights = np.repeat(rng.integers(0, 2**63, (1, 256, 8)).astype(np.uint64), 6, axis=0)
-    eights[1, 0, 0] ^= np.uint64(1)
-    eights[2, 255, 7] ^= np.uint64(1 << 63)
-    eights[3, [0, 1]] = eights[3, [1, 0]]
-    eights[4] = 0
-    lanes, held = np.zeros((6, 8), np.uint64), np.zeros(6, np.bool_)
-    with np.errstate(over="ignore"):
-        run(np.arange(6), (0, 6), eights, lanes, held)
-    assert len({lane.tobytes() for lane in lanes}) == 5
-    assert lanes[0].tolist() == lanes[5].tolist()
-    assert held.tolist() == [True, True, True, True, False, True]
-    with np.errstate(over="ignore"):
-        again = np.array(updates.SEEDS)
-        for column in eights[0]:
-            again = (again ^ column) * updates.FACTOR
-            again ^= again >> np.uint64(32)
-    assert again.tolist() == lanes[0].tolist()

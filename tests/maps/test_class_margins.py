@@ -15,7 +15,6 @@ from wayproof.maps import (
     states_in,
 )
 from wayproof.maps.columns import unpack
-from wayproof.maps.kernels import labels as kernels
 
 BOX = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5)
 
@@ -120,27 +119,6 @@ def test_a_person_is_passed_farther_away_than_a_crate():
         reach.append(np.flatnonzero(blocked).tolist())
     assert reach == [[5, 25], [2, 3, 4, 5, 6, 7, 8, 25]]
     assert (costmap.state[15, 9:25, 0] == FREE).all()
-
-
-def test_the_kernel_is_its_own_python():
-    rng = np.random.default_rng(2)
-    cells, squared = rng.integers(-6, 9, (9, 3)), rng.integers(0, 10, 9)
-    told = []
-    for run in (kernels.grow_balls, kernels.grow_balls.py_func):
-        grown = np.zeros((5, 4, 1), np.uint64)
-        run(cells, squared, (-2, 0, -3), grown)
-        told.append(grown)
-    np.testing.assert_array_equal(*told)
-    assert 0 < np.bitwise_count(grown).sum() < 5 * 4 * 20
-    planes = []
-    for run in (kernels.block_columns, kernels.block_columns.py_func):
-        occupied, free = np.zeros((6, 2), np.uint64), np.full((6, 2), 2**64 - 1, np.uint64)
-        run(grown, np.full((5, 4), 3, np.int16), 4, 1, 62, occupied, free)
-        np.testing.assert_array_equal(occupied, ~free)
-        planes.append(occupied)
-    np.testing.assert_array_equal(*planes)
-    blocked = unpack(grown, 64)[:, :, 3:7].any(axis=2)
-    np.testing.assert_array_equal(unpack(planes[0][:, None], 128)[1:, 0, 62:66], blocked)
 
 
 def test_strange_margins_are_refused():

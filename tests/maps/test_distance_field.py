@@ -164,25 +164,6 @@ def test_compiled_kernels_equal_their_python(monkeypatch):
     np.testing.assert_array_equal(compiled.squared, scipy_squared(later, 6))
 
 
-@pytest.mark.parametrize("j", [1, 5, 17])
-def test_planes_are_lowered_to_what_leads_through_those_around(j):
-    reach, unit, planes = 19, edt.UNIT, 60
-    rng = np.random.default_rng(j)
-    sources = rng.integers(0, reach * reach, (planes, unit)).astype(np.uint16)
-    before = rng.integers(0, reach * reach, (6, unit)).astype(np.uint16)
-    for way in (edt_field.lower_planes, edt_field.lower_planes.py_func):
-        target = before.copy()
-        greatest = way(target.ravel(), unit, sources.ravel(), 28 * unit, j, reach)
-        expected = before.astype(int)
-        for plane in range(4):
-            for distance in range(j, j + 4):
-                nearer = np.minimum(*(sources[28 + plane + d] for d in (distance, -distance)))
-                through = nearer.astype(int) + min(distance, reach) ** 2
-                expected[1 + plane] = np.minimum(expected[1 + plane], through)
-        np.testing.assert_array_equal(target, expected)
-        assert greatest == expected[1:5].max()
-
-
 def test_bits_beyond_the_window_are_not_looked_at():
     field = DistanceField((5, 5, 40), 9)
     field.update(packed(np.zeros((5, 5, 40), np.bool_)))  # sets bits 40 to 63
@@ -246,9 +227,9 @@ def test_what_is_not_stale_is_true_whatever_was_worked_out(threads):
         blocked[x : x + 9, y : y + 5, z : z + 6] = step % 2
         blocked ^= rng.random(shape) < 1e-5
         take_over([field], boxes([packed(blocked)]))
-        wanted = rng.random(field.stale.shape) < rng.choice([0.0, 0.02, 0.3])
-        bring_up_to_date([field], wanted)
-        assert not (field.stale & wanted).any()
+        requested = rng.random(field.stale.shape) < rng.choice([0.0, 0.02, 0.3])
+        bring_up_to_date([field], requested)
+        assert not (field.stale & requested).any()
         true = scipy_squared(blocked, reach)
         differs = (field.squared != true).any(axis=2)  # (nx, ny)
         assert not (differs & ~field.stale.T[:, rows]).any()
@@ -267,9 +248,9 @@ def test_only_what_is_wanted_is_worked_out():
     blocked[[10, 50], 10, 10] = True
     take_over([field], boxes([packed(blocked)]))
     field.squared[50] = 12345  # would be overwritten if it were recomputed
-    wanted = np.zeros_like(field.stale)
-    wanted[:, :40] = True
-    bring_up_to_date([field], wanted)
+    requested = np.zeros_like(field.stale)
+    requested[:, :40] = True
+    bring_up_to_date([field], requested)
     assert np.all(field.squared[50] == 12345)
     np.testing.assert_array_equal(field.squared[:40], scipy_squared(blocked, 5)[:40])
     bring_up_to_date([field])

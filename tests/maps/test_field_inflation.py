@@ -4,7 +4,6 @@ from scipy.ndimage import distance_transform_edt
 
 from wayproof.maps.columns import layer_bits, unpack
 from wayproof.maps.costmap.inflation import inflate
-from wayproof.maps.kernels import inflation as kernels
 from wayproof.maps.parallel import ThreadTeam
 
 
@@ -33,14 +32,6 @@ def test_a_ball_of_radius_2_has_33_cells():
     cells = np.zeros((7, 7, 64), np.bool_)
     cells[3, 3, 10] = True
     assert unpack(inflate(packed(cells), 4), 64).sum() == 33
-
-
-def test_compiled_inflation_equals_its_python(monkeypatch):
-    words = packed(np.random.default_rng(1).random((6, 5, 128)) < 0.01)
-    compiled = inflate(words, 11)
-    for name in ("grow_along_z", "unite", "inflate_planes"):
-        monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
-    np.testing.assert_array_equal(inflate(words, 11), compiled)
 
 
 @pytest.mark.parametrize("squared_radius", [-1, 181 * 181 + 1])

@@ -1,5 +1,3 @@
-import itertools
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,6 @@ from wayproof.maps import (
     VoxelMap,
     states_in,
 )
-from wayproof.maps.kernels import grid2d as kernels
 
 SECOND = 10**9
 FORWARD = np.array([[1.0, 0.0, 0.0]])
@@ -143,23 +140,6 @@ def test_sweeps_are_those_of_naive_slabs():
     assert crossed[~doubt].sum() > 150
     assert doubt.mean() < 0.1
     assert (got == expected)[~doubt].all()
-
-
-def test_kernels_are_their_own_python():
-    heights = range(-7, 8, 2)
-    for start, end in itertools.product(heights, heights):
-        clip = kernels.clip_to_band(start, end, (-4, 2))
-        assert clip == kernels.clip_to_band.py_func(start, end, (-4, 2))
-        inside = [z for z in range(min(start, end), max(start, end) + 1) if -4 <= z <= 2]
-        span = len(inside) - 1 if start != end else len(inside)
-        assert max(clip[1] - clip[0], 0) == max(span, 0)
-    inside = np.array([[0, 0], [9, 9]])
-    for start, end in [((511, 513), (8001, 3001)), ((8001, 3001), (77, 8999)), ((9, 9), (9, 9))]:
-        marks = np.zeros((2, 9, 9), np.uint8)
-        kernels.trace_flat(start, end, inside, marks[0])
-        kernels.trace_flat.py_func(start, end, inside, marks[1])
-        assert marks[0].sum() > 0
-        assert (marks[0] == marks[1]).all()
 
 
 def scene_sweep(origin, boxes, hole=None):

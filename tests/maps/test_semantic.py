@@ -92,29 +92,6 @@ def test_a_full_count_stays():
     assert layer.votes_at([(0.0, 0.0, 0.0)]).tolist() == [[0, 2**32 - 1]]
 
 
-def test_the_compiled_kernel_equals_its_python():
-    rng = np.random.default_rng(7)
-    voters = rng.integers(-3, 3, (200, 3))
-    labels = rng.integers(0, 2, 200).astype(np.uint8)
-    counts = rng.integers(1, 4, 200).astype(np.uint32)
-    results = []
-    for run in (kernels.count_votes, kernels.count_votes.py_func):
-        directory, cells = np.full(256, -1, np.int32), np.zeros((60, 3), np.int64)
-        votes, winners = np.zeros((60, 2), np.uint32), np.full(60, UNLABELLED, np.uint8)
-        sums, box = np.zeros(2, np.uint64), np.array([[9] * 3, [-9] * 3])
-        with np.errstate(over="ignore"):
-            table = kernels.VoteTable(directory, cells, votes, winners)
-            ballots = kernels.Ballots(voters, labels, counts)
-            numbers = run(table, 0, ballots, sums, box)
-        held = directory, cells, votes, winners, sums, box
-        results.append((numbers, *(part.tobytes() for part in held)))
-    assert results[0] == results[1]
-    assert results[0][0][0] == 60
-    assert results[0][0][1] > 0
-    np.testing.assert_array_equal(winners, votes.argmax(axis=1))
-    np.testing.assert_array_equal(box, [cells.min(axis=0), cells.max(axis=0)])
-
-
 def random_sweep(seed, moments=1, count=400):
     rng = np.random.default_rng(seed)
     directions = rng.normal(size=(count, 3))

@@ -8,7 +8,6 @@ import pytest
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, CostmapConfig, MapConfig, VoxelMap
 from wayproof.maps.columns import ColumnMap, Window
 from wayproof.maps.costmap.terrain import BASELINE, Terrain, rises
-from wayproof.maps.kernels import terrain as kernels
 
 FLOOR, LAYERS, SIZE = 4, 40, (40, 24)
 LOW, HIGH = (0.0, 0.0, -0.475), (4.0, 2.4, 3.525)  # cells of 0.1 m, the floor's is layer 4
@@ -246,23 +245,6 @@ def test_on_a_flat_floor_nothing_differs():
     cells.states[30:33, 4:9, FLOOR] = UNKNOWN
     cells.states[30:33, 12:14, :FLOOR] = FREE
     np.testing.assert_array_equal(told(cells), told(cells, max_slope=0.0))
-
-
-@pytest.mark.parametrize("python", [False, True])
-def test_kernels_are_their_own_python(python):
-    names = "any_of", "all_of", "lowest_surface", "is_surface"
-    run = [getattr(kernels, name).py_func if python else getattr(kernels, name) for name in names]
-    column = np.array([0b1011_0100, 1], np.uint64)
-    assert [run[0](column, *part) for part in ((0, 2), (2, 3), (63, 99))] == [False, True, True]
-    assert [run[1](column, *part) for part in ((4, 6), (4, 7), (64, 65))] == [True, False, True]
-    assert not run[1](column, 64, 999)
-    assert [run[2](column, first, 9, kernels.Body(0, 1, 3)) for first in (0, 3, 8)] == [7, 7, -1]
-    assert [run[3](column, z, kernels.Body(0, 1, 2)) for z in (2, 3, 4, 5)] == [
-        True,
-        False,
-        False,
-        True,
-    ]
 
 
 def test_limits_by_hand():

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, TsdfMap, states_in
-from wayproof.maps.kernels import tsdf as kernels
 
 SECOND = 10**9
 FORWARD = np.array([[1.0, 0.0, 0.0]])
@@ -160,22 +159,6 @@ def test_sweeps_are_those_of_a_naive_field():
     assert np.count_nonzero(~np.isnan(distances)) > 1300
     assert doubt.mean() < 0.01
     np.testing.assert_allclose(tsdf.distance_at(points)[~doubt], distances[~doubt], atol=1e-12)
-
-
-def test_scores_hold_their_distances_and_order_them():
-    distances = list(range(-1023, 1025))
-    assert [kernels.distance_of(kernels.score_of(d)) for d in distances] == distances
-    for kernel, inputs in (
-        (kernels.score_of, distances),
-        (kernels.weight_of, distances),
-        (kernels.distance_of, range(2000, 8192)),
-    ):
-        assert [kernel(i) for i in inputs] == [kernel.py_func(i) for i in inputs]
-    order = sorted(distances, key=kernels.score_of, reverse=True)
-    assert order[:5] == [0, -1, 1, -2, 2]
-    assert order[-1] == -1023
-    assert order.index(1024) < order.index(-223)  # seen before hidden
-    assert min(kernels.score_of(d) for d in distances) > 0
 
 
 def test_a_flat_floor_seen_while_walking_stays_whole_and_free_above():

@@ -134,15 +134,15 @@ def test_of_beams_from_and_to_anywhere_the_cells_in_a_box_are_marked(run):
 
 def exact_columns(sensor, end):
     """The columns on the straight line, by fractions, where it meets no edge."""
-    way = from_middle(sensor, end)
+    to_sensor = from_middle(sensor, end)
     columns, x, y = {(end[0], end[1])}, end[0], end[1]
     faces = []
     for axis in range(2):
         for k in range(abs(sensor[axis] // HALVES - end[axis])):
-            faces.append((Fraction((2 * k + 1) * HALVES, 2 * abs(way[axis])), axis))
+            faces.append((Fraction((2 * k + 1) * HALVES, 2 * abs(to_sensor[axis])), axis))
     for _, axis in sorted(faces):
-        x += (axis == 0) * (1 if way[0] > 0 else -1)
-        y += (axis == 1) * (1 if way[1] > 0 else -1)
+        x += (axis == 0) * (1 if to_sensor[0] > 0 else -1)
+        y += (axis == 1) * (1 if to_sensor[1] > 0 else -1)
         columns.add((x, y))
     return columns
 
