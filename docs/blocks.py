@@ -1,12 +1,12 @@
-"""The blocks of a page: what a reader types, and what the page says that comes of it.
+"""The fenced blocks of a page: commands, their output, code and files.
 
-| block | is |
+| block | content |
 |---|---|
-| `sh`, `sh exit=1` | commands, typed whole; the last one ends with that exit code |
-| `console` | commands after a `$`; the tests type them on a small scale |
-| `text` | lines that the commands before it print |
-| `python` | run; the blocks of a page share their names |
-| `toml`, `json`, `xml`, `yaml` | a file, by `file=NAME` one that later commands of the page read |
+| `sh`, `sh exit=1` | commands, run in full; the last one exits with that code |
+| `console` | commands after a `$`; the tests run them on a small scale |
+| `text` | lines printed by the commands before it |
+| `python` | code; the blocks of a page share a namespace |
+| `toml`, `json`, `xml`, `yaml` | a file; with `file=NAME`, one for later commands of the page |
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ STRAY = re.compile(r"^ +```|(?<=\n\n) {4,}\S", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Block:
-    """One block.
+    """A fenced block.
 
     Attributes:
         kind: One of `KINDS`.
-        options: What its first line says besides, `exit=1` as `{"exit": "1"}`.
-        text: What it holds.
+        options: Options on its first line, `exit=1` as `{"exit": "1"}`.
+        text: Lines between the fences.
     """
 
     kind: str
@@ -40,12 +40,12 @@ def blocks(page: str) -> list[Block]:
     """All blocks of a page, in order.
 
     Raises:
-        ValueError: One is of no known kind, or set off by an indent alone.
+        ValueError: A block has an unknown kind, or is only indented.
     """
     prose = FENCED.sub("\n", page)
     if stray := STRAY.search(prose):
         line = prose[stray.start() :].strip().splitlines()[0]
-        raise ValueError(f"'{line}': expected blocks between ``` at the line's begin")
+        raise ValueError(f"'{line}': expected blocks between ``` at the start of a line")
     return [_block(info, text) for info, text in FENCED.findall(page)]
 
 
@@ -57,7 +57,7 @@ def _block(info: str, text: str) -> Block:
 
 
 def commands(block: Block) -> list[str]:
-    """What a block types, command by command; a file that is typed (`cat > ...`) is one."""
+    """The commands of a block; a file written by `cat > ...` is one command."""
     text = block.text
     if block.kind == "console":
         text = re.sub(r"^\$ ", "", text, flags=re.MULTILINE)

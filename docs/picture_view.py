@@ -1,4 +1,4 @@
-"""Take a picture of what Rerun shows of a saved view, without a screen.
+"""Take a screenshot of a saved view in Rerun, without a screen.
 
 Usage: python docs/picture_view.py FILE.rrd SECONDS OUT.png
 
@@ -21,7 +21,7 @@ SETTLE = 3.0  # s, for data and shaders to arrive
 
 
 def main(recording: Path, seconds: float, out: Path) -> None:
-    """Open the recording, go to a simulated time, and keep what is drawn, in 128 colours."""
+    """Open the recording at a simulated time, and save a screenshot in 128 colours."""
     start = loopback_viewer(Path(tempfile.mkdtemp()))
     try:
         with ViewerClient.spawn(
@@ -35,14 +35,14 @@ def main(recording: Path, seconds: float, out: Path) -> None:
             viewer.set_time("time", duration=seconds, play_state="paused")
             time.sleep(SETTLE)
             shot = Image.open(io.BytesIO(viewer.take_screenshot()))
-    except ConnectionError as error:  # the viewer ends where it finds nothing to draw with
-        sys.exit(f"no picture here: {error}; Rerun's viewer needs a Vulkan driver, and time")
+    except ConnectionError as error:  # the viewer exits without a driver
+        sys.exit(f"no picture here: {error}; Rerun's viewer needs a Vulkan driver")
     shot = shot.convert("RGB").resize((1440, 810), Image.Resampling.LANCZOS)
     shot.quantize(128).save(out, optimize=True)
 
 
 def free_port() -> int:
-    """One that nothing listens on."""
+    """A port that nothing listens on."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         port: int = one.getsockname()[1]

@@ -1,4 +1,4 @@
-"""Render every world, seed 4 at difficulty 0.5, from above and aslant.
+"""Render every world, seed 4 at difficulty 0.5, from obliquely above.
 
 Usage: python docs/picture_worlds.py FOLDER
 """
@@ -22,13 +22,13 @@ START, GOAL = (30, 150, 60), (200, 30, 30)
 
 
 def main(folder: Path) -> None:
-    """One PNG for each world."""
+    """Write one PNG for each world."""
     for name, make in WORLDS.items():
         render(make(SEED)).save(folder / f"world-{name}.png", optimize=True)
 
 
 def render(world):
-    """The world at its beginning; start green, goal red."""
+    """Render a world at its start time; start green, goal red."""
     spec = mujoco.MjSpec.from_string(world.mjcf())
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
     for name, place, colour in (("start", world.start, START), ("goal", world.goal, GOAL)):
@@ -40,7 +40,7 @@ def render(world):
             rgba=[*(np.array(colour) / 255), 1.0],
         )
     model = spec.compile()
-    for geom in range(model.ngeom):  # what stands nearest the camera must not hide the rest
+    for geom in range(model.ngeom):  # the nearest wall must not hide the rest
         if "wall_2" == model.geom(geom).name or model.geom(geom).name in ("hedge_2", "barrier_2"):
             model.geom_rgba[geom, 3] = 0.15
     model.light_diffuse[:] = 0.35
@@ -53,7 +53,9 @@ def render(world):
     low, high = np.array(world.low), np.array(world.high)
     camera.lookat[:] = [*(0.5 * (low + high))[:2], 0.3]
     camera.azimuth = 90.0
-    camera.elevation = -85.0 if world.name == "maze" else -64.0  # its walls hide what is behind
+    camera.elevation = (
+        -85.0 if world.name == "maze" else -64.0
+    )  # its walls hide what is behind them
     camera.distance = 1.12 * max(high[0] - low[0], 1.3 * (high[1] - low[1]))
     with mujoco.Renderer(model, SIZE[1], SIZE[0]) as renderer:
         renderer.update_scene(data, camera)

@@ -1,8 +1,8 @@
-"""Draw a study's dose-response plots as SVG files of their own.
+"""Write a study's dose-response plot as an SVG file.
 
 Usage: python docs/plot_dose.py FOLDER OUT.svg
 
-FOLDER is a study's; its report must have been written. With several plots, the first is taken.
+FOLDER is a study with a written report. Of several plots, the first is taken.
 """
 
 import re
@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 def main(folder: Path, out: Path) -> None:
-    """Take the plot out of the report, which draws it from the logs."""
+    """Extract the plot from the report."""
     page = (folder / "report.html").read_text(encoding="utf-8")
     plots = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
     if not plots:

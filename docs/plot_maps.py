@@ -1,4 +1,4 @@
-"""Fill the tables of docs/maps.md and draw its pictures from one run of the map lab.
+"""Fill the tables of docs/maps.md and draw its pictures from one run of `bench map`.
 
 Usage: wayproof bench map --json > rows.json && python docs/plot_maps.py rows.json
 """
@@ -73,7 +73,7 @@ TABLES = {
         "agreement_above_floor": "above the floor's layer",
     },
 }
-"""Which fields each part shows, and how they are headed."""
+"""Fields of each part, with their column headings."""
 
 SHARES = ("floor_columns_lost", "false_free", "agreement", "agreement_above_floor")
 

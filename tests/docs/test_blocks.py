@@ -1,4 +1,4 @@
-"""Every block of every page runs, and what a page quotes is what was printed."""
+"""Every block of every page runs, and quoted output is the printed one."""
 
 import re
 import sys
@@ -11,10 +11,10 @@ from tests.docs.typist import (
     TARGETS,
     UNTYPED,
     Typist,
-    hold_against_parser,
-    hold_quote,
-    lines_of,
-    reason_against,
+    check_against_parser,
+    check_quote,
+    commands_of,
+    reason_untyped,
 )
 from wayproof.harness.cli.main import verb_parsers
 
@@ -54,18 +54,18 @@ def test_commands_in_the_prose_are_ours(page):
         elif program == "make":
             assert words[0] in TARGETS, rest
         elif program == "python" and words[:2] != ["-m", "pytest"]:
-            hold_against_parser([program, *words])
+            check_against_parser([program, *words])
         for word in words:
             assert (
                 not re.fullmatch(r"(?:tests|docs|harness)/\S+\.py", word) or (ROOT / word).is_file()
             ), rest
 
 
-def test_no_reason_stands_for_nothing():
+def test_every_untyped_command_is_on_a_page():
     lines = [
-        line for page in PAGES for block in blocks(page.read_text()) for line in lines_of(block)
+        line for page in PAGES for block in blocks(page.read_text()) for line in commands_of(block)
     ]
-    given = {reason_against(line) for line in lines}
+    given = {reason_untyped(line) for line in lines}
     assert set(UNTYPED.values()) <= given
 
 
@@ -90,13 +90,13 @@ def test_blocks_and_their_commands():
     assert commands(second) == ["ls"]
 
 
-def test_a_quote_is_held_line_by_line():
-    told = "success: at rest; 6.7 s simulated in 5.9 s\nlog: a  chain: 0123456789abcdef\nlast\n"
-    hold_quote("success: at rest; 6.7 s simulated in 1.0 s\n last\n", told)
-    hold_quote("log: a ...\n", told)
+def test_a_quote_is_checked_line_by_line():
+    output = "success: at rest; 6.7 s simulated in 5.9 s\nlog: a  chain: 0123456789abcdef\nlast\n"
+    check_quote("success: at rest; 6.7 s simulated in 1.0 s\n last\n", output)
+    check_quote("log: a ...\n", output)
     for wrong in ("success: at rest; 6.8 s simulated in 5.9 s", "last\nlog: a ...", "more"):
         with pytest.raises(AssertionError, match="the page quotes"):
-            hold_quote(wrong, told)
+            check_quote(wrong, output)
 
 
 @pytest.mark.parametrize(
@@ -110,6 +110,6 @@ def test_a_quote_is_held_line_by_line():
     ],
     ids=" ".join,
 )
-def test_a_command_that_is_none_is_found(words):
+def test_an_invalid_command_is_found(words):
     with pytest.raises(AssertionError):
-        hold_against_parser(words)
+        check_against_parser(words)

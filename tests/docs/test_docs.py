@@ -1,4 +1,4 @@
-"""The pages say what holds: links lead somewhere, the reference is the code's, the site builds."""
+"""Links resolve, the reference matches the code, the site builds."""
 
 import re
 import subprocess
@@ -17,7 +17,7 @@ REGISTRY = re.compile(r"pypi\.org|pythonhosted|npmjs|crates\.io|anaconda\.org")
 
 
 def anchors(page):
-    """What a heading is called in a link, as GitHub makes it."""
+    """Anchors of a page's headings, in GitHub's form."""
     headings = re.findall(r"^#+ (.+)$", FENCED.sub("", page.read_text()), re.MULTILINE)
     plain = [re.sub(r"[`*]|\[|\]\([^)]*\)", "", heading).lower() for heading in headings]
     return {re.sub(r"[^\w\- ]", "", heading).replace(" ", "-") for heading in plain}
@@ -37,7 +37,7 @@ def broken_links(page):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_somewhere(page):
+def test_links_resolve(page):
     assert list(broken_links(page)) == []
 
 
@@ -55,14 +55,14 @@ def test_every_page_is_reached_from_the_index():
 
 
 @pytest.mark.parametrize("name", sorted(generate.pages()))
-def test_the_reference_is_that_of_the_code(name):
+def test_the_reference_matches_the_code(name):
     written = (generate.FOLDER / name).read_text()
     assert written == generate.pages()[name], "run: python -m docs.generate"
 
 
 def test_attributes_are_read_over_several_lines():
     class Section:
-        """What it is.
+        """A section.
 
         Attributes:
             one: The first,
@@ -78,7 +78,7 @@ def test_attributes_are_read_over_several_lines():
 
 
 def built(source, out):
-    """Build the site of a folder; returns what Sphinx said of it, and refuses any warning."""
+    """Build the site of a folder, warnings as errors; return the finished process."""
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going"]
     command += ["-c", str(source / "docs"), str(source), str(out)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
@@ -92,7 +92,7 @@ def test_the_site_has_every_page(tmp_path):
         assert (tmp_path / page.relative_to(ROOT).with_suffix(".html")).is_file()
 
 
-def test_the_site_refuses_a_link_that_leads_nowhere(tmp_path):
+def test_the_site_rejects_a_broken_link(tmp_path):
     pytest.importorskip("myst_parser")
     (tmp_path / "docs").mkdir()
     conf = (ROOT / "docs/conf.py").read_text()

@@ -1,11 +1,11 @@
-"""Types the blocks of a page, in order, in a folder of its own.
+"""Run the blocks of a page, in order, in a folder of its own.
 
-`sh` blocks are typed whole. `console` blocks are typed on a small scale: episodes end early, a
-study has one seed, and `make` tells what it would do. What is not typed even so stands in `UNTYPED`
-with the reason, and is held against the parser of its command.
+`sh` blocks run in full. `console` blocks run on a small scale: episodes end early, a study has one
+seed, and `make` does a dry run. Commands in `UNTYPED` do not run, for the reason there; they are
+checked against the parser of their program.
 
-`python -m tests.docs.typist docs/PAGE.md` writes what a page quotes anew, each line as the printed
-one that is most like it; what the page says of it is to be read again.
+`python -m tests.docs.typist docs/PAGE.md` updates the quoted output of a page, each line to the
+most similar printed one; the prose around it is to be checked by hand.
 """
 
 import contextlib
@@ -51,25 +51,23 @@ UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
 }
-"""Commands that are held against their parser alone, and why."""
+"""Commands that are only checked against their parser, and the reason."""
 
 SHORT = 1.0
-"""How long an episode lasts on a small scale, s; up to the last decision that a whole block asks
-for.
-"""
+"""Duration of an episode on a small scale, s; longer if a full block needs a later decision."""
 
 COARSE = 0.2
-"""Cells on a small scale, m; of a drone, as a step of the other robot is too small for them."""
+"""Cell size on a small scale, m, for a drone; the other robot's steps are too small for it."""
 
 EARLY = 5
-"""The decision that is asked for on a small scale in place of a later one."""
+"""Decision on a small scale instead of a later one."""
 
 NOISE = re.compile(
     r"(?<=simulated in )\d+\.\d(?= s)|(?<=; )\d+\.\d(?= s;)|(?<=log )\d+\.\d(?= MB/min)"
     r"|sense [\d.]+, map [\d.]+, costmap [\d.]+, plan [\d.]+"
     r"|\b[0-9a-f]{12,32}\b"
 )
-"""Wall times, sizes that hold them, and hashes, which are one machine's."""
+"""Wall times, sizes that depend on them, and hashes, which vary by machine."""
 
 SMALLER = {
     "threshold": "--episodes 2".split(),
@@ -79,10 +77,10 @@ SMALLER = {
     "falsify": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
     " --set map.resolution=0.2".split(),
 }
-"""What else is typed for a verb on a small scale."""
+"""Additional options of a verb on a small scale."""
 
 MANY = ("study", "threshold", "calibrate", "falsify")
-"""Verbs that start processes: each loads everything, which takes longer than a short episode."""
+"""Verbs that start processes, each of which takes longer to load than a short episode."""
 
 STAGES_SMALLER = {
     "coverage": "--repeats 2".split(),
@@ -94,7 +92,7 @@ STAGES_SMALLER = {
     "loop": "--repeats 1 --only light".split(),
     "rays": "--repeats 1".split(),
 }
-"""What else is typed for a stage of `bench`: one episode or problem after those that are kept."""
+"""Additional options of a stage of `bench`: one episode or problem after the kept ones."""
 
 MAP_ROWS = (
     [
@@ -135,7 +133,7 @@ MAP_ROWS = (
         },
     ]
 )
-"""A few rows such as `bench map` prints: made up, they go into a folder of their own."""
+"""Invented rows in the form of `bench map`, written to a folder of their own."""
 
 EPISODE = {"seed": 0, "outcome": "success", "time_s": 9.0, "clearance_m": 0.3, "reason": "at rest"}
 
@@ -151,44 +149,44 @@ WORLD_ROWS = [
     for robot in bench_worlds.ROBOTS
     if (world, robot) != ("empty", "drone")
 ]
-"""Rows of all episodes but one, made up; the one that is missing is run."""
+"""Invented rows of all episodes but one, which is run."""
 
 LOG = re.compile(r"logs/([a-z]+)-([a-z]+)-(\d+)\.mcap(\.partial)?")
 
 
 class Typist:
-    """One reader of one page.
+    """Runner of the blocks of one page.
 
     Attributes:
-        ran: How many blocks were really run or read.
-        undrawn: Why pictures that were asked for could not be drawn on this machine.
-        told: What the last block that ran has printed.
+        ran: Number of blocks run or parsed.
+        undrawn: Errors of pictures that could not be drawn on this machine.
+        output: Text printed by the last block that ran.
     """
 
     def __init__(self, page, episodes):
-        """Sit down in this folder; `episodes` holds the logs that any page has asked for."""
+        """Set up the current folder; `episodes` is a cache of logs shared by all pages."""
         self.ran = 0
         self.undrawn = []
         self._whole_blocks = "".join(one.text for one in blocks(page) if one.kind == "sh")
         self._episodes = episodes
         self._names = {"__name__": "page"}
-        self.told, self._whole = "", True
-        sit_down()
+        self.output, self._whole = "", True
+        set_up_folder()
 
     def type(self, block):
-        """Type one block, and hold what comes of it against the page."""
+        """Run one block, and check the quotes of the page against its output."""
         if block.kind == "text":
             assert self._whole, (
                 f"quoted after a block that is typed on a small scale:\n{block.text}"
             )
-            return hold_quote(block.text, self.told)
+            return check_quote(block.text, self.output)
         if block.kind in ("sh", "console", "yaml"):
             return self._type_commands(block)
         self.ran += 1
         if block.kind == "python":
             with contextlib.redirect_stdout(io.StringIO()) as out:
                 exec(compile(block.text, "page", "exec"), self._names)
-            self.told, self._whole = out.getvalue(), True
+            self.output, self._whole = out.getvalue(), True
         else:
             path = Path(block.options.get("file", f"page.{block.kind}"))
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -198,16 +196,16 @@ class Typist:
             READERS[block.kind](path)
 
     def _type_commands(self, block):
-        self.told, self._whole, code, typed = "", block.kind == "sh", 0, False
+        self.output, self._whole, code, typed = "", block.kind == "sh", 0, False
         expected = int(block.options.get("exit", 0))
-        for line in lines_of(block):
-            if reason_against(line):
-                hold_against_parser(shlex.split(line, comments=True))
+        for line in commands_of(block):
+            if reason_untyped(line):
+                check_against_parser(shlex.split(line, comments=True))
                 continue
             code, typed = self._type_line(line), True
             undecided = code == 3 and not self._whole  # one seed decides no gate
-            assert undecided or code in (0, 1, expected), f"{line}: exit code {code}\n{self.told}"
-        assert not self._whole or code == expected, f"{line}: exit code {code}\n{self.told}"
+            assert undecided or code in (0, 1, expected), f"{line}: exit code {code}\n{self.output}"
+        assert not self._whole or code == expected, f"{line}: exit code {code}\n{self.output}"
         self.ran += typed
 
     def _type_line(self, line):
@@ -221,27 +219,27 @@ class Typist:
         words = shlex.split(line, comments=True)
         words, out = (words[:-2], words[-1]) if words[-2:-1] == [">"] else (words, None)
         for word in words:
-            self._give(word)
+            self._provide(word)
         program, *words = words
         if Path(program).name == "wayproof":
-            code, told = self._type_ours(words)
+            code, output = self._type_ours(words)
         elif program == "make":
-            code, told = dry_run(words)
+            code, output = dry_run(words)
         elif words[0] == "docs/plot_maps.py":
-            code, told = plot_here(words)
+            code, output = plot_maps(words)
         else:
             assert program == "python", f"cannot type: {line}"
             if "--count" in words and not self._whole:
                 words += ["--count", "10"]
             if (script := ROOT / words[0]).is_file():
                 words[0] = str(script)
-            code, told = in_a_process(words)
-        if "no picture here" in told:
-            self.undrawn.append(told.strip())
+            code, output = run_python(words)
+        if "no picture here" in output:
+            self.undrawn.append(output.strip())
             code = 0
-        self.told += told
+        self.output += output
         if out:
-            Path(out).write_text(told)
+            Path(out).write_text(output)
         return code
 
     def _type_ours(self, words):
@@ -273,15 +271,15 @@ class Typist:
         if verb == "run":
             return self._run(words)
         if verb == "picture":  # needs a driver chosen before the simulator is loaded
-            return as_a_command(words)
-        return in_here(words)
+            return run_command(words)
+        return run_here(words)
 
     def _run(self, words):
-        """One episode; the one that has been run for another block is not run again."""
+        """Run one episode, or reuse the one of another block."""
         log = log_of(words)
         if not self._whole:
-            asked = rf"(?:explain|picture) {re.escape(str(log))} (\d+)"
-            last = max(map(int, re.findall(asked, self._whole_blocks)), default=0)
+            shown = rf"(?:explain|picture) {re.escape(str(log))} (\d+)"
+            last = max(map(int, re.findall(shown, self._whole_blocks)), default=0)
             limit = f"episode.time_limit={max(SHORT, 0.1 * last + 0.2):g}"
             words = with_options(words, ["--set", limit])
             flies = verb_parsers()["run"].parse_args(words[1:]).robot == "drone"
@@ -292,20 +290,20 @@ class Typist:
         files = [Path(word).read_bytes() for word in words if Path(word).is_file()]
         key = hashlib.sha256(repr((words, files)).encode()).hexdigest()[:16]
         kept = self._episodes / f"{key}.mcap"
-        told = kept.with_suffix(".json")
+        output = kept.with_suffix(".json")
         with alone(kept.with_suffix(".lock")):
-            if not told.exists():
+            if not output.exists():
                 words = [*words, "--log", str(kept)]
-                ran = as_a_command(words) if "--render" in words else in_here(words)
+                ran = run_command(words) if "--render" in words else run_here(words)
                 if ran[0] not in (0, 1):
                     return ran
-                told.write_text(json.dumps(ran))
+                output.write_text(json.dumps(ran))
         log.parent.mkdir(exist_ok=True)
         shutil.copy(kept, log)
-        return json.loads(told.read_text())
+        return json.loads(output.read_text())
 
-    def _give(self, word):
-        """Make what a page takes for given: a log of its own name, a study before and after."""
+    def _provide(self, word):
+        """Create a file that a page presupposes: a log by its name, a study before and after."""
         if Path(word).exists():
             return
         if named := LOG.fullmatch(word):
@@ -323,8 +321,8 @@ class Typist:
             shutil.copy(ROOT / word, word)
 
 
-def sit_down():
-    """What lies in the folder of somebody who types: the clone's models, files of others."""
+def set_up_folder():
+    """Set up the folder of a page: a link to the models, and files of other programs."""
     Path("docs").mkdir()
     Path("models").symlink_to(ROOT / "models")
     pillar = (
@@ -346,12 +344,12 @@ def sit_down():
 
 
 def keep_rows(path, rows):
-    """What a bench that was ended has left; it goes on with the row that is missing."""
+    """Write the rows of an interrupted bench, which continues with the missing one."""
     path.write_text("".join(f"{json.dumps(row)}\n" for row in rows))
 
 
 def smaller_study(name):
-    """A study of one of each, one seed and half a second; as a file, whose name is told."""
+    """A study of one of each, one seed and half a second; the name of its file."""
     path = Path(name) if Path(name).is_file() else PACKAGED / f"{name}.toml"
     study = tomllib.loads(path.read_text())
     worlds = ["empty" if world in WORLDS else world for world in study["worlds"][:1]]
@@ -373,7 +371,7 @@ def smaller_study(name):
 
 
 def log_of(words):
-    """Where the log of a `run` with these words lies."""
+    """Path of the log of a `run` with these words."""
     options = verb_parsers()["run"].parse_args(words[1:])
     if options.log:
         return options.log
@@ -385,7 +383,7 @@ def log_of(words):
 
 
 def with_options(words, options):
-    """Words with these options, each with its value, in place of any of the same name."""
+    """Words with these options and values, replacing options of the same name."""
     words = list(words)
     for name, value in zip(options[::2], options[1::2], strict=True):
         key = f"{value.partition('=')[0]}=" if name == "--set" else ""
@@ -397,7 +395,7 @@ def with_options(words, options):
 
 
 def smaller_world(words):
-    """The empty world; a search begins with an episode that reaches the goal: soonest there."""
+    """Use the empty world, where the first episode of `falsify` reaches the goal soonest."""
     if words[0] == "calibrate":
         return [*words[:2], "empty", *words[3:]]
     if words[0] != "falsify":
@@ -407,7 +405,7 @@ def smaller_world(words):
 
 
 def dry_run(words):
-    """Have make tell what it would do; what it would run is there."""
+    """Run make without its commands; check that the modules in them exist."""
     ended = subprocess.run(
         ["make", "-n", *words], cwd=ROOT, capture_output=True, text=True, check=False
     )
@@ -417,53 +415,53 @@ def dry_run(words):
     return ended.returncode, ended.stdout + ended.stderr
 
 
-def plot_here(words):
-    """Fill tables and draw pictures in this folder's copy of the pages."""
+def plot_maps(words):
+    """Fill the tables and draw the pictures in a copy of the pages."""
     shutil.copy(ROOT / "docs/plot_maps.py", "docs")
     shutil.copy(ROOT / "docs/maps.md", "docs")
     Path(words[1]).write_text(json.dumps({"rows": MAP_ROWS}))
-    ended = in_a_process(words)
+    ended = run_python(words)
     drawn = {"map-speed.svg", "map-ghosts.svg", "map-accuracy.svg"}
     assert drawn <= {path.name for path in Path("docs").iterdir()}, ended
     return ended
 
 
-def in_here(words):
-    """Run our command in this process; returns its exit code and what it printed."""
-    told = io.StringIO()
-    with contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
+def run_here(words):
+    """Run wayproof in this process; return its exit code and output."""
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         code = main(words)
-    return code, told.getvalue()
+    return code, output.getvalue()
 
 
-def as_a_command(words):
-    """Run our command in a process of its own."""
-    return in_a_process(["-m", "wayproof", *words])
+def run_command(words):
+    """Run wayproof in a process of its own; return its exit code and output."""
+    return run_python(["-m", "wayproof", *words])
 
 
-def in_a_process(words):
-    """Run Python in one of its own; returns its exit code and what it printed."""
+def run_python(words):
+    """Run Python in a process of its own; return its exit code and output."""
     ended = subprocess.run(
         [sys.executable, *words], env=FOUND, capture_output=True, text=True, check=False
     )
     return ended.returncode, ended.stdout + ended.stderr
 
 
-def lines_of(block):
-    """The commands of a block that has some; a workflow's are behind `run:`."""
+def commands_of(block):
+    """The commands of a block; in a workflow they follow `run:`."""
     if block.kind == "yaml":
         return re.findall(r"run: (.+)", block.text)
     return commands(block) if block.kind in ("sh", "console") else []
 
 
-def reason_against(line):
-    """Why a command is not typed; empty if it is."""
+def reason_untyped(line):
+    """The reason for not running a command; empty if it runs."""
     typed = "" if HERE.match(line) else " ".join(shlex.split(line, comments=True))
     return next((why for form, why in UNTYPED.items() if re.fullmatch(form, typed)), "")
 
 
-def hold_against_parser(words):
-    """Whether a command could be typed: its program, its verb, its options, its files."""
+def check_against_parser(words):
+    """Assert that a command is valid: its program, verb, options and files."""
     program, *rest = words
     if Path(program).name == "wayproof":
         options = verb_parsers()[rest[0]].parse_args(rest[1 : _end(rest)])
@@ -481,24 +479,24 @@ def _end(words):
     return words.index(">") if ">" in words else len(words)
 
 
-def hold_quote(quote, told):
-    """Each quoted line was printed, in this order; `...` stands for anything."""
-    left = [blurred(line) for line in told.splitlines()]
+def check_quote(quote, output):
+    """Assert that each quoted line was printed, in this order; `...` matches anything."""
+    left = [blurred(line) for line in output.splitlines()]
     for line in filter(str.strip, quote.splitlines()):
         parts = map(re.escape, blurred(line).split("..."))
         form = re.compile(".*".join(parts))
         at = next((at for at, other in enumerate(left) if form.fullmatch(other)), None)
-        assert at is not None, f"the page quotes\n{line}\nbut what was printed is\n{told}"
+        assert at is not None, f"the page quotes\n{line}\nbut what was printed is\n{output}"
         left = left[at + 1 :]
 
 
 def blurred(line):
-    """A line without what is one run's own."""
+    """A line without the parts that vary from run to run."""
     return " ".join(NOISE.sub("#", line).split())
 
 
 def read_toml(path):
-    """Read a study or a robot's spec."""
+    """Parse a study or a robot's spec."""
     if "mjcf" in tomllib.loads(path.read_text()):
         parse_spec(path.read_text())
     else:
@@ -512,8 +510,8 @@ READERS = {
 }
 
 
-def quote_anew(page):
-    """Type a page, and put what is printed now in place of what it quotes."""
+def update_quotes(page):
+    """Run a page, and replace its quotes by the present output."""
     text = page.read_text()
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         Path("episodes").mkdir()
@@ -522,7 +520,7 @@ def quote_anew(page):
             if block.kind != "text":
                 typist.type(block)
                 continue
-            printed = {blurred(line): line.rstrip() for line in typist.told.splitlines()}
+            printed = {blurred(line): line.rstrip() for line in typist.output.splitlines()}
             lines = block.text.splitlines()
             for at, line in enumerate(lines):
                 if "..." not in line and blurred(line) not in printed:
@@ -534,4 +532,4 @@ def quote_anew(page):
 if __name__ == "__main__":
     os.environ["COLUMNS"] = "80"
     for name in sys.argv[1:]:
-        quote_anew(ROOT / name)
+        update_quotes(ROOT / name)
