@@ -53,7 +53,7 @@ NO_END = -1
 
 STRIPE_BITS = 3  # columns along x of a stripe
 
-CHUNK = 256  # beams that are worked out together, in whole vectors
+CHUNK = 256  # beams that are computed together, in whole vectors
 
 ONE, TWO = np.uint64(1), np.uint64(2)
 
@@ -128,7 +128,7 @@ def locate_ends(
 ) -> bool:
     """Find the cell that each beam ends in; the origin's own for one without information.
 
-    Without branches, so that beams are worked out in vectors, and directions in one row: of rows of
+    Without branches, so that beams are computed in vectors, and directions in one row: of rows of
     an array the compiler does not know how far apart they are.
 
     Returns:

@@ -222,8 +222,8 @@ def update_sections(
     """Take over new cells and compute the needed blocks of sections, plane by plane.
 
     One of the threads that take planes from the queue. A plane's blocks are computed right after
-    its cells are taken over, while both are in the cache. Beyond the window nothing is blocked
-    here: its border is part of the pass along x.
+    its cells are taken over, while both are in the cache. The window's border, beyond which
+    everything is blocked, is part of the pass along x.
     """
     (_, ny, nz), reach, block_rows = layout.shape, layout.reach, layout.block_rows
     new_cells, rows, (x0, y0), flip = new

@@ -197,7 +197,7 @@ def trace_all(
 @kernel
 def update_blocks(
     slots: NDArray[np.int64],  # (k,) -1: there was no room
-    places: NDArray[np.int64],  # (k,) of each block in the window
+    indices: NDArray[np.int64],  # (k,) index of each block in the window
     part: tuple[int, int],
     scores: NDArray[np.uint16],  # (threads, cells) zero after
     layers: TsdfLayers,  # in, out
@@ -210,7 +210,7 @@ def update_blocks(
         slot = slots[i]
         for cell in range(1 << CELLS_BITS):
             # The highest score that any thread gave the cell.
-            at = (places[i] << CELLS_BITS) + cell
+            at = (indices[i] << CELLS_BITS) + cell
             score = 0
             for thread in range(scores.shape[0]):
                 score = max(score, int(scores[thread, at]))
