@@ -38,6 +38,7 @@ from wayproof.planners.registry import (
 from wayproof.planners.seeds import plan_seed
 from wayproof.planners.trajectory import (
     MotionLimits,
+    PathState,
     Setpoints,
     Trajectory,
     TrajectorySample,
@@ -58,6 +59,7 @@ __all__ = [
     "FreeSpace",
     "GoalField",
     "MotionLimits",
+    "PathState",
     "Plan",
     "PlanLabel",
     "PlannerConfig",
@@ -125,7 +127,7 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
     limits = MotionLimits(
         speed=1.0, acceleration=2.0, jerk=10.0, lateral_acceleration=1.0, yaw_rate=1.0
     )
-    trajectory = follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, limits, speed_cap=1.0)
+    trajectory = follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), limits, speed_cap=1.0)
     trajectory.setpoints(np.zeros(1, np.int64))
     turn_in_place(start, 0, 0.0, 1.0, limits)
 

@@ -1,4 +1,4 @@
-"""The one decision about how kernels of this package are compiled."""
+"""Compilation options of the kernels of this package."""
 
 import numba
 

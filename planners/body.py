@@ -1,4 +1,4 @@
-"""The shape that is kept free: a ball, or several discs or balls along the body's x axis."""
+"""Collision shape of a body: a ball, or several discs or balls along its x axis."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-ROUNDING = 1e-6  # of a cell
+ROUNDING = 1e-6
+"""Tolerance of a squared distance, cells^2."""
 
 
 class Disc(NamedTuple):
     """A disc (in the plane) or ball (in space) of a body, as a distance field sees it."""
 
-    offset: float  # of its centre along the body's x axis [m]
+    offset: float  # of its centre along the body's x axis, m
     collision_distance_sq: int  # largest squared cell distance that its centre may not have
 
 
@@ -23,8 +24,8 @@ class Body:
     A body that is longer than wide fits through gaps that its circumscribed disc does not.
 
     Attributes:
-        offsets: Of their centres along the body's x axis from the reference point [m].
-        radii: [m].
+        offsets: Positions of their centres along the body's x axis, from the reference point, m.
+        radii: Radii, m.
 
     Raises:
         ValueError: If there is none, their numbers differ, or a radius is not above 0.
@@ -43,15 +44,15 @@ class Body:
 
     @property
     def circumscribed_radius(self) -> float:
-        """Of the disc about the reference point that holds the body at any heading [m]."""
+        """Radius of the disc about the reference point that holds the body at any heading, m."""
         return max(abs(o) + r for o, r in zip(self.offsets, self.radii, strict=True))
 
     def discs(self, margin: float, resolution: float, flat: bool) -> tuple[Disc, ...]:
-        """What each disc may not be near to.
+        """The discs with their collision distances.
 
         Args:
-            margin: Localization margin [m].
-            resolution: Cell size [m].
+            margin: Localization margin, m.
+            resolution: Cell size, m.
             flat: Whether the cells are those of a plane.
         """
         return tuple(
@@ -64,11 +65,11 @@ def collision_distance_sq(radius: float, resolution: float, flat: bool) -> int:
     """Largest squared cell distance to a blocked cell's centre that a disc may not have.
 
     Distances are between centres, but a surface may lie anywhere in its cell: half of a cell's
-    diagonal more. Where in its own cell the disc stands is for the margin to cover.
+    diagonal more. The place of the disc in its own cell is covered by the margin.
 
     Args:
-        radius: Of the disc or ball, with the margin [m].
-        resolution: Cell size [m].
+        radius: Radius of the disc or ball with the margin, m.
+        resolution: Cell size, m.
         flat: Whether the cells are those of a plane.
     """
     cells = radius / resolution + 0.5 * math.sqrt(2.0 if flat else 3.0)

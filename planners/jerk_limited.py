@@ -33,13 +33,13 @@ class AxisLimits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Motion along an axis as pieces of constant jerk; at rest from ``duration`` on.
+    """Motion along an axis as pieces of constant jerk; at rest from `duration` on.
 
     Attributes:
-        times: Beginning of each piece [s], ascending from 0, shape (k,).
+        times: Beginning of each piece, s, ascending from 0, shape (k,).
         states: State at each beginning, shape (k, 3).
         jerks: Jerk over each piece, shape (k,).
-        duration: End of the last piece [s].
+        duration: End of the last piece, s.
         end: Position at rest after it.
     """
 
@@ -50,7 +50,7 @@ class Profile:
     end: float
 
     def at(self, time: float) -> State:
-        """State at a time [s]; the first before 0, at rest after the end."""
+        """State at a time, s; the first before 0, at rest after the end."""
         if time >= self.duration or not len(self.times):
             return State(self.end, 0.0, 0.0)
         piece = max(int(self.times.searchsorted(time, side="right")) - 1, 0)
@@ -64,29 +64,38 @@ class Profile:
         )
 
     def positions(self, times: Floats) -> Floats:
-        """Positions at times [s], shape (n,), as `at` tells them."""
+        """Positions at times, s, shape (n,): `at` of each."""
         return self.motion(times)[0]
 
     def motion(self, times: Floats) -> tuple[Floats, Floats]:
-        """Positions and velocities at times [s], each shape (n,), as `at` tells them."""
+        """Positions and velocities at times, s, each shape (n,): `at` of each."""
         positions, velocities = np.empty(len(times)), np.empty(len(times))
-        pieces = self.times, self.states, self.jerks, self.duration, self.end
-        _sample(*pieces, times, positions, velocities)
+        pieces = Pieces(self.times, self.states, self.jerks, self.duration, self.end)
+        sample(pieces, times, positions, velocities)
         return positions, velocities
 
 
+class Pieces(NamedTuple):
+    """The arrays of a `Profile`."""
+
+    times: Floats  # (k,)
+    states: Floats  # (k, 3)
+    jerks: Floats  # (k,)
+    duration: float
+    end: float
+
+
 @kernel
-def _sample(
-    begins: Floats,  # (k,)
-    states: Floats,  # (k, 3)
-    jerks: Floats,  # (k,)
-    duration: float,
-    end: float,
-    times: Floats,  # (n,)
-    positions: Floats,  # (n,) out
-    velocities: Floats,  # (n,) out
-) -> None:
-    """What `Profile.at` tells, of times in any order; quickest in theirs."""
+def sample(pieces: Pieces, times: Floats, positions: Floats, velocities: Floats) -> None:
+    """`Profile.at` of times in any order, the quicker the more they ascend.
+
+    Args:
+        pieces: Of the profile.
+        times: Shape (n,), s.
+        positions: Shape (n,), out.
+        velocities: Shape (n,), out.
+    """
+    begins, states, jerks, duration, end = pieces
     piece = 0
     for n in range(len(times)):
         if times[n] >= duration or len(begins) == 0:
@@ -103,27 +112,27 @@ def _sample(
 
 
 def at_rest(position: float) -> Profile:
-    """The profile of something that does not move."""
+    """A profile at rest."""
     return Profile(np.empty(0), np.empty((0, 3)), np.empty(0), 0.0, position)
 
 
 def ramped(positions: Floats, step: float) -> Profile:
-    """The profile through positions one time step [s] apart, shape (n,), straight in between."""
+    """The profile through positions (n,) one time step, s, apart, at constant rates in between."""
     steps = len(positions) - 1
     times, states = np.empty(steps), np.zeros((steps, 3))
-    count = _list_ramps(positions, step, times, states)
+    count = list_ramps(positions, step, times, states)
     still = np.zeros(count)
     return Profile(times[:count], states[:count], still, step * steps, float(positions[-1]))
 
 
 @kernel
-def _list_ramps(
+def list_ramps(
     positions: Floats,  # (n,)
     step: float,
     times: Floats,  # (n - 1,) out
     states: Floats,  # (n - 1, 3) out
 ) -> int:
-    """List the pieces of equal rates, and return their number."""
+    """List the runs of steps at one rate; return their number."""
     count, before = 0, np.nan
     for k in range(len(times)):
         rate = (positions[k + 1] - positions[k]) / step
@@ -135,7 +144,7 @@ def _list_ramps(
 
 
 class Leg(NamedTuple):
-    """One call of ruckig: pieces of constant jerk, and the state that they lead to."""
+    """A result of ruckig: pieces of constant jerk, and the state at their end."""
 
     durations: list[float]
     states: list[State]
@@ -144,7 +153,7 @@ class Leg(NamedTuple):
 
 
 def solve(start: State, target: State, speed: float | None, limits: AxisLimits) -> Leg:
-    """Fastest motion to a target state, or with no ``speed`` limit just to its velocity."""
+    """Fastest motion to a target state; without a `speed` limit only to its velocity."""
     steps = _solved(start, target, speed, limits)
     brake = steps.brake
     pieces = [
@@ -162,22 +171,26 @@ def solve(start: State, target: State, speed: float | None, limits: AxisLimits) 
 
 
 def _solved(start: State, target: State, speed: float | None, limits: AxisLimits) -> ruckig.Profile:
-    """What ruckig makes of it."""
-    wanted = ruckig.InputParameter(1)
-    wanted.current_position = [start.position]
-    wanted.current_velocity = [start.velocity]
-    wanted.current_acceleration = [start.acceleration]
-    wanted.target_position = [target.position]
-    wanted.target_velocity = [target.velocity]
-    wanted.target_acceleration = [target.acceleration]
-    wanted.max_acceleration = [limits.acceleration]
-    wanted.max_jerk = [limits.jerk]
+    """Profile of ruckig.
+
+    Raises:
+        RuntimeError: ruckig found none.
+    """
+    request = ruckig.InputParameter(1)
+    request.current_position = [start.position]
+    request.current_velocity = [start.velocity]
+    request.current_acceleration = [start.acceleration]
+    request.target_position = [target.position]
+    request.target_velocity = [target.velocity]
+    request.target_acceleration = [target.acceleration]
+    request.max_acceleration = [limits.acceleration]
+    request.max_jerk = [limits.jerk]
     if speed is None:
-        wanted.control_interface = ruckig.ControlInterface.Velocity
+        request.control_interface = ruckig.ControlInterface.Velocity
     else:
-        wanted.max_velocity = [speed]
+        request.max_velocity = [speed]
     found = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(wanted, found)
+    result = ruckig.Ruckig(1).calculate(request, found)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise RuntimeError(f"ruckig: {result} from {start} to {target}, speed {speed}, {limits}")
     return found.profiles[0][0]
@@ -189,13 +202,13 @@ def change_speed(start: State, velocity: float, limits: AxisLimits) -> Leg:
 
 
 def change_length(start: State, velocity: float, limits: AxisLimits) -> float:
-    """How far `change_speed` leads."""
+    """Length covered by `change_speed`."""
     steps = _solved(start, State(0.0, velocity, 0.0), None, limits)
     return float(steps.p[-1]) - start.position
 
 
 def join(legs: Sequence[Leg]) -> Profile:
-    """One profile of motions that follow each other and end at rest."""
+    """Join motions that follow each other and end at rest."""
     durations = [duration for leg in legs for duration in leg.durations]
     times = list(itertools.accumulate(durations, initial=0.0))
     return Profile(
@@ -208,7 +221,7 @@ def join(legs: Sequence[Leg]) -> Profile:
 
 
 def stop(start: State, limits: AxisLimits) -> Profile:
-    """Fastest stop, wherever it ends."""
+    """Fastest stop, at any position."""
     return join([change_speed(start, 0.0, limits)])
 
 

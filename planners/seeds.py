@@ -10,7 +10,7 @@ def plan_seed(episode_seed: int, stream: str, sequence: int) -> int:
 
     Args:
         episode_seed: Seed of the episode.
-        stream: Name of the stream, such as ``"plan"``.
+        stream: Name of the stream, such as `"plan"`.
         sequence: Number of the draw within the stream.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The fastest jerk-limited motion through stretches of a path that each have a speed limit."""
+"""Time parameterization: the fastest jerk-limited motion through zones of limited speed."""
 
 import itertools
 import math
@@ -17,22 +17,27 @@ from wayproof.planners.jerk_limited import (
     solve,
 )
 
-# Lengths are cut by this before speeds are fitted into them, so that rounding never asks ruckig
-# for a speed that is just out of reach [m].
 SLACK = 1e-7
-# Shorter zones are what rounding leaves over [m].
+"""Length that is kept back where a speed is fitted into a length, m: rounding then never makes
+ruckig's target speed just out of reach."""
+
 LEAST_ZONE = 1e-6
+"""Shortest zone, m: a shorter one is left over by rounding."""
+
 BISECTIONS = 30
+"""Number of halvings of an interval of speeds."""
 
 
-class Zone(NamedTuple):
-    """A stretch of a path with one speed limit."""
+class SpeedZone(NamedTuple):
+    """A stretch of a path, m, with one speed limit, m/s."""
 
     length: float
     speed: float
 
 
-def travel(start: State, zones: Sequence[Zone], limits: AxisLimits) -> Profile | None:
+def time_parameterize(
+    start: State, zones: Sequence[SpeedZone], limits: AxisLimits
+) -> Profile | None:
     """Fastest motion through zones of limited speed to rest at the end of the last.
 
     Zones are left at speeds, without acceleration, that a pass from the end and one from the start
@@ -40,9 +45,9 @@ def travel(start: State, zones: Sequence[Zone], limits: AxisLimits) -> Profile |
     Specified Paths", IJRR 1985, with jerk). A state that is too fast for that is calmed first.
 
     Args:
-        start: Where the first zone begins, its velocity 0 or more.
+        start: State where the first zone begins, its velocity 0 or more.
         zones: In order; all limits above 0.
-        limits: Of acceleration and jerk.
+        limits: Acceleration and jerk.
 
     Returns:
         The profile, or None if not even a stop fits into the zones.
@@ -61,8 +66,8 @@ def travel(start: State, zones: Sequence[Zone], limits: AxisLimits) -> Profile |
     return None
 
 
-def _cross(start: State, zones: Sequence[Zone], limits: AxisLimits) -> list[Leg] | None:
-    """One leg for each zone, or None if the first cannot be left as the next demands."""
+def _cross(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> list[Leg] | None:
+    """One leg for each zone, or None if the first cannot be left at the speed of the next."""
     leaving = [0.0]  # speeds from the last zone to the first
     for before, zone in reversed(list(itertools.pairwise(zones))):
         reachable = fastest_within(leaving[-1], zone.length, limits)
@@ -73,10 +78,10 @@ def _cross(start: State, zones: Sequence[Zone], limits: AxisLimits) -> list[Leg]
         return None
     legs: list[Leg] = []
     begin, speed = start, first
-    for zone, wanted in zip(zones, leaving, strict=True):
+    for zone, leaving_speed in zip(zones, leaving, strict=True):
         if legs:
             begin = legs[-1].end
-            speed = min(wanted, fastest_within(begin.velocity, zone.length, limits))
+            speed = min(leaving_speed, fastest_within(begin.velocity, zone.length, limits))
         target = State(begin.position + zone.length, speed, 0.0)
         # Rounding must not leave a speed above the limit that ruckig is given.
         limit = max(zone.speed, speed, begin.velocity, settled_velocity(begin, limits))
@@ -85,7 +90,7 @@ def _cross(start: State, zones: Sequence[Zone], limits: AxisLimits) -> list[Leg]
 
 
 def _first_leaving(start: State, length: float, speed: float, limits: AxisLimits) -> float | None:
-    """Largest speed up to ``speed`` that can be held after ``length``; None if it is too short."""
+    """Largest speed up to `speed` that can be held after `length`; None if it is too short."""
 
     def covered(velocity: float) -> float:
         return change_length(start, velocity, limits)
@@ -102,7 +107,7 @@ def _first_leaving(start: State, length: float, speed: float, limits: AxisLimits
     return low
 
 
-def _calm_speed(start: State, zones: Sequence[Zone], limits: AxisLimits) -> float:
+def _calm_speed(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> float:
     """Speed at which the acceleration can end soonest, within the limits of zones met meanwhile."""
     speed = settled_velocity(start, limits)
     begin = 0.0
@@ -114,19 +119,19 @@ def _calm_speed(start: State, zones: Sequence[Zone], limits: AxisLimits) -> floa
     return speed
 
 
-def _cut(zones: Sequence[Zone], distance: float) -> list[Zone]:
-    """What is left of zones after a distance."""
+def _cut(zones: Sequence[SpeedZone], distance: float) -> list[SpeedZone]:
+    """The rest of zones after a distance."""
     rest = []
     for zone in zones:
         left = zone.length - max(distance, 0.0)
         distance -= zone.length
         if left > LEAST_ZONE:
-            rest.append(Zone(min(left, zone.length), zone.speed))
+            rest.append(SpeedZone(min(left, zone.length), zone.speed))
     return rest
 
 
 def settled_velocity(state: State, limits: AxisLimits) -> float:
-    """Velocity once the acceleration has been taken back to 0 as fast as possible."""
+    """Velocity after the fastest change of the acceleration to 0."""
     return state.velocity + 0.5 * state.acceleration * abs(state.acceleration) / limits.jerk
 
 
@@ -146,7 +151,7 @@ def speed_change_distance(a: float, b: float, limits: AxisLimits) -> float:
 
 @kernel
 def fastest_within(speed: float, length: float, limits: AxisLimits) -> float:
-    """Largest speed from which ``speed``, or to which one from it, can change within a length."""
+    """Largest speed that can change to or from `speed` within a length."""
     room = max(length - SLACK, 0.0)
     low, high = speed, speed + math.sqrt(2.0 * limits.acceleration * room)  # without jerk limit
     for _ in range(BISECTIONS):

@@ -1,5 +1,7 @@
 """Trajectories: a path, a jerk-limited profile along it that ends at rest, and a heading."""
 
+from __future__ import annotations
+
 import bisect
 import dataclasses
 import math
@@ -16,25 +18,27 @@ from wayproof.planners.jerk_limited import AxisLimits, Profile, State
 from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap
 from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
-from wayproof.planners.speed_profile import LEAST_ZONE, Zone, travel
+from wayproof.planners.speed_profile import LEAST_ZONE, SpeedZone, time_parameterize
 
 Integers = NDArray[np.int64]
 
-HEADING_STEP = 0.01  # [s], of headings that follow a path
-# Below it a limit is not a speed to travel at: a profile would take hours.
-LEAST_SPEED = 0.02  # [m/s]
+HEADING_STEP = 0.01
+"""Time step of headings that follow a path, s."""
+
+LEAST_SPEED = 0.02
+"""Smallest speed limit, m/s: below it a profile would take hours."""
 
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """What a robot can follow.
+    """Limits of the motion that a robot can follow.
 
     Attributes:
-        speed: Along the path [m/s].
-        acceleration: Along the path, in either direction [m/s^2].
-        jerk: Along the path [m/s^3].
-        lateral_acceleration: Speed squared times curvature [m/s^2].
-        yaw_rate: [rad/s].
+        speed: Along the path, m/s.
+        acceleration: Along the path, in either direction, m/s^2.
+        jerk: Along the path, m/s^3.
+        lateral_acceleration: Speed squared times curvature, m/s^2.
+        yaw_rate: Change of heading, rad/s.
 
     Raises:
         ValueError: If a limit is not above 0 and finite.
@@ -58,44 +62,44 @@ class MotionLimits:
 
     @property
     def yaw(self) -> AxisLimits:
-        """Limits of a turn in place: full rate in the time that full speed takes."""
+        """Limits of a turn in place: the full rate is reached as soon as the full speed is."""
         share = self.yaw_rate / self.speed
         return AxisLimits(self.acceleration * share, self.jerk * share)
 
 
 class TrajectorySample(NamedTuple):
-    """Where a trajectory is at one time; world frame."""
+    """State of a trajectory at one time; world frame."""
 
-    position: Floats  # (3,) [m]
-    velocity: Floats  # (3,) [m/s]
-    speed: float  # along the path [m/s]
-    acceleration: float  # along the path [m/s^2]
-    arc_length: float  # along the path [m]
-    heading: float  # [rad], without jumps by full turns
-    yaw_rate: float  # [rad/s]
+    position: Floats  # (3,), m
+    velocity: Floats  # (3,), m/s
+    speed: float  # along the path, m/s
+    acceleration: float  # along the path, m/s^2
+    arc_length: float  # along the path, m
+    heading: float  # rad, without jumps by full turns
+    yaw_rate: float  # rad/s
     at_rest: bool
 
 
 class Setpoints(NamedTuple):
-    """What a controller is to follow at n times; world frame."""
+    """Setpoints of a controller at n times; world frame."""
 
-    positions: Floats  # (n, 3) [m]
-    velocities: Floats  # (n, 3) [m/s]
-    headings: Floats  # (n,) [rad], without jumps by full turns
-    yaw_rates: Floats  # (n,) [rad/s]
+    positions: Floats  # (n, 3), m
+    velocities: Floats  # (n, 3), m/s
+    headings: Floats  # (n,), rad, without jumps by full turns
+    yaw_rates: Floats  # (n,), rad/s
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A path and how position and heading move along it; ends at rest.
+    """A path with motion of position and heading along it; ends at rest.
 
     Attributes:
         start_ns: Simulated time at which it begins.
-        path: Shape (m, 3) [m], world frame.
-        motion: Arc length along the path over time [m].
-        turning: Heading over time [rad].
-        overshoot_m: How far the stop lies beyond the end of the path that was asked for; ``path``
-            is longer by that, straight on.
+        path: Shape (m, 3), m, world frame.
+        motion: Arc length along the path over time, m.
+        turning: Heading over time, rad.
+        overshoot_m: Distance of the stop beyond the end of the requested path; `path` is longer by
+            it, straight on.
     """
 
     start_ns: int
@@ -106,12 +110,12 @@ class Trajectory:
 
     @property
     def duration_s(self) -> float:
-        """Time until position and heading are at rest [s]."""
+        """Time until position and heading are at rest, s."""
         return max(self.motion.duration, self.turning.duration)
 
     @property
     def stop_point(self) -> Floats:
-        """Where it comes to rest [m], shape (3,)."""
+        """Position at rest at its end, m, shape (3,)."""
         return self._locate(self.motion.end)[0]
 
     def at(self, time_ns: int) -> TrajectorySample:
@@ -132,21 +136,21 @@ class Trajectory:
         )
 
     def setpoints(self, times_ns: Integers) -> Setpoints:
-        """What `at` tells of many simulated times, shape (n,), of what a controller follows."""
+        """Setpoints at simulated times (n,): position, velocity and heading of `at`."""
         times = 1e-9 * (times_ns - self.start_ns).astype(np.float64)
         arcs, speeds = self.motion.motion(times)
         headings, yaw_rates = self.turning.motion(times)
         positions, velocities = np.empty((2, len(times), 3))
         path = np.ascontiguousarray(self.path)
-        _follow(path, arc_lengths(path), self._tangents, arcs, speeds, positions, velocities)
+        locate_all(path, arc_lengths(path), self._tangents, arcs, speeds, positions, velocities)
         return Setpoints(positions, velocities, headings, yaw_rates)
 
-    def facing(self, heading: float) -> "Trajectory":
-        """The same way with a heading that stays as it is [rad]."""
+    def facing(self, heading: float) -> Trajectory:
+        """The same motion at a constant heading, rad."""
         return dataclasses.replace(self, turning=jerk_limited.at_rest(heading))
 
     def poses(self, step: float) -> Floats:
-        """Poses (x, y, z, heading) from the begin to rest, a step [s] apart, shape (n, 4)."""
+        """Poses (x, y, z, heading) from the beginning to rest, a step, s, apart, shape (n, 4)."""
         times = np.append(step * np.arange(math.ceil(self.duration_s / step)), self.duration_s)
         arcs = self.motion.positions(times)
         points = [np.interp(arcs, self._arcs, axis) for axis in self.path.T]
@@ -170,7 +174,7 @@ class Trajectory:
 
 
 @kernel
-def _follow(
+def locate_all(
     path: Floats,  # (m, 3)
     begins: Floats,  # (m,) arc length at each point
     tangents: Floats,  # (m - 1, 3), of a single point (1, 3)
@@ -179,7 +183,7 @@ def _follow(
     positions: Floats,  # (n, 3) out
     velocities: Floats,  # (n, 3) out
 ) -> None:
-    """Where arc lengths lead to, in any order; quickest in theirs."""
+    """Positions and velocities at arc lengths in any order, the quicker the more they ascend."""
     edge = 0
     for n in range(len(arcs)):
         while edge > 0 and begins[edge] > arcs[n]:
@@ -192,13 +196,19 @@ def _follow(
             velocities[n, i] = speeds[n] * tangents[edge, i]
 
 
+class PathState(NamedTuple):
+    """State of a robot on a path, where a trajectory begins."""
+
+    time_ns: int  # simulated
+    arc_length: float  # m
+    speed: float  # along the path, m/s, 0 or more
+    acceleration: float  # along the path, m/s^2
+    heading: float  # rad
+
+
 def follow_path(
     path: Floats,
-    start_ns: int,
-    s: float,
-    speed: float,
-    acceleration: float,
-    heading: float,
+    start: PathState,
     limits: MotionLimits,
     speed_cap: float,
     reverse: bool = False,
@@ -207,75 +217,64 @@ def follow_path(
 
     The whole of it obeys the limits of speed and curvature, except while it still slows down from
     a state that did not. If the path is too short to stop, it is the fastest stop, beyond the end.
-    The heading follows the path as fast as ``limits.yaw_rate`` lets it.
+    The heading follows the path at `limits.yaw_rate` at most.
 
     Args:
-        path: Shape (m, 3) [m], world frame.
-        start_ns: Simulated time of the state.
-        s: Arc length of the state [m].
-        speed: Along the path [m/s], 0 or more.
-        acceleration: Along the path [m/s^2].
-        heading: [rad].
-        limits: What the robot can follow.
-        speed_cap: A further limit of the speed [m/s]; at or below 2 cm/s the robot stops.
-        reverse: Whether it goes tail first.
+        path: Shape (m, 3), m, world frame.
+        start: State on the path.
+        limits: Limits of the robot.
+        speed_cap: A further limit of the speed, m/s; at or below 2 cm/s the robot stops.
+        reverse: Whether it moves tail first.
 
     Returns:
-        A trajectory whose arc lengths are those of ``path``.
+        A trajectory whose arc lengths are those of `path`.
 
     Raises:
         ValueError: If the path is not (m, 3) or the speed is negative.
     """
-    start = _start_state(path, s, speed, acceleration, limits)
-    length = float(arc_lengths(path)[-1]) - start.position
+    state = _start_state(path, start, limits)
+    length = float(arc_lengths(path)[-1]) - state.position
     cap = min(limits.speed, speed_cap)
     motion = None
     if cap > LEAST_SPEED and length > LEAST_ZONE:
-        motion = travel(start, _zones(path, start.position, cap, limits), limits.along)
+        zones = speed_zones(path, state.position, cap, limits)
+        motion = time_parameterize(state, zones, limits.along)
     if motion is None:
-        motion = jerk_limited.stop(start, limits.along)
-    return _along(path, start_ns, motion, heading, limits, reverse)
+        motion = jerk_limited.stop(state, limits.along)
+    return _along(path, start, motion, limits, reverse)
 
 
 def stop_along(
-    path: Floats,
-    start_ns: int,
-    s: float,
-    speed: float,
-    acceleration: float,
-    heading: float,
-    limits: MotionLimits,
-    reverse: bool = False,
+    path: Floats, start: PathState, limits: MotionLimits, reverse: bool = False
 ) -> Trajectory:
     """Fastest jerk-limited stop along a path, straight on beyond its end.
 
-    Stopping along the path in one axis keeps the robot on it: axes that stop on their own bend the
-    way. Arguments as in ``follow_path``.
+    One axis, the arc length, keeps the robot on the path: x, y and z stopped each on its own would
+    leave it. Arguments as in `follow_path`.
     """
-    start = _start_state(path, s, speed, acceleration, limits)
-    motion = jerk_limited.stop(start, limits.along)
-    return _along(path, start_ns, motion, heading, limits, reverse)
+    motion = jerk_limited.stop(_start_state(path, start, limits), limits.along)
+    return _along(path, start, motion, limits, reverse)
 
 
 def turn_in_place(
     position: Floats, start_ns: int, heading: float, target_heading: float, limits: MotionLimits
 ) -> Trajectory:
-    """Turn at rest to a heading [rad], the shorter way round."""
+    """Turn at rest to a heading, rad, the shorter way round."""
     target = heading + float(wrap(target_heading - heading))
     turning = jerk_limited.move(State(heading, 0.0, 0.0), target, limits.yaw_rate, limits.yaw)
     return Trajectory(start_ns, _single(position), jerk_limited.at_rest(0.0), turning)
 
 
 def hold(position: Floats, start_ns: int, heading: float) -> Trajectory:
-    """Stay where it is."""
+    """Stay at a position and heading, rad."""
     return Trajectory(
         start_ns, _single(position), jerk_limited.at_rest(0.0), jerk_limited.at_rest(heading)
     )
 
 
-@lru_cache(maxsize=64)  # each decision asks several times for the same few
+@lru_cache(maxsize=64)  # each decision needs the same few several times
 def stopping_distance(speed: float, acceleration: float, limits: MotionLimits) -> float:
-    """Length of the fastest jerk-limited stop [m]."""
+    """Length of the fastest jerk-limited stop, m."""
     start = _feasible(0.0, speed, acceleration, limits)
     return jerk_limited.stop(start, limits.along).end
 
@@ -284,13 +283,12 @@ def _single(position: Floats) -> Floats:
     return np.array(position, dtype=np.float64).reshape(1, 3)
 
 
-def _start_state(
-    path: Floats, s: float, speed: float, acceleration: float, limits: MotionLimits
-) -> State:
+def _start_state(path: Floats, start: PathState, limits: MotionLimits) -> State:
     if path.ndim != 2 or path.shape[1] != 3 or len(path) == 0:
         raise ValueError(f"path: got shape {path.shape}, expected (m, 3) with m of 1 or more")
     total = float(arc_lengths(path)[-1])
-    return _feasible(min(max(s, 0.0), total), speed, acceleration, limits)
+    position = min(max(start.arc_length, 0.0), total)
+    return _feasible(position, start.speed, start.acceleration, limits)
 
 
 def _feasible(s: float, speed: float, acceleration: float, limits: MotionLimits) -> State:
@@ -300,17 +298,17 @@ def _feasible(s: float, speed: float, acceleration: float, limits: MotionLimits)
     return State(s, speed, max(acceleration, -math.sqrt(2.0 * limits.jerk * speed)))
 
 
-def _zones(path: Floats, s: float, cap: float, limits: MotionLimits) -> list[Zone]:
-    """The rest of a path cut where its curvature begins or ceases to limit the speed."""
+def speed_zones(path: Floats, s: float, cap: float, limits: MotionLimits) -> list[SpeedZone]:
+    """Cut a path from an arc length on where its curvature begins or ceases to limit the speed."""
     arcs = arc_lengths(path)
     allowed = speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
     lengths, speeds = np.empty(len(path)), np.empty(len(path))
-    count = _cut_zones(arcs, allowed, s, cap, lengths, speeds)
-    return list(map(Zone, lengths[:count].tolist(), speeds[:count].tolist()))
+    count = cut_zones(arcs, allowed, s, cap, lengths, speeds)
+    return list(map(SpeedZone, lengths[:count].tolist(), speeds[:count].tolist()))
 
 
 @kernel
-def _cut_zones(
+def cut_zones(
     arcs: Floats,  # (n,)
     allowed: Floats,  # (n,) speeds
     s: float,
@@ -318,7 +316,7 @@ def _cut_zones(
     lengths: Floats,  # (n,) out
     speeds: Floats,  # (n,) out
 ) -> int:
-    """Runs of points that are slow, and of those that are not; returns their number."""
+    """Cut a path into runs of slow and of fast points; return their number."""
     count = 0
     begin, speed = s, np.inf
     for k in range(len(arcs)):
@@ -335,30 +333,25 @@ def _cut_zones(
 
 
 def _along(
-    path: Floats,
-    start_ns: int,
-    motion: Profile,
-    heading: float,
-    limits: MotionLimits,
-    reverse: bool,
+    path: Floats, start: PathState, motion: Profile, limits: MotionLimits, reverse: bool
 ) -> Trajectory:
-    """A profile on its path, with the heading that follows the path's."""
+    """A trajectory of a profile on a path, its heading following the path's."""
     overshoot = motion.end - float(arc_lengths(path)[-1])
-    if overshoot < -LEAST_ZONE:  # a stop before the end: the rest is not committed to
+    if overshoot < -LEAST_ZONE:  # it stops before the end: the rest is no part of it
         path, overshoot = truncate(path, motion.end), 0.0
     elif overshoot <= LEAST_ZONE:
         overshoot = 0.0
     elif len(path) > 1:
         path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))
-    turning = _turning(path, motion, heading, limits, math.pi if reverse else 0.0)
-    return Trajectory(start_ns, path, motion, turning, overshoot)
+    turning = _turning(path, motion, start.heading, limits, math.pi if reverse else 0.0)
+    return Trajectory(start.time_ns, path, motion, turning, overshoot)
 
 
 def _turning(
     path: Floats, motion: Profile, heading: float, limits: MotionLimits, off: float
 ) -> Profile:
-    """Heading while moving: off the path's own heading, blended between middles of edges."""
-    steps = math.floor(motion.duration / HEADING_STEP)  # the last, cut one is next to rest
+    """Heading while moving: that of the path and an offset, blended between middles of edges."""
+    steps = math.floor(motion.duration / HEADING_STEP)  # without the incomplete one at the end
     if steps == 0 or len(path) == 1:
         return jerk_limited.at_rest(heading)
     middles = arc_lengths(path)[:-1] + 0.5 * edge_lengths(path)

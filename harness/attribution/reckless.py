@@ -11,7 +11,7 @@ from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.types import Array, Command, PlannerInput, arc_length
-from wayproof.planners import Disc, follow_path
+from wayproof.planners import Disc, PathState, follow_path
 
 
 class Reckless(Navigator):
@@ -25,11 +25,7 @@ class Reckless(Navigator):
         if given.sequence == 0:
             self._straight = follow_path(
                 np.stack([given.position, given.goal]),
-                given.effect_ns,
-                0.0,
-                0.0,
-                0.0,
-                given.heading,
+                PathState(given.effect_ns, 0.0, 0.0, 0.0, given.heading),
                 given.limits,
                 given.limits.speed,
             )

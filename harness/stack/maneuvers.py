@@ -25,7 +25,14 @@ from wayproof.harness.stack.types import (
     distance,
     is_stationary,
 )
-from wayproof.planners import TrajectorySample, hold, remaining, stop_along, stopping_distance
+from wayproof.planners import (
+    PathState,
+    TrajectorySample,
+    hold,
+    remaining,
+    stop_along,
+    stopping_distance,
+)
 
 
 def hold_position(input: PlannerInput, state: PlannerState, setpoint: TrajectorySample) -> Decided:
@@ -99,11 +106,7 @@ def brake(
     path = clearest_stop(input, start, path)
     trajectory = stop_along(
         path,
-        input.effect_ns,
-        0.0,
-        start.speed,
-        start.acceleration,
-        start.heading,
+        PathState(input.effect_ns, 0.0, start.speed, start.acceleration, start.heading),
         input.limits,
         moves_tail_first(input, start, path),
     )

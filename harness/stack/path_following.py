@@ -36,6 +36,7 @@ from wayproof.harness.stack.types import (
     is_stationary,
 )
 from wayproof.planners import (
+    PathState,
     Trajectory,
     TrajectorySample,
     first_stop,
@@ -241,11 +242,7 @@ def plan_trajectory(
     """Time-parameterize a path (n, 3) at a share of full speed, ending at rest."""
     return follow_path(
         path,
-        input.effect_ns,
-        0.0,
-        start.speed,
-        start.acceleration,
-        start.heading,
+        PathState(input.effect_ns, 0.0, start.speed, start.acceleration, start.heading),
         input.limits,
         speed_share * input.limits.speed,
         tail_first,

@@ -7,6 +7,7 @@ import ruckig
 from tests.planners.worlds import point
 from wayproof.planners import (
     MotionLimits,
+    PathState,
     Trajectory,
     arc_lengths,
     blend_corners,
@@ -60,7 +61,7 @@ def random_case(room, seed: int):
 def test_a_straight_line_by_hand():
     # To 2 m/s at 4 m/s^2 and 30 m/s^3: T = v/a + a/j = 0.6333 s over v T / 2 = 0.6333 m, as long
     # to stop, and the 8.7333 m between in 4.3667 s.
-    trajectory = follow_path(LINE, 5 * MS, 0.0, 0.0, 0.0, 0.0, DRONE, speed_cap=9.0)
+    trajectory = follow_path(LINE, PathState(5 * MS, 0.0, 0.0, 0.0, 0.0), DRONE, speed_cap=9.0)
     assert trajectory.duration_s == pytest.approx(2 * 0.5 + 2 * 4 / 30 + 4.3666667)
     middle = trajectory.at(5 * MS + int(trajectory.duration_s * 0.5e9))
     assert middle.position == pytest.approx([5.0, 0.0, 1.0])
@@ -77,7 +78,7 @@ def test_a_straight_line_by_hand():
 @pytest.mark.parametrize("seed", range(40))
 def test_limits_hold_on_dense_samples(room, seed):
     path, limits, cap, state = random_case(room, seed)
-    trajectory = follow_path(path, 0, *state, 0.3, limits, cap)
+    trajectory = follow_path(path, PathState(0, *state, 0.3), limits, cap)
     samples = sampled(trajectory)
     assert np.abs(samples["acceleration"]).max() <= limits.acceleration + 1e-9
     assert np.abs(np.diff(samples["acceleration"])).max() / 0.002 <= limits.jerk + 1e-6
@@ -103,7 +104,7 @@ def test_limits_hold_on_dense_samples(room, seed):
 @pytest.mark.parametrize("seed", range(0, 40, 4))
 def test_heading_follows_the_path_no_faster_than_the_yaw_rate(room, seed):
     path, limits, cap, state = random_case(room, seed)
-    samples = sampled(follow_path(path, 0, *state, 2.0, limits, cap))
+    samples = sampled(follow_path(path, PathState(0, *state, 2.0), limits, cap))
     assert samples["heading"][0] == 2.0
     assert np.abs(np.diff(samples["heading"])).max() / 0.002 <= limits.yaw_rate + 1e-6
     assert np.abs(samples["yaw_rate"]).max() <= limits.yaw_rate + 1e-6
@@ -112,7 +113,7 @@ def test_heading_follows_the_path_no_faster_than_the_yaw_rate(room, seed):
 def test_heading_stays_with_a_blended_corner(room):
     corner = np.array([point(room, 50, 50), point(room, 80, 50), point(room, 80, 80)])
     path = blend_corners(room, corner, blend_length=0.6)
-    samples = sampled(follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, LIMITS[0], 9.0))
+    samples = sampled(follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), LIMITS[0], 9.0))
     moving = samples["speed"] > 0.05
     course = np.arctan2(samples["velocity"][:, 1], samples["velocity"][:, 0])
     assert np.abs(course - samples["heading"])[moving].max() < 0.1
@@ -123,7 +124,7 @@ def test_heading_stays_with_a_blended_corner(room):
 @pytest.mark.parametrize("seed", [1, 3, 5, 7])
 def test_replanning_every_tenth_second_does_not_jump(room, seed, recut):
     path, limits, cap, _ = random_case(room, seed)
-    once = follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, limits, cap)
+    once = follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), limits, cap)
     goal, now, trajectory = path[-1], 0, once
     while not trajectory.at(now + 100 * MS).at_rest:
         now += 100 * MS
@@ -132,7 +133,7 @@ def test_replanning_every_tenth_second_does_not_jump(room, seed, recut):
         if recut:
             path, s = remaining(path, s), 0.0
         trajectory = follow_path(
-            path, now, s, before.speed, before.acceleration, before.heading, limits, cap
+            path, PathState(now, s, before.speed, before.acceleration, before.heading), limits, cap
         )
         after = trajectory.at(now)
         assert after.position == pytest.approx(before.position, abs=1e-9)
@@ -155,7 +156,7 @@ def test_a_stop_is_the_one_that_ruckig_finds(speed, acceleration):
     wanted.max_acceleration, wanted.max_jerk = [DRONE.acceleration], [DRONE.jerk]
     ruckig.Ruckig(1).calculate(wanted, found)
     (distance,), _, _ = found.at_time(found.duration)
-    trajectory = stop_along(LINE, 0, 3.0, speed, acceleration, 0.0, DRONE)
+    trajectory = stop_along(LINE, PathState(0, 3.0, speed, acceleration, 0.0), DRONE)
     assert stopping_distance(speed, acceleration, DRONE) == pytest.approx(distance)
     assert trajectory.stop_point == pytest.approx([3.0 + distance, 0.0, 1.0])
     for time in np.linspace(0.0, found.duration, 50):
@@ -174,26 +175,26 @@ def test_stopping_distance_by_hand():
 
 
 def test_a_path_too_short_to_stop_is_left_straight_on():
-    trajectory = follow_path(LINE, 0, 9.8, 2.0, 0.0, 0.0, DRONE, 9.0)
+    trajectory = follow_path(LINE, PathState(0, 9.8, 2.0, 0.0, 0.0), DRONE, 9.0)
     beyond = stopping_distance(2.0, 0.0, DRONE) - 0.2
     assert trajectory.overshoot_m == pytest.approx(beyond)
     assert trajectory.stop_point == pytest.approx([10.0 + beyond, 0.0, 1.0])
-    fits = follow_path(LINE, 0, 9.3, 2.0, 0.0, 0.0, DRONE, 9.0)
+    fits = follow_path(LINE, PathState(0, 9.3, 2.0, 0.0, 0.0), DRONE, 9.0)
     assert fits.overshoot_m == 0.0
     assert fits.stop_point == pytest.approx([10.0, 0.0, 1.0])
 
 
 def test_slower_than_a_crawl_is_a_stop():
-    trajectory = follow_path(LINE, 0, 1.0, 1.0, 0.0, 0.0, DRONE, speed_cap=0.0)
+    trajectory = follow_path(LINE, PathState(0, 1.0, 1.0, 0.0, 0.0), DRONE, speed_cap=0.0)
     assert trajectory.motion.end == pytest.approx(1.0 + stopping_distance(1.0, 0.0, DRONE))
-    still = follow_path(LINE, 0, 1.0, 0.0, 0.0, 0.5, DRONE, speed_cap=0.0)
+    still = follow_path(LINE, PathState(0, 1.0, 0.0, 0.0, 0.5), DRONE, speed_cap=0.0)
     assert still.stop_point.tolist() == [1.0, 0.0, 1.0]
     assert still.at(0).at_rest
 
 
 @pytest.mark.parametrize("path", [LINE[:1], LINE[[0, 0]]])
 def test_a_path_without_length_is_a_rest(path):
-    trajectory = follow_path(path, 0, 0.0, 0.0, 0.0, 0.7, DRONE, 9.0)
+    trajectory = follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.7), DRONE, 9.0)
     sample = trajectory.at(0)
     assert (sample.at_rest, sample.heading, sample.speed) == (True, 0.7, 0.0)
     assert sample.position.tolist() == LINE[0].tolist()
@@ -223,7 +224,9 @@ def test_holding_is_rest_from_the_start():
 def test_trajectories_repeat_to_the_bit(room):
     for seed in range(6):
         path, limits, cap, state = random_case(room, seed)
-        one, two = (sampled(follow_path(path, 0, *state, 0.1, limits, cap)) for _ in range(2))
+        one, two = (
+            sampled(follow_path(path, PathState(0, *state, 0.1), limits, cap)) for _ in range(2)
+        )
         assert all(one[name].tobytes() == two[name].tobytes() for name in one)
 
 
@@ -231,9 +234,9 @@ def test_wrong_input_is_refused():
     with pytest.raises(ValueError, match=r"limits\.jerk: got 0\.0, expected above 0, finite"):
         MotionLimits(1.0, 1.0, 0.0, 1.0, 1.0)
     with pytest.raises(ValueError, match=r"speed: got -0\.1, expected 0 or more"):
-        follow_path(LINE, 0, 0.0, -0.1, 0.0, 0.0, DRONE, 1.0)
+        follow_path(LINE, PathState(0, 0.0, -0.1, 0.0, 0.0), DRONE, 1.0)
     with pytest.raises(ValueError, match=r"path: got shape \(0, 3\), expected \(m, 3\)"):
-        stop_along(LINE[:0], 0, 0.0, 0.0, 0.0, 0.0, DRONE)
+        stop_along(LINE[:0], PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE)
 
 
 def test_headings_equal_the_library_and_python():
@@ -266,13 +269,13 @@ def test_steep_edges_keep_the_heading_and_turns_are_not_counted_twice():
 def test_setpoints_are_what_samples_tell_one_by_one(points, ordered, interpreted, monkeypatch):
     """To the bit, before the begin and past the end too, and by the interpreter as compiled."""
     if interpreted:
-        monkeypatch.setattr(jerk_limited, "_sample", jerk_limited._sample.py_func)
-        monkeypatch.setattr(trajectory, "_follow", trajectory._follow.py_func)
+        monkeypatch.setattr(jerk_limited, "sample", jerk_limited.sample.py_func)
+        monkeypatch.setattr(trajectory, "locate_all", trajectory.locate_all.py_func)
     rng = np.random.default_rng(points)
     for _ in range(10):
         path = np.cumsum(rng.normal(0.0, 0.7, (points, 3)), axis=0)
         begin = int(rng.integers(0, 5_000 * MS))
-        way = follow_path(path, begin, 0.1, 0.3, 0.2, float(rng.normal()), DRONE, 1.5)
+        way = follow_path(path, PathState(begin, 0.1, 0.3, 0.2, float(rng.normal())), DRONE, 1.5)
         times = begin + rng.integers(-300 * MS, round(way.duration_s * 1e9) + 300 * MS, 80)
         asked = np.sort(times) if ordered else times
         told = way.setpoints(asked)
@@ -286,8 +289,8 @@ def test_setpoints_are_what_samples_tell_one_by_one(points, ordered, interpreted
 @pytest.mark.parametrize("interpreted", [False, True])
 def test_zones_and_ramps_are_what_numpy_makes_of_them(interpreted, monkeypatch):
     if interpreted:
-        monkeypatch.setattr(trajectory, "_cut_zones", trajectory._cut_zones.py_func)
-        monkeypatch.setattr(jerk_limited, "_list_ramps", jerk_limited._list_ramps.py_func)
+        monkeypatch.setattr(trajectory, "cut_zones", trajectory.cut_zones.py_func)
+        monkeypatch.setattr(jerk_limited, "list_ramps", jerk_limited.list_ramps.py_func)
     rng, cut = np.random.default_rng(1), 0
     for number in range(60):
         path = np.cumsum(rng.normal(0.0, 0.3, (1 + number % 9, 3)), axis=0)
@@ -305,7 +308,7 @@ def test_zones_and_ramps_are_what_numpy_makes_of_them(interpreted, monkeypatch):
                 for begin, end, run in zip(borders[:-1], borders[1:], runs, strict=True)
                 if end - max(begin, s) > trajectory.LEAST_ZONE
             ]
-            zones = trajectory._zones(path, float(s), 1.2, DRONE)
+            zones = trajectory.speed_zones(path, float(s), 1.2, DRONE)
             assert list(map(tuple, zones)) == expected
             cut += len(zones) > 1
         headings = np.round(rng.normal(size=1 + number), 1 - number % 2)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wayproof.harness.sim.setpoint_buffer import SetpointBuffer
-from wayproof.planners import MotionLimits, follow_path, hold
+from wayproof.planners import MotionLimits, PathState, follow_path, hold
 
 STEP_NS = 2_000_000
 LIMITS = MotionLimits(1.0, 1.0, 10.0, 1.0, 1.0)
@@ -13,7 +13,7 @@ LIMITS = MotionLimits(1.0, 1.0, 10.0, 1.0, 1.0)
 @pytest.fixture
 def driven():
     path = np.array([[0.0, 0.0, 0.5], [2.0, 0.0, 0.5]])
-    return follow_path(path, 0, 0.0, 0.0, 0.0, 0.0, LIMITS, 1.0)
+    return follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), LIMITS, 1.0)
 
 
 def take(buffer):

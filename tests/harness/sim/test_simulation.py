@@ -11,7 +11,7 @@ from wayproof.harness.scenario.scenario import build
 from wayproof.harness.sim.simulation import Simulation
 from wayproof.harness.sim.termination import TerminationMonitor, safe_limits
 from wayproof.models.robots import Setpoint
-from wayproof.planners import MotionLimits, follow_path, hold
+from wayproof.planners import MotionLimits, PathState, follow_path, hold
 
 NOISY = [
     "odometry.white_noise=0.002",
@@ -33,7 +33,7 @@ def trajectories(scenario):
     c, s = math.cos(heading), math.sin(heading)
     path = start + np.array([[0.0, 0.0, 0.0], [c, s, 0.0], [c - s, s + c, 0.0]])
     arrival = 100_000_000
-    way = follow_path(path, arrival, 0.0, 0.0, 0.0, heading, limits, spec.max_speed)
+    way = follow_path(path, PathState(arrival, 0.0, 0.0, 0.0, heading), limits, spec.max_speed)
     return hold(start, 0, heading), arrival, way
 
 

@@ -10,7 +10,15 @@ from wayproof.harness.stack.footprint_checks import (
     headings_to_start_at,
     truncate_where_turnable,
 )
-from wayproof.planners import Body, FreeSpace, MotionLimits, follow_path, hold, turn_in_place
+from wayproof.planners import (
+    Body,
+    FreeSpace,
+    MotionLimits,
+    PathState,
+    follow_path,
+    hold,
+    turn_in_place,
+)
 
 LIMITS = MotionLimits(
     speed=1.0, acceleration=1.5, jerk=15.0, lateral_acceleration=1.5, yaw_rate=1.0
@@ -39,14 +47,14 @@ def path(start: float, end: float) -> np.ndarray:
 
 def test_a_trajectory_fits_where_each_of_its_poses_does(lane):
     start = 0, 0.0, 0.0, 0.0
-    along = follow_path(path(2.0, 5.5), *start, 0.0, LIMITS, 1.0)
+    along = follow_path(path(2.0, 5.5), PathState(*start, 0.0), LIMITS, 1.0)
     assert first_misfit(lane, along) is None
-    askew = follow_path(path(2.0, 5.5), *start, 1.0, LIMITS, 1.0)
+    askew = follow_path(path(2.0, 5.5), PathState(*start, 1.0), LIMITS, 1.0)
     assert first_misfit(lane, askew) == 0.0  # it stands across the lane
-    backwards = follow_path(path(3.5, 2.0), *start, 0.0, LIMITS, 0.4, reverse=True)
+    backwards = follow_path(path(3.5, 2.0), PathState(*start, 0.0), LIMITS, 0.4, reverse=True)
     assert first_misfit(lane, backwards) is None
     assert np.abs(backwards.poses(0.1)[:, 3]).max() < 1e-9
-    into_the_wall = follow_path(path(2.5, 1.0), *start, math.pi, LIMITS, 1.0)
+    into_the_wall = follow_path(path(2.5, 1.0), PathState(*start, math.pi), LIMITS, 1.0)
     found = first_misfit(lane, into_the_wall)
     assert 0.9 < found < 1.1  # 0.25 m and 0.2 m of its front, half a diagonal, and whole cells
     assert first_misfit(dataclasses.replace(lane, discs=()), into_the_wall) is None
