@@ -16,15 +16,15 @@ from wayproof.harness.cli.verb import LOGS, Document, Verb, add_settings
 from wayproof.harness.errors import Interrupted
 
 if TYPE_CHECKING:
-    from wayproof.harness.study.falsify.falsify import Found
+    from wayproof.harness.study.falsify.falsify import Falsification
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Search; exit code 1 if a failure was found."""
+    """Task; exit code 1 if a failure was found."""
     from wayproof.harness.clearance import true_clearance_is_bound
     from wayproof.harness.config import from_document, override
     from wayproof.harness.perturbations import check_kind
-    from wayproof.harness.study.falsify.falsify import Search, search
+    from wayproof.harness.study.falsify.falsify import Task, falsify
     from wayproof.harness.study.falsify.search import NO_RATE
     from wayproof.harness.study.store import Store
     from wayproof.harness.worker_pool import Bounds
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     check_kind(options.perturb, "the search chooses it, up to --greatest")
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), [*options.set, "record=failures"])
-    aim = Search(
+    aim = Task(
         config,
         options.perturb,
         options.window,
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     store = Store(options.out or LOGS / f"falsify-{episode_name(config)}")
     with open_engine(options, Bounds()) as engine, Watch(console, None) as watch:
         try:
-            found = search(aim, store, engine, watch.finished)
+            found = falsify(aim, store, engine, watch.finished)
         except KeyboardInterrupt:
             raise Interrupted(GOES_ON) from None
     print_found(console, found)
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     return (1 if found.failing else 0), document
 
 
-def print_found(console: Console, found: Found) -> None:
+def print_found(console: Console, found: Falsification) -> None:
     """Print the failure found and its shortest trigger, or the nearest miss."""
     from wayproof.harness.clearance import true_in_metres
 

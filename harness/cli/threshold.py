@@ -21,7 +21,7 @@ from wayproof.harness.cli.verb import LOGS, Document, Verb, add_plugins
 from wayproof.harness.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
-    from wayproof.harness.study.threshold import Margin
+    from wayproof.harness.study.threshold import Thresholds
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -29,7 +29,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.perturbations import check_kind
     from wayproof.harness.study.file import read_study
     from wayproof.harness.study.store import Store
-    from wayproof.harness.study.threshold import MOST_EPISODES, Question, find_margins
+    from wayproof.harness.study.threshold import MOST_EPISODES, Query, find_thresholds
 
     check_engine(options)
     written = read_study(options.file, options.allow_plugins)
@@ -47,26 +47,26 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     console.print(f"study {name}: at most {most} episodes a seed; logs in {store.folder}")
     with open_engine(options, study.bounds) as engine, Watch(console, None) as watch:
         try:
-            margins = find_margins(study, Question(kinds, most), store, engine, watch.finished)
+            thresholds = find_thresholds(study, Query(kinds, most), store, engine, watch.finished)
         except KeyboardInterrupt:
             raise Interrupted(GOES_ON) from None
-    for margin in margins:
-        print_margin(console, margin)
-    incomplete = any(margin.errors or margin.unfinished for margin in margins)
+    for each in thresholds:
+        print_thresholds(console, each)
+    incomplete = any(each.errors or each.unfinished for each in thresholds)
     return (3 if incomplete else 0), {
         "name": name,
         "folder": str(store.folder),
-        "margins": [asdict(margin) for margin in margins],
+        "thresholds": [asdict(each) for each in thresholds],
     }
 
 
-def print_margin(console: Console, margin: Margin) -> None:
+def print_thresholds(console: Console, thresholds: Thresholds) -> None:
     """Print the thresholds of one arm in two lines."""
     from wayproof.harness.study.file import name_of
-    from wayproof.harness.study.threshold import margin_in_words
+    from wayproof.harness.study.threshold import thresholds_in_words
 
-    console.print(name_of(margin.arm), style="bold", highlight=False)
-    console.print(f"  {margin_in_words(margin)}", highlight=False, soft_wrap=True)
+    console.print(name_of(thresholds.arm), style="bold", highlight=False)
+    console.print(f"  {thresholds_in_words(thresholds)}", highlight=False, soft_wrap=True)
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

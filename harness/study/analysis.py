@@ -1,4 +1,4 @@
-"""What a study says of each arm: rates with intervals, pairs against their twins."""
+"""Summary of each arm of a study: rates with intervals, and pairs of twins."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ Pairs = list[tuple[Row, Row]]
 
 @dataclass(frozen=True)
 class Comparison:
-    """An arm against its reference, pair by pair.
+    """Comparison of an arm with its reference, pair by pair.
 
     Attributes:
-        pairs: Their number.
-        drop: Success rate of the reference less that of the arm.
+        pairs: Number of pairs.
+        drop: Success rate of the reference minus that of the arm.
         p_value: McNemar's exact test on success.
-        p_adjusted: After Holm, among the severities of one perturbation.
-        lost: Seeds that succeed in the reference alone.
-        won: Seeds that succeed in the arm alone.
-        changed: Pairs in which any decision made the robot do something else.
-        first_difference: Median number of the first such decision among those.
+        p_adjusted: P-value after Holm's correction among the severities of one perturbation.
+        lost: Seeds that succeed only in the reference.
+        won: Seeds that succeed only in the arm.
+        changed: Number of pairs with a decision of another action or path.
+        first_difference: Median number of the first such decision in these pairs.
         share_differing: Mean share of such decisions.
-        streams: Inputs that differ in any pair before the body was asked for another thing.
-        proven: Pairs in which no input differs until then but those that a perturbation declares.
-        undeclared: Seeds of the pairs in which another one does.
+        streams: Inputs that differ in any pair before its first differing action.
+        proven: Number of pairs whose inputs differ until then only as a perturbation declares.
+        undeclared: Seeds of the pairs in which another input differs.
     """
 
     pairs: int
@@ -52,17 +52,17 @@ class Comparison:
 
 @dataclass(frozen=True)
 class ArmSummary:
-    """One arm of the study.
+    """Summary of one arm.
 
     Attributes:
-        arm: Which.
-        episodes: Their number, errors among them.
-        success: Rate with its exact 95 % interval over worlds.
-        outcomes: Count of each.
-        causes: Count of each, of failures.
-        mean_time: Restricted mean time to goal, s: a failure counts the time limit.
-        metrics: Mean of each over the episodes that have it.
-        against: The reference, pair by pair; none for a reference.
+        arm: The arm.
+        episodes: Number of episodes, with those in error.
+        success: Success rate with its exact 95 % interval over worlds.
+        outcomes: Outcome -> number of episodes.
+        causes: Cause of failure -> number of episodes.
+        mean_time: Restricted mean time to the goal, s; a failure counts as the time limit.
+        metrics: Metric -> mean over the episodes that have it.
+        against: Comparison with the reference; None for a reference.
     """
 
     arm: Arm
@@ -77,13 +77,13 @@ class ArmSummary:
 
 @dataclass(frozen=True)
 class Sample:
-    """The episodes of one arm.
+    """Episodes of one arm.
 
     Attributes:
-        arm: Which.
-        rows: They.
-        pairs: Twin and row, for each seed that has both.
-        compared: Whether it has a reference; the pairs may be missing all the same.
+        arm: The arm.
+        rows: Its episodes.
+        pairs: (twin, row) of each seed that has both.
+        compared: Whether the arm has a reference, even if there are no pairs.
     """
 
     arm: Arm
@@ -93,7 +93,7 @@ class Sample:
 
 
 def samples_of(rows: Sequence[Row], first_variant: str) -> list[Sample]:
-    """Every arm of a study in the order of its first row, paired with its reference."""
+    """Return the samples of a study in the order of their first rows, paired with references."""
     by_arm = group(rows)
     samples = []
     for arm, own in by_arm.items():
@@ -104,7 +104,7 @@ def samples_of(rows: Sequence[Row], first_variant: str) -> list[Sample]:
 
 
 def samples_between(before: Sequence[Row], after: Sequence[Row]) -> list[Sample]:
-    """Every arm of the second study, paired with the same arm of the first."""
+    """Return the samples of the second study, paired with the same arms of the first."""
     references = group(before)
     return [
         Sample(arm, own, pair(own, references.get(arm, [])), compared=True)
@@ -113,12 +113,12 @@ def samples_between(before: Sequence[Row], after: Sequence[Row]) -> list[Sample]
 
 
 def summarise(samples: Sequence[Sample], time_limit: float) -> list[ArmSummary]:
-    """Every arm, with p-values corrected for their number."""
+    """Summarise every arm, with p-values corrected for their number."""
     return _adjust([_summary(one.arm, one.rows, one.pairs, time_limit) for one in samples])
 
 
 def group(rows: Sequence[Row]) -> dict[Arm, list[Row]]:
-    """Rows by arm."""
+    """Return the rows of each arm."""
     by_arm: dict[Arm, list[Row]] = {}
     for row in rows:
         by_arm.setdefault(row.arm, []).append(row)
@@ -126,7 +126,7 @@ def group(rows: Sequence[Row]) -> dict[Arm, list[Row]]:
 
 
 def pair(rows: Sequence[Row], references: Sequence[Row]) -> Pairs:
-    """Reference and row of each seed that both have; a failure and an error are kept."""
+    """Return (reference, row) of each seed that both have, with failures and errors."""
     twins = {twin.seed: twin for twin in references}
     return [(twins[row.seed], row) for row in rows if row.seed in twins]
 
@@ -174,7 +174,7 @@ def _compare(pairs: Pairs) -> Comparison:
 
 
 def difference(pairs: Pairs, metric: str, sign: float = 1.0) -> Interval:
-    """Mean of row - twin, times `sign`, over the pairs in which both have the metric."""
+    """Return the mean of row - twin, times `sign`, over the pairs in which both have the metric."""
     both = [(a.metrics[metric], b.metrics[metric], cluster_of(b)) for a, b in pairs]
     kept = [(a, b, c) for a, b, c in both if a is not None and b is not None]
     first, second, clusters = (list(column) for column in zip(*kept, strict=True))
@@ -184,12 +184,12 @@ def difference(pairs: Pairs, metric: str, sign: float = 1.0) -> Interval:
 
 
 def cluster_of(row: Row) -> tuple[str, int]:
-    """The world of an episode: a seed of a generator, or the file of an imported one."""
+    """Return the world of an episode: the seed of a generator, or an imported file."""
     return (row.arm.world, 0 if is_imported(row.arm.world) else row.seed)
 
 
 def is_imported(world: str) -> bool:
-    """Whether a world is a file, the same for every seed."""
+    """Return whether a world is a file, which is the same for every seed."""
     return "/" in world or "." in world
 
 
@@ -199,7 +199,7 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 def _adjust(summaries: list[ArmSummary]) -> list[ArmSummary]:
-    """Holm's correction among the arms that answer one question: a perturbation's severities."""
+    """Apply Holm's correction among the severities of each perturbation."""
     families: dict[tuple[str, ...], list[int]] = {}
     for k, one in enumerate(summaries):
         if one.against is not None:

@@ -1,4 +1,4 @@
-"""The smallest localization margin that keeps collisions rare at a given drift, and its price."""
+"""Calibration of the localization margin: the smallest that keeps collisions rare, and its cost."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from wayproof.harness.study.study import Engine, error_in_words, read_rows, run_
 SETTING = "costmap.localization_margin"
 
 MARGINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3)
-"""Tried by default, m: from a fifth of the default margin to three times it."""
+"""Margins tried by default, m: from a fifth of the default margin to three times it."""
 
 
 @dataclass(frozen=True)
 class Rung:
-    """What one margin does.
+    """Results of one margin.
 
     Attributes:
-        margin: m.
-        episodes: Their number.
-        collided: Share of them with a collision, exact interval; one in error counts as collided.
+        margin: The margin, m.
+        episodes: Number of episodes.
+        collided: Share of episodes with a collision or in error, with its exact interval.
         monotone: The same share, fitted so that it falls with the margin.
-        success: Share that reached the goal, exact interval.
+        success: Share of episodes that reached the goal, with its exact interval.
         time: Restricted mean time to the goal, s.
-        success_price: Success less that of the smallest margin, by pairs of one seed.
-        time_price: Restricted time to the goal less that of the smallest margin, by pairs, s.
+        success_price: Success rate minus that of the smallest margin, by pairs of one seed.
+        time_price: Restricted time to the goal minus that of the smallest margin, by pairs, s.
     """
 
     margin: float
@@ -54,18 +54,18 @@ class Rung:
 
 @dataclass(frozen=True)
 class MarginResult:
-    """The margin, and what it rests on.
+    """The calibrated margin and its evidence.
 
     Attributes:
-        drift: m/m.
+        drift: Drift of the pose estimate, m/m.
         bound: Share of episodes that may collide.
-        margin: Smallest margin whose fitted collision rate keeps the bound, m; none if none does.
-        low: Smallest margin that the data do not show to break the bound, m.
-        high: Smallest margin from which on all are shown to keep it, m; none if none is.
-        seeds_to_show: Episodes of each margin that would show the bound if none collided.
-        rungs: Each margin tried, from the smallest.
-        errors: Episodes that failed to run, counted as collided.
-        first_error: What the first of those says; empty without any.
+        margin: Smallest margin whose fitted collision rate keeps the bound, m; None without one.
+        low: Smallest margin that is not shown to break the bound, m; None without one.
+        high: Smallest margin from which on all are shown to keep it, m; None without one.
+        seeds_to_show: Number of episodes without a collision that would show the bound.
+        rungs: Results of each margin, from the smallest.
+        errors: Number of episodes that failed to run, which count as collided.
+        first_error: Error text of the first of these; empty without any.
     """
 
     drift: float
@@ -87,10 +87,10 @@ def margin_study(
     margins: Sequence[float],
     settings: dict[str, Any],
 ) -> StudyFile:
-    """The study that answers: every seed with every margin, all under the same drift.
+    """Return the study that runs every seed with every margin under the same drift.
 
     Raises:
-        InputError: Fewer than two margins or seeds, or a drift that the scale does not reach.
+        InputError: There are fewer than two margins or seeds, or the drift is beyond the scale.
     """
     tried = sorted(set(margins))
     if len(tried) < 2 or seeds < 2:
@@ -115,10 +115,10 @@ def margin_study(
 def calibrate_margin(
     study: StudyFile, drift: float, bound: float, store: Store, engine: Engine, finished: Finished
 ) -> MarginResult:
-    """Run what is missing of the study, and read the margin off its collisions.
+    """Run the missing episodes of the study, and derive the margin from the collisions.
 
     Raises:
-        InputError: The bound is no share, or the study cannot be run.
+        InputError: The bound is not between 0 and 1, or the study cannot be run.
     """
     if not 0.0 < bound < 1.0:
         raise InputError(f"--bound {bound:g}: expected more than 0 and less than 1")
@@ -138,11 +138,11 @@ def margin_from(
     drift: float,
     bound: float,
 ) -> MarginResult:
-    """The answer from the episodes of each margin, smallest first, the seeds in one order.
+    """Derive the margin from the episodes of each margin, smallest first, seeds in one order.
 
-    The collision rate is taken to fall with the margin, so rates are fitted by isotonic regression
-    (Barlow et al. 1972). The ends come from each margin's own interval (Clopper and Pearson 1934):
-    below `low` every margin is shown to break the bound, from `high` on each is shown to keep it.
+    The collision rate is assumed to fall with the margin, so that isotonic regression fits the
+    rates (Barlow et al. 1972). The ends come from the interval of each margin (Clopper and Pearson
+    1934): every margin below `low` is shown to break the bound, every one from `high` to keep it.
     """
     counts = [sum(_collided(row) for row in some) for some in rows]
     sizes = [len(some) for some in rows]
@@ -169,7 +169,7 @@ def margin_from(
 
 
 def _collided(row: Row) -> bool:
-    """Whether it touched anything; an episode in error is not shown to have kept clear."""
+    """Return whether an episode collided, or is in error and may have."""
     return row.outcome == "error" or bool(row.metrics["collisions"])
 
 

@@ -18,13 +18,13 @@ from wayproof.harness.study.store import Store
 
 @dataclass
 class Tally:
-    """What became of a study's failures.
+    """Counts of the checked failures of a study.
 
     Attributes:
-        answers: How often a check confirmed a cause, changed it, or was inconclusive.
-        refused: Failures that cannot be checked.
-        left: Failures that the bound left unchecked.
-        simulated_s: Simulated time that was spent, s.
+        answers: Answer of a check (confirmed, changed, inconclusive) -> number of failures.
+        refused: Number of failures that cannot be checked.
+        left: Number of failures left unchecked by the bound.
+        simulated_s: Simulated time spent, s.
     """
 
     answers: Counter[str] = field(default_factory=Counter)
@@ -33,27 +33,27 @@ class Tally:
     simulated_s: float = 0.0
 
     def __str__(self) -> str:
-        """In words."""
-        told = [f"{count} {answer}" for answer, count in sorted(self.answers.items())]
-        told += [f"{self.refused} cannot be checked"] if self.refused else []
-        told += [f"{self.left} left unchecked by the bound"] if self.left else []
-        return f"{', '.join(told) or 'no failures'}; {self.simulated_s:.0f} s simulated"
+        """Return the counts in words."""
+        parts = [f"{count} {answer}" for answer, count in sorted(self.answers.items())]
+        parts += [f"{self.refused} cannot be checked"] if self.refused else []
+        parts += [f"{self.left} left unchecked by the bound"] if self.left else []
+        return f"{', '.join(parts) or 'no failures'}; {self.simulated_s:.0f} s simulated"
 
 
 def check_failures(
     planned: Sequence[Planned],
     store: Store,
-    most_s: float,
+    max_s: float,
     allow_plugins: bool = False,
     watch: Callable[[str], None] = lambda key: None,
 ) -> Tally:
     """Check every failure that is not checked yet, and write each verdict into its log.
 
     Args:
-        planned: Episodes.
-        store: Where their logs are.
-        most_s: No check is begun after so much simulated time.
-        allow_plugins: Whether code that a log names may be imported.
+        planned: Episodes of the study.
+        store: Folder of their logs.
+        max_s: Simulated time after which no further check starts, s.
+        allow_plugins: Import code that a log names.
         watch: Called with the key of each failure before it is checked.
     """
     tally = Tally()
@@ -64,7 +64,7 @@ def check_failures(
         log = open_log(path, allow_plugins)
         if log.result["outcome"] == "success" or log.check:
             continue
-        if tally.simulated_s >= most_s:
+        if tally.simulated_s >= max_s:
             tally.left += 1
             continue
         watch(key)
@@ -73,7 +73,7 @@ def check_failures(
             tally.refused += 1
             continue
         try:
-            verdict = check(log, finding, thorough=False, most_s=most_s - tally.simulated_s)
+            verdict = check(log, finding, thorough=False, most_s=max_s - tally.simulated_s)
         except InputError:
             tally.refused += 1
             continue

@@ -1,4 +1,4 @@
-"""Running jobs on a Ray cluster: workers send logs back, so that nodes share no disk."""
+"""The engine of studies on a Ray cluster; workers send their logs back, so nodes share no disk."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wayproof.harness.study.processes import Finished
 from wayproof.harness.worker_pool import TRIES, Bounds
 
 POLL = 1.0
-"""How often the jobs under way are held against their time, s."""
+"""Period of the check of running jobs against their wall time, s."""
 
 
 def run_on_ray(
@@ -27,15 +27,15 @@ def run_on_ray(
     bounds: Bounds,
     address: str | None = None,
 ) -> None:
-    """Run every job on Ray; each node compiles on its first.
+    """Run every job on Ray; each node compiles the kernels in its first job.
 
     Args:
-        jobs: What to run.
-        stacks: Not needed: nodes do not share this machine's cache.
-        finished: Called in this process.
-        workers: Jobs at a time, where Ray is started here; a cluster has its own number.
-        bounds: Of one job; memory is watched by Ray's own monitor.
-        address: Of a running cluster; none starts one on this machine.
+        jobs: Episodes to run.
+        stacks: Unused: nodes do not share this machine's cache of kernels.
+        finished: Called in this process after each job.
+        workers: Number of jobs at a time if Ray is started here; a cluster has its own number.
+        bounds: Limits of one job; memory is limited by Ray's own monitor.
+        address: Address of a running cluster; None starts one on this machine.
 
     Raises:
         InputError: Ray is not installed, or there is no cluster at the address.
@@ -63,7 +63,7 @@ def run_on_ray(
 
 
 def _run(ray: Any, jobs: Sequence[Job], bounds: Bounds, finished: Finished) -> None:
-    """Hand out as many jobs as the cluster has cores, so that none waits while its time runs."""
+    """Submit as many jobs as the cluster has cores, so that none waits while its time runs."""
     remote = ray.remote(num_cpus=1, max_retries=TRIES - 1)(run_and_return)
     waiting = list(reversed(jobs))
     running: dict[Any, tuple[Job, float]] = {}
@@ -84,7 +84,7 @@ def _run(ray: Any, jobs: Sequence[Job], bounds: Bounds, finished: Finished) -> N
 
 
 def _collect(ray: Any, reference: Any, job: Job) -> Done:
-    """A job's answer, its log put where it belongs."""
+    """Return the outcome of a job, and store its log."""
     try:
         done, log = ray.get(reference)
     except ray.exceptions.RayError as error:
@@ -98,7 +98,7 @@ def _collect(ray: Any, reference: Any, job: Job) -> Done:
 
 
 def run_and_return(job: Job) -> tuple[Done, bytes]:
-    """Run a job on a node and return its log with the answer."""
+    """Run a job on a node; return its outcome and its log."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / job.log.name
         done = run_job(replace(job, log=log))

@@ -1,4 +1,4 @@
-"""The same study run by two builds, arm by arm and seed by seed."""
+"""Comparison of two runs of a study, arm by arm and seed by seed."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from wayproof.harness.study.study import StudyResult, error_in_words, read_own_r
 def compare(
     before: Path, after: Path, gates: Sequence[str], allow_plugins: bool = False
 ) -> StudyResult:
-    """Hold the second folder's episodes against the first's.
+    """Compare the episodes of the second folder with those of the first.
 
-    Episodes of either that have no partner in the other are missing.
+    Episodes of either folder without a partner in the other count as missing.
 
     Raises:
-        InputError: A folder is none of a study, a gate is none, or the two share no episode.
+        InputError: A folder is not one of a study, a gate is malformed, or no episode is shared.
     """
     judged = [read_gate(text) for text in gates]
     planned, rows, foreign = _read(after, allow_plugins)
@@ -31,13 +31,13 @@ def compare(
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
     limit = max(one.config.episode.time_limit for one in planned)
-    wanted = {(one.arm, one.seed) for one in (*planned, *planned_before)}
+    expected = {(one.arm, one.seed) for one in (*planned, *planned_before)}
     kept, kept_before = ({(row.arm, row.seed) for row in some} for some in (rows, rows_before))
     errors = [row for row in (*rows, *rows_before) if not row.ran]
     return StudyResult(
         name=f"{after} against {before}",
-        episodes=len(wanted),
-        missing=len(wanted - (kept & kept_before)),
+        episodes=len(expected),
+        missing=len(expected - (kept & kept_before)),
         errors=len({(row.arm, row.seed) for row in errors}),
         first_error=error_in_words(errors[0]) if errors else "",
         arms=summarise(samples, limit),

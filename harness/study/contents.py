@@ -1,4 +1,4 @@
-"""What the files that a study names hold: an episode is known by that, and not by their paths."""
+"""Identity of the files that a study names: by their contents, not by their paths."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from wayproof.models.world_files import FileWorld
 from wayproof.planners.ompl._plugin import source_digest
 
 Contents = dict[str, str]
-"""Path as given -> name and hash of what lies there."""
+"""Path as given -> name and hash of the file."""
 
 
 def named_by(config: Config) -> tuple[str, ...]:
-    """What a config names that may be a file."""
+    """Return the names in a config that may be files: world, robot and planner."""
     return config.world, config.robot, config.planner.name
 
 
 def contents_of(names: Iterable[str]) -> Contents:
-    """Read the files among some names of worlds, robots and planners; others stand for themselves.
+    """Return the identities of the files among names of worlds, robots and planners.
 
-    A robot's hash is over its spec, the MJCF that is made of it, meshes and all, and the file of
-    its controller's class. A planner's is over the file of its class, not what that imports.
+    The hash of a robot covers its spec, its MJCF with meshes, and the file of its controller's
+    class. The hash of a planner covers the file of its class, not its imports.
 
     Raises:
         InputError: A file cannot be read.
@@ -55,5 +55,5 @@ def _identity(name: str) -> str:
 
 
 def class_identity(name: str, digest: str) -> str:
-    """The class's own name and its file's hash, whose path does not count."""
+    """Return the name of a class and the hash of its file, without the path."""
     return f"{name.rpartition(PLUGIN)[2]} {digest}"

@@ -1,4 +1,4 @@
-"""Gates of a comparison of two studies that names none."""
+"""Gates of a comparison for which none are given."""
 
 DEFAULT_GATES = ("success.drop <= 0.1", "collisions.rise <= 0.1")
-"""Held from about 50 pairs on in which nothing changed."""
+"""Default gates; held from about 50 unchanged pairs on."""

@@ -1,8 +1,8 @@
-"""A certificate that a study's episodes come out the same however they are run.
+"""Certificate that the episodes of a study do not depend on how they are run.
 
 A sample of the finished episodes is run again in other processes, in another order and on other
-numbers of threads. The hash over all decisions, each of which names the hash of its inputs, must be
-the same.
+numbers of threads. The chain hash over all decisions, each with the hash of its inputs, must be the
+same.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from wayproof.harness.study.store import Store
 from wayproof.harness.worker_pool import Bounds
 
 FILE = "determinism.json"
-"""In a study's folder: the latest certificate."""
+"""File name of the latest certificate in the folder of a study."""
 
 SAMPLE = 8
-"""Episodes run again in each arrangement."""
+"""Default number of episodes run again in each arrangement."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,11 @@ class Arrangement:
     """A way to run the same episodes.
 
     Attributes:
-        name: In words.
-        workers: Processes at a time.
-        threads: Of each episode.
-        fresh: A new process for each episode.
-        order: Of the episodes: `reversed` or `shuffled`.
+        name: Name in words.
+        workers: Number of processes.
+        threads: Number of threads of each episode.
+        fresh: Start a new process for each episode.
+        order: Order of the episodes: `reversed` or `shuffled`.
     """
 
     name: str
@@ -63,11 +63,11 @@ class Rerun:
     """One episode run again.
 
     Attributes:
-        key: Of the episode.
-        arrangement: How it was run.
-        chain: Over its decisions; empty without a log.
-        identical: Whether it is that of the study.
-        error: Why there is no log.
+        key: Key of the episode.
+        arrangement: Name of the arrangement.
+        chain: Hash over its decisions; empty without a log.
+        identical: Whether the chain is that of the study.
+        error: Reason why there is no log; empty with one.
     """
 
     key: str
@@ -79,17 +79,18 @@ class Rerun:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What was run again and what came of it.
+    """Reruns of a sample of a study, and whether all are identical.
 
     Attributes:
-        study: Its name.
-        identical: Whether every rerun gave the study's own chain.
-        episodes: Finished ones that the sample was drawn from.
-        left_out: Of those, timed by the wall clock (`latency.mode = measured`): never the same.
-        sample: Key -> arm, seed and chain of each episode drawn.
-        arrangements: How they were run.
-        reruns: What came of it, one of each episode in each arrangement.
-        versions: Of what ran the sample first, as its logs tell them.
+        study: Name of the study.
+        identical: Whether every rerun gave the chain of the study.
+        episodes: Number of finished episodes.
+        left_out: Number of finished episodes timed by the wall clock (`latency.mode = measured`),
+            which cannot be repeated.
+        sample: Key -> arm, seed and chain of each episode of the sample.
+        arrangements: Arrangements of the reruns.
+        reruns: One rerun of each episode in each arrangement.
+        versions: Versions in the logs of the sample.
     """
 
     study: str
@@ -114,13 +115,13 @@ def certify(
     """Run a sample of a study's finished episodes again, and write the certificate to its folder.
 
     Args:
-        name: Of the study.
-        planned: Its episodes.
-        store: Its folder.
-        bounds: Of one episode.
-        finished: Called for each rerun that ends.
-        size: Of the sample.
-        arrangements: Ways to run it again.
+        name: Name of the study.
+        planned: Episodes of the study.
+        store: Folder of the study.
+        bounds: Limits of one episode.
+        finished: Called after each rerun.
+        size: Number of episodes of the sample.
+        arrangements: Arrangements to run it in.
 
     Raises:
         InputError: No episode has finished that could be run again.
@@ -160,7 +161,7 @@ def certify(
 
 
 def draw(planned: Sequence[Planned], size: int) -> list[Planned]:
-    """Episodes by their hash, which knows no preference: of each arm by turns."""
+    """Draw episodes in the order of their hashes, from each arm in turn."""
     by_arm: dict[object, deque[Planned]] = {}
     for one in sorted(planned, key=lambda one: one.key):
         by_arm.setdefault(one.arm, deque()).append(one)

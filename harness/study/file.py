@@ -1,4 +1,4 @@
-"""A study file (TOML): what is varied, over which seeds, and what must hold."""
+"""Study files (TOML): variants, seeds, perturbations and gates of a study."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from wayproof.models.robots import ROBOTS
 from wayproof.models.worlds import WORLDS
 
 PACKAGED = Path(__file__).parent / "packaged"
-"""Studies to start from: `wayproof study NAME`."""
+"""Folder of the packaged studies: `wayproof study NAME`."""
 
 CLEAN = "none"
-"""What an arm without a perturbation is called."""
+"""Name of no perturbation."""
 
 MOST_EPISODES = 100_000
-"""Of one study: to plan them takes some seconds and a quarter of a GiB."""
+"""Maximum number of episodes of a study; planning them takes seconds and 0.25 GiB."""
 
 MOST_ARMS = 5000
-"""Combinations of worlds, robots, axes and perturbations."""
+"""Maximum number of combinations of worlds, robots, axes and perturbations."""
 
 MOST_BYTES = 2**20
-"""Of a study file."""
+"""Maximum size of a study file, bytes."""
 
 
 class StudyFile(
@@ -49,17 +49,17 @@ class StudyFile(
     """A study as written.
 
     Attributes:
-        name: Of the study and of its folder.
+        name: Name of the study and of its folder.
         worlds: Names or files of worlds.
         robots: Names of robots.
-        seeds: How many, counted from 0, or which.
-        settings: `section.field` -> value, for every episode; a `perturbation` here is that of the
-            unperturbed arms too.
+        seeds: Number of seeds, counted from 0, or the seeds.
+        settings: `section.field` -> value, for every episode; a `perturbation` here acts on the
+            unperturbed arms as well.
         axes: `section.field` -> values; every combination is a variant, the first is the reference.
         perturbations: `KIND` or `KIND:MODE` -> severities; each episode is paired with the
             unperturbed twin of its seed.
-        gates: What must hold, as `success.drop <= 0.05`.
-        bounds: Of one episode.
+        gates: Conditions on metrics, as `success.drop <= 0.05`.
+        bounds: Limits of one episode.
     """
 
     name: str
@@ -75,14 +75,14 @@ class StudyFile(
 
 @dataclass(frozen=True)
 class Arm:
-    """What the episodes of one group share.
+    """Group of episodes that differ only in their seed.
 
     Attributes:
-        world: Name.
-        robot: Name.
+        world: Name of the world.
+        robot: Name of the robot.
         variant: Settings of the axes, `a=1 b=2`; empty without axes.
-        perturbation: Name, or `none`.
-        severity: Up to 5; 0 unperturbed.
+        perturbation: Name of the perturbation, or `none`.
+        severity: Severity, up to 5; 0 unperturbed.
     """
 
     world: str
@@ -93,7 +93,7 @@ class Arm:
 
 
 def name_of(arm: Arm) -> str:
-    """An arm in words."""
+    """Return an arm in words."""
     perturbed = "" if arm.perturbation == CLEAN else arm.perturbation
     if arm.severity:
         perturbed += f":{arm.severity:g}"
@@ -102,7 +102,7 @@ def name_of(arm: Arm) -> str:
 
 @dataclass(frozen=True)
 class Planned:
-    """An episode that the study asks for, and its content address."""
+    """Episode of a study, with its content address."""
 
     arm: Arm
     seed: int
@@ -118,12 +118,12 @@ class Gate:
     """A bound on a metric.
 
     Attributes:
-        text: As written.
-        metric: Name in METRICS.
+        text: Text of the gate.
+        metric: Key of `METRICS`.
         statistic: `drop` and `rise` against the reference, by pairs; `mean` of each arm.
         at_most: Whether the bound is an upper one.
-        bound: In the metric's unit.
-        proven: It has to be held even where `--allow-inconclusive` lets other gates pass.
+        bound: Bound, in the unit of the metric.
+        proven: Whether it must be held even with `--allow-inconclusive`.
     """
 
     text: str
@@ -138,8 +138,8 @@ def read_study(name: str, allow_plugins: bool = False) -> StudyFile:
     """Read a study file, or a packaged study by its name.
 
     Args:
-        name: Of the file, or of the packaged study.
-        allow_plugins: Whether it may name code of the user's own, which its episodes import.
+        name: Name of the file or of the packaged study.
+        allow_plugins: Allow the study to name code of the user, which its episodes import.
 
     Raises:
         InputError: No such file or study, no TOML, too large, or fields that are missing, unknown
@@ -173,10 +173,10 @@ def _text_of(path: Path, name: str) -> str:
 
 
 def check_study(study: StudyFile) -> None:
-    """Refuse what no study is, by its numbers and before anything is listed.
+    """Check the sizes of a study before its episodes are listed.
 
     Raises:
-        InputError: Naming the field, what was got and what was expected.
+        InputError: A field is out of its range; the message names it.
     """
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", study.name):
         raise InputError(
@@ -203,14 +203,14 @@ def check_study(study: StudyFile) -> None:
 
 
 def arms_of(study: StudyFile) -> int:
-    """How many combinations of worlds, robots, axes and perturbations there are."""
+    """Return the number of combinations of worlds, robots, axes and perturbations."""
     variants = math.prod(len(values) for values in study.axes.values())
     perturbed = 1 + sum(len(levels) for levels in study.perturbations.values())
     return len(study.worlds) * len(study.robots) * variants * perturbed
 
 
 def episodes_of(study: StudyFile) -> int:
-    """How many episodes there are, by multiplication; a seed given twice counts twice."""
+    """Return the number of episodes; a seed given twice counts twice."""
     return arms_of(study) * _seed_count(study)
 
 
@@ -219,10 +219,10 @@ def _seed_count(study: StudyFile) -> int:
 
 
 def refuse_code(study: StudyFile) -> None:
-    """Refuse a study that names code of the user's own, before any of it is imported.
+    """Refuse a study that names code of the user, before any of it is imported.
 
     Raises:
-        InputError: Naming the setting, or the robot's file.
+        InputError: It does; the message names the setting or the robot's file.
     """
     for key, value in _named(study):
         if key == "robot_file" or (key in CODE and PLUGIN in str(value)):
@@ -240,7 +240,7 @@ def refuse_code(study: StudyFile) -> None:
 
 
 def _named(study: StudyFile) -> Iterator[tuple[str, Any]]:
-    """Every setting with each of its values."""
+    """Yield every setting with each of its values."""
     yield from study.settings.items()
     for key, values in study.axes.items():
         for value in values:
@@ -248,16 +248,16 @@ def _named(study: StudyFile) -> Iterator[tuple[str, Any]]:
 
 
 def seeds_of(study: StudyFile) -> list[int]:
-    """The seeds, without repetition, in the order given."""
+    """Return the seeds without repetition, in the order given."""
     seeds = range(study.seeds) if isinstance(study.seeds, int) else study.seeds
     return list(dict.fromkeys(seeds))
 
 
 def read_gate(text: str) -> Gate:
-    """Read `metric.statistic <= bound` or `>=`, perhaps with `proven` behind it.
+    """Parse `metric.statistic <= bound` or `>=`, optionally followed by `proven`.
 
     Raises:
-        InputError: It is none.
+        InputError: The text is not a gate.
     """
     form = r"\s*(\w+)\.(\w+)\s*(<=|>=)\s*([-+.\deE]+)\s*(proven)?\s*"
     match = re.fullmatch(form, text)
@@ -280,11 +280,11 @@ def read_gate(text: str) -> Gate:
 
 
 def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Planned]:
-    """Every episode, each with its resolved settings, seed by seed so that pairs end together.
+    """Return every episode with its resolved settings, seed by seed, so that pairs end together.
 
     Args:
-        study: As written.
-        contents: Of the files that it names, as they were; by default as they are.
+        study: The study.
+        contents: Identities of the files that it names; None to read the files.
 
     Raises:
         InputError: A world, robot or setting that does not exist, a file that cannot be read, a
@@ -314,7 +314,7 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
 
 
 def _check_names(study: StudyFile) -> None:
-    """Files are read, and so checked, with the contents."""
+    """Check names of worlds and robots; files are checked when their contents are read."""
     for kind, names, ending, registry in (
         ("world", study.worlds, WORLD_FILE, WORLDS),
         ("robot", study.robots, ROBOT_FILE, ROBOTS),
@@ -334,23 +334,23 @@ def _refuse_differences(study: StudyFile) -> None:
 
 
 def files_of(study: StudyFile) -> list[str]:
-    """Names of worlds, robots and planners, some of which may be files."""
+    """Return the names of worlds, robots and planners, which may be files."""
     return [*study.worlds, *study.robots, *planners_of(study)]
 
 
 def planners_of(study: StudyFile) -> list[str]:
-    """Names of planners that its settings and axes choose."""
+    """Return the names of planners in settings and axes."""
     named = [study.settings.get("planner.name", ""), *study.axes.get("planner.name", [])]
     return [str(name) for name in named]
 
 
 def planned_for(arm: Arm, config: Config, contents: Contents) -> Planned:
-    """One episode of an arm."""
+    """Return one episode of an arm."""
     return Planned(arm, config.seed, config, episode_key(config, contents))
 
 
 def _variants(study: StudyFile) -> list[tuple[str, ...]]:
-    """Settings of each combination of the axes; one empty combination without any."""
+    """Return the settings of each combination of the axes; one empty combination without axes."""
     for name, values in study.axes.items():
         if not values:
             raise InputError(f"axis '{name}' is empty, expected at least one value")
@@ -379,7 +379,7 @@ def _severities(study: StudyFile) -> list[tuple[str, float]]:
 
 
 def perturbation_at(name: str, severity: float) -> AnyPerturbation | None:
-    """From `KIND` or `KIND:MODE` and a severity; none at 0.
+    """Return the perturbation of `KIND` or `KIND:MODE` with a severity; None at 0.
 
     Raises:
         InputError: There is no such perturbation.

@@ -29,19 +29,19 @@ Verdict = Literal["held", "failed", "inconclusive"]
 
 @dataclass(frozen=True)
 class GateResult:
-    """One gate on one arm, or on all imported worlds of a kind of arm together.
+    """Result of a gate on one arm, or on all imported worlds together.
 
     Attributes:
-        gate: As written.
-        arm: Which.
+        gate: Text of the gate.
+        arm: The arm.
         verdict: `held`: the whole interval keeps the bound; `failed`: the whole interval breaks it;
             `inconclusive`: neither.
-        interval: Of the gate's statistic; none where no episode has the metric.
-        gates: Intervals of the study that hold together at 95 %, by Bonferroni's correction.
-        worlds: Independent worlds that the interval rests on.
-        worlds_needed: About as many would show the gate to be held if the estimate stayed; none
-            where it is decided, or where no number would.
-        required: Whether the gate is `proven`: it has to be held, whatever else is let pass.
+        interval: Interval of the statistic; None if no episode has the metric.
+        gates: Number of simultaneous 95 % intervals, by Bonferroni's correction.
+        worlds: Number of independent worlds.
+        worlds_needed: Approximate number of worlds that would show the gate to be held at the same
+            estimate; None if the gate is decided, or no number would.
+        required: Whether the gate is `proven`: it must be held even if inconclusive ones may pass.
     """
 
     gate: str
@@ -56,7 +56,7 @@ class GateResult:
 
 @dataclass(frozen=True)
 class _Values:
-    """What a gate's statistic is the mean of: the metric, or twin and row; with their worlds."""
+    """Values whose mean is the statistic of a gate, of rows or of rows and twins, by world."""
 
     second: list[float]
     first: list[float] | None
@@ -66,25 +66,25 @@ class _Values:
 def judge(
     samples: Sequence[Sample], gates: Sequence[Gate], time_limit: float = math.inf
 ) -> list[GateResult]:
-    """Hold every gate against every arm that it speaks of; episodes that did not run are left out.
+    """Judge every gate on every arm it applies to, without the episodes that did not run.
 
     Args:
         samples: The arms.
-        gates: What must hold.
-        time_limit: Of an episode, s: no time is longer.
+        gates: The gates.
+        time_limit: Time limit of an episode, s, the greatest value of a time.
     """
     populations = _populations(samples)
-    asked = [
+    judged = [
         (gate, one)
         for gate in gates
         for one in populations
         if one.compared or gate.statistic == "mean"
     ]
-    return [_judge(gate, one, len(asked), time_limit) for gate, one in asked]
+    return [_judge(gate, one, len(judged), time_limit) for gate, one in judged]
 
 
 def _populations(samples: Sequence[Sample]) -> list[Sample]:
-    """Arms, but those that differ in their imported world alone as one: each world is a cluster."""
+    """Return the arms; those that differ only in their imported world are merged into one."""
     pooled: dict[Arm, list[Sample]] = {}
     for one in samples:
         imported = is_imported(one.arm.world)
@@ -115,7 +115,7 @@ def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateRes
 
 
 def _values(gate: Gate, rows: Sequence[Row], pairs: Pairs) -> _Values:
-    """Of the episodes that ran and have the metric."""
+    """Return the values of the episodes that ran and have the metric."""
     if gate.statistic == "mean":
         known = [(row.metrics[gate.metric], cluster_of(row)) for row in rows if row.ran]
         kept = [(value, cluster) for value, cluster in known if value is not None]
@@ -136,7 +136,7 @@ def _interval(values: _Values, support: Support, confidence: float) -> Interval:
 
 
 def verdict_of(gate: Gate, interval: Interval) -> Verdict:
-    """Whether an interval keeps a gate's bound, breaks it, or holds it within."""
+    """Return `held` or `failed` if the whole interval keeps or breaks the bound."""
     low, high = interval.low, interval.high
     if high <= gate.bound if gate.at_most else low >= gate.bound:
         return "held"
@@ -146,9 +146,9 @@ def verdict_of(gate: Gate, interval: Interval) -> Verdict:
 def _worlds_needed(
     gate: Gate, values: _Values, support: Support, interval: Interval, tail: float
 ) -> int | None:
-    """About how many worlds would show the gate to be held, if the estimate stayed.
+    """Return about how many worlds would show the gate to be held at the same estimate.
 
-    Where all values are alike the interval ends at 1 - tail^(1/k) of the way to the support's end;
+    If all values are alike the interval ends at 1 - tail^(1/k) of the way to the support's end;
     elsewhere its width falls with the root of the number of worlds.
     """
     gap = gate.bound - interval.estimate if gate.at_most else interval.estimate - gate.bound
@@ -177,7 +177,7 @@ def _worlds_needed(
 
 
 def interval_in_words(interval: Interval, form: str = ".3f") -> str:
-    """An estimate and the ends of its interval; an end that nothing bounds is named so."""
+    """Return an estimate and the ends of its interval in words."""
     if math.isinf(interval.low) and math.isinf(interval.high):
         return f"{interval.estimate:{form}} (unbounded)"
     low, high = (
@@ -187,7 +187,7 @@ def interval_in_words(interval: Interval, form: str = ".3f") -> str:
 
 
 def gate_in_words(result: GateResult) -> str:
-    """What follows the verdict on its line."""
+    """Return the line of a gate behind its verdict."""
     text = f"{result.gate} for {name_of(result.arm)}: "
     if result.interval is None:
         return f"{text}no episode has this figure"
@@ -199,7 +199,7 @@ def gate_in_words(result: GateResult) -> str:
 
 
 def gate_advice(result: GateResult) -> str:
-    """What would decide an inconclusive gate; empty for any other."""
+    """Return what would decide an inconclusive gate; empty for any other."""
     if result.verdict != "inconclusive":
         return ""
     if result.interval is None:

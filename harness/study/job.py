@@ -1,4 +1,4 @@
-"""One episode of a study as a unit of work: what a worker is sent, does, and answers."""
+"""Job of a worker: one episode of a study."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Job:
     """An episode to run.
 
     Attributes:
-        key: Hash of the resolved config and of the version that runs it.
-        config: JSON.
-        log: Where its log goes.
+        key: Hash of the resolved config and of the version of Wayproof.
+        config: Config as JSON.
+        log: Path of its log.
     """
 
     key: str
@@ -34,18 +34,18 @@ class Job:
 
 @dataclass(frozen=True)
 class Done:
-    """What came of a job: its log lies where it was asked for, or there is an error."""
+    """Outcome of a job: its log is written, or there is an error."""
 
     key: str
     error: str = ""
 
 
 def episode_key(config: Config, contents: Mapping[str, str]) -> str:
-    """Content address of an episode: the same key is the same episode, on any machine.
+    """Return the content address of an episode, the same on any machine.
 
     Args:
-        config: Resolved.
-        contents: Of the files that it names, see `contents_of`; a path is no part of the key.
+        config: Resolved config.
+        contents: Identities of the files that it names (`contents_of`), used instead of paths.
     """
     world, robot, planner = (contents.get(name, name) for name in named_by(config))
     named = replace(config, world=world, robot=robot)
@@ -53,12 +53,12 @@ def episode_key(config: Config, contents: Mapping[str, str]) -> str:
 
 
 def key_of(config: Config, planner: str, version: str) -> str:
-    """Content address of an episode.
+    """Return the content address of an episode.
 
     Args:
-        config: Resolved, with name and hash of its world and robot where these are files.
-        planner: Its name, or name and hash where it is a class in a file.
-        version: Of Wayproof.
+        config: Resolved config, with name and hash of a world or robot that is a file.
+        planner: Name of the planner, with the hash of its file if it has one.
+        version: Version of Wayproof.
     """
     text = to_json(config)
     if planner != config.planner.name:  # which no config takes
@@ -69,7 +69,7 @@ def key_of(config: Config, planner: str, version: str) -> str:
 
 
 def run_job(job: Job) -> Done:
-    """Run one episode; whatever it raises becomes its error text."""
+    """Run one episode; an exception becomes its error text."""
     from wayproof.harness.runner import run_episode
     from wayproof.harness.scenario.scenario import build
 

@@ -1,8 +1,8 @@
-"""Whether a log is that of the episode that was planned: its file's name alone says nothing.
+"""Check that a log is that of a planned episode, whatever the name of its file.
 
-A run fills in what its config leaves open: start, goal and sensors. These are worked out again from
-the world and the robot; all the rest, with the hashes of the files of world, robot and planner
-and the version of Wayproof, has to give the episode's key.
+A run fills in what its config leaves open: start, goal and sensors. These are derived again from
+the world and the robot. The rest of the config, the hashes of the files of world, robot and planner
+and the version of Wayproof must give the key of the episode.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from wayproof.models.scene import resolve
 from wayproof.models.worlds import WORLDS
 
 CLOSE = 1e-6
-"""Between a start or goal and its like: a world's last bits are another machine's, m."""
+"""Tolerance of start and goal, m: the last bits of a world depend on the machine."""
 
 Points = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 class ForeignLog(InputError):
-    """A log that lies where another episode's belongs."""
+    """Error of a log in the place of another episode's log."""
 
 
 def open_planned(path: Path, planned: Planned, allow_plugins: bool = False) -> Log:
     """Open the log of an episode.
 
     Args:
-        path: Where it lies.
+        path: Path of the log.
         planned: The episode.
-        allow_plugins: Whether code that its config names may be imported.
+        allow_plugins: Import code that its config names.
 
     Raises:
-        ForeignLog: It is the log of another episode, or a forked one.
-        InputError: It is no finished log.
+        ForeignLog: The log is of another episode, or forked.
+        InputError: The log is damaged or unfinished.
     """
     log = open_log(path, allow_plugins)
     differing = mismatch(log, planned)
@@ -61,18 +61,22 @@ def open_planned(path: Path, planned: Planned, allow_plugins: bool = False) -> L
 
 
 def mismatch(log: Log, planned: Planned) -> str:
-    """In what a log is not the one of an episode; empty if it is."""
+    """Return how a log differs from that of an episode; empty if it does not."""
     if log.forks:
         return f"forked at decision {log.forks[0].at}, expected an episode of one config"
-    asked = planned.config
+    expected = planned.config
     open_again = replace(
-        log.config, start=asked.start, goal=asked.goal, sensors=asked.sensors, robot_file=""
+        log.config,
+        start=expected.start,
+        goal=expected.goal,
+        sensors=expected.sensors,
+        robot_file="",
     )
     if _key_of(open_again, log) != planned.key:
-        return _difference(log, open_again, asked)
-    if log.config.sensors not in (asked.sensors, _sensors(log, asked)):
+        return _difference(log, open_again, expected)
+    if log.config.sensors not in (expected.sensors, _sensors(log, expected)):
         return "sensors: others than the robot's with the settings planned"
-    for name, own in zip(("start", "goal"), _points(log, asked), strict=True):
+    for name, own in zip(("start", "goal"), _points(log, expected), strict=True):
         got = getattr(log.config, name)
         if got is not None and own is not None and not _alike(got, own):
             return f"{name}: got {_point(got)}, expected {_point(own)}"
@@ -80,7 +84,7 @@ def mismatch(log: Log, planned: Planned) -> str:
 
 
 def _key_of(config: Config, log: Log) -> str:
-    """The key by what the log has of its files: hashes of classes are not in its config."""
+    """Return the key, with the hashes of classes that the log holds beside its config."""
     name, robot = config.planner.name, config.robot
     planner = class_identity(name, log.plugins[name]) if name in log.plugins else name
     if log.config.robot_file:
@@ -90,36 +94,36 @@ def _key_of(config: Config, log: Log) -> str:
     return key_of(replace(config, robot=robot), planner, log.run.get("wayproof", ""))
 
 
-def _sensors(log: Log, asked: Config) -> object:
-    """Those that the run resolved, from the robot's own and the settings."""
-    if asked.robot in ROBOTS:
-        mounts = ROBOTS[asked.robot].spec.mounts
+def _sensors(log: Log, expected: Config) -> object:
+    """Return the sensors that a run resolves from the robot's own and the settings."""
+    if expected.robot in ROBOTS:
+        mounts = ROBOTS[expected.robot].spec.mounts
     else:
         mounts = parse_spec(log.config.robot_file).mounts()
     try:
-        return resolve(mounts, asked.sensors)
+        return resolve(mounts, expected.sensors)
     except ValueError:
         return None  # which no episode was run with
 
 
-def _points(log: Log, asked: Config) -> Sequence[tuple[float, ...] | None]:
-    """Start and goal as given, or the world's own; none where only a file tells them."""
+def _points(log: Log, expected: Config) -> Sequence[tuple[float, ...] | None]:
+    """Return start and goal as given or of the world; None if only a file defines them."""
     own: Sequence[tuple[float, ...] | None] = (None, None)
-    if asked.world in WORLDS and (asked.start is None or asked.goal is None):
-        own = _world_points(asked.world, asked.seed, asked.difficulty)
-    given = (asked.start, asked.goal)
+    if expected.world in WORLDS and (expected.start is None or expected.goal is None):
+        own = _world_points(expected.world, expected.seed, expected.difficulty)
+    given = (expected.start, expected.goal)
     return [one if one is not None else other for one, other in zip(given, own, strict=True)]
 
 
 @functools.lru_cache(256)
 def _world_points(world: str, seed: int, difficulty: float) -> Points:
-    """Start and goal of a generated world on the floor, which the arms of a study share."""
+    """Return start and goal of a generated world, which the arms of a study share."""
     made = find_world(Config(world, "", seed, difficulty=difficulty))
     return made.start[:2], made.goal[:2]
 
 
 def _alike(got: Sequence[float], own: Sequence[float]) -> bool:
-    """The run fills in the height."""
+    """Return whether points agree; the run fills in the height."""
     return bool(np.allclose(got[: len(own)], own, rtol=0.0, atol=CLOSE))
 
 
@@ -128,7 +132,7 @@ def _point(values: Sequence[float]) -> str:
 
 
 def _difference(log: Log, got: Config, expected: Config) -> str:
-    """The first setting that is not as planned; names of files last, as their hashes may agree."""
+    """Return the first setting that differs; names of files last, as their hashes may agree."""
     one, other = (dict(_settings(msgspec.to_builtins(config))) for config in (got, expected))
     names = sorted(other, key=lambda name: (name in ("world", "robot"), name != "seed"))
     for name in names:

@@ -1,4 +1,4 @@
-"""The table of a study: one row an episode, derived from its log, and a twin beside it."""
+"""Table of a study: one row for each episode, derived from its log and that of its twin."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from wayproof.harness.study.matching import open_planned
 from wayproof.harness.study.store import Store
 
 READ = {kind.DESCRIPTOR.full_name for kind in (pb.Decision, pb.Truth, pb.Streams, pb.Perturbation)}
-"""Messages that a row is made of; sweeps, most of a log, stay packed."""
+"""Schemas of the messages that are decoded; sweeps, most of a log, are not."""
 
 SHORT = 8
-"""Of a stream's hash that a row keeps, bytes: enough to tell two apart."""
+"""Number of bytes of a stream's hash that a row keeps."""
 
 
 @dataclass(frozen=True)
@@ -35,20 +35,20 @@ class Row:
     """One episode.
 
     Attributes:
-        key: Content address.
-        arm: What it shares with others.
-        seed: Of the episode.
-        outcome: `error` where it left no log.
-        reason: In words.
-        cause: Of a failure, where one was worked out; the one that a check left, where one was run.
-        chain: Hash over its decisions; empty without a log.
+        key: Content address of the episode.
+        arm: Arm of the episode.
+        seed: Seed of the episode.
+        outcome: Outcome; `error` without a log.
+        reason: Reason of the outcome.
+        cause: Cause of a failure, as corrected by a check; empty without one.
+        chain: Hash over the decisions; empty without a log.
         duration: Simulated time, s; 0 without a log.
-        metrics: By name; all none without a log, but for a success of 0.
+        metrics: Name -> value; without a log all are None but a success of 0.
         acts: Digest of each decision's action and committed path.
         declared: Input streams that its perturbation declares to change.
         streams: Names of all streams.
-        check: What the check answered to the cause that the facts gave; empty without one.
-        hashes: Of each decision, the first bytes of every stream's hash, one after another.
+        check: Answer of the check of the cause; empty without one.
+        hashes: First bytes of all streams' hashes of each decision, concatenated.
     """
 
     key: str
@@ -68,20 +68,20 @@ class Row:
 
     @property
     def success(self) -> bool:
-        """Whether the goal was reached."""
+        """Return whether the goal was reached."""
         return self.outcome == "success"
 
     @property
     def ran(self) -> bool:
-        """Whether it left a log; an outcome `error` with a log is an episode that failed."""
+        """Return whether there is a log; an outcome `error` with a log is a failed episode."""
         return self.outcome != "error" or bool(self.chain)
 
 
 def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row | None:
-    """The row of an episode that has ended, or none.
+    """Return the row of an episode; None if it has not ended.
 
     Raises:
-        ForeignLog: Where its log belongs lies that of another episode.
+        ForeignLog: In place of its log is that of another episode.
         InputError: Its log is damaged, or contradicts itself.
     """
     arm, seed, key = planned.arm, planned.seed, planned.key
@@ -126,20 +126,20 @@ def _read(path: Path) -> Content:
 
 
 def _act(decision: pb.Decision) -> bytes:
-    """What it made the robot do: the same digest means the same action and path."""
+    """Return a digest of the action and the path of a decision."""
     acted = pb.Decision(action=decision.action, trajectory=decision.trajectory)
     data = acted.SerializeToString(deterministic=True)
     return hashlib.blake2b(data, digest_size=8).digest()
 
 
 def _hashes(message: pb.Streams, names: Sequence[str]) -> bytes:
-    """Of all streams in a fixed order; one that is not told is zeros."""
-    told = {one.name: one.hash for one in message.streams}
-    return b"".join(bytes.fromhex(told.get(name, "00" * SHORT))[:SHORT] for name in names)
+    """Return the short hashes of all streams in a fixed order; zeros for a missing one."""
+    hashes = {one.name: one.hash for one in message.streams}
+    return b"".join(bytes.fromhex(hashes.get(name, "00" * SHORT))[:SHORT] for name in names)
 
 
 def reference_of(arm: Arm, first_variant: str) -> Arm | None:
-    """The arm that this one is paired with: unperturbed, or of the first variant; none for itself.
+    """Return the reference of an arm: unperturbed, or of the first variant; None for that itself.
 
     An episode and its twin share world, robot and seed.
     """
@@ -151,7 +151,7 @@ def reference_of(arm: Arm, first_variant: str) -> Arm | None:
 
 
 def first_difference(row: Row, twin: Row) -> int | None:
-    """Number of the first decision that made the robot do something else; none if none did."""
+    """Return the number of the first decision with another action or path; None without one."""
     for number, (one, other) in enumerate(zip(row.acts, twin.acts, strict=False)):
         if one != other:
             return number
@@ -159,7 +159,7 @@ def first_difference(row: Row, twin: Row) -> int | None:
 
 
 def share_differing(row: Row, twin: Row) -> float:
-    """Share of the decisions, of the longer of both, that made the robot do something else."""
+    """Return the share of decisions, of the longer episode, with another action or path."""
     longest = max(len(row.acts), len(twin.acts))
     if longest == 0:
         return 0.0
@@ -169,12 +169,12 @@ def share_differing(row: Row, twin: Row) -> float:
 
 @dataclass(frozen=True)
 class Proof:
-    """What the streams of a pair show up to its first differing action.
+    """Comparison of the streams of a pair up to its first differing action.
 
     Attributes:
         pairing: The streams that differ before it, and the decisions compared.
-        undeclared: Those of them that no perturbation of only one of the two declares; nothing if
-            the pair differs in what it says it differs in, and in no input besides.
+        undeclared: Differing streams that no perturbation of one of the two declares; empty if the
+            pair differs only as declared.
     """
 
     pairing: Pairing
@@ -182,7 +182,7 @@ class Proof:
 
 
 def prove(row: Row, twin: Row) -> Proof | None:
-    """Hold the hashed streams of a pair against each other; none where one has no log."""
+    """Compare the hashed streams of a pair; None if one has no log."""
     if not row.hashes or not twin.hashes:
         return None
     both = zip(row.hashes, twin.hashes, strict=False)
@@ -200,7 +200,7 @@ def _by_stream(row: Row, hashes: bytes) -> dict[str, bytes]:
 
 
 def write_table(rows: Sequence[Row], first_variant: str, path: Path) -> None:
-    """Write the table as Parquet, whole or not at all; each row knows its twin."""
+    """Write the table as Parquet, atomically, with the comparison of each row with its twin."""
     by_arm = {(row.arm, row.seed): row for row in rows}
     flat = []
     for row in rows:
@@ -215,18 +215,22 @@ def write_table(rows: Sequence[Row], first_variant: str, path: Path) -> None:
 def _flat(row: Row) -> dict[str, Any]:
     arm = {**asdict(row.arm), "severity": float(row.arm.severity)}
     fields = {"key": row.key, **arm, "seed": row.seed, "outcome": row.outcome}
-    told = {"reason": row.reason, "cause": row.cause, "check": row.check, "chain": row.chain}
-    return {**fields, **told, "duration": row.duration, **row.metrics}
+    texts = {"reason": row.reason, "cause": row.cause, "check": row.check, "chain": row.chain}
+    return {**fields, **texts, "duration": row.duration, **row.metrics}
 
 
 def _paired(row: Row, twin: Row | None) -> dict[str, Any]:
-    """What the streams say of a row and its twin: nothing where there is no twin."""
+    """Return the columns of the comparison of a row with its twin; empty without one."""
     proof = None if twin is None else prove(row, twin)
     if proof is None:
         return dict.fromkeys(PAIRED)
     pairing = proof.pairing
-    told = (sorted(pairing.changed), list(proof.undeclared))
-    return dict(zip(PAIRED, (*told, pairing.compared, pairing.first_action), strict=True))
+    return {
+        "streams_changed": sorted(pairing.changed),
+        "streams_undeclared": list(proof.undeclared),
+        "decisions_compared": pairing.compared,
+        "first_other_action": pairing.first_action,
+    }
 
 
 PAIRED: dict[str, pa.DataType] = {
@@ -235,11 +239,11 @@ PAIRED: dict[str, pa.DataType] = {
     "decisions_compared": pa.int64(),
     "first_other_action": pa.int64(),
 }
-"""Columns of a pair, up to the first decision before which the body was asked for another thing."""
+"""Columns of a pair -> type; they cover the decisions up to the first other action."""
 
 
 def _schema(flat: Sequence[dict[str, Any]]) -> pa.Schema:
-    """Types that do not depend on which of the rows happen to have a value."""
+    """Return types that do not depend on which rows have a value."""
     whole = {"seed": pa.int64(), **PAIRED}
     number = {"severity", "duration", *METRICS}
     kinds = {name: pa.float64() if name in number else pa.string() for name in flat[0]}

@@ -1,4 +1,4 @@
-"""A study's folder: the logs are the record, by key; everything else is derived from them."""
+"""Folder of a study: logs by key, from which everything else is derived."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from wayproof.harness.study.file import MOST_BYTES, Planned, StudyFile, check_st
 from wayproof.harness.study.matching import open_planned
 
 WORKER_ENDS_S = 5.0
-"""In which a worker has ended whose parent was killed, s: it looks some times a second."""
+"""Time within which a worker ends whose parent was killed, s."""
 
 
 class Store:
-    """The folder of one study.
+    """Folder of one study.
 
     `logs/KEY.mcap` is a finished episode, `errors/KEY.json` one that ended
     in error, with what it had logged as `errors/KEY.mcap`.
     """
 
     def __init__(self, folder: Path) -> None:
-        """Name the folder; nothing is made before `open`."""
+        """Set the folder; it is made by `open`."""
         self.folder = folder
         self.logs = folder / "logs"
         self.errors = folder / "errors"
@@ -40,7 +40,7 @@ class Store:
 
     @contextlib.contextmanager
     def open(self) -> Iterator[None]:
-        """Make the folder and hold it: two runs of one study would write the same logs.
+        """Make and lock the folder: two runs of one study would write the same logs.
 
         Raises:
             InputError: The folder cannot be made, or another run holds it.
@@ -61,11 +61,11 @@ class Store:
             yield
 
     def log(self, key: str) -> Path:
-        """Where the log of an episode lies or will lie."""
+        """Return the path of the log of an episode."""
         return self.logs / f"{key}.mcap"
 
     def error(self, key: str) -> str | None:
-        """Why an episode has no log, or none."""
+        """Return the error of an episode; None without one."""
         path = self.errors / f"{key}.json"
         try:
             return str(json.loads(_bounded(path))["error"])
@@ -75,22 +75,22 @@ class Store:
             raise InputError(f"'{path}': {error}; delete it to run the episode again") from None
 
     def is_done(self, key: str) -> bool:
-        """Whether the episode needs no further run."""
+        """Return whether an episode has ended."""
         return self.log(key).is_file() or self.error(key) is not None
 
     def record_error(self, key: str, text: str) -> None:
-        """Write down that an episode ended without a log."""
+        """Record that an episode ended in an error."""
         path = self.errors / f"{key}.json"
         draft = path.with_suffix(".partial")
         draft.write_text(json.dumps({"key": key, "error": text}) + "\n")
         draft.replace(path)
 
     def keep_evidence(self, key: str, text: str) -> None:
-        """Keep what an episode in error had logged as `errors/KEY.mcap`, if it had begun.
+        """Keep the partial log of an episode in error as `errors/KEY.mcap`.
 
         Args:
-            key: Of the episode.
-            text: Its error.
+            key: Key of the episode.
+            text: Error of the episode.
         """
         log, kept = self.log(key), self.errors / f"{key}.mcap"
         partial = log.with_name(log.name + ENDING)
@@ -101,7 +101,7 @@ class Store:
                 finish_partial(partial, kept, f"was ended ({text})", "")
 
     def forget_errors(self) -> None:
-        """Let the episodes that ended as `error` run again, with a log or without.
+        """Delete errors, and logs of episodes with the outcome `error`, so that they run again.
 
         Raises:
             InputError: A log is damaged.
@@ -113,7 +113,7 @@ class Store:
                 path.unlink()
 
     def clear_partial(self) -> None:
-        """Remove what killed runs left half written.
+        """Remove unfinished files of killed runs.
 
         Raises:
             InputError: A worker of a killed run is still writing.
@@ -125,13 +125,13 @@ class Store:
             remove_abandoned(path, WORKER_ENDS_S)
 
     def keep_study(self, study: StudyFile, contents: Contents) -> None:
-        """Keep what the folder is a study of, so that it can be reported without the files."""
+        """Write the study into the folder, so that it can be reported without its files."""
         self.keep("study.json", study)
         if contents:
             self.keep("contents.json", contents)
 
     def keep(self, name: str, document: object) -> None:
-        """Write a JSON document into the folder, whole or not at all."""
+        """Write a JSON document into the folder, atomically."""
         path = self.folder / name
         draft = path.with_suffix(".partial")
         draft.write_bytes(msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n")

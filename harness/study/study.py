@@ -1,4 +1,4 @@
-"""A study from its file to its verdict: plan, run what is missing, read, judge."""
+"""Run of a study from its file to its verdict: run the missing episodes, read and judge them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from wayproof.harness.study.rows import Row, read_row, write_table
 from wayproof.harness.study.store import Store
 
 Engine = Callable[[Sequence[Job], Sequence[bytes], Finished], None]
-"""Runs jobs; the configs are one of each kind of stack, to be compiled first."""
+"""Function that runs jobs; the configs are of one episode of each stack, compiled first."""
 
 
 StudyVerdict = Literal["complete", "held", "failed", "inconclusive", "incomplete"]
@@ -35,17 +35,17 @@ EXIT_CODES: dict[StudyVerdict, int] = {
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What a study says.
+    """Result of a study.
 
     Attributes:
-        name: Of the study.
-        episodes: That it asks for.
-        missing: Of them, those not run yet.
-        errors: Of them, those that failed to run: they left no log.
-        first_error: What the first of those says; empty without any.
-        arms: Summaries.
-        gates: Each gate on each arm.
-        foreign: Lines that name the logs of other episodes, which count as missing.
+        name: Name of the study.
+        episodes: Number of episodes.
+        missing: Number of episodes that have not run yet.
+        errors: Number of episodes that failed to run, without a log.
+        first_error: Error of the first of these; empty without any.
+        arms: Summary of each arm.
+        gates: Result of each gate on each arm.
+        foreign: Lines about logs of other episodes, which count as missing.
     """
 
     name: str
@@ -59,7 +59,7 @@ class StudyResult:
 
     @property
     def verdict(self) -> StudyVerdict:
-        """One word: missing episodes come before what the others show; `complete` without gates."""
+        """Return the verdict: `incomplete` with missing episodes, `complete` without gates."""
         if self.missing or self.errors:
             return "incomplete"
         verdicts = {gate.verdict for gate in self.gates}
@@ -70,11 +70,10 @@ class StudyResult:
         return "held" if verdicts else "complete"
 
     def exit_code(self, allow_inconclusive: bool = False) -> int:
-        """0: all ran and every gate is held; 1: a gate failed; 3: incomplete or inconclusive.
+        """Return 0 if all ran and every gate is held, 1 if a gate failed, else 3.
 
         Args:
-            allow_inconclusive: Let gates that are inconclusive pass, but for those that have to be
-                `proven`.
+            allow_inconclusive: Let inconclusive gates pass, except those that must be `proven`.
         """
         if self.verdict == "inconclusive" and allow_inconclusive:
             undecided = [gate for gate in self.gates if gate.verdict == "inconclusive"]
@@ -85,7 +84,7 @@ class StudyResult:
 def run_missing(
     planned: Sequence[Planned], store: Store, engine: Engine, finished: Finished
 ) -> None:
-    """Run the episodes that the folder does not hold yet; each that ends is kept at once."""
+    """Run the episodes that are not in the folder yet; each is kept as it ends."""
     jobs: dict[str, Job] = {}
     stacks: dict[object, bytes] = {}
     for one in planned:
@@ -106,15 +105,15 @@ def run_missing(
 
 
 def count_missing(planned: Sequence[Planned], store: Store) -> int:
-    """Episodes that have neither a log nor an error yet."""
+    """Return the number of episodes that have neither a log nor an error yet."""
     return sum(not store.is_done(one.key) for one in planned)
 
 
 def shard(planned: Sequence[Planned], text: str) -> list[Planned]:
-    """The part `i/N` of a study; an episode and its twins fall into the same.
+    """Return the part `i/N` of a study; an episode and its twins are in the same part.
 
     Raises:
-        InputError: It is no part.
+        InputError: The text is not such a part.
     """
     try:
         part, parts = (int(number) for number in text.split("/"))
@@ -126,7 +125,7 @@ def shard(planned: Sequence[Planned], text: str) -> list[Planned]:
 
 
 def read_rows(planned: Sequence[Planned], store: Store, allow_plugins: bool = False) -> list[Row]:
-    """Rows of the episodes that have ended, in the order of the plan.
+    """Return the rows of the episodes that have ended, in the order of the plan.
 
     Raises:
         InputError: A log is damaged, names code that is not allowed, or is of another episode.
@@ -140,7 +139,7 @@ def read_rows(planned: Sequence[Planned], store: Store, allow_plugins: bool = Fa
 def read_own_rows(
     planned: Sequence[Planned], store: Store, allow_plugins: bool = False
 ) -> tuple[list[Row], tuple[str, ...]]:
-    """Rows of the episodes that have ended, and a line for each log that is of another episode.
+    """Return the rows of the episodes that have ended, and a line for each log of another episode.
 
     Raises:
         InputError: A log is damaged, or names code that is not allowed.
@@ -160,7 +159,7 @@ def read_own_rows(
 def conclude(
     study: StudyFile, planned: Sequence[Planned], rows: Sequence[Row], foreign: Sequence[str] = ()
 ) -> StudyResult:
-    """Summarise the rows and hold them against the gates; a log of another episode is missing."""
+    """Summarise the rows and judge the gates; a log of another episode counts as missing."""
     limit = max(one.config.episode.time_limit for one in planned)
     samples = samples_of(rows, planned[0].arm.variant)
     errors = [row for row in rows if not row.ran]
@@ -177,12 +176,12 @@ def conclude(
 
 
 def error_in_words(row: Row) -> str:
-    """Which episode failed to run, and why."""
+    """Return in words which episode failed to run and why."""
     return f"{name_of(row.arm)}, seed {row.seed}: {row.reason}"
 
 
 def verdict_in_words(result: StudyResult) -> str:
-    """The whole study in a sentence or two."""
+    """Return the result of the study in a sentence or two."""
     ran = result.episodes - result.missing - result.errors
     reached = sum(one.outcomes.get("success", 0) for one in result.arms)
     text = f"{reached} of {ran} episodes reached the goal"
@@ -215,14 +214,14 @@ def run_study(
     finished: Finished,
     check: Callable[[], None] | None = None,
 ) -> StudyResult:
-    """Run what is missing of a study, write its table, and judge it.
+    """Run the missing episodes of a study, write its table, and judge it.
 
     Args:
-        study: What to run.
+        study: The study.
         planned: Its episodes.
-        store: Where their logs go.
-        engine: Runs them.
-        finished: Called after each.
+        store: Folder of their logs.
+        engine: Engine that runs them.
+        finished: Called after each episode.
         check: Called when all have ended, before their logs are read.
 
     Raises:

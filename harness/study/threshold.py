@@ -1,7 +1,7 @@
-"""The smallest perturbation that makes an episode fail, seed by seed: a stack's margin.
+"""Threshold of a perturbation: the smallest severity at which an episode fails, by seed.
 
-Bisection takes it that an episode that fails at one severity fails at every higher one. It need not
-be so; what is told is a severity at which the seed fails, and a lower one at which it does not.
+Bisection assumes that an episode that fails at one severity fails at every higher one, which need
+not be so. The result is a severity at which the seed fails and a lower one at which it does not.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, run_missing
 
 RESOLUTION = 0.01
-"""A bracket narrower than this is not halved any more, in severities."""
+"""Width of a bracket below which it is not halved any more, in severities."""
 
 MOST_EPISODES = 12
-"""Of one seed: unperturbed, at the scale's end, and nine halves down to the resolution are 11."""
+"""Default maximum number of episodes of one seed: 2 at the ends and 9 halvings are 11."""
 
-FILE = "critical.json"
-"""In a study's folder: what was asked for, so that the report can tell the answer."""
+FILE = "threshold.json"
+"""File name of the query in the folder of a study, for the report."""
 
 
-class Question(msgspec.Struct, frozen=True):
-    """What to bisect.
+class Query(msgspec.Struct, frozen=True):
+    """Perturbations to bisect.
 
     Attributes:
-        perturbations: `KIND` or `KIND:MODE` each.
-        most_episodes: Of one seed.
+        perturbations: `KIND` or `KIND:MODE` of each.
+        most_episodes: Maximum number of episodes of one seed.
     """
 
     perturbations: list[str]
@@ -59,15 +59,15 @@ class Question(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Bracket:
-    """What is known of one seed.
+    """Bisection of one seed so far.
 
     Attributes:
         arm: World, robot and variant, and the perturbation at severity 0.
-        config: Of the unperturbed episode.
-        survived: Greatest severity tried that reached the goal; below 0 if none did.
-        failed: Least severity tried that did not; infinite if none did.
-        episodes: Tried so far.
-        error: Why an episode could not be run, which says nothing about the stack.
+        config: Config of the unperturbed episode.
+        survived: Greatest severity that reached the goal; below 0 if none did.
+        failed: Least severity that did not reach the goal; infinite if all did.
+        episodes: Number of episodes so far.
+        error: Error of an episode that could not be run; empty without one.
     """
 
     arm: Arm
@@ -78,12 +78,12 @@ class Bracket:
     error: str = ""
 
     @property
-    def critical(self) -> float:
-        """Severity in the middle between survived and failed; infinite beyond the scale."""
+    def threshold(self) -> float:
+        """Middle of `survived` and `failed`; 0 if unperturbed fails, infinite beyond the scale."""
         return 0.0 if self.survived < 0.0 else (self.survived + self.failed) / 2.0
 
     def next_severity(self, most_episodes: int) -> float | None:
-        """Unperturbed first, then the scale's end, then halves; none when all is tried."""
+        """Return the next severity: 0, then the greatest, then halves; None at the end."""
         if self.error or self.episodes >= most_episodes or self.failed == 0.0:
             return None
         if self.survived < 0.0:
@@ -94,8 +94,8 @@ class Bracket:
             return None
         return (self.survived + self.failed) / 2.0
 
-    def told(self, severity: float, outcome: str, reason: str) -> Bracket:
-        """What is known after one more episode."""
+    def with_outcome(self, severity: float, outcome: str, reason: str) -> Bracket:
+        """Return the bracket after one more episode."""
         tried = replace(self, episodes=self.episodes + 1)
         if outcome == "error":
             return replace(tried, error=reason)
@@ -105,25 +105,26 @@ class Bracket:
 
 
 @dataclass(frozen=True)
-class Margin:
-    """How much the seeds of one arm bear of one perturbation.
+class Thresholds:
+    """Thresholds of the seeds of one arm for one perturbation.
 
     Attributes:
-        arm: Which, severity 0.
-        unit: Of amounts.
-        seeds: Those that ran, in the order of the lists below.
-        survived: Severity that each bore; below 0 where it fails unperturbed.
-        failed: Severity at which each failed; infinite where it bears the whole scale.
-        critical: The middle of both; 0 and infinite likewise.
-        amounts: The critical severities as amounts in the unit.
-        median: Of the critical severities, with its interval by order statistics.
+        arm: The arm, with severity 0.
+        unit: Unit of the amounts.
+        seeds: Seeds that are bisected, in the order of the lists below.
+        survived: Greatest severity that each seed survived; below 0 if it fails unperturbed.
+        failed: Least severity at which each seed failed; infinite beyond the scale.
+        severities: Threshold of each seed: the middle of both, 0 if it fails unperturbed, infinite
+            beyond the scale.
+        amounts: The thresholds as amounts in the unit.
+        median: Median threshold, with its interval by order statistics.
         median_amount: The same as amounts; infinite beyond the scale.
-        fail_unperturbed: Seeds that fail without any perturbation.
-        bear_all: Seeds that bear the scale's end.
+        fail_unperturbed: Number of seeds that fail without a perturbation.
+        bear_all: Number of seeds that survive the greatest severity.
         errors: Seeds with an episode that could not be run.
-        first_error: Why the first of those could not; empty without any.
-        unfinished: Seeds whose bisection is still to be run.
-        episodes: Tried for all of them.
+        first_error: Error of the first of these; empty without any.
+        unfinished: Number of seeds whose bisection is not finished.
+        episodes: Number of episodes of all seeds.
     """
 
     arm: Arm
@@ -131,7 +132,7 @@ class Margin:
     seeds: list[int]
     survived: list[float]
     failed: list[float]
-    critical: list[float]
+    severities: list[float]
     amounts: list[float]
     median: Interval | None
     median_amount: Interval | None
@@ -143,58 +144,58 @@ class Margin:
     episodes: int
 
 
-def find_margins(
-    study: StudyFile, question: Question, store: Store, engine: Engine, finished: Finished
-) -> list[Margin]:
-    """Bisect every seed of every arm of a study, all seeds side by side; what ran is not run again.
+def find_thresholds(
+    study: StudyFile, query: Query, store: Store, engine: Engine, finished: Finished
+) -> list[Thresholds]:
+    """Bisect every seed of every arm of a study in parallel; finished episodes are not run again.
 
     Args:
-        study: Worlds, robots, seeds, settings and axes; without its own perturbations.
-        question: What to bisect.
-        store: Where the logs go.
-        engine: Runs them.
-        finished: Called for each episode that ends.
+        study: Worlds, robots, seeds, settings and axes, without perturbations.
+        query: Perturbations to bisect.
+        store: Folder of the logs.
+        engine: Engine that runs the episodes.
+        finished: Called after each episode.
 
     Raises:
-        InputError: Unknown perturbation, or the study cannot be planned or written.
+        InputError: A perturbation is unknown, or the study cannot be planned or written.
     """
     contents = contents_of(files_of(study))
-    brackets = brackets_of(study, question, contents)
+    brackets = brackets_of(study, query, contents)
     with store.open():
         store.clear_partial()
         store.keep_study(study, contents)
-        store.keep(FILE, question)
+        store.keep(FILE, query)
         while True:
-            brackets = [_advance(one, question, store, contents) for one in brackets]
-            wanted = [_wanted(one, question, contents) for one in brackets]
-            if all(one is None for one in wanted):
+            brackets = [_advance(one, query, store, contents) for one in brackets]
+            following = [_following(one, query, contents) for one in brackets]
+            if all(one is None for one in following):
                 break
-            run_missing([one for one in wanted if one is not None], store, engine, finished)
-    return _margins(brackets, question)
+            run_missing([one for one in following if one is not None], store, engine, finished)
+    return _thresholds(brackets, query)
 
 
-def read_margins(study: StudyFile, store: Store) -> list[Margin]:
-    """What the folder of such a study knows by now; nothing if it is none.
+def read_thresholds(study: StudyFile, store: Store) -> list[Thresholds]:
+    """Return the thresholds in the folder of a study so far; empty without a query in it.
 
     Raises:
-        InputError: A log, or what was asked for, is damaged.
+        InputError: A log or the query is damaged.
     """
     try:
         text = (store.folder / FILE).read_bytes()
     except FileNotFoundError:
         return []
     try:
-        question = msgspec.json.decode(text, type=Question)
+        query = msgspec.json.decode(text, type=Query)
     except msgspec.DecodeError as error:
         raise InputError(f"'{store.folder / FILE}': {error}") from None
     contents = store.read_contents()
-    brackets = brackets_of(study, question, contents)
-    return _margins([_advance(one, question, store, contents) for one in brackets], question)
+    brackets = brackets_of(study, query, contents)
+    return _thresholds([_advance(one, query, store, contents) for one in brackets], query)
 
 
-def brackets_of(study: StudyFile, question: Question, contents: Contents) -> list[Bracket]:
-    """One for each unperturbed episode and each perturbation, before anything is known."""
-    names = question.perturbations
+def brackets_of(study: StudyFile, query: Query, contents: Contents) -> list[Bracket]:
+    """Return the initial bracket of each unperturbed episode and perturbation."""
+    names = query.perturbations
     if len(names) != len(set(names)) or len(names) * episodes_of(study) > MOST_PLANNED:
         raise InputError(
             f"{len(names)} perturbations of {episodes_of(study)} episodes, expected each once and "
@@ -208,13 +209,13 @@ def brackets_of(study: StudyFile, question: Question, contents: Contents) -> lis
     ]
 
 
-def _advance(bracket: Bracket, question: Question, store: Store, contents: Contents) -> Bracket:
-    """As far as the store's episodes lead."""
-    while (severity := bracket.next_severity(question.most_episodes)) is not None:
+def _advance(bracket: Bracket, query: Query, store: Store, contents: Contents) -> Bracket:
+    """Return the bracket after all episodes that are in the folder."""
+    while (severity := bracket.next_severity(query.most_episodes)) is not None:
         planned = _planned(bracket, severity, contents)
         if not store.is_done(planned.key):
             return bracket
-        bracket = bracket.told(severity, *_outcome(store, planned))
+        bracket = bracket.with_outcome(severity, *_outcome(store, planned))
     return bracket
 
 
@@ -226,8 +227,8 @@ def _outcome(store: Store, planned: Planned) -> tuple[str, str]:
     return result["outcome"], result.get("reason", "")
 
 
-def _wanted(bracket: Bracket, question: Question, contents: Contents) -> Planned | None:
-    severity = bracket.next_severity(question.most_episodes)
+def _following(bracket: Bracket, query: Query, contents: Contents) -> Planned | None:
+    severity = bracket.next_severity(query.most_episodes)
     return None if severity is None else _planned(bracket, severity, contents)
 
 
@@ -236,33 +237,31 @@ def _planned(bracket: Bracket, severity: float, contents: Contents) -> Planned:
     return planned_for(bracket.arm, replace(bracket.config, perturbation=perturbation), contents)
 
 
-def _margins(brackets: Sequence[Bracket], question: Question) -> list[Margin]:
+def _thresholds(brackets: Sequence[Bracket], query: Query) -> list[Thresholds]:
     arms = dict.fromkeys(one.arm for one in brackets)
-    return [margin_of([one for one in brackets if one.arm == arm], question) for arm in arms]
+    return [thresholds_of([one for one in brackets if one.arm == arm], query) for arm in arms]
 
 
-def margin_of(brackets: Sequence[Bracket], question: Question) -> Margin:
-    """The margin of one arm from what is known of its seeds."""
+def thresholds_of(brackets: Sequence[Bracket], query: Query) -> Thresholds:
+    """Return the thresholds of one arm from the brackets of its seeds."""
     arm = brackets[0].arm
     known = [
-        one
-        for one in brackets
-        if not one.error and one.next_severity(question.most_episodes) is None
+        one for one in brackets if not one.error and one.next_severity(query.most_episodes) is None
     ]
-    critical = [one.critical for one in known]
-    median = quantile_interval(critical) if critical else None
+    severities = [one.threshold for one in known]
+    median = quantile_interval(severities) if severities else None
 
     def amount(severity: float) -> float:
         return amount_at(arm.perturbation, severity)
 
-    return Margin(
+    return Thresholds(
         arm=arm,
         unit=PERTURBATIONS[arm.perturbation.partition(":")[0]].measured_in,
         seeds=[one.config.seed for one in known],
         survived=[one.survived for one in known],
         failed=[one.failed for one in known],
-        critical=critical,
-        amounts=[amount(one) for one in critical],
+        severities=severities,
+        amounts=[amount(one) for one in severities],
         median=median,
         median_amount=None if median is None else _each(amount, median),
         fail_unperturbed=sum(one.survived < 0.0 for one in known),
@@ -275,7 +274,7 @@ def margin_of(brackets: Sequence[Bracket], question: Question) -> Margin:
 
 
 def amount_at(name: str, severity: float) -> float:
-    """What a severity amounts to; of severity 0 what changes nothing, infinite beyond the scale."""
+    """Return the amount of a severity in the perturbation's unit; infinite beyond the scale."""
     if math.isinf(severity):
         return severity
     perturbation = perturbation_at(name, severity)
@@ -288,26 +287,26 @@ def _each(function: Callable[[float], float], interval: Interval) -> Interval:
     return Interval(function(interval.estimate), function(interval.low), function(interval.high))
 
 
-def margin_in_words(margin: Margin) -> str:
-    """Median with its interval, and the seeds that have none."""
-    text = f"{len(margin.seeds)} seeds in {margin.episodes} episodes"
-    if margin.median is not None and margin.median_amount is not None:
-        middle, amount = margin.median, margin.median_amount
+def thresholds_in_words(thresholds: Thresholds) -> str:
+    """Return the median with its interval, and the seeds without a threshold, in words."""
+    text = f"{len(thresholds.seeds)} seeds in {thresholds.episodes} episodes"
+    if thresholds.median is not None and thresholds.median_amount is not None:
+        middle, amount = thresholds.median, thresholds.median_amount
         text += (
-            f": half fail at severity {_told(middle.estimate)} ({_told(middle.low)} to "
-            f"{_told(middle.high)}), {_told(amount.estimate)} ({_told(amount.low)} to "
-            f"{_told(amount.high)}) {margin.unit}"
+            f": half fail at severity {_number(middle.estimate)} ({_number(middle.low)} to "
+            f"{_number(middle.high)}), {_number(amount.estimate)} ({_number(amount.low)} to "
+            f"{_number(amount.high)}) {thresholds.unit}"
         )
     parts = [
-        f"{margin.bear_all} bear even 5",
-        f"{margin.fail_unperturbed} fail unperturbed",
-        f"{len(margin.errors)} could not be run"
-        + (f", first: {margin.first_error}" if margin.errors else ""),
+        f"{thresholds.bear_all} bear even 5",
+        f"{thresholds.fail_unperturbed} fail unperturbed",
+        f"{len(thresholds.errors)} could not be run"
+        + (f", first: {thresholds.first_error}" if thresholds.errors else ""),
     ]
     return "; ".join([text.rstrip(), *parts])
 
 
-def _told(value: float) -> str:
+def _number(value: float) -> str:
     if value == math.inf:
         return "beyond the scale"
     return "below the scale" if value == -math.inf else f"{value:.3g}"

@@ -16,8 +16,8 @@ from wayproof.harness.cli.falsify import print_found
 from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS, Trace, read_trace, score
 from wayproof.harness.perturbations import perturbation_from
-from wayproof.harness.study.falsify.falsify import Found
-from wayproof.harness.study.falsify.search import Tried
+from wayproof.harness.study.falsify.falsify import Falsification
+from wayproof.harness.study.falsify.search import Trial
 
 
 def trace(**changes: object) -> Trace:
@@ -145,6 +145,7 @@ def test_a_search_that_finds_nothing_says_where_its_clearance_is_a_bound() -> No
     for least, said in ((1.5, "clearance 1.50 m with"), (2.0, "clearance >= 2.00 m with")):
         console = Console(file=io.StringIO(), width=200)
         print_found(
-            console, Found("", 3, None, Tried(perturbation_from("pose_jump:1"), False, least))
+            console,
+            Falsification("", 3, None, Trial(perturbation_from("pose_jump:1"), False, least)),
         )
         assert said in console.file.getvalue()  # type: ignore[attr-defined]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from wayproof.harness.bench.episodes.glass_pole import SPACE, cross_pole_room, pole_room
 from wayproof.harness.bench.jobs import run_jobs
 from wayproof.harness.bench.table import Document, Progress
-from wayproof.harness.study.falsify.search import hunt
+from wayproof.harness.study.falsify.search import search
 from wayproof.harness.warm_up import warm_up
 
 BUDGET = 100
@@ -30,8 +30,8 @@ def bench_falsify(repeats: int, seed: int, progress: Progress) -> list[Document]
 
 def _repeat(seed: int) -> Document:
     warm_up(pole_room(None).config)
-    evolved = hunt(SPACE, cross_pole_room, BUDGET, seed)
-    drawn = hunt(SPACE, cross_pole_room, RANDOM_BUDGET, seed, "random")
+    evolved = search(SPACE, cross_pole_room, BUDGET, seed)
+    drawn = search(SPACE, cross_pole_room, RANDOM_BUDGET, seed, "random")
     return {
         "seed": seed,
         "evolution": evolved.episodes,

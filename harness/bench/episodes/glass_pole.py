@@ -15,7 +15,7 @@ from wayproof.harness.config import Config, override
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build, make_transparent
-from wayproof.harness.study.falsify.search import Tried
+from wayproof.harness.study.falsify.search import Trial
 from wayproof.harness.study.falsify.space import Space
 from wayproof.models.worlds import Cylinder, World
 from wayproof.models.worlds.layout import room_walls
@@ -47,9 +47,9 @@ def pole_room(perturbation: AnyPerturbation | None) -> Scenario:
     return make_transparent(scenario, lambda name: name.startswith(GLASS))
 
 
-def cross_pole_room(perturbations: Sequence[AnyPerturbation]) -> Iterator[Tried]:
+def cross_pole_room(perturbations: Sequence[AnyPerturbation]) -> Iterator[Trial]:
     """Cross the room with each, one after another, as far as anybody asks; only the pole counts."""
     with tempfile.TemporaryDirectory() as folder:
         for one in perturbations:
             result = run_episode(pole_room(one), Path(folder) / "crossing.mcap")
-            yield Tried(one, result.outcome == "collision", result.min_clearance_m)
+            yield Trial(one, result.outcome == "collision", result.min_clearance_m)

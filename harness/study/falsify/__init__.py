@@ -1,1 +1,1 @@
-"""The worst that one perturbation can do to an episode: found, kept and cut down to its trigger."""
+"""Falsification: the search for a perturbation that makes an episode fail."""

@@ -1,4 +1,4 @@
-"""A search over an episode of the user's: side by side, kept by key, and gone on with."""
+"""Falsification of an episode: a search for a failing perturbation, with all logs kept by key."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.contents import contents_of, named_by
-from wayproof.harness.study.falsify.search import Hunt, Tried, hunt, shorten
+from wayproof.harness.study.falsify.search import SearchResult, Trial, search, shorten
 from wayproof.harness.study.falsify.space import LEAST, Space
 from wayproof.harness.study.file import CLEAN, Arm, Planned, perturbation_at, planned_for
 from wayproof.harness.study.matching import open_planned
@@ -24,16 +24,16 @@ from wayproof.harness.study.study import Engine, run_missing
 
 
 @dataclass(frozen=True)
-class Search:
-    """What to look for.
+class Task:
+    """Episode and perturbation to search.
 
     Attributes:
-        config: Of the unperturbed episode.
+        config: Config of the unperturbed episode.
         name: `KIND` or `KIND:MODE` of the perturbation.
-        window: How long it acts, s.
-        greatest: Greatest severity that is tried.
-        budget: Most episodes, the unperturbed one and the shortening apart.
-        seed: Of the choice of episodes.
+        window: Duration of the perturbation, s.
+        greatest: Greatest severity.
+        budget: Maximum number of episodes, without the unperturbed one and the shortening.
+        seed: Seed of the search.
     """
 
     config: Config
@@ -44,10 +44,10 @@ class Search:
     seed: int
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be searched.
+        """Check the values.
 
         Raises:
-            InputError: Naming the option.
+            InputError: A value is out of its range; the message names the option.
         """
         perturbation_at(self.name, MAX_SEVERITY)
         if not 0.0 < self.window <= 3600.0:
@@ -59,54 +59,54 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a search came to.
+class Falsification:
+    """Result of a falsification.
 
     Attributes:
-        method: How the episodes were chosen.
-        episodes: Run until the first failure, or all; those that ended beside it are counted.
-        failing: The first failure; none if there was none.
+        method: Method of the search.
+        episodes: Number of episodes run up to the first failure, with those run beside it.
+        failing: The first failure; None without one.
         nearest: The episode of the least clearance.
-        outcome: Of the failure.
-        reason: Likewise.
-        log: Of the failure.
-        shortest: The same failure with the shortest window.
-        cuts: Episodes run for that.
-        shortest_log: Of the failure with the shortest window.
-        setting: Its perturbation, as `--set perturbation=` takes it.
+        outcome: Outcome of the failure.
+        reason: Reason of that outcome.
+        log: Log of the failure.
+        shortest: The failure with the shortest window.
+        cuts: Number of episodes run to shorten the window.
+        shortest_log: Log of the failure with the shortest window.
+        setting: Perturbation of that failure, as a value of `--set perturbation=`.
     """
 
     method: str
     episodes: int
-    failing: Tried | None
-    nearest: Tried
+    failing: Trial | None
+    nearest: Trial
     outcome: str = ""
     reason: str = ""
     log: str = ""
-    shortest: Tried | None = None
+    shortest: Trial | None = None
     cuts: int = 0
     shortest_log: str = ""
     setting: str = ""
 
 
-def search(asked: Search, store: Store, engine: Engine, finished: Finished) -> Found:
-    """Search, keep the failing log, and cut its trigger down to the shortest window.
+def falsify(task: Task, store: Store, engine: Engine, finished: Finished) -> Falsification:
+    """Task, keep the failing log, and cut its trigger down to the shortest window.
 
     Raises:
         InputError: The unperturbed episode fails or cannot be run, or the folder cannot be written.
     """
     with store.open():
         store.clear_partial()
-        runs = _Runs(asked, store, engine, finished)
-        space = Space(asked.name, runs.duration(), asked.window, asked.greatest)
-        hunted = hunt(space, runs, asked.budget, asked.seed)
-        if hunted.failing is None:
-            return Found(hunted.method, runs.episodes, None, hunted.nearest)
-        return _keep(hunted, hunted.failing, runs, store)
+        runs = _Runs(task, store, engine, finished)
+        space = Space(task.name, runs.duration(), task.window, task.greatest)
+        result = search(space, runs, task.budget, task.seed)
+        if result.failing is None:
+            return Falsification(result.method, runs.episodes, None, result.nearest)
+        return _keep(result, result.failing, runs, store)
 
 
-def _keep(hunted: Hunt, failing: Tried, runs: _Runs, store: Store) -> Found:
-    """Copy the failing log under a plain name, shorten its window, and copy that log too."""
+def _keep(result: SearchResult, failing: Trial, runs: _Runs, store: Store) -> Falsification:
+    """Shorten the window of a failure, and copy both logs under plain names."""
     episodes = runs.episodes
     shortest, cuts = shorten(failing, runs)
     logs = {"failing": failing, "shortest": shortest}
@@ -114,14 +114,14 @@ def _keep(hunted: Hunt, failing: Tried, runs: _Runs, store: Store) -> Found:
         shutil.copyfile(
             store.log(runs.planned(one.perturbation).key), store.folder / f"{name}.mcap"
         )
-    result = open_log(store.folder / "failing.mcap", allow_plugins=True).result
-    return Found(
-        method=hunted.method,
+    logged = open_log(store.folder / "failing.mcap", allow_plugins=True).result
+    return Falsification(
+        method=result.method,
         episodes=episodes,
         failing=failing,
-        nearest=hunted.nearest,
-        outcome=result["outcome"],
-        reason=result["reason"],
+        nearest=result.nearest,
+        outcome=logged["outcome"],
+        reason=logged["reason"],
         log=str(store.folder / "failing.mcap"),
         shortest=shortest,
         cuts=cuts,
@@ -131,31 +131,31 @@ def _keep(hunted: Hunt, failing: Tried, runs: _Runs, store: Store) -> Found:
 
 
 class _Runs:
-    """Runs the episodes of a search, those that the folder does not hold yet."""
+    """Runner of the episodes of a search that are not in the folder yet."""
 
-    def __init__(self, asked: Search, store: Store, engine: Engine, finished: Finished) -> None:
-        self._asked = asked
+    def __init__(self, task: Task, store: Store, engine: Engine, finished: Finished) -> None:
+        self._task = task
         self._store = store
         self._engine = engine
         self._finished = finished
-        self._contents = contents_of(named_by(asked.config))
+        self._contents = contents_of(named_by(task.config))
         self.episodes = 0
 
-    def __call__(self, perturbations: Sequence[AnyPerturbation]) -> list[Tried]:
-        """Side by side."""
+    def __call__(self, perturbations: Sequence[AnyPerturbation]) -> list[Trial]:
+        """Run an episode with each perturbation, in parallel."""
         planned = [self.planned(one) for one in perturbations]
         run_missing(planned, self._store, self._engine, self._finished)
         self.episodes += len(planned)
-        return [self._tried(*one) for one in zip(perturbations, planned, strict=True)]
+        return [self._trial(*one) for one in zip(perturbations, planned, strict=True)]
 
     def planned(self, perturbation: AnyPerturbation | None) -> Planned:
-        """The episode with a perturbation."""
-        config = self._asked.config
-        arm = Arm(config.world, config.robot, "", self._asked.name if perturbation else CLEAN, 0)
+        """Return the episode with a perturbation."""
+        config = self._task.config
+        arm = Arm(config.world, config.robot, "", self._task.name if perturbation else CLEAN, 0)
         return planned_for(arm, replace(config, perturbation=perturbation), self._contents)
 
     def duration(self) -> float:
-        """Simulated time of the unperturbed episode, s.
+        """Return the simulated time of the unperturbed episode, s.
 
         Raises:
             InputError: It does not reach the goal.
@@ -170,10 +170,10 @@ class _Runs:
             )
         return float(result["sim_time_s"])
 
-    def _tried(self, perturbation: AnyPerturbation, planned: Planned) -> Tried:
+    def _trial(self, perturbation: AnyPerturbation, planned: Planned) -> Trial:
         result = self._result(planned)
         failed = result["outcome"] != "success"
-        return Tried(perturbation, failed, float(result["min_clearance_m"]))
+        return Trial(perturbation, failed, float(result["min_clearance_m"]))
 
     def _result(self, planned: Planned) -> dict[str, str]:
         error = self._store.error(planned.key)

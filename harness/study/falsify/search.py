@@ -1,7 +1,7 @@
-"""Looking for a perturbation that makes an episode fail, within a budget of episodes.
+"""Search for a perturbation that makes an episode fail, within a budget of episodes.
 
-By an evolution strategy over the robustness of each episode, its least true clearance. The episodes
-are chosen to fail, so no rate of failure follows from them.
+An evolution strategy minimises the robustness of the episode, its least true clearance. The
+episodes are chosen to fail, so no rate of failure follows from them.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.study.falsify.space import Space, changed
 
 FIRST, OFFSPRING = 16, 6
-"""Episodes spread over the whole space, and those about the best so far at a time."""
+"""Number of first episodes, spread over the whole space, and of offspring of one parent."""
 
 STEPS = (0.03, 0.2, 0.3)
-"""Least, first and greatest standard deviation of an offspring, in parts of the space."""
+"""Least, first and greatest standard deviation of an offspring, as a share of the space."""
 
 GROWTH = (0.5, 1.1)
-"""Of the step, when no offspring is better and when one is."""
+"""Factor of the step when no offspring is better, and when one is."""
 
 APART = 0.3
-"""Places nearer to each other in every parameter are one, in parts of the space."""
+"""Distance below which two points count as one, as a share of the space in every parameter."""
 
 Floats = NDArray[np.float64]
 Place = tuple[float, Floats]
-"""Robustness, and the point of the space that has it."""
+"""Robustness, and its point of the space."""
 
 NO_RATE = (
     "these episodes were chosen to fail: no rate follows from them; for a rate, run a study, whose "
@@ -41,13 +41,13 @@ NO_RATE = (
 
 
 @dataclass(frozen=True)
-class Tried:
+class Trial:
     """One episode of a search.
 
     Attributes:
-        perturbation: That it had.
+        perturbation: Perturbation of the episode.
         failed: Whether it did not reach the goal.
-        robustness: Least true clearance, m; the smaller, the nearer it was to failing.
+        robustness: Least true clearance, m; the smaller, the closer to a failure.
     """
 
     perturbation: AnyPerturbation
@@ -55,50 +55,50 @@ class Tried:
     robustness: float
 
 
-Evaluate = Callable[[Sequence[AnyPerturbation]], Iterable[Tried]]
-"""Runs some episodes and tells of each in their order; what is not asked for need not be run."""
+Evaluate = Callable[[Sequence[AnyPerturbation]], Iterable[Trial]]
+"""Function that runs an episode for each perturbation, lazily and in their order."""
 
 
 @dataclass(frozen=True)
-class Hunt:
-    """What a search came to.
+class SearchResult:
+    """Result of a search.
 
     Attributes:
-        method: By which the episodes were chosen.
-        episodes: Run.
-        failing: The first that failed, if any.
-        nearest: The one of the least robustness.
+        method: Key of `METHODS`.
+        episodes: Number of episodes run.
+        failing: The first episode that failed; None without one.
+        nearest: The episode of the least robustness.
     """
 
     method: str
     episodes: int
-    failing: Tried | None
-    nearest: Tried
+    failing: Trial | None
+    nearest: Trial
 
 
 class _Over(Exception):
-    """A failure is found, or the budget is spent."""
+    """Signal that a failure is found or the budget is spent."""
 
 
 class _Ledger:
-    """Counts what is run, and ends the search."""
+    """Record of the episodes run, which ends the search."""
 
     def __init__(self, space: Space, evaluate: Evaluate, budget: int) -> None:
         self._space = space
         self._evaluate = evaluate
         self._budget = budget
-        self.tried: list[Tried] = []
+        self.tried: list[Trial] = []
 
     def __call__(self, points: Floats) -> Floats:
-        """Robustness (n,) at points (n, parameters); 0 is a collision.
+        """Return the robustness (n,) at points (n, parameters); 0 is a collision.
 
         Raises:
-            _Over: Enough is known.
+            _Over: A failure is found or the budget is spent.
         """
         left = self._budget - len(self.tried)
-        wanted = [self._space.perturbation(point) for point in points[:left].tolist()]
-        new: list[Tried] = []
-        for one in self._evaluate(wanted):
+        perturbations = [self._space.perturbation(point) for point in points[:left].tolist()]
+        new: list[Trial] = []
+        for one in self._evaluate(perturbations):
             new.append(one)
             self.tried.append(one)
             if one.failed:
@@ -109,13 +109,13 @@ class _Ledger:
 
 
 def _evolve(space: Space, ledger: _Ledger, seed: int) -> None:
-    """A (1 + 6) evolution strategy (Rechenberg 1973) from places of a Latin hypercube.
+    """Search by a (1 + 6) evolution strategy (Rechenberg 1973) from points of a Latin hypercube.
 
-    The step grows while some of the offspring are better than their parent and shrinks while none
-    is. When it has become small, the search starts anew, by turns at the best place of the
-    hypercube that it has not been near to yet, and about the best of all with half the step: the
-    way to a failure may lead away from what looked best at first. A box of 0.17 % of the space it
-    found within 100 episodes for all of 60 seeds.
+    The step grows while an offspring is better than its parent, and shrinks otherwise. When it has
+    become small, the search restarts, alternately at the best point of the hypercube that it has
+    not been close to yet, and at the best point of all with half the step: the way to a failure may
+    lead away from the point that was best at first. It found a box of 0.17 % of the space within
+    100 episodes for all of 60 seeds.
     """
     rng = np.random.default_rng(seed)
     low, high = np.array(list(space.parameters.values())).T
@@ -137,7 +137,7 @@ def _evolve(space: Space, ledger: _Ledger, seed: int) -> None:
 def _climb(
     space: Space, ledger: _Ledger, rng: np.random.Generator, start: Place, step: float
 ) -> Place:
-    """Where the strategy comes to from a place before its step has become small."""
+    """Return the best point reached from a start until the step has become small."""
     low, high = np.array(list(space.parameters.values())).T
     place = start
     while step >= STEPS[0]:
@@ -157,7 +157,7 @@ def _best(points: Floats, robustness: Floats) -> Place:
 
 
 def _draw(space: Space, ledger: _Ledger, seed: int) -> None:
-    """Points drawn evenly, for comparison."""
+    """Search at uniformly drawn points, for comparison."""
     rng = np.random.default_rng(seed)
     low, high = np.array(list(space.parameters.values())).T
     while True:
@@ -165,23 +165,23 @@ def _draw(space: Space, ledger: _Ledger, seed: int) -> None:
 
 
 METHODS: dict[str, Callable[[Space, _Ledger, int], None]] = {"evolution": _evolve, "random": _draw}
-"""Ways to choose the next episodes."""
+"""Name -> method that chooses the next episodes."""
 
 
-def hunt(
+def search(
     space: Space, evaluate: Evaluate, budget: int, seed: int, method: str = "evolution"
-) -> Hunt:
+) -> SearchResult:
     """Search until an episode fails or the budget is spent.
 
     Args:
-        space: Where.
-        evaluate: Runs episodes.
-        budget: Most episodes.
-        seed: Of the choice.
-        method: In METHODS.
+        space: Space of the perturbations.
+        evaluate: Function that runs the episodes.
+        budget: Maximum number of episodes.
+        seed: Seed of the search.
+        method: Key of `METHODS`.
 
     Raises:
-        InputError: No such method, or no budget.
+        InputError: The method is unknown, or the budget is 0.
     """
     if method not in METHODS:
         raise unknown_name("method", method, METHODS)
@@ -194,21 +194,21 @@ def hunt(
         pass
     failing = next((one for one in ledger.tried if one.failed), None)
     nearest = min(ledger.tried, key=lambda one: one.robustness)
-    return Hunt(method, len(ledger.tried), failing, nearest)
+    return SearchResult(method, len(ledger.tried), failing, nearest)
 
 
-def shorten(failing: Tried, evaluate: Evaluate, resolution: float = 0.05) -> tuple[Tried, int]:
-    """Cut the window of a failure down, by bisection: first its end, then its beginning.
+def shorten(failing: Trial, evaluate: Evaluate, resolution: float = 0.05) -> tuple[Trial, int]:
+    """Shorten the window of a failure by bisection: first its end, then its beginning.
 
-    It is taken that a window within one that does not fail does not fail either.
+    Assumes that a window within one that does not fail does not fail either.
 
     Args:
-        failing: A failure that has a window.
-        evaluate: Runs episodes.
-        resolution: To which either end is found, s.
+        failing: Failure with a window.
+        evaluate: Function that runs the episodes.
+        resolution: Accuracy of either end, s.
 
     Returns:
-        The failure of the shortest window, and the number of episodes run.
+        The failure with the shortest window, and the number of episodes run.
     """
     shortest, episodes = failing, 0
     for end in (1, 0):

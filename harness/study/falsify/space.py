@@ -1,4 +1,4 @@
-"""What is searched: when, where and how strongly a perturbation acts."""
+"""Space of perturbations that is searched: their time, direction and severity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.file import perturbation_at
 
 LEAST = 0.05
-"""Least severity that is tried."""
+"""Least severity."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Space:
     Attributes:
         name: `KIND` or `KIND:MODE`.
         latest: Latest beginning of a window, s.
-        length: Of a window, s.
+        length: Length of a window, s.
         greatest: Greatest severity.
     """
 
@@ -36,16 +36,16 @@ class Space:
 
     @property
     def parameters(self) -> dict[str, tuple[float, float]]:
-        """Bounds of each parameter: when, how strongly, and where if the kind has a direction."""
+        """Bounds of each parameter: beginning, severity, and direction if the kind has one."""
         bounds = {"begin": (0.0, self.latest), "severity": (LEAST, self.greatest)}
         if "direction" in PERTURBATIONS[self.name.partition(":")[0]].__struct_fields__:
             bounds["direction"] = (-180.0, 180.0)
         return bounds
 
     def inside(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points (n, parameters) thrown back from the bounds; a direction goes round.
+        """Return points (n, parameters) reflected at the bounds, with directions wrapped.
 
-        Cut off at the bounds instead, many would lie right on them.
+        Clipping would put many points right on the bounds.
         """
         low, high = np.array(list(self.parameters.values())).T
         folded = (points - low) % (2.0 * (high - low))
@@ -56,28 +56,28 @@ class Space:
         return np.asarray(kept)
 
     def apart(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-        """How far two points (parameters,) are apart, in parts of the space, at most."""
+        """Return the greatest distance in any parameter of two points, as a share of the space."""
         low, high = np.array(list(self.parameters.values())).T
         parts = np.abs(one - other) / (high - low)
         around = np.array([name == "direction" for name in self.parameters])
         return float(np.where(around, np.minimum(parts, 1.0 - parts), parts).max())
 
     def perturbation(self, point: Sequence[float]) -> AnyPerturbation:
-        """The perturbation at a point, in whole hundredths of a second, severity and degree."""
-        told = {
+        """Return the perturbation at a point, rounded to hundredths of each unit."""
+        values = {
             name: min(max(round(float(value), 2), low), high)
             for (name, (low, high)), value in zip(self.parameters.items(), point, strict=True)
         }
-        begin, severity = told.pop("begin"), told.pop("severity")
+        begin, severity = values.pop("begin"), values.pop("severity")
         return changed(
             perturbation_at(self.name, severity),
             window=(begin, round(begin + self.length, 2)),
-            **told,
+            **values,
         )
 
 
 def changed(perturbation: AnyPerturbation | None, **fields: Any) -> AnyPerturbation:
-    """A perturbation with some of its fields changed, checked."""
+    """Return a perturbation with some fields changed and checked."""
     assert perturbation is not None
     replaced: AnyPerturbation = msgspec.structs.replace(perturbation, **fields)
     return replaced

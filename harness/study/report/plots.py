@@ -1,4 +1,4 @@
-"""Pictures of a report as SVG text: the same data gives the same bytes."""
+"""Plots of a report as SVG text; the same data gives the same bytes."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ STYLE: Any = {
 }
 
 TALLEST_FLOOR = 0.05
-"""Geoms that end below this are floor to a picture from above, m."""
+"""Height below which a geom counts as floor, m."""
 
 
 def dose_response(severities: Sequence[float], rates: Sequence[Interval], ylabel: str) -> str:
-    """A rate with its interval against severity; severity 0 is the unperturbed twin."""
+    """Plot a rate with its interval over severity; severity 0 is the unperturbed twin."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.6, 2.4), layout="constrained")
         axes = figure.add_subplot()
@@ -45,13 +45,13 @@ def dose_response(severities: Sequence[float], rates: Sequence[Interval], ylabel
         return _svg(figure)
 
 
-def borne(critical: Sequence[float], greatest: float, xlabel: str) -> str:
-    """Share of the seeds that still reach the goal, against severity: a step where one fails."""
+def borne(thresholds: Sequence[float], greatest: float, xlabel: str) -> str:
+    """Plot the share of seeds that still reach the goal over severity."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.6, 2.4), layout="constrained")
         axes = figure.add_subplot()
-        steps = np.sort([value for value in critical if value <= greatest])
-        left = 1.0 - np.arange(len(steps) + 1) / len(critical)
+        steps = np.sort([value for value in thresholds if value <= greatest])
+        left = 1.0 - np.arange(len(steps) + 1) / len(thresholds)
         edges = [0.0, *steps, greatest]
         axes.stairs(left, edges, baseline=None, color="#2b6cb0", lw=1.5)
         axes.set(xlabel=xlabel, ylabel="share that bears it", xlim=(0.0, greatest))
@@ -60,7 +60,7 @@ def borne(critical: Sequence[float], greatest: float, xlabel: str) -> str:
 
 
 def track(trace: Trace, scene: str, goal: Sequence[float]) -> str:
-    """An episode from above: what stands there, the way that the robot took, and where it ended."""
+    """Plot an episode from above: obstacles, the path of the robot, and its end."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.6, 3.0), layout="constrained")
         axes = figure.add_subplot()
@@ -79,10 +79,10 @@ def track(trace: Trace, scene: str, goal: Sequence[float]) -> str:
 
 
 def footprints(scene: str) -> list[NDArray[np.float64]]:  # (4, 2) each
-    """Outlines from above of the world's geoms, boxes exact and others by their bounds.
+    """Return the outlines from above of the world's geoms: boxes exactly, others by their bounds.
 
     Raises:
-        InputError: The scene reaches outside itself, or does not compile.
+        InputError: The scene refers to other files, or does not compile.
     """
     text = safe_scene(scene)
     try:

@@ -1,4 +1,4 @@
-"""A study as one self-contained HTML page; the same logs give the same bytes."""
+"""HTML report of a study: one self-contained page; the same logs give the same bytes."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from wayproof.harness.study.report.plots import borne, dose_response, track
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, conclude, read_own_rows, verdict_in_words
-from wayproof.harness.study.threshold import Margin, margin_in_words, read_margins
+from wayproof.harness.study.threshold import Thresholds, read_thresholds, thresholds_in_words
 
 SHOWN_FAILURES = 24
-"""Pictures in the gallery; the table names every failure."""
+"""Maximum number of pictures in the gallery; the table has every failure."""
 
 SHOWN_METRICS = (
     "spl",
@@ -48,9 +48,9 @@ class Failure:
 
 @dataclass(frozen=True)
 class Borne:
-    """How much the seeds of one arm bear, in words and as a picture."""
+    """Thresholds of one arm, in words and as a picture."""
 
-    margin: Margin
+    thresholds: Thresholds
     words: str
     picture: str
 
@@ -67,7 +67,7 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
     """Write `report.html` into the folder of a study.
 
     Raises:
-        InputError: It is no folder of a study, holds no episode, or a log is damaged.
+        InputError: The folder is not one of a study or has no episode, or a log is damaged.
     """
     store = Store(folder)
     study = store.read_study(allow_plugins)
@@ -83,7 +83,7 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
         name_of=name_of,
         metrics={name: METRICS[name] for name in SHOWN_METRICS},
         doses=_doses(result.arms),
-        borne=_borne(read_margins(study, store)),
+        borne=_borne(read_thresholds(study, store)),
         causes=sorted({cause for one in result.arms for cause in one.causes}),
         outcomes=sorted({outcome for one in result.arms for outcome in one.outcomes}),
         failures=_failures(samples, store, allow_plugins),
@@ -110,7 +110,7 @@ def _number(value: float | None, digits: int = 2) -> str:
 
 
 def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:
-    """A plot for each world, robot, variant and perturbation, severity 0 its unperturbed twin."""
+    """Return a plot for each world, robot, variant and perturbation, from severity 0 on."""
     clean = {one.arm: one for one in arms if one.arm.perturbation == CLEAN}
     families: dict[tuple[str, str, str, str], list[ArmSummary]] = {}
     for one in arms:
@@ -130,11 +130,11 @@ def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:
     return doses
 
 
-def _borne(margins: Sequence[Margin]) -> list[Borne]:
+def _borne(thresholds: Sequence[Thresholds]) -> list[Borne]:
     return [
-        Borne(one, margin_in_words(one), borne(one.critical, MAX_SEVERITY, "severity"))
-        for one in margins
-        if one.critical
+        Borne(one, thresholds_in_words(one), borne(one.severities, MAX_SEVERITY, "severity"))
+        for one in thresholds
+        if one.severities
     ]
 
 

@@ -22,16 +22,16 @@ from wayproof.harness.study.statistics.exact import quantile_interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.threshold import (
     MOST_EPISODES,
-    Margin,
-    Question,
+    Query,
+    Thresholds,
     amount_at,
-    find_margins,
-    margin_in_words,
-    read_margins,
+    find_thresholds,
+    read_thresholds,
+    thresholds_in_words,
 )
 
 STUDY = StudyFile(name="bears", worlds=["empty"], robots=["drone"], seeds=9)
-DRIFT = Question(["pose_drift"])
+DRIFT = Query(["pose_drift"])
 INFINITE = math.inf
 MISSION = build(Config("empty", "drone", 0)).mission.to_json()
 
@@ -58,45 +58,45 @@ class Pretended:
             finished(Done(job.key))
 
 
-def bisect(folder: Path, engine: Pretended, question: Question = DRIFT) -> Margin:
-    [margin] = find_margins(STUDY, question, Store(folder), engine, lambda done: None)
-    return margin
+def bisect(folder: Path, engine: Pretended, question: Query = DRIFT) -> Thresholds:
+    [found] = find_thresholds(STUDY, question, Store(folder), engine, lambda done: None)
+    return found
 
 
 def test_every_seed_is_bracketed_to_a_hundredth(tmp_path: Path) -> None:
     """Seed k fails beyond k/2; seed 0 unperturbed fails at once, none of the others censored."""
     engine = Pretended(lambda seed: seed / 2 if seed else -1.0)
-    margin = bisect(tmp_path, engine)
-    assert margin.seeds == list(range(9))
-    assert margin.fail_unperturbed == 1
-    assert margin.bear_all == 0
-    assert margin.critical[0] == 0.0
+    found = bisect(tmp_path, engine)
+    assert found.seeds == list(range(9))
+    assert found.fail_unperturbed == 1
+    assert found.bear_all == 0
+    assert found.severities[0] == 0.0
     for seed in range(1, 9):
-        assert margin.survived[seed] <= seed / 2 <= margin.failed[seed]
-        assert margin.failed[seed] - margin.survived[seed] <= 0.01
+        assert found.survived[seed] <= seed / 2 <= found.failed[seed]
+        assert found.failed[seed] - found.survived[seed] <= 0.01
     tries = [sum(one == seed for one, _ in engine.ran) for seed in range(9)]
     assert max(tries) <= MOST_EPISODES
     assert tries[0] == 1
-    assert margin.episodes == len(engine.ran)
-    assert margin.median is not None
-    assert margin.median.estimate == pytest.approx(2.0, abs=0.01)
+    assert found.episodes == len(engine.ran)
+    assert found.median is not None
+    assert found.median.estimate == pytest.approx(2.0, abs=0.01)
     # Ranks 2 and 8 of 9: the chance of fewer than 2 or more than 7 below the median is 3.9 %.
-    assert margin.median.low == pytest.approx(0.5, abs=0.01)
-    assert margin.median.high == pytest.approx(3.5, abs=0.01)
-    assert margin.median_amount is not None
-    assert margin.median_amount.estimate == pytest.approx(0.005, abs=2e-4)
+    assert found.median.low == pytest.approx(0.5, abs=0.01)
+    assert found.median.high == pytest.approx(3.5, abs=0.01)
+    assert found.median_amount is not None
+    assert found.median_amount.estimate == pytest.approx(0.005, abs=2e-4)
 
 
 def test_who_bears_the_whole_scale_is_told_as_such(tmp_path: Path) -> None:
-    margin = bisect(tmp_path, Pretended(lambda seed: 9.0 if seed < 6 else 1.0))
-    assert margin.bear_all == 6
-    assert margin.episodes == 6 * 2 + 3 * 11
-    assert margin.median is not None
-    assert margin.median.estimate == INFINITE
-    assert margin.median.high == INFINITE
-    assert margin.median.low == pytest.approx(1.0, abs=0.01)
-    assert "half fail at severity beyond the scale" in margin_in_words(margin)
-    assert "6 bear even 5" in margin_in_words(margin)
+    found = bisect(tmp_path, Pretended(lambda seed: 9.0 if seed < 6 else 1.0))
+    assert found.bear_all == 6
+    assert found.episodes == 6 * 2 + 3 * 11
+    assert found.median is not None
+    assert found.median.estimate == INFINITE
+    assert found.median.high == INFINITE
+    assert found.median.low == pytest.approx(1.0, abs=0.01)
+    assert "half fail at severity beyond the scale" in thresholds_in_words(found)
+    assert "6 bear even 5" in thresholds_in_words(found)
 
 
 def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
     first = Pretended(lambda seed: seed / 3, most=25)
     with pytest.raises(KeyboardInterrupt):
         bisect(tmp_path / "parts", first)
-    [halfway] = read_margins(STUDY, Store(tmp_path / "parts"))
+    [halfway] = read_thresholds(STUDY, Store(tmp_path / "parts"))
     assert (halfway.unfinished, halfway.episodes) == (9, 25)
     rest = Pretended(lambda seed: seed / 3)
     assert bisect(tmp_path / "parts", rest) == expected
@@ -117,15 +117,15 @@ def test_an_episode_that_cannot_be_run_is_no_failure(tmp_path: Path) -> None:
         for job in jobs:
             finished(Done(job.key, "no such file"))
 
-    [margin] = find_margins(STUDY, DRIFT, Store(tmp_path), engine, lambda done: None)
-    assert margin.errors == list(range(9))
-    assert (margin.seeds, margin.median) == ([], None)
-    assert margin_in_words(margin).endswith("9 could not be run, first: no such file")
+    [found] = find_thresholds(STUDY, DRIFT, Store(tmp_path), engine, lambda done: None)
+    assert found.errors == list(range(9))
+    assert (found.seeds, found.median) == ([], None)
+    assert thresholds_in_words(found).endswith("9 could not be run, first: no such file")
 
 
 def test_an_unknown_perturbation_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="did you mean 'pose_drift'"):
-        bisect(tmp_path, Pretended(lambda seed: 1.0), Question(["pose_drfit"]))
+        bisect(tmp_path, Pretended(lambda seed: 1.0), Query(["pose_drfit"]))
 
 
 def test_amounts_at_the_ends_of_the_scale() -> None:
@@ -155,9 +155,9 @@ def test_the_verb_bisects_real_episodes(tmp_path: Path, capsys: pytest.CaptureFi
     )
     out = str(tmp_path / "out")
     assert main(["threshold", str(path), "--out", out, "--jobs", "1", "--json"]) == 0
-    [margin] = json.loads(capsys.readouterr().out)["margins"]
-    assert (margin["episodes"], margin["fail_unperturbed"], margin["critical"]) == (1, 1, [0.0])
+    [found] = json.loads(capsys.readouterr().out)["thresholds"]
+    assert (found["episodes"], found["fail_unperturbed"], found["severities"]) == (1, 1, [0.0])
     assert main(["report", out, "--json"]) == 0
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "Critical severity" in page
+    assert "Failure threshold" in page
     assert "1 fail unperturbed" in page

@@ -17,8 +17,8 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.scenario.scenario import build
-from wayproof.harness.study.falsify.falsify import Search, search
-from wayproof.harness.study.falsify.search import Tried, hunt, shorten
+from wayproof.harness.study.falsify.falsify import Task, falsify
+from wayproof.harness.study.falsify.search import Trial, search, shorten
 from wayproof.harness.study.falsify.space import Space
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.processes import Finished
@@ -28,7 +28,7 @@ JUMPS = Space("pose_jump", latest=4.0, length=1.0)
 MISSION = build(Config("empty", "drone", 0)).mission.to_json()
 
 
-def weak(perturbations: Sequence[AnyPerturbation]) -> Iterator[Tried]:
+def weak(perturbations: Sequence[AnyPerturbation]) -> Iterator[Trial]:
     """A stack that fails in one corner of (when, how strongly, where), 0.17 % of the space.
 
     Its robustness is the distance from that corner, in parts of the space.
@@ -37,12 +37,12 @@ def weak(perturbations: Sequence[AnyPerturbation]) -> Iterator[Tried]:
         assert one.window is not None
         direction = getattr(one, "direction", 0.0)
         gap = np.abs([one.window[0] - 1.7, one.severity - 4.0, direction - 120.0]) / [4.0, 5.0, 360]
-        yield Tried(one, bool((gap < 0.06).all()), float(np.linalg.norm(gap)))
+        yield Trial(one, bool((gap < 0.06).all()), float(np.linalg.norm(gap)))
 
 
 def test_a_planted_weakness_is_found_where_chance_needs_more() -> None:
-    evolved = [hunt(JUMPS, weak, 100, seed) for seed in range(10)]
-    drawn = [hunt(JUMPS, weak, 2000, seed, "random") for seed in range(10)]
+    evolved = [search(JUMPS, weak, 100, seed) for seed in range(10)]
+    drawn = [search(JUMPS, weak, 2000, seed, "random") for seed in range(10)]
     assert all(one.failing is not None for one in evolved)
     assert max(one.episodes for one in evolved) <= 100
     assert sum(one.episodes > 100 for one in drawn) >= 9
@@ -51,28 +51,28 @@ def test_a_planted_weakness_is_found_where_chance_needs_more() -> None:
 
 
 def test_a_budget_is_kept_and_the_nearest_told() -> None:
-    ran: list[Tried] = []
+    ran: list[Trial] = []
 
-    def noted(perturbations: Sequence[AnyPerturbation]) -> Iterator[Tried]:
+    def noted(perturbations: Sequence[AnyPerturbation]) -> Iterator[Trial]:
         for one in perturbations:
-            ran.append(Tried(one, False, one.severity))
+            ran.append(Trial(one, False, one.severity))
             yield ran[-1]
 
-    result = hunt(JUMPS, noted, 30, 1)
+    result = search(JUMPS, noted, 30, 1)
     assert (result.episodes, len(ran), result.failing) == (30, 30, None)
     assert result.nearest.robustness == min(one.perturbation.severity for one in ran)
-    assert hunt(JUMPS, noted, 30, 1).nearest == result.nearest
+    assert search(JUMPS, noted, 30, 1).nearest == result.nearest
     with pytest.raises(InputError, match="unknown method 'luck'"):
-        hunt(JUMPS, noted, 30, 1, "luck")
+        search(JUMPS, noted, 30, 1, "luck")
 
 
 def test_a_trigger_is_cut_down_to_its_window() -> None:
     """The stack fails if it is off at 1.80 s: of a window of 1.7 to 2.7 s a tenth is left."""
 
-    def off_at(perturbations: Sequence[AnyPerturbation]) -> Iterator[Tried]:
+    def off_at(perturbations: Sequence[AnyPerturbation]) -> Iterator[Trial]:
         for one in perturbations:
             assert one.window is not None
-            yield Tried(one, one.window[0] <= 1.8 < one.window[1], 0.0)
+            yield Trial(one, one.window[0] <= 1.8 < one.window[1], 0.0)
 
     [whole] = off_at([JUMPS.perturbation([1.7, 4.0, 0.0])])
     assert whole.failed
@@ -119,8 +119,8 @@ def pretended(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) 
 
 
 def test_a_failing_log_is_kept_and_the_one_of_the_shortest_window(tmp_path: Path) -> None:
-    asked = Search(Config("empty", "drone", 1), "pose_jump", 1.0, 5.0, 60, 0)
-    found = search(asked, Store(tmp_path), pretended, lambda done: None)
+    asked = Task(Config("empty", "drone", 1), "pose_jump", 1.0, 5.0, 60, 0)
+    found = falsify(asked, Store(tmp_path), pretended, lambda done: None)
     assert (found.outcome, found.reason) == ("fall", "tilted")
     assert found.failing is not None
     assert found.shortest is not None
@@ -132,7 +132,7 @@ def test_a_failing_log_is_kept_and_the_one_of_the_shortest_window(tmp_path: Path
     assert window[0] <= 2.0 < window[1] <= window[0] + 0.1
     setting = override(asked.config, [f"perturbation={found.setting}"])
     assert setting.perturbation == found.shortest.perturbation
-    again = search(asked, Store(tmp_path), refuse, lambda done: None)
+    again = falsify(asked, Store(tmp_path), refuse, lambda done: None)
     assert again == found
 
 
@@ -142,8 +142,8 @@ def refuse(jobs: Sequence[Job], *_: object) -> None:
 
 
 def test_a_search_that_finds_nothing_tells_the_nearest(tmp_path: Path) -> None:
-    asked = Search(Config("empty", "drone", 1), "latency", 1.0, 5.0, 10, 0)
-    found = search(asked, Store(tmp_path), pretended, lambda done: None)
+    asked = Task(Config("empty", "drone", 1), "latency", 1.0, 5.0, 10, 0)
+    found = falsify(asked, Store(tmp_path), pretended, lambda done: None)
     assert (found.failing, found.episodes, found.log) == (None, 10, "")
     assert found.nearest.robustness == 0.5
 
@@ -151,7 +151,7 @@ def test_a_search_that_finds_nothing_tells_the_nearest(tmp_path: Path) -> None:
 def test_the_verb_says_that_no_rate_follows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = "search empty --robot drone --seed 1 --perturb latency --budget 1 --jobs 1".split()
+    words = "falsify empty --robot drone --seed 1 --perturb latency --budget 1 --jobs 1".split()
     settings = ["--set", "goal=[5.4, 1.65]", "--out", str(tmp_path / "out"), "--json"]
     assert main([*words, "--set", "episode.time_limit=1", *settings]) == 2
     assert "there is nothing to search for" in capsys.readouterr().err
