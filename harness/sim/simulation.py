@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,7 +15,7 @@ from wayproof.harness.sim.setpoint_buffer import SetpointBuffer
 from wayproof.harness.sim.snapshot import PhysicsState, StepPoses
 from wayproof.harness.sim.termination import safe_limits
 from wayproof.models.poses import Trail
-from wayproof.models.step_kernels import ask, look_and_ask
+from wayproof.models.step_kernels import StepArrays, StepCheck, command
 from wayproof.models.truth import Truth
 from wayproof.models.worlds import Traffic
 from wayproof.planners import Trajectory
@@ -63,17 +62,19 @@ class Simulation:
         self._following = trajectory
         self._upcoming: deque[tuple[int, Trajectory]] = deque()  # with their arrival, ns
         self._ahead = SetpointBuffer(round(timestep * 1e9), steps)
-        self._looked_at: tuple[Any, ...] = (
-            self.truth.is_robot,
-            self.truth.is_obstacle,
-            self.data.xpos[scene.base],
-            self.data.xmat[scene.base],
-            safe_limits(scenario),
-            self.truth.places,
-            self.estimate.error_row,
-            self.estimate.tracked,
-            timestep,
-            self._pose,
+        self._check_and_command = StepCheck(
+            StepArrays(
+                is_robot=self.truth.is_robot,
+                is_obstacle=self.truth.is_obstacle,
+                position=self.data.xpos[scene.base],
+                rotation=self.data.xmat[scene.base],
+                limits=safe_limits(scenario),
+                places=self.truth.places,
+                error=self.estimate.error_row,
+                filtered=self.estimate.tracked,
+                pose=self._pose,
+                timestep=timestep,
+            )
         )
 
     @property
@@ -113,7 +114,7 @@ class Simulation:
         ahead, truth = self._ahead, self.truth
         if not ahead.holds(self._following, now_ns):
             ahead.sample(self._following, now_ns)
-            ask(ahead.planned[0], self.estimate.tracked[0], self._pose, ahead.commanded[0])
+            command(ahead.planned[0], self.estimate.tracked[0], self._pose, ahead.commanded[0])
         self._scene.controller.follow(self.data, ahead.next())
         if self.rolling:
             self.step_poses.append(self._pose.copy())
@@ -121,8 +122,9 @@ class Simulation:
         if save:
             self.physics.save()
         mujoco.mj_step(self._scene.model, self.data)
-        rows = ahead.row, ahead.planned, ahead.commanded
-        met, left = look_and_ask(self.data.contact.geom, truth.steps, *rows, *self._looked_at)
+        met, left = self._check_and_command(
+            self.data.contact.geom, truth.steps, ahead.row, ahead.planned, ahead.commanded
+        )
         truth.see(met)
         self._move_traffic(now_ns)
         return left or truth.collisions > 0 or truth.struck > 0
