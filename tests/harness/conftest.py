@@ -2,10 +2,12 @@
 
 import hashlib
 import pickle
+from pathlib import Path
 
 import pytest
 
 from tests.sharing import alone
+from wayproof.harness.bench.attribution.confusion import run_planted
 from wayproof.harness.config import Config, override
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
@@ -13,7 +15,7 @@ from wayproof.harness.scenario.scenario import build
 
 @pytest.fixture(scope="session")
 def once(common):
-    """Have a log made for a key by the first that asks for it; what the making told, for all."""
+    """Make a log for a key once, by whichever worker comes first; return what `make` returned."""
 
     def made(key, make):
         path = common / hashlib.sha256(repr(key).encode()).hexdigest()[:16]
@@ -34,3 +36,14 @@ def recorded(once):
         return once((world, robot, seed, settings), lambda log: run_episode(build(config), log))
 
     return record
+
+
+@pytest.fixture(scope="session")
+def planted(once):
+    """Log and result of an episode with one planted fault, by cause and seed; each run once."""
+
+    def run(cause, seed):
+        result = once(("planted", cause, seed), lambda log: run_planted(cause, seed, log))
+        return Path(result.log), result
+
+    return run

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.harness.test_audit import forge
+from tests.harness.replay.audit.test_run import forge
 from wayproof.harness.bench.maintain.reasons import main, tally
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit.run import moments
@@ -23,7 +23,7 @@ from wayproof.harness.stack.reasons import (
     sentence,
 )
 
-LOGS = Path(__file__).parent / "logs"
+LOGS = Path(__file__).parents[1] / "logs"
 
 EVERY = 8
 """Of the decisions on the way so many are checked, and all of the last ones."""

@@ -1,13 +1,13 @@
 """Explain: what a card, a story and a picture say of one recorded episode."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wayproof.harness.attribution import read_case
-from wayproof.harness.bench.attribution.confusion import run_planted
 from wayproof.harness.cli.main import main
 from wayproof.harness.explain import make_card, phases
 from wayproof.harness.log.reader import open_log
@@ -15,12 +15,10 @@ from wayproof.harness.replay.fork import fork
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 
-@pytest.fixture(scope="module")
-def stopped(tmp_path_factory):
-    """A drone before a wall across the room."""
-    path = tmp_path_factory.mktemp("logs") / "wall.mcap"
-    run_planted("impossible", 1, path)
-    return path
+@pytest.fixture
+def stopped(planted, tmp_path):
+    """Log of a drone before a wall across the room."""
+    return Path(shutil.copyfile(planted("impossible", 1)[0], tmp_path / "wall.mcap"))
 
 
 def decisions(*actions):

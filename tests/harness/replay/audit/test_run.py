@@ -1,4 +1,4 @@
-"""The audit finds nothing wrong where nothing is, and each thing that was planted."""
+"""Audits of real episodes, and of decisions with one planted fault."""
 
 import dataclasses
 import json
@@ -8,23 +8,15 @@ import numpy as np
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config
-from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.paths import densely
-from wayproof.harness.log.reader import Record, open_log, read_head
-from wayproof.harness.mission import Mission
+from wayproof.harness.log.reader import open_log, read_head
 from wayproof.harness.replay.audit import audit
-from wayproof.harness.replay.audit.body import BESIDE, Body
-from wayproof.harness.replay.audit.moment import Moment
 from wayproof.harness.replay.audit.run import judge, moments
 from wayproof.harness.replay.audit.way import judge_way
-from wayproof.harness.replay.cells import columns
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import chain_hash
-from wayproof.maps import VoxelMap
 
 SHORT = "episode.time_limit=8"
 
@@ -308,68 +300,6 @@ def forge(source, target, change):
     write_copy(target, head, messages, {**open_log(source).result, "chain": chain})
 
 
-def test_a_column_by_hand():
-    """Ten-centimetre layers from 17.5 cm below the floor: what a walker of 0.4 m meets."""
-    mission = Mission(
-        "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
-        (0.0, 0.0, -0.2), (1.0, 1.0, 2.0), (0.5, 0.5, 0.3), 0.0, (0.5, 0.5, 0.3),
-    )  # fmt: skip
-    unknown, free, occupied = 0, 1, 2
-    clear = [unknown, occupied, free, free, free, free, unknown]
-    cases = {
-        "clear": (clear, free),
-        "no floor seen": ([unknown, unknown, *clear[2:]], unknown),
-        "a beam through the floor": ([free, *clear[1:]], occupied),
-        "a box": ([*clear[:3], occupied, *clear[4:]], occupied),
-        "under a board": ([*clear[:6], occupied], free),
-        "not all seen": ([*clear[:5], unknown, unknown], unknown),
-    }
-    states = np.array([[column for column, _ in cases.values()]], np.uint8)
-    told = columns(states, -0.175, 0.1, mission)
-    assert told[0].tolist() == [expected for _, expected in cases.values()]
-
-
-def test_only_the_discs_of_a_long_body_have_slack():
-    """Free is x < 1; 0.295 m and half a diagonal of 10-cm cells are 3 cells from one's own."""
-    mission = Mission(
-        "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
-        (-3.0, -3.0, -0.2), (3.0, 3.0, 2.0), (0.0, 0.0, 0.3), 0.0, (0.5, 0.5, 0.3),
-        discs=((-0.1, 0.2), (0.1, 0.2)),
-    )  # fmt: skip
-    config = Config("empty", "quadruped", 1)
-    voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
-    voxel_map.mark_floor((-1.0, -1.0), (1.0, 1.0), 0)
-    voxel_map.mark_free((-1.0, -1.0, 0.0), (1.0, 1.0, 0.6), 0)
-    body = Body(config, mission, "forbid")
-
-    def met(x, slack):
-        return body.first_overlap(voxel_map, np.array([[x, 0.05, 0.3]]), 0.295, slack)
-
-    assert met(0.695, 0.0) is None
-    assert met(0.705, 0.0)[1] == "unknown"
-    assert met(0.705, BESIDE) is None
-    assert met(0.715, BESIDE)[1] == "unknown"
-
-
-AIR = Mission(
-    "air", 0.2, 0.2, 0.0, 2.0, 2.0, 10.0, 1.0,
-    (-3.0, -3.0, -3.0), (3.0, 3.0, 3.0), (0.0, 0.0, 1.0), 0.0, (2.0, 0.0, 1.0),
-)  # fmt: skip
-"""A ball of 0.2 m; with the margin of 0.1 m and half a diagonal of its cells it needs 3.9 cells."""
-
-
-def in_the_air(way, arcs, action, before=None, mission=AIR):
-    """The ball in a box of free cells, x and y up to 1 and 2 m, on its way at so many samples."""
-    config = Config("empty", "drone", 1)
-    voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
-    voxel_map.mark_free((-2.0, -2.0, -0.5), (1.0, 2.0, 2.5), 0)
-    decision = pb.Decision(action=action, trajectory=trajectory(way, arcs))
-    pose = Pose(np.array(way[0]), np.array([1.0, 0.0, 0.0, 0.0]), position_sigma=0.0)
-    record = Record(Inputs(0, 1, pose, (), ""), pb.Latency(), decision)
-    body = Body(config, mission, "forbid")
-    return Moment(record, config, mission, voxel_map, "", body, (before or trajectory(way, arcs),))
-
-
 def trajectory(way, arcs):
     return pb.Trajectory(
         path=[pb.Point(x=x, y=y, z=z) for x, y, z in way],
@@ -377,74 +307,3 @@ def trajectory(way, arcs):
         heading=np.zeros(len(arcs)),
         sample_period_s=0.1,
     )
-
-
-def at_speed(way, speed):
-    """Samples of a way at one speed."""
-    total = np.linalg.norm(np.diff(np.array(way), axis=0), axis=1).sum()
-    return np.append(np.arange(0.0, total, 0.1 * speed), total)
-
-
-def test_a_stop_leaves_the_way_only_where_that_is_blocked_and_comes_no_nearer():
-    """Free is x < 1 and what is beside; a ball of 0.2 m flew along x."""
-
-    def is_last_resort(way, stop):
-        way, stop = ([(0.2, 0.0, 1.0), *points] for points in (way, stop))
-        before = trajectory(way, at_speed(way, 1.0))
-        return judge_way(in_the_air(stop, at_speed(stop, 1.0), "stop_and_wait", before)).kind
-
-    ahead, short, aside = [(0.9, 0.0, 1.0)], [(0.5, 0.0, 1.0)], [(0.6, 0.3, 1.0), (0.75, 0.9, 1.0)]
-    beyond = [(0.6, 0.3, 1.0), (0.98, 0.6, 1.0)]
-    assert is_last_resort(ahead, aside) == "stop"
-    assert is_last_resort(ahead, [(0.8, 0.0, 1.0)]) == "stop"  # along it
-    assert is_last_resort(ahead, beyond) == "swept"
-    assert is_last_resort(short, aside) == "swept"
-
-
-def test_a_stop_on_a_way_that_has_closed_brakes_at_once():
-    """From 1.6 m/s with 2 m/s^2 it is 0.64 m; the way leads 0.9 m on, into the unknown."""
-    way = [(0.05, 0.0, 1.0), (0.95, 0.0, 1.0)]
-    before = trajectory(way, at_speed(way, 1.6))
-    braked = [1.6 * t - t * t for t in np.arange(0.0, 0.81, 0.1)]
-    stopped = judge_way(in_the_air(way, braked, "stop_and_wait", before))
-    assert (stopped.kind, stopped.violations) == ("stop", ())
-    rode_on = judge_way(in_the_air(way, at_speed(way, 0.5), "stop_and_wait", before))
-    assert [one.rule for one in rode_on.violations] == ["stop"]
-    sped_up = judge_way(in_the_air(way, at_speed(way, 3.0), "stop_and_wait", before))
-    assert [one.rule for one in sped_up.violations] == ["stop"]
-
-
-def test_a_recovery_is_held_against_its_rules_along_its_whole_way():
-    """The first cell that is unknown is ten cells from x = 0; 3.9 cells are needed."""
-
-    def broken(way, speed=0.5, mission=AIR):
-        points = [(x, y, 1.0) for x, y in way]
-        way = judge_way(in_the_air(points, at_speed(points, speed), "recover", mission=mission))
-        return way.kind, [one.text for one in way.violations]
-
-    assert broken([(0.75, 0.0), (0.55, 0.0)]) == ("recovery", [])
-    assert broken([(0.55, 0.0), (0.0, 0.0)]) == ("swept", [])  # back where it came along
-    _, texts = broken([(0.75, 0.0), (0.55, 0.0)], speed=1.5)
-    assert texts == ["1.50 m/s, 0.60 allowed on the way out of the inflation"]
-    _, texts = broken([(0.79, 0.0), (0.71, 0.0)])
-    assert texts == ["its end is no admitted place"]
-    _, texts = broken([(0.75, 0.0), (0.95, 0.0), (0.55, 0.0)])
-    assert "it comes nearer to what blocks it, by more than a cell" in texts
-    _, texts = broken([(0.75, 0.0), (0.85, 0.0), (0.55, 0.0)])
-    assert texts == []  # by a cell
-    _, texts = broken([(0.55, 0.0), (0.95, 0.0), (0.55, 0.0)])
-    assert "it starts outside of the inflation, and leads through it" in texts
-    # It starts a cell from the unknown, and passes a cell from a fence that is as good as a wall.
-    wide = dataclasses.replace(AIR, radius=0.35)
-    fenced = dataclasses.replace(wide, high=(1.0, 3.0, 3.0))
-    way = [(0.4, 1.95), (0.95, 1.4), (0.4, 1.4)]
-    assert broken(way, mission=wide)[1] == []
-    assert broken(way, mission=fenced)[1] == [
-        "the bare body overlaps an occupied cell, deeper than at its start"
-    ]
-
-
-def test_points_lie_densely():
-    path = densely(np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 0.5, 0]]), 0.3)
-    assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 0.3
-    assert path[[0, 4, -1]].tolist() == [[0, 0, 0], [1, 0, 0], [1, 0.5, 0]]

@@ -16,7 +16,7 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.viewer.layer import COLOURS
 from wayproof.maps import FREE, UNKNOWN
 
-LAYOUT = Path(__file__).parents[2] / "docs/foxglove-layout.json"
+LAYOUT = Path(__file__).parents[3] / "docs/foxglove-layout.json"
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.replay.replay import replay
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PROTO = "harness/schema/wayproof.proto"
 
 

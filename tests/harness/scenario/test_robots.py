@@ -12,7 +12,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.scenario.robots import find_logged_robot
 
-EXAMPLES = Path(__file__).parents[2] / "models/robots/custom/examples"
+EXAMPLES = Path(__file__).parents[3] / "models/robots/custom/examples"
 
 GOAL = ["--start", "3,3", "--goal", "4.5,3"]
 

@@ -1,0 +1,77 @@
+"""Causes of failures, found in episodes with one known fault."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from wayproof.harness.attribution import CAUSES, find_cause, near_misses, read_case
+from wayproof.harness.attribution import contact as contacts
+from wayproof.harness.attribution import standstill as standstills
+from wayproof.harness.attribution.standstill import lacks_time
+from wayproof.harness.bench.attribution.fault_scenarios import PLANTS
+from wayproof.harness.counterfactual.check import check
+from wayproof.harness.counterfactual.record import read_check, record_check
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.result import Contact
+
+
+def test_every_cause_is_planted_and_asked_for():
+    asked = set(contacts.TESTS) | {name for name, _ in standstills.TESTS}
+    assert asked == set(CAUSES) == {*PLANTS, "unexplained"}
+
+
+def test_a_contact_reads_what_it_wrote():
+    contact = Contact("shelf at the door", (1.25, -2.0, 0.5))
+    assert Contact.from_text(str(contact)) == contact
+    assert Contact.from_text("") is None
+
+
+@pytest.mark.parametrize("cause", PLANTS)
+def test_planted_causes_are_found(planted, cause):
+    _, result = planted(cause, 0)
+    assert result.cause == cause, result.cause_evidence
+
+
+def test_a_log_tells_the_cause_that_its_run_found(planted, tmp_path):
+    source, result = planted("missed_obstacle", 0)
+    path = Path(shutil.copyfile(source, tmp_path / "glass.mcap"))
+    log = open_log(path)
+    finding = find_cause(read_case(log))
+    assert log.result["cause"] == result.cause == finding.cause == "missed_obstacle"
+    assert log.result["cause_evidence"] == finding.evidence
+    assert int(log.result["cause_decision"]) == finding.decision
+    assert result.contact.startswith("glass_0 at ")
+    verdict = check(log, finding, ("true_map", "no_delay"))
+    saved = {one.remedy: one.saves for one in verdict.checks}
+    assert saved == {"control": False, "true_map": True, "no_delay": False}
+    assert (verdict.finding, verdict.answer) == (finding, "confirmed")
+    record_check(path, verdict)
+    checked = open_log(path)
+    assert read_check(checked) == verdict
+    changed = {key for key in log.result if checked.result[key] != log.result[key]}
+    assert changed == {"content"}  # the facts' cause stays, for anybody to work out again
+    assert find_cause(read_case(checked)) == finding
+
+
+def test_a_way_that_is_shut_lacks_space_and_not_time(planted):
+    path, _ = planted("impossible", 0)
+    assert not lacks_time(read_case(open_log(path)))
+
+
+def test_a_success_has_no_cause(recorded):
+    result = recorded("empty", "drone", 1)
+    assert result.outcome == "success"
+    assert (result.cause, result.contact, result.cause_decision) == ("", "", -1)
+    case = read_case(open_log(Path(result.log)))
+    assert find_cause(case) is None
+    assert near_misses(case) == []
+
+
+def test_near_misses_are_found_in_a_success(recorded):
+    case = read_case(open_log(Path(recorded("empty", "drone", 1).log)))
+    first = case.moments[10]
+    first.truth.clearance_m = 0.01
+    found = near_misses(case)
+    assert [(one.decision, one.clearance_m) for one in found] == [(10, 0.01)]
+    assert found[0].finding.cause in CAUSES

@@ -1,0 +1,90 @@
+"""Causes of standstills, from tables of facts."""
+
+import pytest
+
+from tests.harness.attribution.facts import BAD, LIED, cause_of, changed
+from wayproof.harness.attribution import standstill as standstills
+from wayproof.harness.attribution.pose import PoseFacts
+from wayproof.harness.attribution.ranges import RangeFacts
+from wayproof.harness.attribution.standstill import StandstillFacts
+from wayproof.harness.attribution.ways import MapWays, TrueWays
+
+TRUTH = TrueWays(
+    radius=0.5,
+    widest=0.8,
+    exists=True,
+    open_at_end=True,
+    at_start=0.7,
+    shortest_s=5.0,
+    left_m=3.0,
+    gained_m=0.0,
+)
+
+
+MAP = MapWays(
+    known=0.0, passable=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0, holes=0,
+    ghost=(0.0, 0.0, 0.0), without_ghosts=True, without_movers=False, held_up=0.0,
+    unknown=0.2,
+)  # fmt: skip
+
+
+STILL = StandstillFacts(
+    outcome="stuck", reason="", window=50, discarded=0.0, late=0.0, deadline=0.25, delay=0.05,
+    off_path=0.0, worst_off_path=0.1, left_path=0.0, limit_s=60.0, claimed=False, doubt=0.02,
+    radius=0.3, cell=0.1, iterations=1, without_path=0.0, pose=PoseFacts(), ranges=RangeFacts(),
+    truth=TRUTH, map=MAP,
+)  # fmt: skip
+
+
+CLOSED = {"map.passable": 0.0, "map.ghosts": 7}
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({}, "unexplained"),
+        ({"map.known": 0.8}, "planner"),
+        ({"map.in_vain": 0.4, "map.not_found": 0.8}, "planner"),
+        ({"map.in_vain": 0.4, "map.not_found": 0.2}, "unexplained"),
+        ({"discarded": 0.6}, "latency"),
+        ({"discarded": 0.6, "truth.exists": False}, "impossible"),
+        ({"ranges.withheld": 0.9}, "latency"),
+        ({"truth.exists": False}, "impossible"),
+        ({"truth.shortest_s": 61.0}, "impossible"),
+        ({"truth.shortest_s": 61.0, "pose": LIED}, "impossible"),
+        ({"outcome": "timeout", "truth.shortest_s": 61.0, "truth.gained_m": 2.0}, "impossible"),
+        ({"outcome": "timeout", "truth.shortest_s": 59.0, "truth.gained_m": 2.0}, "planner"),
+        ({"outcome": "timeout", "truth.gained_m": 2.0, "without_path": 0.6}, "planner"),
+        ({"outcome": "timeout", "truth.gained_m": 2.0, "map.passable": 0.2}, "unexplained"),
+        ({"outcome": "timeout", "truth.gained_m": 2.0, "off_path": 0.7}, "tracking"),
+        ({"outcome": "timeout", "truth.gained_m": 0.1}, "unexplained"),
+        ({"outcome": "timeout", "truth.gained_m": 0.1, "map.known": 1.0}, "planner"),
+        ({"truth.open_at_end": False}, "moved_obstacle"),
+        (CLOSED, "ghost_obstacle"),
+        ({**CLOSED, "map.ghosts": 0, "map.without_movers": True}, "moved_obstacle"),
+        (
+            {"outcome": "timeout", "truth.gained_m": 2.0, "without_path": 0.4, "map.held_up": 0.8},
+            "moved_obstacle",
+        ),
+        ({"map.known": 0.8, "truth.widest": 0.52}, "impossible"),
+        ({"map.known": 0.8, "truth.at_start": 0.4}, "impossible"),
+        ({"outcome": "fall", "truth.at_start": 0.4}, "tracking"),
+        ({**CLOSED, "map.without_ghosts": False}, "unexplained"),
+        ({**CLOSED, "pose": LIED}, "localization"),
+        ({**CLOSED, "ranges": BAD}, "perception"),
+        ({"off_path": 0.7}, "tracking"),
+        ({"left_path": 0.2, "map.known": 1.0}, "tracking"),
+        ({"outcome": "fall"}, "tracking"),
+        ({"outcome": "fall", "truth.exists": False}, "tracking"),
+        ({"outcome": "fall", "late": 1.0}, "latency"),
+        ({"outcome": "fall", "pose": LIED}, "localization"),
+        ({"outcome": "out_of_bounds", "pose": LIED}, "localization"),
+        ({"claimed": True, "pose.at_end": 0.4}, "localization"),
+        ({"doubt": 0.5, "map.passable": 0.0}, "localization"),
+        ({"doubt": 0.5, "map.passable": 0.0, "map.certain": 0.0}, "unexplained"),
+        ({"ranges.blind": 4.0}, "perception"),
+        ({"ranges.blind": 4.0, "map.known": 1.0}, "planner"),
+    ],
+)
+def test_a_standstill_has_the_cause_that_its_facts_leave(change, cause):
+    assert cause_of(standstills.TESTS, changed(STILL, change)) == cause

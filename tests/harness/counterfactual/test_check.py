@@ -1,0 +1,116 @@
+"""Counterfactual checks of causes."""
+
+import math
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from wayproof.harness.attribution import CAUSES, find_cause, read_case
+from wayproof.harness.attribution.finding import Finding
+from wayproof.harness.bench.attribution.confusion import run_planted
+from wayproof.harness.counterfactual.check import Check, check, settle
+from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
+from wayproof.harness.counterfactual.remedies import REMEDIES
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.replay.fork import fork
+from wayproof.harness.study.checks import check_failures
+
+
+def saved_by(*remedies):
+    """A check in which these saved the robot, and no other one of all."""
+    names = ("control", *REMEDIES)
+    return [Check(name, 0, "success" if name in remedies else "stuck", 9.0, name in remedies)
+            for name in names]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("found", "saving", "cause", "answer"),
+    [
+        ("localization", ("true_pose",), "localization", "confirmed"),
+        ("tracking", ("true_pose",), "localization", "changed"),
+        ("tracking", ("true_pose", "perfect_tracking"), "tracking", "confirmed"),
+        ("planner", ("larger_margin", "true_ranges", "true_map"), "perception", "changed"),
+        ("missed_obstacle", ("true_map", "larger_margin"), "missed_obstacle", "confirmed"),
+        ("ghost_obstacle", ("no_delay",), "latency", "changed"),
+        ("ghost_obstacle", (), "unexplained", "changed"),
+        ("planner", (), "planner", "confirmed"),
+        ("planner", ("more_time",), "planner", "confirmed"),
+        ("unexplained", ("more_time",), "unexplained", "confirmed"),
+        ("localization", ("more_time",), "unexplained", "changed"),
+        ("impossible", ("more_time",), "impossible", "confirmed"),
+        ("impossible", (), "impossible", "confirmed"),
+        ("unexplained", (), "unexplained", "confirmed"),
+        ("unexplained", ("more_search",), "planner", "changed"),
+        ("unexplained", ("true_map",), "ghost_obstacle", "changed"),
+        ("unexplained", ("true_map", "no_movers"), "moved_obstacle", "changed"),
+        ("localization", ("control", "true_pose"), "localization", "inconclusive"),
+    ],
+)
+def test_the_answer_of_a_check_decides(found, saving, cause, answer):
+    finding = Finding(found, "by its facts", 3, (0.0, 0.0, 0.0))
+    settled, told = settle(finding, saved_by(*saving))
+    assert (settled.cause, told) == (cause, answer)
+    assert "by its facts" in settled.evidence
+
+
+def test_every_cause_but_what_nothing_can_put_right_has_a_remedy():
+    borne_out = {cause for _, causes in REMEDIES.values() for cause in causes}
+    assert borne_out == set(CAUSES) - {"disregarded_obstacle", "unexplained"}
+
+
+def test_a_study_checks_its_failures_within_a_bound(planted, tmp_path):
+    source, _ = planted("missed_obstacle", 0)
+    for name in ("one", "two"):
+        shutil.copyfile(source, tmp_path / f"{name}.mcap")
+    studied = [SimpleNamespace(key=name) for name in ("one", "one", "two", "none")]
+    store = SimpleNamespace(log=lambda key: tmp_path / f"{key}.mcap")
+    tally = check_failures(studied, store, most_s=0.1)
+    assert (dict(tally.answers), tally.left) == ({"inconclusive": 1}, 1)
+    assert "1 left unchecked by the bound" in str(tally)
+    again = check_failures(studied, store, most_s=0.0)
+    assert (dict(again.answers), again.left) == ({}, 1)  # a log is checked once
+
+
+def test_a_walking_robot_is_saved_by_the_true_map(planted, tmp_path):
+    """It walks into a wall too near for its map; also where the log is a fork's."""
+    source, result = planted("unseen_obstacle", 3)
+    assert (open_log(source).config.robot, result.outcome) == ("quadruped", "collision")
+    forked = fork(source, 5, (), tmp_path / "fork.mcap")
+    log = open_log(Path(forked.log))
+    finding = find_cause(read_case(log))
+    assert finding.cause == "unseen_obstacle"
+    checks = check(log, finding, ("true_map",)).checks
+    assert {one.remedy: one.saves for one in checks} == {"control": False, "true_map": True}
+
+
+def test_movers_of_a_world_without_a_name_go_as_recorded(planted):
+    """A wall that vanished; and a truck, which went on until it struck."""
+    worlds = {}
+    for cause in ("ghost_obstacle", "moved_obstacle"):
+        log = open_log(planted(cause, 0)[0])
+        case = read_case(log)
+        (mover,) = with_recorded_movers(rebuild(log), case).world.movers
+        worlds[mover.name] = mover, case
+    gone, case = worlds["gone"]
+    assert (gone.appears, gone.speed) == (0.0, 0.0)
+    assert 0.6 <= gone.vanishes <= 1.3
+    assert gone.place(0).position == pytest.approx(case.moments[0].truth.movers[0].position)
+    truck, case = worlds["truck"]
+    assert (truck.appears, truck.vanishes) == (0.0, math.inf)
+    for moment in case.moments:
+        was = moment.truth.movers[0].position
+        assert truck.place(moment.time_ns).position == pytest.approx(was, abs=0.01)
+    for moment in case.moments:
+        moment.truth.movers[0].present = False
+    (truck,) = with_recorded_movers(rebuild(log), case).world.movers
+    assert truck.appears > 1e6  # it did not come before the log ended
+    assert truck.place(case.moments[-1].time_ns + 10**9).position[0] < was[0] - 1.4
+
+
+def test_an_unknown_cause_is_refused():
+    with pytest.raises(InputError, match="unknown cause 'gost_obstacle'; did you mean"):
+        run_planted("gost_obstacle", 0, Path("none.mcap"))

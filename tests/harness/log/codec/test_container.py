@@ -1,0 +1,163 @@
+"""MCAP records of whole, damaged and hostile files."""
+
+import re
+import zlib
+
+import numpy as np
+import pytest
+import zstandard
+
+from tests.harness.log.damaged import damaged
+from wayproof.harness.bench.soak.hostile_logs import (
+    NUMBER,
+    chunk,
+    declared,
+    message,
+    record,
+    with_chunks,
+)
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.codec import container
+from wayproof.harness.log.codec.container import (
+    GREATEST_RECORD,
+    HEAD,
+    MAGIC,
+    Attachment,
+    Metadata,
+    Packet,
+    walk,
+)
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.writer import LogWriter
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+
+def test_what_the_writer_wrote_is_what_the_walk_finds(tmp_path):
+    with LogWriter(tmp_path / "a.mcap", b"{}", b"[]", "<mujoco/>") as log:
+        log.write("/pose", pb.Pose(sequence=3), 7)
+        log.note("fork", {"at": "1"})
+        log.finish({"outcome": "success"})
+    items = list(walk(tmp_path / "a.mcap"))
+    attached = {one.name: one.data for one in items if isinstance(one, Attachment)}
+    assert attached == {"config.json": b"{}", "mission.json": b"[]", "scene.xml": b"<mujoco/>"}
+    names = [one.name for one in items if isinstance(one, Metadata)]
+    assert names == ["run", "fork", "result"]
+    data = pb.Pose(sequence=3).SerializeToString()
+    assert [one for one in items if isinstance(one, Packet)] == [
+        Packet("wayproof.Pose", "/pose", 7, data)
+    ]
+
+
+def test_every_flipped_bit_is_detected(source, tmp_path):
+    """A bit in each stretch of the file, the index behind the data among them."""
+    data = source.read_bytes()
+    rng = np.random.default_rng(0)
+    places = np.unique(np.concatenate([rng.integers(0, len(data), 150), np.arange(9), [-1]]))
+    for place in places:
+        spoilt = bytearray(data)
+        spoilt[place] ^= 1 << int(rng.integers(8))
+        path = damaged(tmp_path, spoilt)
+        with pytest.raises(InputError, match=r"^log '.*': .+$"):
+            read_all(path)
+
+
+def read_all(path):
+    open_log(path)
+    return list(read_messages(path))
+
+
+def test_a_flip_in_a_chunk_is_located(source, tmp_path):
+    data = bytearray(source.read_bytes())
+    offsets = {}
+    place = len(MAGIC)
+    while place < len(data) - len(MAGIC):
+        opcode, length = HEAD.unpack_from(data, place)
+        offsets.setdefault(opcode, place)
+        place += HEAD.size + length
+    chunk = offsets[6]
+    data[chunk + 1000] ^= 1
+    with pytest.raises(InputError, match=rf"chunk of 0\.0 to 0\.\d s at byte {chunk}\)"):
+        list(read_messages(damaged(tmp_path, data)))
+
+
+def bare_chunk(data, size, compression="zstd"):
+    """A file of one chunk that says to unpack to `size` bytes."""
+    packed = zstandard.compress(data) if compression == "zstd" else data
+    name = compression.encode()
+    body = bytes(16) + size.to_bytes(8, "little") + zlib.crc32(data).to_bytes(4, "little")
+    body += len(name).to_bytes(4, "little") + name + len(packed).to_bytes(8, "little") + packed
+    return MAGIC + HEAD.pack(6, len(body)) + body
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (MAGIC + HEAD.pack(1, 2**62), "a record of 4611686018427387904 bytes at byte 8"),
+        (MAGIC + HEAD.pack(1, 1000) + bytes(10), "10 of 1000 bytes of the record at byte 8"),
+        (bare_chunk(bytes(100), 2**40), "unpacks to 1099511627776 bytes"),
+        (bare_chunk(bytes(2**20), 1000), "unpacks to 1048576 bytes, expected 1000"),
+        (bare_chunk(bytes(2**22), 2**22), "over 4096 times the file's size"),
+        (bare_chunk(b"", 0, "lz4"), "compression 'lz4', expected 'zstd' or none"),
+        (MAGIC + HEAD.pack(12, 4) + b"\xff\xff\xff\xff", "4294967295 bytes in a record with 0"),
+        (MAGIC + HEAD.pack(5, 22) + bytes(22), "channel 0, which was never declared"),
+    ],
+)
+def test_sizes_are_checked_before_anything_of_that_size_is_made(tmp_path, data, said):
+    path = damaged(tmp_path, data)
+    with pytest.raises(InputError, match=said.replace("(", r"\(")):
+        list(walk(path))
+    assert GREATEST_RECORD == 64 * 2**20
+
+
+FLOODS = {
+    "/truth": (pb.Truth, "2 messages of '/truth' for decision "),
+    "/pose": (pb.Pose, "2 messages of '/pose' for decision "),
+    "/sensor/lidar": (pb.Sweep, "257 messages of '/sensor/lidar' for decision "),
+    "/sensor/lidar/info": (pb.SensorInfo, "1001 sensors' tables, expected at most 1000"),
+    "/perturbation": (pb.Perturbation, "messages, expected at most 2"),
+}
+
+
+@pytest.mark.parametrize("topic", FLOODS)
+def test_messages_are_counted_before_they_are_made(tmp_path, topic):
+    """Chunks of empty messages compress by thousands: a small file could fill the memory."""
+    kind, said = FLOODS[topic]
+    path = with_chunks([flood(kind, topic, 30_000)], tmp_path / "flood.mcap")
+    with pytest.raises(InputError, match=re.escape(said)):
+        list(walk(path))
+
+
+def flood(kind, topic, count):
+    return chunk(declared(NUMBER, kind.DESCRIPTOR.full_name, topic) + message(NUMBER, b"") * count)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (record(0x7F, b"") * 10_001, "10001 records in chunks that are no messages"),
+        (declared(1, "a", "b") * 5001, "10001 records in chunks that are no messages"),
+        (
+            declared(1, "wayproof.Decision", "/decision") + message(1, bytes(5 * 2**20)),
+            "bytes of messages other than sweeps, expected at most",
+        ),
+    ],
+)
+def test_other_records_and_their_bytes_are_counted_too(tmp_path, data, said):
+    path = with_chunks([chunk(data)], tmp_path / "flood.mcap")
+    with pytest.raises(InputError, match=re.escape(said)):
+        list(walk(path))
+
+
+def test_a_large_file_may_hold_so_many_and_no_more(monkeypatch):
+    monkeypatch.setattr(container, "MOST_MESSAGES", 30)
+    monkeypatch.setattr(container, "MOST_DECISIONS", 10)
+    census = container._Census(2**40)
+    for _ in range(10):
+        census.count("wayproof.Decision", "/decision", 100)
+    with pytest.raises(container._Broken, match="11 decisions, expected at most 10"):
+        census.count("wayproof.Decision", "/decision", 100)
+    for _ in range(19):
+        census.count("wayproof.Perturbation", "/perturbation", 100)
+    with pytest.raises(container._Broken, match="31 messages, expected at most 30"):
+        census.count("wayproof.Perturbation", "/perturbation", 100)

@@ -1,0 +1,10 @@
+"""Small committed log that the tests of logs share."""
+
+import pytest
+
+from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
+
+
+@pytest.fixture(scope="module")
+def source():
+    return COMMITTED / committed_name()

@@ -1,0 +1,47 @@
+"""Recovery of the readable part of a broken log."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.harness.log.damaged import damaged
+from wayproof.harness.cli.main import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.log.recover import recover
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.replay import replay
+
+
+@pytest.mark.parametrize("share", [0.6, 0.95, 0.999])
+def test_what_is_whole_before_a_cut_is_recovered(source, tmp_path, share):
+    data = source.read_bytes()
+    path = damaged(tmp_path, data[: int(share * len(data))])
+    path = path.rename(tmp_path / "cut.mcap.partial")
+    before = [one.chain for one in open_log(source).decisions()]
+    if share < 0.7:  # the one chunk is not whole
+        with pytest.raises(InputError, match="no whole decision in it"):
+            recover(path)
+        return
+    recovery = recover(path)
+    assert recovery.written == str(tmp_path / "cut-recovered.mcap")
+    log = open_log(Path(recovery.written))
+    assert log.result["outcome"] == "error"
+    assert log.result["reason"].startswith("recovered: truncated")
+    chains = [one.chain for one in log.decisions()]
+    assert chains == before[: len(chains)]
+    assert replay(Path(recovery.written)).identical
+    assert audit(Path(recovery.written)).violations == ()
+
+
+def test_recover_on_the_command_line(source, tmp_path, capsys):
+    path = damaged(tmp_path, source.read_bytes()[:-100])
+    out = tmp_path / "out.mcap"
+    assert main(["recover", str(path), "--out", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["decisions"] == 6
+    assert document["damage"].startswith("truncated")
+    assert main(["replay", str(out)]) == 0
+    assert main(["recover", str(tmp_path / "none.mcap")]) == 2
+    assert "no such file" in capsys.readouterr().err

@@ -1,0 +1,118 @@
+"""Forks: an episode resumed with other settings."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.harness.replay.episodes import SHORT
+from wayproof.harness.cli.main import main
+from wayproof.harness.log.codec.container import Packet, walk
+from wayproof.harness.log.copy import thin
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.fork import fork
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+
+@pytest.mark.parametrize(
+    ("robot", "at"),
+    [("drone", 0), ("drone", 1), ("drone", 13), ("quadruped", 1), ("quadruped", 13)],
+)
+def test_a_fork_without_a_change_ends_alike(recorded, tmp_path, robot, at):
+    result = recorded(*SHORT[robot])
+    forked = fork(Path(result.log), at, (), tmp_path / "fork.mcap")
+    assert forked.chain == result.chain
+    assert packets(Path(forked.log)) == packets(Path(result.log))
+    assert replay(Path(forked.log)).identical
+
+
+@pytest.mark.parametrize(
+    ("world", "robot", "at"), [("crossing", "drone", 10), ("ghosts", "quadruped", 15)]
+)
+def test_a_fork_amid_what_moves_ends_alike(recorded, tmp_path, world, robot, at):
+    result = recorded(world, robot, 4, "episode.time_limit=2")
+    assert any(one.movers for one in open_log(Path(result.log)).truth())
+    forked = fork(Path(result.log), at, (), tmp_path / "fork.mcap")
+    assert forked.chain == result.chain
+    assert packets(Path(forked.log)) == packets(Path(result.log))
+
+
+def packets(path):
+    """Every message but those of the sensors' tables and the measured times, in file order."""
+    found = []
+    for item in walk(path):
+        if not isinstance(item, Packet) or item.topic.endswith("/info") or "before" in item.topic:
+            continue
+        data = item.data
+        if item.topic == "/decision":
+            decision = pb.Decision.FromString(data)
+            decision.ClearField("stages")
+            data = decision.SerializeToString(deterministic=True)
+        found.append((item.topic, item.time_ns, data))
+    return found
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [["map.resolution=0.08"], ["planner.name=rrtconnect"], ["sensors.lidar=velodyne-vlp16"]],
+)
+def test_a_fork_with_a_change_keeps_the_past_and_replays(recorded, tmp_path, settings):
+    result = recorded(*SHORT["quadruped"])
+    forked = fork(Path(result.log), 12, settings, tmp_path / "fork.mcap")
+    assert packets(Path(forked.log))[:40] == packets(Path(result.log))[:40]
+    log = open_log(Path(forked.log))
+    assert log.config.start == open_log(Path(result.log)).config.start
+    assert (log.fork.at, log.fork.config.map.resolution) == (12, 0.1)
+    assert replay(Path(forked.log)).identical
+    assert forked.chain != result.chain
+
+
+def test_a_fork_can_save_the_robot(tmp_path, capsys):
+    """A stack too slow for its deadline never moves; in time from decision 3 on, it arrives."""
+    slow = ["--set", "latency.plan=0.5", "--set", "latency.deadline=0.1"]
+    run = ["run", "empty", "--robot", "drone", "--seed", "1", *slow]
+    assert main([*run, "--set", "episode.time_limit=1", "--log", f"{tmp_path}/a.mcap"]) == 1
+    change = ["--set", "latency.plan=0.02", "--set", "episode.time_limit=30"]
+    capsys.readouterr()
+    code = main(["replay", f"{tmp_path}/a.mcap", "--from", "3", *change, "--json"])
+    document = json.loads(capsys.readouterr().out)
+    assert (code, document["recorded_outcome"], document["outcome"]) == (0, "timeout", "success")
+    assert Path(document["log"]).name.startswith("a-from-3-")
+    assert replay(Path(document["log"])).identical
+
+
+@pytest.mark.parametrize("at", [8, 12, 15])
+def test_a_fork_can_be_forked_again(recorded, tmp_path, at):
+    """Before, at and after the first fork; other cells, then another lidar, then neither."""
+    result = recorded(*SHORT["quadruped"])
+    first = fork(Path(result.log), 12, ["map.resolution=0.08"], tmp_path / "first.mcap")
+    same = fork(Path(first.log), at, (), tmp_path / "same.mcap")
+    assert same.chain == (result.chain if at < 12 else first.chain)
+    assert replay(Path(same.log)).identical
+    settings = ["sensors.lidar=velodyne-vlp16", "episode.time_limit=1.8"]
+    second = fork(Path(first.log), at, settings, tmp_path / "second.mcap")
+    log = open_log(Path(second.log))
+    assert [one.at for one in log.forks] == ([at] if at < 12 else [12, at])
+    assert log.config.map.resolution == (0.1 if at < 12 else 0.08)
+    assert log.forks[-1].beams["lidar"].table.beams != log.beams["lidar"].table.beams
+    assert replay(Path(second.log)).identical
+
+
+def test_a_fork_to_another_goal_knows_the_old_one(recorded, tmp_path):
+    result = recorded(*SHORT["drone"])
+    forked = fork(Path(result.log), 12, ["goal=[3.0,3.0,1.2]"], tmp_path / "fork.mcap")
+    assert replay(Path(forked.log)).identical
+    thin(Path(forked.log))
+    assert [one.at for one in open_log(Path(forked.log)).forks] == [12]
+
+
+def test_the_audit_of_a_fork_reads_each_decision_with_its_own_settings(recorded, tmp_path):
+    result = recorded(*SHORT["quadruped"])
+    change = ["map.resolution=0.08", "costmap.localization_margin=0.2"]
+    forked = fork(Path(result.log), 12, change, tmp_path / "fork.mcap")
+    found = audit(Path(forked.log))
+    assert found.decisions == 21
+    assert found.swept > 5
+    assert found.violations == ()

@@ -1,0 +1,58 @@
+"""Decisions of other settings on the inputs of a log."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.harness.replay.episodes import SHORT
+from wayproof.harness.cli.main import main
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.what_if import what_if
+
+
+def test_what_if_nothing_changes(recorded):
+    answer = what_if(Path(recorded(*SHORT["drone"]).log), ["threads=2"])
+    assert answer.faithful
+    assert answer.changes == ()
+
+
+def test_what_if_a_wider_margin(recorded, capsys):
+    log = recorded(*SHORT["drone"]).log
+    answer = what_if(Path(log), ["costmap.localization_margin=0.5"])
+    assert answer.faithful
+    assert 0 < len(answer.changes) <= answer.decisions
+    first = answer.changes[0]
+    old = list(open_log(Path(log)).decisions())[first.sequence]
+    assert (first.recorded.action, first.recorded.reason) == (old.action, old.reason)
+    assert first.departure_m > 0.01 or first.recorded != first.changed
+    assert main(["replay", log, "--set", "costmap.localization_margin=0.5"]) == 1
+    assert f"from {first.sequence} (" in capsys.readouterr().out
+
+
+def test_a_change_later_on_is_no_echo(recorded):
+    """Half the speed never changes where the recorded robot stands, so each change stands alone."""
+    answer = what_if(Path(recorded(*SHORT["drone"]).log), ["motion.speed_fraction=0.5"])
+    assert answer.changes
+    assert all(one.changed.label != "localization_lost" for one in answer.changes)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--set", "sensors.lidar=velodyne-vlp16"], "changes what is sensed"),
+        (["--set", "world=empty"], "changes what is sensed"),
+        (["--from", "9999"], "expected a decision from 0 to 20"),
+        (["--from", "-1"], "--from: got -1"),
+        (["--from", "5", "--set", "seed=2"], "the episode had begun with it"),
+        (
+            ["--closed-loop", "--set", "map.log_odds_hit=0.8"],
+            "--closed-loop: simulates what was recorded",
+        ),
+        (["--log", "x.mcap"], "--log: nothing to write"),
+    ],
+)
+def test_questions_that_have_no_answer(recorded, capsys, options, said):
+    assert main(["replay", recorded(*SHORT["quadruped"]).log, *options]) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert captured.err.count("\n") == 1

@@ -1,0 +1,43 @@
+"""Animations of episodes."""
+
+import sys
+
+import pytest
+from PIL import Image
+
+from tests.harness.viewer.drawn import drawn
+from wayproof.harness.cli.main import main
+
+RUN = ["run", "empty", "--robot", "drone", "--seed", "1", "--set", "episode.time_limit=1"]
+
+
+def test_an_animation_plays_in_simulated_time(tmp_path, failed):
+    out = tmp_path / "x.gif"
+    words = ["picture", str(failed), "--movie", str(out), "--period", "0.5"]
+    assert drawn(words) == (0, "")
+    with Image.open(out) as animation:
+        assert animation.n_frames == 3
+        assert animation.info["duration"] == 500
+
+
+def test_an_episode_is_rendered_once_it_is_run(tmp_path):
+    av = pytest.importorskip("av")
+    out = tmp_path / "films" / "x.mp4"
+    code, told = drawn([*RUN, "--log", str(tmp_path / "x.mcap"), "--render", str(out)])
+    assert (code, told) == (1, "")  # a second is too short to arrive
+    with av.open(str(out)) as film:
+        stream = film.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
+    assert stream.average_rate == 5
+    assert len(frames) == 6
+    assert frames[0].shape == (480, 720, 3)
+    assert frames[0].std() > 20
+    assert not list(out.parent.glob("*.partial"))
+
+
+def test_a_missing_encoder_is_told_before_the_episode(capsys, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "av", None)
+    monkeypatch.chdir(tmp_path)
+    assert main([*RUN, "--render", "x.mp4"]) == 2
+    assert "pip install av (the extra 'video'), or name a .gif" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,25 @@
+"""Pictures of single decisions."""
+
+import numpy as np
+from PIL import Image
+
+from tests.harness.viewer.drawn import drawn
+
+
+def test_a_picture_shows_the_map(tmp_path, log):
+    out = tmp_path / "x.png"
+    assert drawn(["picture", str(log), "25", "--out", str(out)]) == (0, "")
+    image = np.asarray(Image.open(out).convert("RGB"), int)
+    assert image.shape == (640, 960, 3)
+    red, green, blue = image[..., 0], image[..., 1], image[..., 2]
+    assert (blue - red > 30).mean() > 0.05  # occupied cells
+    assert (red - blue > 30).mean() > 0.02  # inflation and trail
+    assert ((green - red > 30) & (green - blue > 30)).any()  # the trajectory
+
+
+def test_a_decision_that_is_not_there(tmp_path, failed):
+    out = tmp_path / "x.png"
+    code, told = drawn(["picture", str(failed), "999", "--out", str(out)])
+    assert code == 2
+    assert "no decision 999, expected 0 to" in told
+    assert not out.exists()

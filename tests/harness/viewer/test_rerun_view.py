@@ -1,0 +1,142 @@
+"""Logs shown in Rerun."""
+
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from wayproof.harness.cli.main import main
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.viewer.rerun_view import loopback_viewer
+
+RUN = ["run", "empty", "--robot", "drone", "--seed", "1", "--set", "episode.time_limit=1"]
+
+
+def test_the_viewer_s_background_is_unknown_and_not_free(log):
+    """What lies outside the map has the colour that the unknown has in it."""
+    pytest.importorskip("rerun")
+    from wayproof.harness.viewer.layout import UNKNOWN_SPACE, layout
+
+    column = layout({"log": open_log(log)}).root_container
+    spaces = column.contents[0].contents
+    assert len(spaces) == 2
+    for view in spaces:
+        (packed,) = view.properties["Background"].color.as_arrow_array().to_pylist()
+        assert [packed >> shift & 255 for shift in (24, 16, 8)] == list(UNKNOWN_SPACE)
+    assert max(UNKNOWN_SPACE) < 150  # free cells are white
+
+
+def entities(recording):
+    """What Rerun's own command finds in a file."""
+    rerun = Path(sys.executable).with_name("rerun")
+    command = [str(rerun), "rrd", "print", str(recording)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_a_failure_is_marked_and_two_logs_stand_side_by_side(tmp_path, capsys, log, failed):
+    pytest.importorskip("rerun")
+    out = tmp_path / "new" / "both.rrd"
+    assert main(["view", str(failed), "--compare", str(log), "--save", str(out)]) == 0
+    capsys.readouterr()
+    assert not list(out.parent.glob("*.partial"))
+    told = entities(out)
+    for name in ("world/robot", "world/truth", "world/layer", "world/sweep", "world/trajectory"):
+        assert f"/log/{name}" in told
+        assert f"/other/{name}" in told
+    assert "/log/world/failure" in told
+    assert "/other/world/failure" not in told
+    assert "/log/plots/latency/deadline_ms" in told
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
+def test_no_display_is_told_in_a_line(capsys, monkeypatch, log):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["view", str(log)]) == 2
+    assert "--save FILE.rrd" in capsys.readouterr().err
+
+
+LONGEST_START_S = 60.0
+"""After which a server that listens nowhere hangs."""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="sockets are looked up in /proc")
+def test_the_viewer_listens_on_this_machine_alone(tmp_path):
+    """Rerun's own server, started by the command that starts its window."""
+    pytest.importorskip("rerun")
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port = one.getsockname()[1]
+    command = [str(loopback_viewer(tmp_path)), "--serve-grpc", "--port", str(port)]
+    server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        found, until = [], time.monotonic() + LONGEST_START_S
+        while not found and server.poll() is None and time.monotonic() < until:
+            time.sleep(0.05)
+            found = listening(port)
+        assert found == ["0100007F"]  # 127.0.0.1
+    finally:
+        server.kill()
+        server.wait()
+
+
+def listening(port):
+    """Addresses in hex on which a port listens."""
+    rows = [
+        line.split()
+        for name in ("tcp", "tcp6")
+        for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]
+    ]
+    local = [row[1].split(":") for row in rows if row[3] == "0A"]
+    return [address for address, number in local if int(number, 16) == port]
+
+
+class Started(Exception):
+    """A viewer would have started."""
+
+
+def start_nothing(*arguments, executable_path, **options):
+    raise Started(Path(executable_path).read_text())
+
+
+def test_windows_and_screenshots_are_of_that_viewer(monkeypatch, tmp_path, log):
+    rerun = pytest.importorskip("rerun")
+    experimental = pytest.importorskip("rerun.experimental")
+    from docs.picture_view import main as picture_view
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(rerun, "spawn", start_nothing)
+    monkeypatch.setattr(experimental.ViewerClient, "spawn", start_nothing)
+    with pytest.raises(Started, match=r"exec \S+ --bind 127\.0\.0\.1 "):
+        main(["view", str(log)])
+    with pytest.raises(Started, match=r"exec \S+ --bind 127\.0\.0\.1 "):
+        picture_view(tmp_path / "x.rrd", 1.0, tmp_path / "x.png")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["view", "LOG", "--save", "x.png"], "a name that ends in .rrd"),
+        (["view", "none.mcap", "--save", "x.rrd"], "no such file"),
+        (["picture", "LOG"], "expected a decision's number N, or --movie"),
+        (["picture", "LOG", "3", "--movie", "x.gif"], "and not both"),
+        (["picture", "LOG", "3", "--out", "x.gif"], "a name that ends in .png"),
+        (["picture", "LOG", "-3"], "N: got -3, expected 0 or more"),
+        (["picture", "LOG", "--movie", "x.avi"], "a name that ends in .gif or .mp4"),
+        (["picture", "LOG", "--movie", "x.gif", "--period", "0"], "--period: got 0"),
+        ([*RUN, "--render", "x.png"], "a name that ends in .gif or .mp4"),
+        ([*RUN, "--render", "x.gif", "--set", "record=decisions"], "got record=decisions"),
+    ],
+)
+def test_bad_input_is_a_line_and_leaves_nothing(
+    capsys, monkeypatch, tmp_path, log, arguments, said
+):
+    monkeypatch.chdir(tmp_path)
+    assert main([str(log) if word == "LOG" else word for word in arguments]) == 2
+    captured = capsys.readouterr()
+    assert said in captured.err
+    assert captured.err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
