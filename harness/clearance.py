@@ -1,4 +1,4 @@
-"""Clearances that are bounds: nothing is measured beyond a reach, so they say `at least`."""
+"""Clearances as lower bounds: none is measured beyond a maximum distance."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from wayproof.models.truth import CLEARANCE_REACH
 
 
 def true_clearance_is_bound(clearance: float) -> bool:
-    """Whether a true clearance, m, may be larger than it says."""
+    """Whether a true clearance, m, is a lower bound."""
     return clearance >= CLEARANCE_REACH
 
 
 def map_clearance_is_bound(decision: pb.Decision, cost_range: float) -> bool:
-    """Whether a decision's least clearance in the map may be larger than it says.
+    """Whether a decision's least clearance in the map is a lower bound.
 
     Distances in the map end at a whole number of cells, the first one that holds the costs.
 
     Args:
-        decision: With the clearance and what it was inflated by.
+        decision: With the clearance and the inflation radius.
         cost_range: `costmap.cost_range` of its config, m.
     """
     size, clearance = decision.resolution_m, decision.least_clearance_m

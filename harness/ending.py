@@ -1,6 +1,6 @@
-"""What ends an episode at a decision, worked out from decisions and true positions alone.
+"""Ending of an episode at a decision, from decisions and true positions alone.
 
-The simulation asks it as it goes, and a check of a log asks it again; neither needs MuJoCo for it.
+Shared by the simulation and the check of a log; needs no MuJoCo.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ BETWEEN_DECISIONS = tuple(one for one in get_args(Outcome) if one not in AT_A_DE
 """Outcomes of the physics after a decision, or of a failure of the program."""
 
 STUCK_RADIUS = 0.3
-"""Less movement than this within `episode.stuck_after` is no movement, m."""
+"""Extent of the positions within `episode.stuck_after` below which the robot is stuck, m."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What an episode's decisions are held against.
+    """Limits of an episode.
 
     Attributes:
         episode: Times and tolerances.
-        mission: Its goal.
-        period_s: From one decision to the next, s.
+        mission: Mission with the goal.
+        period_s: Time from one decision to the next, s.
     """
 
     episode: EpisodeConfig
@@ -47,11 +47,11 @@ class Limits:
     period_s: float
 
     def ending_at(self, decision: pb.Decision, positions: Sequence[Array]) -> Verdict | None:
-        """What a decision ends: the goal that it claims is checked against the truth.
+        """The verdict of a decision; a claim of the goal is checked against the truth.
 
         Args:
             decision: The newest.
-            positions: (3,) true, of the base, at every decision so far, m.
+            positions: True positions (3,) of the base at every decision so far, m.
         """
         config = self.episode
         if decision.action == "abort":

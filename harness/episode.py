@@ -31,11 +31,11 @@ Observer = Callable[[pb.Decision, pb.Truth], None]
 
 
 class Episode:
-    """The loop's state: the simulation, the stack under test, and what is on its way between.
+    """The loop of one episode: simulation, stack under test, log.
 
     Attributes:
-        delays: Of decisions by number, s, in place of what is measured or modelled.
-        fault: What Wayproof's own code raised, if that ended the episode.
+        delays: Delay of decisions by number, s, in place of the measured or modelled one.
+        fault: Exception of Wayproof's own code, if that ended the episode.
     """
 
     def __init__(
@@ -73,22 +73,22 @@ class Episode:
         decisions: Sequence[pb.Decision],
         truths: Sequence[pb.Truth],
     ) -> None:
-        """Put the episode where it was before a decision; `run` then goes on with that one.
+        """Restore the episode before a decision; `run` then continues with that one.
 
         Args:
-            state: Of the simulation and every part, at that decision; none at the first.
-            trajectories: All committed before it, the start's own apart, each with its arrival, ns.
+            state: Snapshot of every part at that decision; none at the first.
+            trajectories: All committed before it, without that of the start, with arrivals, ns.
             decisions: All before it.
-            truths: Of each of these.
+            truths: One for each of these.
 
         Raises:
-            InputError: The state is not one of this episode.
+            InputError: The state belongs to another episode.
         """
         self._sequence = len(decisions)
         if state is not None:
             restore_parts(self.parts, state)
             if (traffic := self._simulation.traffic) is not None:
-                traffic.show(self._simulation.data)  # moved on after the step that MuJoCo repeated
+                traffic.show(self._simulation.data)  # it moved after the step that MuJoCo repeated
         self._simulation.enqueue(trajectories)  # the ones that began leave the queue by themselves
         self._recorder.resume(decisions, truths)
 
@@ -142,18 +142,18 @@ class Episode:
         latency: pb.Latency,
         decision: pb.Decision,
     ) -> None:
-        """Log the decision with all that it was made on, and the truth."""
+        """Log the decision with its inputs, and the truth."""
         messages = [*inputs, (latency, serialized(latency))]
         truth = self._recorder.record(messages, decision, time_ns)
         if self._observe is not None:
             self._observe(decision, truth)
         self._sequence += 1
         self._chain, self._following = decision.chain, True
-        if self._watchdog.names:  # whatever comes of the user's code, this decision is kept
+        if self._watchdog.names:  # whatever the user's code does next, this decision is kept
             self._log.flush()
 
     def _follow(self) -> Verdict | None:
-        """Physics up to the next decision, or to what ends the episode."""
+        """Simulate up to the next decision, or to a verdict."""
         for left in reversed(range(self._simulation.steps_per_decision)):
             if self._simulation.step(save=left == 0) and (
                 verdict := self._termination.check_physics()
@@ -172,7 +172,7 @@ class Episode:
 
     def _failed(self, error: Exception | NeverReturned, began: float) -> Result:
         """End as `error`, with the traceback in the log."""
-        bound_memory(None)  # what is left to do takes memory, too
+        bound_memory(None)  # finishing the log takes memory, too
         newest = self._sequence - self._following  # the decision being made or followed
         place = f"{'after' if self._following else 'at'} decision {newest}"
         failure = failure_of(error, place, self._watchdog.names)
@@ -208,13 +208,13 @@ class Episode:
 
 
 def arrival_ns(decision: pb.Decision, trajectory: Trajectory) -> int:
-    """When the robot begins to follow what was decided: at its start, or late, as it arrives."""
+    """Time at which the robot begins to follow a trajectory: its start, or its late arrival, ns."""
     arrival = decision.timestamp.ToNanoseconds() + round(decision.delay_s * 1e9)
     return max(trajectory.start_ns, arrival)
 
 
 def _delay(config: LatencyConfig, stages: pb.StageLatency) -> float:
-    """The delay that the robot experiences, s: modelled, or measured and rounded up to 1 ms."""
+    """Delay of a decision, s: modelled, or measured and rounded up to 1 ms."""
     if config.mode == "modelled":
         return config.expected
     measured = stages.sense_ms + stages.map_ms + stages.costmap_ms + stages.plan_ms

@@ -1,4 +1,4 @@
-"""Bad input, told in one line."""
+"""Errors of the user's input, in one line each."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterable
 
 
 class InputError(Exception):
-    """What the user gave cannot be used; the message is the one line to print, exit code 2.
+    """The user's input cannot be used; the message is the one line to print, exit code 2.
 
-    What no terminal should be sent, a line break too, stands in it as an escape.
+    Control characters and line breaks are escaped in it.
     """
 
     def __init__(self, message: str) -> None:
-        """Take the message, which may quote what a stranger wrote."""
+        """Keep the message, which may quote text of unknown origin."""
         super().__init__(printable(message))
 
 
@@ -23,7 +23,7 @@ def printable(text: str) -> str:
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C, with what became of the work in one line."""
+    """Ctrl-C, with the state of the work in one line."""
 
 
 def unknown_name(kind: str, got: str, available: Iterable[str]) -> InputError:
@@ -35,9 +35,9 @@ def unknown_name(kind: str, got: str, available: Iterable[str]) -> InputError:
 
 
 def near_name(got: str, names: Iterable[str]) -> str | None:
-    """The name that was probably meant: letters apart in case or separators, or misspelt, or part.
+    """The nearest name: another case or separator, a misspelling, or a part of it.
 
-    A part has to be of three characters, and of one name alone.
+    A part has at least three characters and belongs to one name alone.
     """
     plain = {_plain(name): name for name in names}
     word = _plain(got)

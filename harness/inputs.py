@@ -1,4 +1,4 @@
-"""What a decision may see: poses and sweeps exactly as they stand in the log."""
+"""Inputs of a decision: poses and sweeps exactly as they are in the log."""
 
 from __future__ import annotations
 
@@ -31,19 +31,20 @@ from wayproof.models.sensors.beams import (
 
 CODEC = "u16-delta-planes"
 
-FARTHEST = 1e5
-"""Farther from the world's origin than any mission, m."""
+MAX_COORDINATE = 1e5
+"""Maximum distance from the world's origin along an axis, m; beyond any mission."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """The believed pose T_world_base.
+    """The estimated pose T_world_base.
 
     Attributes:
         position: (3,) m.
         quaternion: (4,) w x y z.
-        position_sigma: One standard deviation along the axis of the greatest, as stated, m.
-        trail: Believed poses while the sweeps were taken, up to this one; none if no shutter rolls.
+        position_sigma: Stated standard deviation along the axis where it is greatest, m.
+        trail: Estimated poses while the sweeps were taken, up to this one; none without a rolling
+            shutter.
     """
 
     position: NDArray[np.float64]
@@ -64,14 +65,14 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class PlacedSweep:
-    """A sweep's beams in the world, as a map takes them.
+class WorldSweep:
+    """A sweep's beams in the world frame.
 
     Attributes:
-        origins: (m, 3) where the sensor was at each moment, m.
+        origins: (m, 3) position of the sensor at each moment, m.
         directions: (n, 3) unit vectors.
         ranges_mm: (n,) uint16 along the beams.
-        moments: (n,) int32: which origin each beam left from.
+        moments: (n,) int32 index of the origin of each beam.
     """
 
     origins: NDArray[np.float64]
@@ -79,8 +80,8 @@ class PlacedSweep:
     ranges_mm: NDArray[np.uint16]
     moments: NDArray[np.int32]
 
-    def without_silent(self) -> PlacedSweep:
-        """The same, but that beams without return tell nothing."""
+    def without_no_returns(self) -> WorldSweep:
+        """The sweep with beams without return dropped."""
         silent = self.ranges_mm == NO_RETURN
         return replace(self, ranges_mm=np.where(silent, DROPPED, self.ranges_mm))
 
@@ -106,8 +107,8 @@ class Beams:
         self._position_base_sensor = position_base_sensor
         self._R_base_sensor = R_base_sensor
 
-    def place(self, sweep: SweepInput, pose: Pose, sequence: int) -> PlacedSweep:
-        """Put a sweep into the world for a body that believes to be, and to have been, at `pose`.
+    def place(self, sweep: SweepInput, pose: Pose, sequence: int) -> WorldSweep:
+        """Transform a sweep into the world frame by an estimated pose.
 
         Raises:
             InputError: The sweep has another number of beams, or its shutter rolls and the pose
@@ -124,10 +125,10 @@ class Beams:
         one = len(rotations) == 1
         beams = rotate(rotations[0] if one else rotations[self._moments], self._directions)
         ranges = ray_ranges(self.table, self._directions, sweep.ranges_mm)
-        return PlacedSweep(origins, beams, ranges, self._moments)
+        return WorldSweep(origins, beams, ranges, self._moments)
 
     def _poses(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where the sensor is believed to have been: (m, 3) in m and (m, 3, 3), world."""
+        """Estimated poses of the sensor at each moment: (m, 3), m, and (m, 3, 3), world."""
         positions, rotations = pose.position[None], pose.rotation[None]
         if self.table.scan_poses > 1:
             if pose.trail is None:
@@ -147,7 +148,7 @@ def turn(rotations: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArra
 
 @dataclass(frozen=True)
 class SweepInput:
-    """One sweep: the sensor's name, (n,) uint16 millimetres, and (n,) classes if it tells them."""
+    """One sweep: the sensor's name, (n,) uint16 ranges, mm, and (n,) classes if there are any."""
 
     sensor: str
     ranges_mm: NDArray[np.uint16]
@@ -156,12 +157,12 @@ class SweepInput:
 
 @dataclass(frozen=True)
 class Inputs:
-    """All that a decision may depend on besides the decisions before it.
+    """All that a decision depends on besides the decisions before it.
 
     Attributes:
         time_ns: Simulated time of the sweeps.
         sequence: Number of the decision.
-        pose: Believed pose at that time.
+        pose: Estimated pose at that time.
         sweeps: In the order in which they are integrated.
         digest: Hash of the messages that these were read from.
     """
@@ -178,15 +179,15 @@ def inputs_from_messages(
 ) -> Inputs:
     """Read the inputs of one decision back from its messages.
 
-    The recording itself goes this way too, so that it decides on what the log holds.
+    The recording itself decodes them too, so that it decides on what is in the log.
 
     Args:
-        pose: The believed pose.
+        pose: The estimated pose.
         sweeps: In the order in which they are integrated.
-        written: Sweeps and pose as they are logged, if that was worked out already.
+        written: Sweeps and pose serialized, if that is done already.
 
     Raises:
-        InputError: A sweep's codec or size is not what it says.
+        InputError: A sweep's codec is unknown, or its size is wrong.
     """
     if written is None:
         written = [serialized(message) for message in (*sweeps, pose)]
@@ -254,10 +255,10 @@ def check_pose(
     sigma: float,
     trail: Trail | None,
 ) -> None:
-    """Refuse what is no pose before a kernel makes array indices of it.
+    """Refuse an invalid pose before a kernel computes array indices from it.
 
     Raises:
-        InputError: Naming what is wrong.
+        InputError: A number is out of range; the message names it.
     """
     if position.shape != (3,) or quaternion.shape != (4,):
         raise InputError(f"pose: got {len(position)} and {len(quaternion)} numbers, expected 3, 4")
@@ -265,12 +266,12 @@ def check_pose(
     if trail is not None:
         positions = np.concatenate([positions, trail.positions])
         quaternions = np.concatenate([quaternions, trail.quaternions])
-    if not (np.abs(positions) <= FARTHEST).all():
-        raise InputError(f"pose: position {position}, expected within {FARTHEST:g} m")
+    if not (np.abs(positions) <= MAX_COORDINATE).all():
+        raise InputError(f"pose: position {position}, expected within {MAX_COORDINATE:g} m")
     lengths = np.sqrt(np.square(quaternions).sum(axis=1))
     if not (np.abs(lengths - 1.0) <= 1e-3).all():
         raise InputError(f"pose: quaternion {quaternion}, expected unit length")
-    if not 0.0 <= sigma <= FARTHEST:
+    if not 0.0 <= sigma <= MAX_COORDINATE:
         raise InputError(f"pose: sigma {sigma:g} m, expected 0 or more")
 
 
@@ -278,7 +279,7 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
     """Rebuild a sensor's beams from its logged tables.
 
     Raises:
-        InputError: They are not those of a sensor.
+        InputError: The tables are invalid.
     """
     width = info.row_width
     if width not in (1, 2) or len(info.rows) % width or len(info.columns) % width:
@@ -303,7 +304,7 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
         raise InputError(f"sensor '{info.name}': no mounting")
     R = rotation.reshape(3, 3)
     orthogonal = np.allclose(turn(R[None], R)[0], np.eye(3), atol=1e-6)
-    if not (np.abs(position) <= FARTHEST).all() or not orthogonal:
+    if not (np.abs(position) <= MAX_COORDINATE).all() or not orthogonal:
         raise InputError(f"sensor '{info.name}': no mounting")
     if not 0.0 < info.range_m <= LONGEST_RANGE:
         raise InputError(

@@ -1,4 +1,4 @@
-"""What an episode was worth: pure functions of its log, each with unit, formula and source.
+"""Metrics of an episode: pure functions of its log, each with unit, formula and source.
 
 None of them runs the simulator or the stack; `wayproof score` recomputes them from logs alone.
 """
@@ -23,7 +23,7 @@ from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHAR
 Array = NDArray[np.float64]
 
 STANDING_SPEED = 0.05
-"""Slower than this the robot counts as stopped, m/s; a trot in place sways by about 0.03."""
+"""Speed below which the robot counts as stopped, m/s; a trot in place sways by about 0.03."""
 
 BARN_SPEED = 2.0
 """Speed by which BARN turns a reference length into an optimal time, m/s."""
@@ -34,19 +34,19 @@ BARN_CLIP = (2.0, 8.0)
 
 @dataclass(frozen=True)
 class Trace:
-    """An episode as its metrics need it; one entry for each of n decisions.
+    """Data of an episode for its metrics; one entry for each of n decisions.
 
     Attributes:
-        outcome: As the log's result states it.
+        outcome: Outcome in the log's result.
         duration: Simulated time to the end, s.
         collisions: Times that the robot began to touch an obstacle.
         goal_distance: True distance from the goal at the end, m.
-        route_length: Shortest path that the world allows this body, m; none where nobody knows.
+        route_length: Length of the shortest path for this body, m; none if unknown.
         times: (n,) s.
         positions: (n, 3) true, of the base, m.
         velocities: (n, 3) true, m/s.
         clearances: (n,) least true distance to anything but the floor, m.
-        actions: (n,) names; none for a log of before format 5, in which they meant otherwise.
+        actions: (n,) names; none for a log before format 5, where they had other meanings.
         latencies: (n,) wall time of a decision's stages together, ms.
         missed: (n,) whether it was past its deadline.
         start_distance: Distance of the start from the goal, measured as `goal_distance` is, m.
@@ -184,14 +184,14 @@ def path_length(trace: Trace) -> float:
 
 
 def path_ratio(trace: Trace) -> float | None:
-    """Distance travelled over the shortest route; told for successes alone."""
+    """Distance travelled over the shortest route; for successes alone."""
     if trace.route_length is None or not trace.success or trace.route_length == 0.0:
         return None
     return trace.path_length / trace.route_length
 
 
 def time_to_goal(trace: Trace) -> float | None:
-    """Simulated time to the goal, s; told for successes alone (average it restricted)."""
+    """Simulated time to the goal, s; for successes alone (average it restricted)."""
     return trace.duration if trace.success else None
 
 
@@ -202,9 +202,9 @@ def time_stopped(trace: Trace) -> float:
 
 
 def explorations(trace: Trace) -> float | None:
-    """Times that the robot set out to look from elsewhere: runs of `explore`, not decisions.
+    """Number of explorations: runs of `explore`, not decisions.
 
-    To follow the path while its far end is unknown is no exploration.
+    Following a path whose far end is unknown is no exploration.
     """
     return _runs(trace, "explore")
 
@@ -212,7 +212,7 @@ def explorations(trace: Trace) -> float | None:
 def stops(trace: Trace) -> float | None:
     """Times that the stack stopped for something or waited: runs of `stop_and_wait`, not decisions.
 
-    To brake to the goal is no stop.
+    Braking to the goal is no stop.
     """
     return _runs(trace, "stop_and_wait")
 

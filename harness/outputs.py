@@ -1,4 +1,4 @@
-"""Files that the program writes: each whole or not at all, and none in place of what is no file.
+"""Output files: each whole or not at all, and none in place of a device or folder.
 
 A file grows under `NAME.partial`, of which one writer at a time holds the lock, and takes its name
 by an atomic rename. So two writers never mix, a device or a folder is never replaced, and what a
@@ -20,7 +20,7 @@ from pathlib import Path
 from wayproof.harness.errors import InputError
 
 ENDING = ".partial"
-"""Of the name of a file that is still written."""
+"""Suffix of a file that is being written."""
 
 POLL_S = 0.05
 
@@ -32,7 +32,7 @@ KINDS = {
     stat.S_IFSOCK: "a socket",
     stat.S_IFLNK: "a link",
 }
-"""What a path may lead to that is no regular file."""
+"""Names of the kinds of path that are no regular file."""
 
 
 class Draft:
@@ -104,7 +104,7 @@ class Draft:
         """Let the name go; what was written stays as the partial file, and nothing does not."""
         if self.file.closed:
             return
-        with contextlib.suppress(OSError):  # a full disk is what may have brought us here
+        with contextlib.suppress(OSError):  # the disk may be full
             self.file.flush()
         if os.fstat(self.file.fileno()).st_size == 0:
             self.discard()
@@ -160,7 +160,7 @@ class Draft:
                 return descriptor
 
     def _move_aside(self) -> Path:
-        """Keep what a killed writer left: it may be all that tells why. The lock on it is held."""
+        """Keep the partial file of a killed writer, perhaps the only trace; its lock is held."""
         number = 1
         while (aside := self.partial.with_name(f"{self.partial.name}.{number}")).exists():
             number += 1
@@ -233,7 +233,7 @@ def check_target(path: Path, what: str) -> None:
 
 @contextlib.contextmanager
 def written_whole(path: Path, what: str) -> Iterator[Path]:
-    """A name to write a file under, which it leaves for its own when all went well.
+    """Yield a temporary name to write a file under; it takes its own name on success.
 
     Args:
         path: The file's own name.

@@ -18,7 +18,7 @@ Outcome = Literal[
 ]
 
 RECOVERED = "recovered: "
-"""With which the reason of a recovered log begins: its end is missing, its outcome is `error`."""
+"""Prefix of the reason of a recovered log, whose end is missing and whose outcome is `error`."""
 
 
 @dataclass(frozen=True)
@@ -30,22 +30,22 @@ class Result:
         reason: In words.
         goal_distance_m: True distance from the goal at the end.
         sim_time_s: Simulated time.
-        wall_time_s: Time that it took, compilation apart.
+        wall_time_s: Wall time without compilation.
         decisions: Number of decisions.
-        collisions: How often the robot started to touch something but the floor.
-        struck: How often something that moves ran into the robot at rest.
+        collisions: Number of times that the robot began to touch anything but the floor.
+        struck: Number of times that a mover ran into the robot at rest.
         min_clearance_m: Least true distance to anything but the floor, at decision times.
         path_length_m: Distance travelled.
         route_length_m: Length of the shortest way by the truth; None if there is none.
         deadline_misses: Decisions past their deadline.
         chain: Hash over all decisions.
         log: The log's path.
-        log_mb_per_min: Size of the log for each simulated minute, MB.
-        cause: Of a failure, see `harness.attribution`; empty for a success.
-        cause_evidence: For it, in words.
-        cause_decision: Number of the last decision that could have done otherwise; -1 if none.
-        contact: What was touched and where, m; empty for nothing.
-        traceback: Of an `error` in code, the user's or ours; the log has it as `error.txt`.
+        log_mb_per_min: Size of the log per simulated minute, MB.
+        cause: Cause of a failure, see `harness.attribution`; empty for a success.
+        cause_evidence: Evidence for the cause, in words.
+        cause_decision: Number of the last decision that could have prevented it; -1 if none.
+        contact: Name of the obstacle touched and position, m; empty for none.
+        traceback: Traceback of an `error` in code, the user's or ours; in the log as `error.txt`.
     """
 
     outcome: Outcome
@@ -70,24 +70,24 @@ class Result:
     traceback: str = ""
 
     def to_metadata(self) -> dict[str, str]:
-        """The result as the log states it: all but what is only of this run."""
+        """The result for the log, without the fields of this run alone."""
         apart = ("log", "log_mb_per_min", "wall_time_s", "traceback")
         fields = {k: v for k, v in asdict(self).items() if k not in apart}
         return {name: str(value) for name, value in fields.items()}
 
 
 def is_recovered(result: Mapping[str, str]) -> bool:
-    """Whether a log's result says that it was recovered, so that its end is missing."""
+    """Whether a log was recovered, so that its end is missing, by its result."""
     return result["outcome"] == "error" and result.get("reason", "").startswith(RECOVERED)
 
 
 def ends_in_error(result: Mapping[str, str]) -> bool:
-    """Whether an episode broke off: its process was killed, or code in it failed."""
+    """Whether an episode ended early: its process was killed, or code failed."""
     return result["outcome"] == "error"
 
 
 def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> dict[str, float]:
-    """The result's figures that follow from what is logged at each decision, by name.
+    """The result's figures that follow from decisions and truths, by name.
 
     Args:
         decisions: All of them.
@@ -119,10 +119,10 @@ def figures(
 
 @dataclass(frozen=True)
 class Contact:
-    """Where the robot touched what it should not.
+    """First contact of the robot with an obstacle.
 
     Attributes:
-        name: Of the mover or geom.
+        name: Name of the mover or geom.
         position: (3,) m, world.
     """
 
@@ -131,7 +131,7 @@ class Contact:
 
     @classmethod
     def from_text(cls, text: str) -> Contact | None:
-        """Read what `str` wrote, or nothing."""
+        """Parse the text of `str`; None if empty."""
         name, _, place = text.rpartition(" at ")
         if not name:
             return None

@@ -15,7 +15,7 @@ from wayproof.harness.log.copy import thin
 from wayproof.harness.log.writer import PLUGINS, LogWriter, hold_log
 from wayproof.harness.outputs import Draft
 from wayproof.harness.result import Result
-from wayproof.harness.scenario.mujoco_warnings import tell_warnings
+from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.pipeline import Navigator
@@ -45,7 +45,7 @@ def run_episode(
         InputError: No map can be made for the mission, or the log cannot be written.
         Exception: A fault of Wayproof's own ended the episode; its log is finished as `error`.
     """
-    tell_warnings()
+    redirect_mujoco_warnings()
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
     beams = {info.name: beams_from_info(info) for info in infos}
     navigator = (stack or build_navigator)(scenario.config, scenario.mission, beams)

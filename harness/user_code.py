@@ -1,4 +1,4 @@
-"""What a user's code does to an episode: it may raise, never return, or take all memory.
+"""Failures of a user's code in an episode: it may raise, never return, or take all memory.
 
 A planner or controller of the user's own ends its episode as `error`, with its traceback in the
 log. So does a fault of Wayproof's own, which is raised on besides.
@@ -25,25 +25,25 @@ from wayproof.planners.ompl._plugin import source_digest
 USER_CODE_ERRORS = (PlannerError, ControllerError)
 
 LONGEST_TRACEBACK = 16_384
-"""Characters of a traceback that a log keeps: its end."""
+"""Maximum number of characters of a traceback in a log; its end is kept."""
 
 LONGEST_LINE = 400
-"""Characters of one line of it."""
+"""Maximum number of characters of a line of a traceback."""
 
 REPEAT_S = 1.0
-"""Code that catches the first interruption gets another after so long, s."""
+"""Time after which code that catches the first interruption gets another, s."""
 
 LONGEST_GRACE_S = 10.0
-"""What cannot be interrupted, as it runs in no Python, has as much time again, at most this, s."""
+"""Maximum time that code outside Python, which cannot be interrupted, gets besides, s."""
 
 
 class NeverReturned(BaseException):
-    """A decision or its following took more wall time than `plugins.wall_s`."""
+    """A decision, or the physics after it, took more wall time than `plugins.wall_s`."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why an episode could not go on.
+    """Failure of code that ended an episode.
 
     Attributes:
         reason: In one line, with the decision's number.
@@ -76,18 +76,18 @@ def plugin_digests(config: Config) -> dict[str, str]:
 
 
 def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:
-    """Tell a failure of a user's code from one of ours.
+    """Classify an exception as a failure of a user's code or of ours.
 
     Args:
-        error: What was raised.
-        place: When, such as `at decision 12`.
+        error: The exception.
+        place: Time of it, such as `at decision 12`.
         names: The user's classes in use.
     """
     raised = error.__cause__ if isinstance(error, USER_CODE_ERRORS) else None
     text = bounded("".join(traceback.format_exception(raised or error)))
     if isinstance(error, USER_CODE_ERRORS):
-        told = f"{error.who} {raised}" if isinstance(raised, NeverReturned) else str(error)
-        return Failure(printable(f"{told} {place}"), text, ours=False)
+        line = f"{error.who} {raised}" if isinstance(raised, NeverReturned) else str(error)
+        return Failure(printable(f"{line} {place}"), text, ours=False)
     if isinstance(error, NeverReturned):
         return Failure(printable(f"{', '.join(names)} {error} {place}"), text, ours=False)
     if isinstance(error, MemoryError) and names:
@@ -156,4 +156,4 @@ class Watchdog:
 
 
 PASSED_ON = (InputError, OSError)
-"""What ends an episode without being a failure of code: bad input, a full disk."""
+"""Exceptions that end an episode but are no failure of code: bad input, a full disk."""

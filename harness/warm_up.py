@@ -1,4 +1,4 @@
-"""Compiling every kernel before anything is timed.
+"""Compilation of every kernel before anything is timed.
 
 `python -m wayproof.harness.warm_up` compiles what the packaged robots run by default, in two
 processes: the compiler takes one core, and half a minute to a minute on two.
@@ -24,17 +24,17 @@ from wayproof.models.worlds import solvability
 def warm_up(config: Config) -> None:
     """Compile what an episode runs, or load it from the cache.
 
-    What this process holds by then is left out when garbage is looked for later: to look through
-    all that is loaded takes as long as ten decisions.
+    All objects of this process are then excluded from garbage collection: scanning them takes as
+    long as ten decisions.
     """
-    perceive(config)
-    act(config)
+    compile_perception(config)
+    compile_control(config)
     gc.collect()
     gc.freeze()
 
 
-def perceive(config: Config) -> None:
-    """Of these, what casts rays and makes maps."""
+def compile_perception(config: Config) -> None:
+    """Compile the kernels of ray casting and mapping."""
     maps.warm_up(config.map.kind, config.costmap.max_slope, config.sensors.semantics)
     measure.warm_up()
     range_codec.warm_up()
@@ -43,15 +43,15 @@ def perceive(config: Config) -> None:
     solvability.warm_up()
 
 
-def act(config: Config) -> None:
-    """And what plans and controls."""
+def compile_control(config: Config) -> None:
+    """Compile the kernels of planning and control."""
     step_kernels.warm_up()
     planners.warm_up(config.planner, oriented=bool(find_robot(config).spec.discs))
     warm_up_robot(config)
 
 
 def for_each_robot(compile_part: Callable[[Config], None]) -> None:
-    """Compile a part of what each of them needs."""
+    """Compile one part of the kernels for each packaged robot."""
     for robot in ROBOTS:
         compile_part(Config("warehouse", robot, 0))
 
@@ -59,10 +59,10 @@ def for_each_robot(compile_part: Callable[[Config], None]) -> None:
 def main() -> None:
     """Fill the cache of compiled kernels."""
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        list(pool.map(for_each_robot, (perceive, act)))
+        list(pool.map(for_each_robot, (compile_perception, compile_control)))
 
 
-# Modules are garbage at the end, and OMPL's bindings complain of what of them is left.
+# Modules are garbage at exit, and OMPL's bindings warn about those that are frozen.
 atexit.register(gc.unfreeze)
 
 if __name__ == "__main__":

@@ -124,7 +124,7 @@ def true_map(log: Log, case: Case) -> Change:
                 marks[:] = [true_cells(case, navigator)]
             mark_truth(navigator, marks[0], inputs)
 
-        navigator.mapper.informant = mark
+        navigator.mapper.on_integrated = mark
 
     config = replace(log.config, map=replace(log.config.map, log_odds_hit=STEP, log_odds_miss=STEP))
     return Change(config, stack=inform)

@@ -17,7 +17,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.paths import densely
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
-from wayproof.harness.stack.labels import bound_version
+from wayproof.harness.stack.labels import combined_version
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import FREE, OCCUPIED
 
@@ -167,7 +167,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         label=decision.label,
         representation=decision.representation,
         version=decision.map_version,
-        version_holds=bound_version(navigator.map.version(), navigator.labels)
+        version_holds=combined_version(navigator.map.version(), navigator.labels)
         == decision.map_version,
         resolution_m=decision.resolution_m,
         unknown_policy=decision.unknown_policy,

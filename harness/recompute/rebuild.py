@@ -11,11 +11,11 @@ from wayproof.harness.inputs import beams_from_info
 from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.segments import Segment
 from wayproof.harness.recompute.side_by_side import changed_mission
-from wayproof.harness.scenario.mujoco_warnings import tell_warnings
+from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.robots import find_logged_robot
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.scenario.scene_text import safe_scene
-from wayproof.harness.scenario.worlds import perturbed
+from wayproof.harness.scenario.worlds import apply_world_perturbation
 from wayproof.harness.stack.decision import Difference
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import bind, resolve
@@ -38,7 +38,7 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
             itself.
     """
     config = config or log.config
-    tell_warnings()
+    redirect_mujoco_warnings()
     text = safe_scene(log.scene)
     robot = find_logged_robot(config, text)
     try:
@@ -96,7 +96,7 @@ def _world(log: Log) -> World:
     """The world as its seed makes it; of a world that is a file, what the mission tells."""
     if log.config.world in WORLDS:
         world = WORLDS[log.config.world](log.config.seed, log.config.difficulty)
-        return perturbed(world, log.config)
+        return apply_world_perturbation(world, log.config)
     mission = log.mission
     return World(
         name=log.config.world,

@@ -1,4 +1,4 @@
-"""MuJoCo's warnings, told as ours: by default it appends them to a file in the working folder."""
+"""MuJoCo's warnings on standard error, not in a file of the working folder as by default."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import sys
 import mujoco
 
 
-def tell_warnings() -> None:
-    """Send what MuJoCo warns of to standard error, and no file; called before anything compiles."""
-    mujoco.set_mju_user_warning(_tell)
+def redirect_mujoco_warnings() -> None:
+    """Redirect MuJoCo's warnings to standard error; called before anything compiles."""
+    mujoco.set_mju_user_warning(_print_warning)
 
 
-def _tell(text: str) -> None:
+def _print_warning(text: str) -> None:
     line = " ".join(str(text).split())
     print(f"wayproof: warning: MuJoCo: {line}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""What a config names, a world or a robot: one of a registry, or one that is read from a file."""
+"""Worlds and robots by name: from a registry, or read from a file."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from wayproof.harness.errors import InputError, unknown_name
 from wayproof.models.robots.custom import RobotSpecError
 from wayproof.models.world_files import WorldFileError
 
-HASHED = "@"
-"""In a log's config, of what was read from a file: between its name and its hash."""
+HASH_SEPARATOR = "@"
+"""Separator in `name@hash`, the identity of a world or robot from a file in a log's config."""
 
 Registered = TypeVar("Registered")
 Read = TypeVar("Read")
@@ -24,24 +24,24 @@ def find_named(
     ending: str,
     read: Callable[[Path], Read],
 ) -> Registered | Read:
-    """Look a name up, or read the file that stands in its place.
+    """Look up a name in a registry, or read the file of that path.
 
     Args:
-        kind: Of what is looked for, in words.
-        name: In the registry, or the path of a file.
-        registry: What there is by name.
-        ending: Of such a file.
-        read: Reads one.
+        kind: Kind of the thing, for messages.
+        name: Name in the registry, or path of a file.
+        registry: Available things by name.
+        ending: Suffix of such a file.
+        read: Reader of such a file.
 
     Raises:
-        InputError: No such name or file; or the name of what only its log still has.
+        InputError: No such name or file; or an identity whose content is only in its log.
     """
     if name.endswith(ending):
         try:
             return read(Path(name))
         except (WorldFileError, RobotSpecError) as error:
             raise InputError(f"{kind} '{name}': {error}") from None
-    if HASHED in name:
+    if HASH_SEPARATOR in name:
         raise InputError(
             f"{kind} '{name}' was read from a file: expected the file, or a log with it"
         )

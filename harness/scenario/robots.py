@@ -8,7 +8,7 @@ from pathlib import Path
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.scenario.named import HASHED, find_named
+from wayproof.harness.scenario.named import HASH_SEPARATOR, find_named
 from wayproof.models.robots import ROBOTS, Robot, custom
 from wayproof.models.robots.custom import (
     CONTROLLERS,
@@ -25,17 +25,17 @@ EXAMPLES = Path(custom.__file__).parent / "examples"
 """Spec files of robots whose models are packages of their own."""
 
 ENDING = ".toml"
-"""Of a spec file, given in place of a robot's name."""
+"""Suffix of a spec file, given in place of a robot's name."""
 
-MOST_BYTES = 2**20
-"""Of one that is looked into before it is read."""
+MAX_SPEC_BYTES = 2**20
+"""Maximum size of a spec file, bytes."""
 
 
 def find_robot(config: Config) -> Robot:
     """The robot that a config names, or that a spec file describes.
 
     Raises:
-        InputError: No such robot or file; or the robot of a file that only its log still has.
+        InputError: No such robot or file; or a robot whose spec is only in its log.
     """
     example = EXAMPLES / f"{Path(config.robot).name.lower()}{ENDING}"
     if config.robot not in ROBOTS and example.is_file():
@@ -71,13 +71,13 @@ def refuse_unused(config: Config, settings: Iterable[str]) -> None:
 
 
 def controller_of(name: str) -> str:
-    """What the spec file of a robot names as its controller, without loading it; else empty."""
+    """The controller named by a robot's spec file, without loading it; else empty."""
     if not name.endswith(ENDING):
         return ""
     try:
-        return parse_spec(read_text(Path(name), MOST_BYTES)).controller
+        return parse_spec(read_text(Path(name), MAX_SPEC_BYTES)).controller
     except ValueError:
-        return ""  # told when the robot is read
+        return ""  # reported when the robot is read
 
 
 def find_logged_robot(config: Config, scene: str) -> Robot:
@@ -92,7 +92,7 @@ def find_logged_robot(config: Config, scene: str) -> Robot:
     """
     if config.robot in ROBOTS:
         return ROBOTS[config.robot]
-    if HASHED not in config.robot or not config.robot_file:
+    if HASH_SEPARATOR not in config.robot or not config.robot_file:
         raise unknown_name("robot", config.robot, ROBOTS)
     try:
         return logged_robot(config.robot_file, scene, ROBOT_PREFIX)
@@ -101,8 +101,8 @@ def find_logged_robot(config: Config, scene: str) -> Robot:
         raise InputError(f"robot '{config.robot}': {line}") from None
 
 
-def told_robot(robot: Robot, config: Config) -> Config:
-    """What a log's config says of the robot: a file's with its hash and its text."""
+def log_robot_identity(robot: Robot, config: Config) -> Config:
+    """The config for the log, with the identity and the spec of a robot from a file."""
     if isinstance(robot, CustomRobot):
         return replace(config, robot=robot.identity, robot_file=robot.text)
     return replace(config, robot_file="")
@@ -117,6 +117,6 @@ def warm_up_robot(config: Config) -> None:
         text = config.robot_file or Path(config.robot).read_text(encoding="utf-8")
         kind = CONTROLLERS.get(parse_spec(text).controller)
     except (OSError, UnicodeDecodeError, RobotSpecError):
-        return  # told when the episode is built
+        return  # reported when the episode is built
     if kind is not None:
         kind.warm_up()

@@ -1,4 +1,4 @@
-"""From a config to a scene and a mission, refusing what cannot be run."""
+"""Scenario of an episode, built from its config: world, scene, mission."""
 
 from __future__ import annotations
 
@@ -11,8 +11,12 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
-from wayproof.harness.scenario.robots import find_robot, told_robot
-from wayproof.harness.scenario.worlds import find_world, perturbed, told_world
+from wayproof.harness.scenario.robots import find_robot, log_robot_identity
+from wayproof.harness.scenario.worlds import (
+    apply_world_perturbation,
+    find_world,
+    log_world_identity,
+)
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.checks import check
 from wayproof.models.robots import ROBOTS, Robot, RobotSpec
@@ -33,9 +37,9 @@ class Scenario:
         config: With start and goal resolved.
         world: The generated world.
         scene: World and robot, compiled.
-        mission: What the navigation stack is told.
+        mission: Task of the navigation stack.
         spec: The robot's body.
-        warnings: What the model check says that does not keep the episode from running.
+        warnings: Findings of the model check that do not prevent a run.
     """
 
     config: Config
@@ -75,7 +79,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
     """
     robot = find_robot(config)
     spec = robot.spec
-    world = perturbed(find_world(config) if world is None else world, config)
+    world = apply_world_perturbation(find_world(config) if world is None else world, config)
     start = _place(config.start, world.start, spec)
     goal = _place(config.goal, world.goal, spec)
     for name, point in (("start", start), ("goal", goal)):
@@ -85,7 +89,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
     except ValueError as error:
         raise InputError(f"robot '{config.robot}': {error}") from None
     config = replace(config, start=start, goal=goal, sensors=sensors)
-    config = told_robot(robot, told_world(world, config))
+    config = log_robot_identity(robot, log_world_identity(world, config))
     scene = _compose(world, robot, config)
     return Scenario(
         config=config,

@@ -1,8 +1,7 @@
-"""Scenes from a log as text that MuJoCo may be given: nothing in it reaches outside itself.
+"""Scenes from a log, checked before MuJoCo reads them: self-contained MJCF alone.
 
-MJCF can name files, include others, load plug-ins and ask for any amount of memory in a few bytes.
-What a log holds was flattened, so a scene with any of that is none of ours, and is refused before
-MuJoCo sees it.
+MJCF can name files, include others, load plug-ins and request any amount of memory in a few bytes.
+Scenes in our logs are flattened, so one with any of that is refused.
 """
 
 from __future__ import annotations
@@ -17,39 +16,39 @@ from wayproof.models.world_files.mjcf_bounds import Bounds
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
-GREATEST_TEXT = 16 * 2**20
+MAX_CHARACTERS = 16 * 2**20
 
-MOST_ELEMENTS = 50_000
+MAX_ELEMENTS = 50_000
 
 REFUSED_ELEMENTS = frozenset(
     "include plugin extension instance model attach flexcomp composite replicate skin hfield "
     "deformable".split()
 )
-"""Those that name files or code, or that multiply."""
+"""Elements that name files or code, or that multiply."""
 
 REFUSED_ATTRIBUTES = frozenset(
     "meshdir texturedir assetdir plugin memory njmax nconmax nstack content_type model_file".split()
 )
-"""Those that name folders or code, or amounts of memory; beside them all that begin with `file`."""
+"""Attributes that name folders, code or amounts of memory, besides those beginning with `file`."""
 
-GREATEST_SIZES = {"width": 2048, "height": 2048, "nkey": 64}
-"""Of what MuJoCo allocates or repeats on one number's word, beside what no import may ask for."""
+MAX_SIZES = {"width": 2048, "height": 2048, "nkey": 64}
+"""Maximum of attributes that MuJoCo allocates by, besides the bounds of every import."""
 
-MOST_DEPTH = 100
-"""Of elements within one another; our own scenes have some ten."""
+MAX_DEPTH = 100
+"""Maximum nesting of elements; our own scenes have about ten."""
 
 TIMESTEPS = (1e-4, 0.05)
-"""Least and greatest physics step, s."""
+"""Minimum and maximum physics step, s."""
 
 
 def safe_scene(text: str) -> str:
-    """A scene's text, parsed and written anew, so that MuJoCo reads what was checked.
+    """A scene's text, parsed and serialized again, so that MuJoCo reads what was checked.
 
     Raises:
-        InputError: It is no XML, too large, or reaches outside itself.
+        InputError: The text is no XML, too large, or not self-contained.
     """
-    if len(text) > GREATEST_TEXT:
-        raise InputError(f"scene: {len(text)} characters, expected at most {GREATEST_TEXT}")
+    if len(text) > MAX_CHARACTERS:
+        raise InputError(f"scene: {len(text)} characters, expected at most {MAX_CHARACTERS}")
     if "<!" in text.replace("<!--", "").replace("<![CDATA[", ""):
         raise InputError("scene: a document type, expected plain MJCF")
     try:
@@ -60,10 +59,10 @@ def safe_scene(text: str) -> str:
         raise InputError(f"scene: <{root.tag[:40]}>, expected <mujoco>")
     bounds = Bounds(Path("scene"))
     for count, (element, depth) in enumerate(_walk(root)):
-        if count >= MOST_ELEMENTS:
-            raise InputError(f"scene: more than {MOST_ELEMENTS} elements")
-        if depth > MOST_DEPTH:
-            raise InputError(f"scene: more than {MOST_DEPTH} elements within one another")
+        if count >= MAX_ELEMENTS:
+            raise InputError(f"scene: more than {MAX_ELEMENTS} elements")
+        if depth > MAX_DEPTH:
+            raise InputError(f"scene: more than {MAX_DEPTH} elements within one another")
         _check(element)
         _check_bounds(bounds, element)
         if element.tag == "text" and element.text:
@@ -74,7 +73,7 @@ def safe_scene(text: str) -> str:
 
 
 def _walk(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, int]]:
-    """Every element with its depth; by no recursion, which a deep scene would exhaust."""
+    """Every element with its depth, without recursion, which a deep scene would exhaust."""
     ahead = [(root, 1)]
     while ahead:
         element, depth = ahead.pop()
@@ -97,8 +96,8 @@ def _check(element: ElementTree.Element) -> None:
     for name, value in element.attrib.items():
         if name in REFUSED_ATTRIBUTES or name.startswith("file"):
             raise InputError(f"scene: <{tag[:40]} {name}=...> is refused, expected no file or size")
-        if name in GREATEST_SIZES and _number(tag, name, value) > GREATEST_SIZES[name]:
-            raise InputError(f"scene: <{tag[:40]} {name}>: expected at most {GREATEST_SIZES[name]}")
+        if name in MAX_SIZES and _number(tag, name, value) > MAX_SIZES[name]:
+            raise InputError(f"scene: <{tag[:40]} {name}>: expected at most {MAX_SIZES[name]}")
         if name == "timestep" and not TIMESTEPS[0] <= _number(tag, name, value) <= TIMESTEPS[1]:
             raise InputError(f"scene: timestep {value[:20]}, expected {TIMESTEPS[0]} to 0.05 s")
 

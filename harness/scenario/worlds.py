@@ -12,29 +12,29 @@ from wayproof.models.world_files import FileWorld, read_world_file
 from wayproof.models.worlds import WORLDS, World
 
 ENDING = ".xml"
-"""Of a world file, given in place of a world's name."""
+"""Suffix of a world file, given in place of a world's name."""
 
 
 def find_world(config: Config) -> World:
     """Generate the world that a config names, or read the world file.
 
     Raises:
-        InputError: No such world or file; or the world of a file that only its log still has.
+        InputError: No such world or file; or a world whose file is only in its log.
     """
     found = find_named("world", config.world, WORLDS, ENDING, read_world_file)
     return found if isinstance(found, World) else found(config.seed, config.difficulty)
 
 
-def told_world(world: World, config: Config) -> Config:
-    """What a log's config says of the world: a file's with its hash."""
+def log_world_identity(world: World, config: Config) -> Config:
+    """The config for the log, with the identity of a world from a file."""
     return replace(config, world=world.identity) if isinstance(world, FileWorld) else config
 
 
-def perturbed(world: World, config: Config) -> World:
-    """The world of an episode, with what its perturbation adds to it.
+def apply_world_perturbation(world: World, config: Config) -> World:
+    """The world of an episode, changed by its perturbation.
 
     Raises:
-        InputError: It cannot be added to this world.
+        InputError: The perturbation cannot change this world.
     """
     perturbation = config.perturbation or UNPERTURBED
     try:

@@ -64,9 +64,9 @@ class Difference:
     """One value that two records of a decision hold differently.
 
     Attributes:
-        field: Its place, `trajectory.path[3].x` for one.
-        recorded: What the log says.
-        recomputed: What came out now.
+        field: Its path, such as `trajectory.path[3].x`.
+        recorded: Value in the log.
+        recomputed: Value of the recomputation.
     """
 
     field: str
@@ -77,13 +77,13 @@ class Difference:
 def differences(
     recorded: pb.Decision, recomputed: pb.Decision, without: Iterable[str] = ()
 ) -> list[Difference]:
-    """Every value that differs in a bit, the measured stage latencies apart.
+    """Every value that differs in a bit, except the measured stage latencies.
 
     Of repeated fields, the number of elements if that differs, and the first element that does.
 
     Args:
-        recorded: What the log says.
-        recomputed: What came out now.
+        recorded: From the log.
+        recomputed: From the recomputation.
         without: Names of fields that are not compared.
     """
     pair = []
@@ -124,20 +124,20 @@ def _difference(name: str, old: Any, new: Any) -> Iterator[Difference]:
     if isinstance(old, Message):
         yield from _differences(f"{name}.", old, new)
     elif isinstance(old, float):
-        if struct.pack("<d", old) != struct.pack("<d", new):  # which -0.0 == 0.0 would not tell
+        if struct.pack("<d", old) != struct.pack("<d", new):  # which -0.0 == 0.0 hides
             yield Difference(name, repr(old), repr(new))
     elif isinstance(old, bytes) and old != new:
-        yield Difference(name, _of_bytes(old), _of_bytes(new))
+        yield Difference(name, _summary_of_bytes(old), _summary_of_bytes(new))
     elif old != new:
         yield Difference(name, str(old), str(new))
 
 
-def _of_bytes(data: bytes) -> str:
+def _summary_of_bytes(data: bytes) -> str:
     return f"{len(data)} bytes, hash {hashlib.blake2b(data, digest_size=4).hexdigest()}"
 
 
 def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
-    """The trajectory as it is logged: its path, and its profile sampled to its end."""
+    """Encode a trajectory for the log: its path, and its profile sampled to its end."""
     count = int(np.ceil(trajectory.duration_s / SAMPLE_PERIOD)) + 1
     times = np.arange(count).astype(np.float64) * round(SAMPLE_PERIOD * 1e9) * 1e-9
     message = pb.Trajectory(

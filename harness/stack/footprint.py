@@ -1,4 +1,4 @@
-"""The body as planning sees it: one disc or ball, or several discs at its heading."""
+"""Footprint of the body for planning: one disc or ball, or several discs at its heading."""
 
 from __future__ import annotations
 
@@ -15,32 +15,30 @@ from wayproof.planners import Body
 Array = NDArray[np.float64]
 
 HEADING_TOLERANCE = 0.05
-"""How far the body may be off the heading that it is asked for, rad; what it is farther off is
-planned with. At the outermost disc it is a distance, which is part of the margin."""
+"""Yaw error of the body that the margin covers, rad; what is beyond it is planned with."""
 
 COST_STEPS = 2.0**20
-"""Costs are whole multiples of one over this."""
+"""Number of steps of a unit of cost, to which costs are rounded."""
 
-NARROWEST = 2.0
-"""Cost at the edge of what is forbidden, where the body cannot turn; at the edge of where it can,
-it is 1."""
+NARROW_COST = 2.0
+"""Cost at the edge of the inflation, where the body cannot turn; where it just can, it is 1."""
 
 
 def body_of(mission: Mission) -> Body:
-    """The discs of a mission, or the one about the body."""
+    """The discs of a mission's body, or the one about it."""
     discs = mission.discs or ((0.0, mission.radius),)
     return Body(tuple(offset for offset, _ in discs), tuple(radius for _, radius in discs))
 
 
-def lever(body: Body) -> float:
-    """How far an error of the heading moves a disc, m/rad."""
+def lever_arm(body: Body) -> float:
+    """Lever arm of the outermost disc: its shift by an error of the yaw, m/rad."""
     return max(abs(offset) for offset in body.offsets)
 
 
 def costs(costmap: Costmap, body: Body) -> Array:
     """Cost of a cell by its squared distance, shape (t,): 1 where the body can just turn.
 
-    Beyond, it falls as the costmap's does; nearer, it grows to ``NARROWEST``.
+    Beyond, it falls as the costmap's does; nearer, it grows to ``NARROW_COST``.
     """
     table: Array = costmap.cost_table / INSCRIBED_COST
     width = body.circumscribed_radius - min(body.radii)
@@ -48,7 +46,7 @@ def costs(costmap: Costmap, body: Body) -> Array:
         return table
     away = np.sqrt(np.arange(len(table))) * costmap.resolution - costmap.inflation_radius - width
     fall = exponentials(-costmap.config.cost_scaling_factor * np.maximum(away, 0.0))
-    narrow = np.clip(-away / width, 0.0, 1.0) * (NARROWEST - 1.0)
+    narrow = np.clip(-away / width, 0.0, 1.0) * (NARROW_COST - 1.0)
     grown: Array = np.rint((fall + narrow) * COST_STEPS) / COST_STEPS
     grown[table == math.inf] = math.inf
     grown[-1] = 0.0  # that far or farther

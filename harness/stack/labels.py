@@ -1,4 +1,4 @@
-"""What things are, end to end: classes in sweeps, votes in a layer, margins in the costmap."""
+"""Semantic labels: votes of sweeps in a layer, and margins of classes in the costmap."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.inputs import PlacedSweep
+from wayproof.harness.inputs import WorldSweep
 from wayproof.maps import ClassMargins, MapConfig, Representation, SemanticLayer
 from wayproof.maps.semantic import UNLABELLED
 from wayproof.models.classes import CLASSES, UNKNOWN_CLASS
 
-TURNS = 4
-"""A sweep's beams vote in so many parts, one a sweep: what a thing is does not change."""
+VOTE_PARTS = 4
+"""Number of parts of a sweep, of which each sweep votes with one: classes do not change."""
 
 
 def make_layer(config: MapConfig, semantics: bool) -> SemanticLayer | None:
-    """A layer without votes for a map, if sweeps tell classes."""
+    """Make a layer without votes for a map, if sweeps have classes."""
     return SemanticLayer(config.resolution, len(CLASSES)) if semantics else None
 
 
-def widened(
+def with_class_margins(
     a_map: Representation, layer: SemanticLayer | None, margins: Mapping[str, float]
 ) -> Representation | ClassMargins:
-    """The map as a costmap takes it: with the margins, if there are any."""
+    """The map with the margins of its classes, if there are any, for a costmap."""
     if layer is None or not margins:
         return a_map
     by_class = {CLASSES.index(name): margin for name, margin in margins.items()}
@@ -34,7 +34,7 @@ def widened(
 
 def vote(
     layer: SemanticLayer,
-    placed: PlacedSweep,
+    placed: WorldSweep,
     classes: NDArray[np.uint8],
     limits: tuple[float, float],
     sequence: int,
@@ -42,29 +42,29 @@ def vote(
     """Count the votes of a sweep.
 
     Args:
-        layer: That counts them.
-        placed: The sweep's beams.
-        classes: (n,) of what they met; what is not known is no vote.
-        limits: Nearest and farthest return that counts, m.
+        layer: Counts them.
+        placed: Beams of the sweep in the world.
+        classes: (n,) classes of what the beams hit; an unknown class is no vote.
+        limits: Minimum and maximum range of a vote, m.
         sequence: Number of the sweep.
     """
-    # Beams that follow one another meet the same cells, so a run of them costs little.
-    edges = [len(classes) * k // TURNS for k in range(TURNS + 1)]
-    turn = slice(edges[sequence % TURNS], edges[sequence % TURNS + 1])
-    told = classes[turn]
-    labels = np.where(told == UNKNOWN_CLASS, np.uint8(UNLABELLED), told)
+    # Consecutive beams hit the same cells, so a run of them costs little.
+    edges = [len(classes) * k // VOTE_PARTS for k in range(VOTE_PARTS + 1)]
+    part = slice(edges[sequence % VOTE_PARTS], edges[sequence % VOTE_PARTS + 1])
+    voted = classes[part]
+    labels = np.where(voted == UNKNOWN_CLASS, np.uint8(UNLABELLED), voted)
     layer.integrate_sweep(
         placed.origins,
-        placed.directions[turn],
-        placed.ranges_mm[turn],
+        placed.directions[part],
+        placed.ranges_mm[part],
         limits,
         labels,
-        placed.moments[turn],
+        placed.moments[part],
     )
 
 
-def bound_version(version: str, layer: SemanticLayer | None) -> str:
-    """The version of a map together with that of its labels, 32 hex digits."""
+def combined_version(version: str, layer: SemanticLayer | None) -> str:
+    """Hash of the versions of a map and of its labels, 32 hex digits."""
     if layer is None:
         return version
     both = (version + layer.version()).encode()

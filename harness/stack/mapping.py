@@ -1,4 +1,4 @@
-"""The map of one mission and its costmap: what was sensed, and how near it the body may go."""
+"""Map and costmap of one mission."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.mission import Mission
-from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever
-from wayproof.harness.stack.labels import bound_version, make_layer, vote, widened
+from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
+from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.maps import MAPS, Costmap
 
 Array = NDArray[np.float64]
 
 MARGIN_SIGMAS = 2.0
-"""Standard deviations of the believed position that the localization margin covers (95 %)."""
+"""Localization margin in standard deviations of the estimated position (95 %)."""
 
 
 class Mapper:
-    """Takes in sweeps and poses, and inflates what they show.
+    """Integrates sweeps into the map, and updates the costmap from it.
 
     Attributes:
-        map: All that was sensed.
-        labels: Classes of its cells, if sweeps hold any.
-        costmap: Of the mission's body.
-        informant: Changes the map after each set of inputs; only a counterfactual has one.
+        map: The map of the mission.
+        labels: Classes of its cells, if sweeps have classes.
+        costmap: Inflated for the mission's body.
+        on_integrated: Callback after each integration; only counterfactuals set one.
     """
 
     def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
-        """Start with an unknown map, but for the start area that the operator declares free."""
+        """Start with an unknown map but for the start area, which the operator declares free."""
         self._config, self._mission = config, mission
         self._beams = dict(beams)
         self._body = body_of(mission)
@@ -43,7 +43,7 @@ class Mapper:
         floor, ceiling = _altitude_window(config, mission)
         self.costmap = Costmap(
             replace(config.costmap, cost_range=config.costmap.cost_range + self._extra_radius),
-            widened(self.map, self.labels, config.costmap.class_margins),
+            with_class_margins(self.map, self.labels, config.costmap.class_margins),
             mission.low,
             mission.high,
             mission.motion,
@@ -54,25 +54,25 @@ class Mapper:
             ceiling,
             threads=config.threads,
         )
-        self.informant: Callable[[Inputs], None] | None = None
+        self.on_integrated: Callable[[Inputs], None] | None = None
         self._declare_start_free()
 
     def set_sensors(self, beams: Mapping[str, Beams]) -> None:
-        """Take the sweeps of these sensors, by name, from now on."""
+        """Replace the sensors, by name, whose sweeps are integrated."""
         self._beams = dict(beams)
 
     def version(self) -> str:
         """Hash of the map's content and of its labels."""
-        return bound_version(self.map.version(), self.labels)
+        return combined_version(self.map.version(), self.labels)
 
     def integrate(self, inputs: Inputs) -> None:
-        """Take one set of inputs into the map and decide nothing."""
+        """Integrate the sweeps of one instant into the map."""
         self.map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
             beams = self._beams[sweep.sensor]
             placed = beams.place(sweep, inputs.pose, inputs.sequence)
             if self._config.map.no_return == "ignored":
-                placed = placed.without_silent()
+                placed = placed.without_no_returns()
             self.map.integrate(
                 placed.origins,
                 placed.directions,
@@ -87,16 +87,16 @@ class Mapper:
         if (reach := self._config.map.no_decay_radius) > 0.0:
             position = inputs.pose.position
             self.map.exempt_from_decay(position - reach, position + reach, inputs.time_ns)
-        if self.informant is not None:
-            self.informant(inputs)
+        if self.on_integrated is not None:
+            self.on_integrated(inputs)
 
     def update_costmap(self, inputs: Inputs) -> None:
-        """Bring the costmap up to date with the map, for inputs that it has taken in."""
-        # All distances of a plane are worked out sooner than some of them are looked for.
+        """Update the costmap from the map, after the inputs have been integrated."""
+        # Computing all distances of a plane is faster than tracking which are read.
         self.costmap.update(self._margin(inputs), whole=self._mission.planar)
 
     def update(self, inputs: Inputs) -> None:
-        """Bring map and costmap to where a decision on these inputs would have them."""
+        """Integrate the inputs and update the costmap, as before a decision."""
         self.integrate(inputs)
         self.update_costmap(inputs)
 
@@ -116,10 +116,10 @@ class Mapper:
         margin = (
             self._config.costmap.localization_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
         )
-        return margin + lever(self._body) * HEADING_TOLERANCE
+        return margin + lever_arm(self._body) * HEADING_TOLERANCE
 
     def _declare_start_free(self) -> None:
-        """No sensor sees what stands right beside the body: the operator vouches for that space."""
+        """Mark the space about the start free: no sensor sees right beside the body."""
         mission, config = self._mission, self._config
         body_radius = self.costmap.inflation_radius + self._extra_radius
         radius = body_radius + config.episode.start_clear_radius

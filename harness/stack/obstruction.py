@@ -1,4 +1,4 @@
-"""What the body would overlap first on its way: the cell, and how far it gets before."""
+"""The first obstruction of a path, a turn or a pose: its cell, and the free length before."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import arc_lengths, point_at
 
 JUST_BEYOND = 1e-3
-"""So far beyond the last free place of a path is the first one that is not, cells."""
+"""Distance from the last free position of a path to the first blocked one, cells."""
 
 BESIDE = 2e-3
-"""So far beside a place is right beside it, cells."""
+"""Distance of the positions checked right beside a position, cells."""
 
 STEP = 0.25
-"""Places of a path are looked at so far apart, cells."""
+"""Spacing of the checked positions of a path, cells."""
 
 SAME_EDGE = 1e-3
-"""So far before an arc length lies the edge that leads to it, m."""
+"""Distance before an arc length at which the edge that leads to it is found, m."""
 
 REACH = 0.3
-"""A path of a long body is looked at in pieces of this length, m."""
+"""Length of the pieces in which the path of an elongated body is checked, m."""
 
 FINENESS = (1.0, 0.01)
-"""Shares of the steps along a path and of a turn: what only grazes a cell is found by the finer."""
+"""Fractions of the steps along a path and of a turn; a grazed cell is found by the finer one."""
 
 TURN_STEP = 0.02
-"""Headings are looked at so far apart, rad."""
+"""Spacing of the checked headings of a turn, rad."""
 
 OUTSIDE = 3
-"""State of a cell that lies outside of the operating area."""
+"""State of a cell outside the operating area."""
 
 NAMES = {UNKNOWN: "unknown", OCCUPIED: "occupied", OUTSIDE: "outside"}
 
 
 class Obstruction(NamedTuple):
-    """The first overlap on a way.
+    """The first overlap of the footprint with a cell.
 
     Attributes:
-        free_m: Length of the way before it, m.
+        free_m: Free length before it, m.
         cell: Centre of the cell, m; none if there is no overlap.
         cell_state: `occupied`, `unknown` or `outside`.
-        place: Of the body's centre, or of one of its discs, where it overlaps it, m.
+        place: Position of the body's centre, or of one of its discs, at the overlap, m.
     """
 
     free_m: float
@@ -61,7 +61,7 @@ class Obstruction(NamedTuple):
 
 
 def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: bool) -> Obstruction:
-    """What ends the free length of a path.
+    """The obstruction at the end of the free length of a path.
 
     Args:
         input: Of the decision.
@@ -87,12 +87,12 @@ def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: boo
 
 
 def on_poses(input: PlannerInput, poses: Array, unknown_blocks: bool) -> Obstruction:
-    """What first overlaps the body at poses (n, 4): x, y, z, m, and heading, rad."""
+    """The first obstruction at poses (n, 4): x, y, z, m, and heading, rad."""
     return _first(input, poses, arc_lengths(poses[:, :3]), unknown_blocks)
 
 
 def on_turn(input: PlannerInput, position: Array, heading: float, target: float) -> Obstruction:
-    """What the body overlaps when it turns on the spot, the shorter way round."""
+    """The first obstruction of a turn in place, the shorter way round."""
     turn = wrap_angle(target - heading)
     headings = heading + np.linspace(0.0, turn, max(math.ceil(abs(turn) / TURN_STEP), 1) + 1)
     return on_poses(input, _poses(position, headings), input.unknown_blocks)
@@ -101,7 +101,7 @@ def on_turn(input: PlannerInput, position: Array, heading: float, target: float)
 def at_place(
     input: PlannerInput, position: Array, heading: float, unknown_blocks: bool
 ) -> Obstruction:
-    """What the body overlaps where it stands."""
+    """The obstruction at one pose."""
     return on_poses(input, _poses(position, np.array([heading])), unknown_blocks)
 
 
@@ -110,9 +110,9 @@ def _poses(position: Array, headings: Array) -> Array:
 
 
 def _headed(input: PlannerInput, path: Array, arcs: Array, turn_step: float) -> Array:
-    """Poses (m, 4) on a path; a long body heads along it, and turns at its points.
+    """Poses (m, 4) on a path; an elongated body heads along it and turns at its points.
 
-    Where it turns there are more than arcs, so far apart [rad].
+    A turn adds poses, `turn_step` rad apart.
     """
     poses = []
     before = heading_at(path, max(float(arcs[0]) - SAME_EDGE, 0.0))
@@ -129,18 +129,20 @@ def _headed(input: PlannerInput, path: Array, arcs: Array, turn_step: float) -> 
 
 
 def _first(input: PlannerInput, poses: Array, along: Array, unknown_blocks: bool) -> Obstruction:
-    """The first pose with a cell in reach of a disc: the nearest one."""
+    """The first pose with a cell within a disc, and the nearest such cell."""
     offsets, thresholds = input.traversable.shape
     size, origin = input.traversable.resolution, input.traversable.origin
     centres = np.repeat(poses[:, None, None, :3], len(offsets), axis=2)  # (n, 1, discs, 3)
     sines, cosines = sines_cosines(poses[:, 3])
     centres[:, 0, :, 0] += offsets * cosines[:, None]
     centres[:, 0, :, 1] += offsets * sines[:, None]
-    # A way can touch the edge of a cell and no more of it: so places right beside it count, too.
+    # A path can touch the mere edge of a cell, so positions right beside it count, too.
     places = centres + _beside(input)[:, None] * size  # (n, sides, discs, 3)
     places = np.rint(places / GRAIN) * GRAIN
     cells = np.floor((places - origin) / size).astype(np.int64)
-    found, states = _wrong_cells(input, cells.reshape(-1, 3), int(thresholds.max()), unknown_blocks)
+    found, states = _blocked_cells(
+        input, cells.reshape(-1, 3), int(thresholds.max()), unknown_blocks
+    )
     seen: set[tuple[int, ...]] = set()
     order = np.ndindex(*cells.shape[:3]) if len(found) else ()
     for n, side, k in order:
@@ -166,10 +168,10 @@ def _beside(input: PlannerInput) -> Array:
     return np.array([(0.0, 0.0, 0.0), *corners])
 
 
-def _wrong_cells(
+def _blocked_cells(
     input: PlannerInput, cells: NDArray[np.int64], threshold: int, unknown_blocks: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-    """Cells (m, 3) in reach of any of some, which the body may not overlap, and their states."""
+    """Blocked cells (m, 3) within a squared distance of any of the given ones, and their states."""
     reach = math.isqrt(threshold) + 1
     shape = np.array(input.traversable.grid.field.shape)
     pad = np.where(shape > 1, reach, 0)  # a plane has nothing above or below
@@ -178,5 +180,5 @@ def _wrong_cells(
     first, end = np.clip(low, 0, shape), np.clip(high, 0, shape)
     inner = tuple(slice(a, b) for a, b in zip(first - low, end - low, strict=True))
     states[inner] = input.cell_states(first, end)
-    wrong = states != FREE if unknown_blocks else states >= OCCUPIED
-    return np.argwhere(wrong) + low, states[wrong]
+    blocked = states != FREE if unknown_blocks else states >= OCCUPIED
+    return np.argwhere(blocked) + low, states[blocked]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.mission import Mission
-from wayproof.harness.stack.footprint import NARROWEST, body_of, costs
+from wayproof.harness.stack.footprint import NARROW_COST, body_of, costs
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.types import PlannerInput, PlanPath
 from wayproof.maps import Costmap, Distances
@@ -96,7 +96,7 @@ class FreeSpaceBuilder:
         edge = self._threshold(circumscribed) + 1
         oriented = self._elongated and not circumscribed
         table = self._costs().copy()
-        table[edge] = self._config.behaviour.unknown_cost + (NARROWEST if oriented else 0.0)
+        table[edge] = self._config.behaviour.unknown_cost + (NARROW_COST if oriented else 0.0)
         return self._space(self._costmap.optimistic(edge), circumscribed, table)
 
     def _costs(self) -> Array:

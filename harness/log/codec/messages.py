@@ -11,7 +11,7 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import DecodeError, Message
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import FARTHEST
+from wayproof.harness.inputs import MAX_COORDINATE
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.codec.packed import unpack
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -89,7 +89,9 @@ def _check_times(message: Message) -> None:
 
 def _check_place(message: Message) -> None:
     """Raise a ValueError for a true place where no robot is: its square may be no number."""
-    if isinstance(message, pb.Truth) and not all(abs(x) <= FARTHEST for x in message.position):
+    if isinstance(message, pb.Truth) and not all(
+        abs(x) <= MAX_COORDINATE for x in message.position
+    ):
         raise ValueError("position")
 
 

@@ -30,7 +30,7 @@ from wayproof.harness.replay.audit.volumes import Volumes, measure, together
 from wayproof.harness.replay.audit.way import judge_way
 from wayproof.harness.replay.reasons import ReasonCheck
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.labels import bound_version
+from wayproof.harness.stack.labels import combined_version
 from wayproof.maps import UnknownPolicy
 
 CHECKS: tuple[Callable[[Moment], list[Violation]], ...] = (
@@ -166,7 +166,7 @@ def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
             config=run.config,
             mission=run.mission,
             map=navigator.map,
-            version=bound_version(navigator.map.version(), navigator.labels),
+            version=combined_version(navigator.map.version(), navigator.labels),
             body=bodies[run.begin],
             before=before,
         )
