@@ -24,6 +24,9 @@ from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
 
+BUILTIN = "builtin"
+"""Name of the stack in `harness/stack`, whose map is the referee's."""
+
 
 @dataclass(frozen=True)
 class LatencyConfig:
@@ -121,6 +124,21 @@ class PluginConfig:
 
 
 @dataclass(frozen=True)
+class StackConfig:
+    """Which stack is on trial, and whether the referee may brake in its place.
+
+    Attributes:
+        name: `builtin`, a reference stack, `module:Class` or `path/to/file.py:Class` of the user's
+            own, `exec:COMMAND`, or `unix:PATH` or `tcp:HOST:PORT` of one that listens.
+        guard: Whether the referee brakes in the stack's place where its map does not admit the
+            space that a command can sweep.
+    """
+
+    name: str = BUILTIN
+    guard: bool = False
+
+
+@dataclass(frozen=True)
 class Config:
     """Everything that an episode follows from, with the versions of the installed packages.
 
@@ -159,6 +177,7 @@ class Config:
     latency: LatencyConfig = field(default_factory=LatencyConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
     plugins: PluginConfig = field(default_factory=PluginConfig)
+    stack: StackConfig = field(default_factory=StackConfig)
     perturbation: AnyPerturbation | None = None
     robot_file: str = ""
 

@@ -12,6 +12,7 @@ from google.protobuf.message import Message
 from wayproof.harness.config import LatencyConfig
 from wayproof.harness.ending import Verdict
 from wayproof.harness.inputs import inputs_from_messages, serialized
+from wayproof.harness.interface.errors import StackError
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.result import Outcome, Result
 from wayproof.harness.scenario.scenario import Scenario
@@ -144,6 +145,8 @@ class Episode:
     ) -> None:
         """Log the decision with its inputs, and the truth."""
         messages = [*inputs, (latency, serialized(latency))]
+        if (answer := self._navigator.answer) is not None:
+            messages.append((answer, serialized(answer)))
         truth = self._recorder.record(messages, decision, time_ns)
         if self._observe is not None:
             self._observe(decision, truth)
@@ -181,6 +184,13 @@ class Episode:
             error.add_note(f"{place}; the log is {self._log.path}")
             self.fault = error
         result = self._result("error", failure.reason, began)
+        if isinstance(error, StackError):
+            result = replace(
+                result,
+                cause=error.cause,
+                cause_evidence=failure.reason,
+                cause_decision=newest,
+            )
         return replace(result, traceback=failure.traceback)
 
     def _result(self, outcome: Outcome, reason: str, began: float) -> Result:

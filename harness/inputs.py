@@ -43,6 +43,7 @@ class Pose:
         position: (3,) m.
         quaternion: (4,) w x y z.
         position_sigma: Stated standard deviation along the axis where it is greatest, m.
+        heading_sigma: Stated standard deviation of the heading, rad.
         trail: Estimated poses while the sweeps were taken, up to this one; none without a rolling
             shutter.
     """
@@ -51,6 +52,7 @@ class Pose:
     quaternion: NDArray[np.float64]
     position_sigma: float
     trail: Trail | None = None
+    heading_sigma: float = 0.0
 
     @cached_property
     def rotation(self) -> NDArray[np.float64]:
@@ -246,7 +248,7 @@ def _pose(message: pb.Pose) -> Pose:
         raise InputError(f"pose: {error}") from None
     position, quaternion = np.array(message.position), np.array(message.quaternion)
     check_pose(position, quaternion, message.position_sigma, trail)
-    return Pose(position, quaternion, message.position_sigma, trail)
+    return Pose(position, quaternion, message.position_sigma, trail, message.heading_sigma)
 
 
 def check_pose(

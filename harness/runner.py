@@ -11,16 +11,18 @@ from wayproof.harness.attribution.attribution import with_cause
 from wayproof.harness.config import to_json
 from wayproof.harness.episode import Episode, Observer
 from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.interface.build import live_navigator
+from wayproof.harness.interface.connect import Session
 from wayproof.harness.log.copy import thin
-from wayproof.harness.log.writer import PLUGINS, LogWriter, hold_log
+from wayproof.harness.log.writer import PLUGINS, STDERR, LogWriter, hold_log
 from wayproof.harness.outputs import Draft
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
-from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.supervision import announce
-from wayproof.harness.user_code import plugin_digests
+from wayproof.harness.user_code import bounded, plugin_digests
 
 
 def run_episode(
@@ -30,6 +32,7 @@ def run_episode(
     delays: Mapping[int, float] | None = None,
     record: str | None = None,
     stack: type[Navigator] | None = None,
+    session: Session | None = None,
 ) -> Result:
     """Run one episode and write its log.
 
@@ -40,6 +43,8 @@ def run_episode(
         delays: Of each decision, s, to live through those of a log instead of measured ones.
         record: What to keep in place of the config's `record`.
         stack: In place of the built-in one.
+        session: In place of the stack that the config names, such as a log's recorded answers;
+            without one a stack of the user's own is run.
 
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.
@@ -47,10 +52,11 @@ def run_episode(
     """
     redirect_mujoco_warnings()
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
-    beams = {info.name: beams_from_info(info) for info in infos}
-    navigator = (stack or build_navigator)(scenario.config, scenario.mission, beams)
     config, mission = to_json(scenario.config), scenario.mission.to_json()
-    with log_path if isinstance(log_path, Draft) else hold_log(log_path) as draft:
+    with (
+        _navigator(scenario, infos, stack, session) as (navigator, session),
+        log_path if isinstance(log_path, Draft) else hold_log(log_path) as draft,
+    ):
         with LogWriter(draft, config, mission, scenario.scene.mjcf) as log:
             if digests := plugin_digests(scenario.config):
                 log.note(PLUGINS, digests)
@@ -60,8 +66,28 @@ def run_episode(
             episode = Episode(scenario, navigator, log, observe)
             episode.delays.update(delays or {})
             with publishing_failures(draft, log):
-                result = finish(episode, log, with_cause(episode.run(), scenario, log))
+                ended = episode.run()
+                if session is not None and (text := session.stderr()):
+                    log.attach(STDERR, bounded(text))
+                result = finish(episode, log, with_cause(ended, scenario, log))
         return settle_log(draft, result, record or scenario.config.record)
+
+
+@contextlib.contextmanager
+def _navigator(
+    scenario: Scenario,
+    infos: list[pb.SensorInfo],
+    stack: type[Navigator] | None,
+    session: Session | None,
+) -> Iterator[tuple[Navigator, Session | None]]:
+    """The navigator of a scenario, and the stack on trial behind it."""
+    config, mission = scenario.config, scenario.mission
+    if stack is not None:
+        yield stack(config, mission, {info.name: beams_from_info(info) for info in infos}), None
+        return
+    sensors = {info.name: info for info in infos}
+    with live_navigator(config, mission, sensors, session) as live:
+        yield live
 
 
 def finish(episode: Episode, log: LogWriter, result: Result) -> Result:

@@ -17,6 +17,7 @@ from types import FrameType
 
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, printable
+from wayproof.harness.interface.connect import runs_in_process
 from wayproof.harness.supervision import stacks_file
 from wayproof.models._plugin import UserCodeError as ControllerError
 from wayproof.planners.ompl._plugin import UserCodeError as PlannerError
@@ -59,6 +60,8 @@ class Failure:
 def plugins_of(config: Config) -> list[str]:
     """The user's classes that a config names, as `module:Class` or `path/to/file.py:Class`."""
     names = [config.planner.name]
+    if runs_in_process(config.stack.name):
+        names.append(config.stack.name)
     if config.robot_file:
         from wayproof.models.robots.custom import (  # it loads the simulator
             RobotSpecError,

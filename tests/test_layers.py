@@ -18,7 +18,17 @@ ALLOWED = {
 
 ORDER = (
     *("errors", "schema", "geometry", "perturbations", "renamed", "behaviour_config", "config"),
-    *("mission", "inputs", "stack", "result", "ending", "outputs", "supervision", "user_code"),
+    *(
+        "mission",
+        "inputs",
+        "stack",
+        "interface",
+        "result",
+        "ending",
+        "outputs",
+        "supervision",
+        "user_code",
+    ),
     *("log", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),
     *("replay", "counterfactual", "study.statistics", "metrics", "clearance", "explain", "viewer"),

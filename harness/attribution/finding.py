@@ -17,6 +17,9 @@ CAUSES = (
     "latency",
     "planner",
     "impossible",
+    "stack_died",
+    "stack_hung",
+    "stack_broken",
     "unexplained",
 )
 """Every cause; docs/causes.md says what each means."""

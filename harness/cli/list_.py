@@ -12,7 +12,8 @@ from wayproof.harness.cli.verb import Document, Verb
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Print the names in each registry."""
-    from wayproof.harness.config import setting_names
+    from wayproof.harness.config import BUILTIN, setting_names
+    from wayproof.harness.interface.stacks import STACKS
     from wayproof.harness.perturbations import PERTURBATIONS
     from wayproof.maps import MAPS
     from wayproof.models.robots import ROBOTS
@@ -26,6 +27,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         "sensors": sorted(DEVICES),
         "maps": sorted(MAPS),
         "planners": sorted(PLANNERS),
+        "stacks": [BUILTIN, *sorted(STACKS)],
         "perturbations": sorted(PERTURBATIONS),
         "settings": setting_names(),
     }

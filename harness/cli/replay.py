@@ -40,6 +40,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.at is not None:
         return _fork(options, console)
     check = {True: _simulate, False: _what_if if options.set else _replay}[options.closed_loop]
+    if options.stack is not None:
+        check = _ask_again
     outcomes = []
     for path in options.log:
         changed = warn_of_changed_plugins(open_log(path, True)) if options.allow_plugins else []
@@ -54,6 +56,8 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(
             "--closed-loop: simulates what was recorded, so it goes with neither --set nor --from"
         )
+    if options.stack is not None and (options.closed_loop or options.set or options.at is not None):
+        raise InputError("--stack: asks the stack again, so it goes with no other way to replay")
     single = options.at is not None or options.out is not None
     if single and len(options.log) > 1:
         raise InputError(f"--from, --log: got {len(options.log)} logs, expected one")
@@ -73,6 +77,23 @@ def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[
     replayed = replay(path, options.allow_plugins, options.threads)
     print_replay(console, replayed)
     return replayed.identical, asdict(replayed)
+
+
+def _ask_again(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
+    from wayproof.harness.replay.asked_again import ask_again
+
+    asked = ask_again(path, options.stack)
+    if asked.identical:
+        verdict = Text.assemble(("identical", "bold green"), f": {asked.answers} answers")
+    else:
+        verdict = Text.assemble(
+            ("differs", "bold red"),
+            f": {asked.differing} of {asked.answers} answers, first {asked.first_difference}",
+        )
+    verdict.append(f" of stack '{asked.stack}'; {asked.wall_time_s:.1f} s; {asked.log}")
+    console.print(verdict, soft_wrap=True)
+    print_differences(console, asked.differences)
+    return asked.identical, asdict(asked)
 
 
 def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
@@ -262,6 +283,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="simulate the episode again and compare the sensor data as well",
     )
     add_settings(parser)
+    parser.add_argument(
+        "--stack",
+        metavar="STACK",
+        help="ask a stack again on the log's inputs, and compare its answers; it is run",
+    )
     parser.add_argument(
         "--from",
         dest="at",

@@ -33,7 +33,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         from wayproof.harness.viewer.driver import choose_driver
 
         choose_driver()
-    from wayproof.harness.config import from_document, override
+    from wayproof.harness.config import BUILTIN, from_document, override
     from wayproof.harness.perturbations import perturbation_from
     from wayproof.harness.scenario.robots import refuse_unused
 
@@ -46,6 +46,12 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         config = replace(config, start=_point("start", options.start))
     if options.perturb is not None:
         config = replace(config, perturbation=perturbation_from(options.perturb))
+    if options.stack is not None:
+        config = replace(config, stack=replace(config.stack, name=options.stack))
+    if options.guard:
+        config = replace(config, stack=replace(config.stack, guard=True))
+    if options.check is not None and config.stack.name != BUILTIN:
+        raise InputError("--check: changes the built-in stack, so it goes without --stack")
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
     if options.render is not None:
         check_render(config, options.render)
@@ -205,6 +211,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--perturb",
         metavar="KIND:SEVERITY[:MODE]",
         help="make one assumption wrong, with severity 1 to 5",
+    )
+    parser.add_argument(
+        "--stack",
+        metavar="STACK",
+        help="put a stack on trial: a name of 'wayproof list', module:Class, file.py:Class, "
+        "exec:COMMAND, unix:PATH or tcp:HOST:PORT",
+    )
+    parser.add_argument(
+        "--guard", action="store_true", help="brake where the referee does not admit a command"
     )
     parser.add_argument(
         "--log", type=Path, metavar="FILE", help="log file (default: in the folder of --logs)"

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from wayproof.harness.attribution.case import Case, read_case
 from wayproof.harness.attribution.finding import CAUSES, Finding
 from wayproof.harness.attribution.standstill import lacks_time
+from wayproof.harness.config import BUILTIN
 from wayproof.harness.counterfactual.remedies import REMEDIES, go_on, nothing
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log
@@ -102,6 +103,12 @@ def check(
     Raises:
         InputError: The log keeps no state there, or does not replay.
     """
+    if log.config.stack.name != BUILTIN:
+        raise InputError(
+            f"log '{log.path}': stack '{log.config.stack.name}' was on trial, and remedies change "
+            "the built-in stack; expected a log of that one. --guard shows what the referee would "
+            "have stopped"
+        )
     case = read_case(log)
     names = list(remedies) or _in_order(case, finding.cause)
     beside = LACKING[lacks_time(case)] if finding.cause == "impossible" else ""

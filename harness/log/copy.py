@@ -19,6 +19,7 @@ GUIDE_PERIOD_NS = 1_000_000_000
 TOPICS: dict[type[Message], str] = {
     pb.Pose: "/pose",
     pb.Latency: "/latency",
+    pb.StackCommand: "/command",
     pb.State: "/state",
     pb.Decision: "/decision",
     pb.Truth: "/truth",

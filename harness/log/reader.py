@@ -63,12 +63,14 @@ class Record:
         latency: How long it took to reach the robot.
         decision: What was decided.
         state: The simulator's, from which the episode can go on with this decision; if it was kept.
+        answer: Of a stack on trial, which the decision was made with; none of the built-in one.
     """
 
     inputs: Inputs
     latency: pb.Latency
     decision: pb.Decision
     state: pb.State | None = None
+    answer: pb.StackCommand | None = None
 
 
 @dataclass(frozen=True)
@@ -182,7 +184,7 @@ class Log:
         """The records, and what of the log is in none of them, in file order."""
         self.check_sweeps()
         sweeps: list[pb.Sweep] = []
-        pose, latency, state = pb.Pose(), pb.Latency(), None
+        pose, latency, state, answer = pb.Pose(), pb.Latency(), None, None
         count, time_ns = 0, -1
         for message in read_messages(self.path):
             if isinstance(message, pb.Sweep):
@@ -193,11 +195,15 @@ class Log:
                 latency = message
             elif isinstance(message, pb.State):
                 state = message
+            elif isinstance(message, pb.StackCommand):
+                answer = message
             elif isinstance(message, pb.Decision):
                 inputs = inputs_from_messages(pose, sweeps)
                 self._check_order(inputs, count, time_ns)
-                yield Record(inputs, latency, message, state)
-                sweeps, state = [], None
+                if answer is not None and answer.sequence != count:
+                    answer = None  # of another decision: this one has none
+                yield Record(inputs, latency, message, state, answer)
+                sweeps, state, answer = [], None, None
                 count, time_ns = count + 1, inputs.time_ns
             else:
                 yield message

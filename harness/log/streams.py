@@ -18,8 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.schema import wayproof_pb2 as pb
+
+COMMAND = "command"
+"""The stream of the answers of a stack on trial: inputs that follow from the other streams."""
 
 CONTROL = "control"
 """The stream of what the body was asked for: no input, but what a pair's decisions amount to."""
@@ -27,6 +31,12 @@ CONTROL = "control"
 
 DIGEST_SIZE = 8
 """Of a stream's hash, bytes: it tells runs apart, and guards against nobody."""
+
+
+def own_streams(config: Config) -> list[str]:
+    """Input streams besides those of the sensors."""
+    on_trial = config.stack.name != BUILTIN
+    return ["pose", "latency", *([COMMAND] if on_trial else [])]
 
 
 class StreamHashes:
@@ -95,6 +105,7 @@ def compare_hashes(
     compared = 0
     for sequence, one, other in pairs:
         differing = {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
+        differing.discard(COMMAND)
         if differing and first_change is None:
             first_change = sequence
         if CONTROL in differing:

@@ -61,6 +61,9 @@ PACKED_SCENE = "scene.xml.zst"
 PLUGINS = "plugins"
 """Metadata: SHA-256 of the file of each of the user's classes in use, by name."""
 
+STDERR = "stack.stderr.txt"
+"""Attachment: the end of what a stack in another process wrote to standard error."""
+
 TRACEBACK = "error.txt"
 """Attachment of an episode that ended as `error`: where the code failed."""
 

@@ -12,6 +12,7 @@ from functools import partial
 
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Beams, Inputs
+from wayproof.harness.interface.build import navigator_for
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.side_by_side import (
@@ -21,7 +22,6 @@ from wayproof.harness.recompute.side_by_side import (
     shift_height,
 )
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.pipeline import Navigator
 
 
@@ -115,4 +115,4 @@ class SegmentedStack:
 
 
 def _build(segment: Segment, beams: Mapping[str, Beams]) -> Navigator:
-    return build_navigator(segment.config, segment.mission, beams)
+    return navigator_for(segment.config, segment.mission, beams)

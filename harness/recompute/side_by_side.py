@@ -16,10 +16,10 @@ import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.build import navigator_for
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.types import PlannerState
 from wayproof.harness.user_code import USER_CODE_ERRORS
@@ -36,7 +36,9 @@ def recompute(navigator: Navigator, record: Record) -> pb.Decision:
     """
     return as_input_error(
         f"decision {record.decision.sequence}",
-        lambda: navigator.commit(navigator.step(record.inputs), record.latency.delay_s),
+        lambda: navigator.commit(
+            navigator.step(record.inputs, answer=record.answer), record.latency.delay_s
+        ),
     )
 
 
@@ -56,10 +58,10 @@ class SideBySide:
         """
         mission = changed_mission(log.mission, recorded, changed)
         self.recorded = as_input_error(
-            "the recorded stack", lambda: build_navigator(recorded, log.mission, log.beams)
+            "the recorded stack", lambda: navigator_for(recorded, log.mission, log.beams)
         )
         self.changed = as_input_error(
-            "the changed stack", lambda: build_navigator(changed, mission, log.beams)
+            "the changed stack", lambda: navigator_for(changed, mission, log.beams)
         )
         self._delay = _changed_delay(recorded, changed)
         self._height = 0.0  # of the changed layer above the recorded one, m

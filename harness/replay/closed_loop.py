@@ -12,7 +12,9 @@ from pathlib import Path
 
 from google.protobuf.message import Message
 
+from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.types import Observation, Task
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import topic_of
 from wayproof.harness.log.digest import CONTENT
@@ -24,13 +26,14 @@ from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.replay.fork import fork_with
 from wayproof.harness.result import ends_in_error
 from wayproof.harness.runner import run_episode
+from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, differences, message_differences
 
 SAME = 1e-9
 """Relative difference of a result's figures that are the same."""
 
-INPUTS: tuple[type[Message], ...] = (pb.SensorInfo, pb.Sweep, pb.Pose, pb.Latency)
+INPUTS: tuple[type[Message], ...] = (pb.SensorInfo, pb.Sweep, pb.Pose, pb.Latency, pb.StackCommand)
 
 BEFORE_ALL = -1
 """Number of the step that holds the sensors' tables."""
@@ -173,10 +176,44 @@ def _simulate(log: Log, target: Path, folder: Path) -> None:
     delays = _delays(log)
     forks = segments_of(log)[1:]
     steps = [folder / f"{number}.mcap" for number in range(len(forks))] + [target]
-    run_episode(rebuild(log.as_of(BEFORE_ALL)), steps[0], delays=delays, record="full")
+    answers = None if log.config.stack.name == BUILTIN else RecordedAnswers(log)
+    scenario = rebuild(log.as_of(BEFORE_ALL))
+    run_episode(scenario, steps[0], delays=delays, record="full", session=answers)
     for run, before, after in zip(forks, steps[:-1], steps[1:], strict=True):
         parent = open_log(before, allow_plugins=True)
         fork_with(parent, run.begin, run.config, after, delays=delays, record="full")
+
+
+class RecordedAnswers:
+    """The answers of a log in place of the stack that gave them: nothing in a log is run."""
+
+    def __init__(self, log: Log) -> None:
+        """Read them all."""
+        self._commands = {
+            message.sequence: message.command
+            for message in read_messages(log.path)
+            if isinstance(message, pb.StackCommand)
+        }
+
+    def start(self, task: Task) -> None:
+        """Nothing to start."""
+
+    def ask(self, observation: Observation) -> sb.Command:
+        """The recorded answer to an observation of this number.
+
+        Raises:
+            InputError: The log has none.
+        """
+        if observation.sequence not in self._commands:
+            raise InputError(f"decision {observation.sequence}: no answer of the stack in the log")
+        return sb.Command.FromString(self._commands[observation.sequence])
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+    def stderr(self) -> str:
+        """Nothing."""
+        return ""
 
 
 def _delays(log: Log) -> dict[int, float]:

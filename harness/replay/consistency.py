@@ -12,13 +12,17 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
+from wayproof.harness.config import BUILTIN
 from wayproof.harness.ending import BETWEEN_DECISIONS, Limits, goal_distance
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.errors import StackCause
 from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.reader import Log
+from wayproof.harness.log.streams import own_streams
 from wayproof.harness.log.writer import FORMAT_VERSION, WITH_REASONS
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.recompute.segments import Segment, segments_of
@@ -252,8 +256,11 @@ def _contacts(subject: Subject) -> Iterator[Difference]:
 
 def _cause(subject: Subject) -> Iterator[Difference]:
     """Only a failure has a cause."""
-    cause = subject.log.result.get("cause", "")
-    if cause and subject.log.result["outcome"] in ("success", "error"):
+    cause, outcome = subject.log.result.get("cause", ""), subject.log.result["outcome"]
+    on_trial = subject.log.config.stack.name != BUILTIN
+    if outcome == "error" and on_trial and cause in get_args(StackCause):
+        return
+    if cause and outcome in ("success", "error"):
         yield Difference("result.cause", cause, "none")
 
 
@@ -291,7 +298,7 @@ def _hashes(subject: Subject) -> Iterator[Difference]:
     for streams, had in zip(content.streams, content.inputs, strict=False):
         recorded = {one.name: one.hash for one in streams.streams}
         expected_names = {f"sensor/{name}" for name in subject.run_of(streams.sequence).beams}
-        for name in sorted({*expected_names, "pose", "latency"}):
+        for name in sorted({*expected_names, *own_streams(subject.log.config)}):
             one, other = recorded.get(name, "none"), had.hashes[name]
             if one != other and not (older and len(one) > len(other)):
                 yield Difference(f"/streams[{streams.sequence}].{name}", one, other)

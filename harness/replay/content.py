@@ -14,7 +14,7 @@ from wayproof.harness.log.codec.messages import decode, is_ours
 from wayproof.harness.log.copy import topic_of
 from wayproof.harness.log.digest import ContentDigest
 from wayproof.harness.log.reader import Log
-from wayproof.harness.log.streams import StreamHashes
+from wayproof.harness.log.streams import StreamHashes, own_streams
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 
@@ -103,13 +103,13 @@ class _Running:
         beams = (log.beams, *(fork.beams for fork in log.forks))
         self._sensors = {name for one in beams for name in one}
         names = [f"sensor/{name}" for name in sorted(self._sensors)]
-        self._streams = StreamHashes([*names, "pose", "latency"])
+        self._streams = StreamHashes([*names, *own_streams(log.config)])
         self._written: list[bytes] = []
         self._pose = b""
         self._arrived: set[str] = set()
 
     def add(self, message: Message) -> None:
-        if not isinstance(message, (pb.Sweep, pb.Pose, pb.Latency)):
+        if not isinstance(message, (pb.Sweep, pb.Pose, pb.Latency, pb.StackCommand)):
             return
         data = serialized(message)
         if isinstance(message, pb.Sweep):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from wayproof.harness.config import Config, override, to_json
+from wayproof.harness.config import BUILTIN, Config, override, to_json
 from wayproof.harness.episode import Episode, Observer, arrival_ns
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import walk
@@ -107,6 +107,11 @@ def fork_with(
             f"log '{log.path}': format version {log.run['format_version']}, expected "
             f"{FORMAT_VERSION}, whose chain a fork can go on with; --closed-loop --log FILE writes "
             "it so"
+        )
+    if log.config.stack.name != BUILTIN:
+        raise InputError(
+            f"log '{log.path}': stack '{log.config.stack.name}' was on trial, which a fork cannot "
+            "put back to where it was; expected the built-in stack"
         )
     log = log.as_of(at)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)

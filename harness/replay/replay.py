@@ -123,7 +123,7 @@ def cause_differences(log: Log) -> list[Difference] | None:
     Raises:
         InputError: The log's scene cannot be compiled.
     """
-    if not log.result.get("cause") or log.record == "decisions":
+    if not log.result.get("cause") or log.record == "decisions" or log.result["outcome"] == "error":
         return None
     try:
         from wayproof.harness.attribution import find_cause, read_case

@@ -9,7 +9,7 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from wayproof.harness.log.copy import topic_of
-from wayproof.harness.log.streams import CONTROL, StreamHashes
+from wayproof.harness.log.streams import CONTROL, StreamHashes, own_streams
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.result import figures
 from wayproof.harness.scenario.scenario import Scenario
@@ -39,7 +39,7 @@ class Recorder:
         self._log, self._simulation, self._injector = log, simulation, injector
         scene = scenario.scene
         sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
-        self._streams = StreamHashes([*sensors, "pose", "latency", "world", CONTROL])
+        self._streams = StreamHashes([*sensors, *own_streams(scenario.config), "world", CONTROL])
         self._streams.update("world", scene.mjcf.encode())
         self._world = np.flatnonzero(scene.model.geom_group != ROBOT_GROUP)
         self.parts: dict[str, Stateful] = {

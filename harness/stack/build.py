@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
@@ -10,6 +11,8 @@ from wayproof.harness.inputs import Beams
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.planners import state_space_for
+
+T = TypeVar("T", bound=Navigator)
 
 
 def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]) -> Navigator:
@@ -24,8 +27,17 @@ def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]
         state_space_for(planner.state_space, planner.name, flat=flat, discs=bool(mission.discs))
     except ValueError as error:
         raise InputError(f"robot '{config.robot}': {error}") from None
+    return reported(config, lambda: Navigator(config, mission, beams))
+
+
+def reported(config: Config, make: Callable[[], T]) -> T:
+    """Build a navigator, with settings that no map can have reported as bad input.
+
+    Raises:
+        InputError: The map or the costmap cannot be made.
+    """
     try:
-        return Navigator(config, mission, beams)
+        return make()
     except ValueError as error:
         raise InputError(f"no map for this mission: {error}") from None
     except MemoryError:

@@ -32,9 +32,11 @@ class Navigator:
         mapper: The map, its labels and its costmap.
         state: Planner state after the last committed decision.
         chain: Hash over all decisions so far.
+        answer: Logged answer of a stack on trial to the last inputs; the built-in one has none.
     """
 
     SPACES = FreeSpaceBuilder
+    answer: pb.StackCommand | None = None
 
     def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
         """Start at rest, with an unknown map but for the start area."""
@@ -49,16 +51,24 @@ class Navigator:
         self.chain = ""
 
     @property
+    def draft(self) -> PlannerState:
+        """Planner state after the last decision, committed or not."""
+        return self._draft
+
+    @property
     def trajectory(self) -> Trajectory:
         """The last one committed."""
         return self.state.trajectory
 
-    def step(self, inputs: Inputs, sense_ms: float = 0.0) -> pb.Decision:
+    def step(
+        self, inputs: Inputs, sense_ms: float = 0.0, answer: pb.StackCommand | None = None
+    ) -> pb.Decision:
         """Integrate, update the costmap, decide and record; `commit` then makes it take effect.
 
         Args:
             inputs: The sweeps and the pose of one instant.
             sense_ms: Wall time that the sweeps took to cast, for the record.
+            answer: Logged answer of a stack on trial; the built-in stack decides by itself.
         """
         clock = StageClock(sense_ms)
         self.mapper.integrate(inputs)  # log-odds, clamping, decay

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import GRAIN, Action, Label
@@ -48,6 +48,9 @@ Kind = Literal[
     "way_out_blocked",
     "at_goal",
     "deadline_missed",
+    "commanded",
+    "commanded_without_proof",
+    "guard_braking",
 ]
 
 
@@ -270,6 +273,21 @@ MEANINGS: dict[Kind, Meaning] = {
         ("start_blocked",),
     ),
     "at_goal": Meaning("at rest {distance_m:.2f} m from the goal", ("goal",)),
+    "commanded": Meaning(
+        "commanded by the stack on trial; the referee admits {free_m:.2f} m, to its rest",
+        get_args(Action),
+        get_args(Label),
+    ),
+    "commanded_without_proof": Meaning(
+        "commanded by the stack on trial; the referee admits {free_m:.2f} m of it",
+        get_args(Action),
+        get_args(Label),
+    ),
+    "guard_braking": Meaning(
+        "braked by the guard; the referee admits {free_m:.2f} m of the command",
+        ("stop_and_wait",),
+        ("unknown_ahead", "path_blocked"),
+    ),
     "deadline_missed": Meaning(
         "{delay_ms:.0f} ms, {deadline_ms:.0f} allowed: the last trajectory stands",
         ("follow", "stop_and_wait"),
@@ -310,6 +328,9 @@ def sentence(reason: Reason) -> str:
 def _additions(reason: Reason, text: str) -> list[str]:
     """What figures say that only some reasons of a kind have."""
     found = []
+    if reason.cell is not None and "{cell}" not in text:
+        x, y, z = reason.cell
+        found.append(f"then {reason.cell_state} at ({x:.2f}, {y:.2f}, {z:.2f})")
     if reason.short_m is not None:
         found.append(f"it ends {reason.short_m:.2f} m from the goal")
     if reason.stop_m is not None and "{stop_m" not in text:

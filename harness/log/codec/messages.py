@@ -44,6 +44,7 @@ _MESSAGES: dict[str, type[Message]] = {
         pb.Sweep,
         pb.Pose,
         pb.Latency,
+        pb.StackCommand,
         pb.Decision,
         pb.Truth,
         pb.State,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from wayproof.harness.replay.reasons import driving, elsewhere, stopping, waiting
+from wayproof.harness.replay.reasons import commanded, driving, elsewhere, stopping, waiting
 from wayproof.harness.replay.reasons.past import Past
 from wayproof.harness.replay.reasons.scene import Scene
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -48,5 +48,8 @@ PREDICATES: dict[str, Claim] = {
     "way_out_blocked": waiting.way_out_blocked,
     "at_goal": stopping.at_goal,
     "deadline_missed": stopping.deadline_missed,
+    "commanded": commanded.commanded,
+    "commanded_without_proof": commanded.commanded_without_proof,
+    "guard_braking": commanded.guard_braking,
 }
 """What each kind of reason claims."""

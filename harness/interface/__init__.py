@@ -1,0 +1,1 @@
+"""Stack interface: any navigation stack on trial, and the referee of its commands."""

@@ -1,0 +1,147 @@
+"""Ways in for a stack: a registered name, a class, a command, a socket.
+
+All give the same: something that is started with a task and answers observations with commands.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Protocol
+
+from wayproof.harness.config import BUILTIN
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.interface.errors import StackError
+from wayproof.harness.interface.messages import CommandError, command_message
+from wayproof.harness.interface.remote import ChildProcess, RemoteStack, Socket
+from wayproof.harness.interface.stacks import STACKS
+from wayproof.harness.interface.types import Observation, Stack, Task
+from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.planners.ompl._plugin import UserCodeError, load_class, user_code
+
+EXEC, SOCKETS = "exec:", ("unix:", "tcp:")
+
+
+class Session(Protocol):
+    """A stack that is connected."""
+
+    def start(self, task: Task) -> None:
+        """Send the task."""
+
+    def ask(self, observation: Observation) -> sb.Command:
+        """The command that answers an observation."""
+
+    def close(self) -> None:
+        """End it."""
+
+    def stderr(self) -> str:
+        """The end of its standard error; empty of a class."""
+
+
+@contextlib.contextmanager
+def stack_code(who: str) -> Iterator[None]:
+    """Run a stack's code; whatever it raises becomes a `StackError`.
+
+    Raises:
+        StackError: With the exception as its cause.
+    """
+    try:
+        with user_code(who):
+            yield
+    except UserCodeError as error:
+        raised = error.__cause__
+        hung = type(raised).__name__ == "NeverReturned"
+        what = str(error).removeprefix(f"{who} ")
+        raise StackError(who, what, "stack_hung" if hung else "stack_broken") from raised
+
+
+class InProcess:
+    """A class of this process as a session."""
+
+    def __init__(self, stack: Stack, who: str) -> None:
+        """Call its methods, and name it in messages."""
+        self._stack, self._who = stack, who
+
+    def start(self, task: Task) -> None:
+        """Start it."""
+        with stack_code(self._who):
+            self._stack.start(task)
+
+    def ask(self, observation: Observation) -> sb.Command:
+        """The command that answers an observation.
+
+        Raises:
+            StackError: It raised, or returned what is no command.
+        """
+        with stack_code(self._who):
+            command = self._stack.step(observation)
+        try:
+            return command_message(command, observation.sequence)
+        except CommandError as error:
+            raise StackError(self._who, f"returned a command with {error}") from None
+
+    def close(self) -> None:
+        """Close it."""
+        with stack_code(self._who):
+            self._stack.close()
+
+    def stderr(self) -> str:
+        """Nothing: it shares this process's."""
+        return ""
+
+
+def connect(name: str, wall_s: float) -> Session:
+    """Connect to a stack.
+
+    Args:
+        name: A key of `STACKS`, `module:Class`, `path/to/file.py:Class`, `exec:COMMAND`,
+            `unix:PATH` or `tcp:HOST:PORT`.
+        wall_s: Wall time for each answer of another process, s.
+
+    Raises:
+        InputError: There is no such stack, or it does not answer.
+    """
+    who = f"stack '{name}'"
+    if name.startswith(EXEC):
+        return RemoteStack(ChildProcess(name.removeprefix(EXEC)), who, wall_s)
+    if name.startswith(SOCKETS):
+        return RemoteStack(Socket(name, wall_s), who, wall_s)
+    return InProcess(make_stack(name), who)
+
+
+def make_stack(name: str) -> Stack:
+    """An instance of a registered stack, or of a class of the user's own.
+
+    Raises:
+        InputError: There is none, or it cannot be made.
+    """
+    if name in STACKS:
+        return STACKS[name]()
+    if ":" not in name:
+        raise unknown_name("stack.name", name, [BUILTIN, *STACKS])
+    try:
+        kind = load_class(name)
+    except ValueError as error:
+        raise InputError(f"stack.name: got '{name}', which cannot be loaded: {error}") from None
+    missing = [one for one in ("start", "step", "close") if not callable(getattr(kind, one, None))]
+    if missing:
+        raise InputError(
+            f"stack.name: got '{name}', a class without {', '.join(missing)}; expected one with "
+            "start(task), step(observation) and close()"
+        )
+    try:
+        with user_code(f"stack '{name}'"):
+            stack: Stack = kind()
+    except UserCodeError as error:
+        raise InputError(f"stack.name: {error}") from None
+    return stack
+
+
+def is_users(name: str) -> bool:
+    """Whether a stack's name names code of the user's own."""
+    return name != BUILTIN and name not in STACKS
+
+
+def runs_in_process(name: str) -> bool:
+    """Whether a stack of the user's own runs in this process."""
+    return is_users(name) and not name.startswith((EXEC, *SOCKETS))

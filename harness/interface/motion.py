@@ -1,0 +1,269 @@
+"""From a command's motion to the trajectory that the body follows; always the same for the same.
+
+A velocity is rolled out for its time and then braked by the body's limits, waypoints become the
+fastest trajectory through them, samples a trajectory through them. All end at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.interface.types import Array, Motion, Reference, Samples, Velocity, Waypoints
+from wayproof.maps.elementary import arc_tangent, norm, sines_cosines
+from wayproof.planners import (
+    MotionLimits,
+    Trajectory,
+    arc_lengths,
+    first_stop,
+    follow_path,
+    hold,
+    truncate,
+    turn_in_place,
+)
+from wayproof.planners.jerk_limited import at_rest, ramped
+
+STEP_S = 0.01
+"""Time step of the rollout of a velocity, s."""
+
+MAX_DURATION_S = 10.0
+"""Longest time for which a velocity holds, s."""
+
+MAX_SAMPLES = 20_000
+"""Most samples, waypoints or points of a trajectory."""
+
+MAX_DISTANCE_M = 1e4
+"""Farthest coordinate from the origin, m."""
+
+STARTS_ELSEWHERE_M = 0.05
+"""Distance of a trajectory's start from the reference beyond which it is refused, m."""
+
+TURN_FIRST_RAD = 0.6
+"""Heading error beyond which a ground robot at rest turns in place before it follows waypoints."""
+
+MAX_CORNER_RAD = 0.9
+"""Sharpest corner of waypoints that is taken without coming to rest."""
+
+STILL_M = 1e-6
+"""Steps shorter than this are no motion, m."""
+
+
+class MotionError(ValueError):
+    """A command's motion that no body can follow, in one line: what was got and expected."""
+
+
+def trajectory_of(
+    motion: Motion,
+    references: tuple[Reference, Reference],
+    effect_ns: int,
+    limits: MotionLimits,
+    *,
+    planar: bool,
+) -> Trajectory:
+    """The trajectory that a motion stands for.
+
+    Args:
+        motion: Of a command.
+        references: Commanded state at the time of effect, where a motion begins; and the same at
+            the estimated position, where a trajectory may begin as well.
+        effect_ns: That time, ns.
+        limits: Of the body.
+        planar: Whether the body moves in the plane of the reference: heights are ignored.
+
+    Raises:
+        MotionError: It is not finite, starts elsewhere, or has no end.
+    """
+    reference = references[0]
+    if isinstance(motion, Velocity):
+        return _roll_out(motion, reference, effect_ns, limits, planar)
+    if isinstance(motion, Waypoints):
+        return _through(motion, reference, effect_ns, limits, planar)
+    if isinstance(motion, Samples):
+        return _sampled(motion, references, effect_ns, planar)
+    return _checked(motion, references, effect_ns, planar)
+
+
+def _roll_out(
+    velocity: Velocity,
+    reference: Reference,
+    effect_ns: int,
+    limits: MotionLimits,
+    planar: bool,
+) -> Trajectory:
+    """Hold a velocity in the body's frame for its time, then brake; within the limits."""
+    values = (velocity.forward, velocity.left, velocity.up, velocity.yaw_rate)
+    if not all(map(math.isfinite, values)):
+        raise MotionError(f"velocity: got {values}, expected finite numbers")
+    if not 0.0 <= velocity.duration_s <= MAX_DURATION_S:
+        raise MotionError(
+            f"velocity.duration_s: got {velocity.duration_s:g}, expected 0 to {MAX_DURATION_S:g} s"
+        )
+    target = np.array([velocity.forward, velocity.left, 0.0 if planar else velocity.up])
+    speed = norm(target)
+    if speed > limits.speed:
+        target *= limits.speed / speed
+    yaw_rate = min(max(velocity.yaw_rate, -limits.yaw_rate), limits.yaw_rate)
+    current = reference.velocity * np.array([1.0, 1.0, 0.0 if planar else 1.0])
+    positions, headings = [reference.position], [reference.heading]
+    turning, steps = reference.yaw_rate, round(velocity.duration_s / STEP_S)
+    while len(positions) <= steps or norm(current) > 0.0 or turning != 0.0:
+        if len(positions) > MAX_SAMPLES:
+            raise MotionError("velocity: the body does not come to rest")
+        if len(positions) > steps:
+            target, yaw_rate = np.zeros(3), 0.0
+        wanted_turning = _towards(turning, yaw_rate, limits.yaw.acceleration * STEP_S)
+        heading = headings[-1] + 0.5 * (turning + wanted_turning) * STEP_S
+        turning = wanted_turning
+        before = current
+        change = _in_world(target, heading) - current
+        size = norm(change)
+        largest = limits.acceleration * STEP_S
+        current = current + (change if size <= largest else change * (largest / size))
+        positions.append(positions[-1] + 0.5 * (before + current) * STEP_S)
+        headings.append(heading)
+    return _joined(effect_ns, np.array(positions), np.array(headings), STEP_S)
+
+
+def _towards(value: float, target: float, largest: float) -> float:
+    return value + min(max(target - value, -largest), largest)
+
+
+def _in_world(vector: Array, heading: float) -> Array:
+    """A vector of the body's frame in the world, by its heading alone."""
+    sines, cosines = sines_cosines(np.array([heading]))
+    sine, cosine = float(sines[0]), float(cosines[0])
+    x, y, z = vector.tolist()
+    return np.array([cosine * x - sine * y, sine * x + cosine * y, z])
+
+
+def _through(
+    waypoints: Waypoints,
+    reference: Reference,
+    effect_ns: int,
+    limits: MotionLimits,
+    planar: bool,
+) -> Trajectory:
+    """The fastest trajectory through waypoints, up to the first sharp corner."""
+    points = _points("waypoints.points", waypoints.points)
+    if not 0.0 <= waypoints.speed < math.inf:
+        raise MotionError(f"waypoints.speed: got {waypoints.speed}, expected 0 or more m/s")
+    if planar:
+        points[:, 2] = reference.position[2]
+    path = _without_repeats(np.vstack([reference.position, points]))
+    speed = norm(reference.velocity)
+    if len(path) == 1 and speed < 1e-3:
+        return hold(reference.position, effect_ns, reference.heading)
+    along = 0.0
+    if len(path) > 1:
+        direction = (path[1] - path[0]) / norm(path[1] - path[0])
+        along = max(float((reference.velocity * direction).sum()), 0.0)
+        if planar and speed < 1e-3:
+            heading = arc_tangent(float(direction[1]), float(direction[0]))
+            if abs(wrap_angle(heading - reference.heading)) > TURN_FIRST_RAD:
+                return turn_in_place(
+                    reference.position, effect_ns, reference.heading, heading, limits
+                )
+        corner = first_stop(path, 0.0, MAX_CORNER_RAD)
+        if STILL_M < corner < arc_lengths(path)[-1]:
+            path = truncate(path, corner)
+    return follow_path(
+        path,
+        effect_ns,
+        0.0,
+        along,
+        0.0,
+        reference.heading,
+        limits,
+        waypoints.speed or limits.speed,
+    )
+
+
+def _sampled(
+    samples: Samples, references: tuple[Reference, Reference], effect_ns: int, planar: bool
+) -> Trajectory:
+    """A trajectory through samples, straight and even in between."""
+    positions = _points("samples.positions", samples.positions)
+    headings = np.array(samples.headings, np.float64)
+    if headings.shape != (len(positions),) or not np.isfinite(headings).all():
+        raise MotionError(
+            f"samples.headings: got shape {headings.shape}, expected ({len(positions)},), finite"
+        )
+    if not 1e-3 <= samples.period_s <= 10.0:
+        raise MotionError(f"samples.period_s: got {samples.period_s:g}, expected 0.001 to 10 s")
+    if planar:
+        positions[:, 2] = references[0].position[2]
+    _refuse_elsewhere(positions[0], references)
+    return _joined(effect_ns, positions, headings, samples.period_s)
+
+
+def _joined(start_ns: int, positions: Array, headings: Array, period_s: float) -> Trajectory:
+    """Positions (k, 3) and headings (k,) at even times as a trajectory."""
+    steps = np.sqrt(np.square(np.diff(positions, axis=0)).sum(axis=1))
+    arcs = np.concatenate([[0.0], np.cumsum(steps)])
+    kept = np.append(True, steps > STILL_M)
+    path = positions[kept]
+    motion = ramped(arcs, period_s) if arcs[-1] > STILL_M else at_rest(0.0)
+    turns = len(headings) > 1 and bool(np.ptp(headings) > 0.0)
+    turning = ramped(headings, period_s) if turns else at_rest(float(headings[-1]))
+    if arcs[-1] <= STILL_M:
+        path = positions[:1]
+    return Trajectory(start_ns, path, motion, turning)
+
+
+def _checked(
+    trajectory: Trajectory,
+    references: tuple[Reference, Reference],
+    effect_ns: int,
+    planar: bool,
+) -> Trajectory:
+    """An exact trajectory, if it is one."""
+    path = _points("trajectory.path", trajectory.path)
+    height = references[0].position[2]
+    if planar and np.abs(path[:, 2] - height).max() > STILL_M:
+        path[:, 2] = height
+    for name, part in (("motion", trajectory.motion), ("turning", trajectory.turning)):
+        count = len(part.times)
+        shapes = part.states.shape == (count, 3) and part.jerks.shape == (count,)
+        numbers = [*part.times, *part.states.ravel(), *part.jerks, part.duration, part.end]
+        if not shapes or not all(map(math.isfinite, numbers)):
+            raise MotionError(f"trajectory.{name}: got pieces that are not finite, or unequal")
+        ascending = bool((np.diff(part.times) >= 0.0).all())
+        if (count and (part.times[0] != 0.0 or not ascending)) or not 0.0 <= part.duration <= 1e4:
+            raise MotionError(f"trajectory.{name}: expected times from 0 on, ascending, to an end")
+    if trajectory.start_ns < 0:
+        raise MotionError(f"trajectory.start_ns: got {trajectory.start_ns}, expected 0 or more")
+    trajectory = replace(trajectory, path=path)
+    _refuse_elsewhere(trajectory.at(effect_ns).position, references)
+    return trajectory
+
+
+def _points(name: str, values: Array) -> Array:
+    """A copy of points (k, 3), finite and near.
+
+    Raises:
+        MotionError: They are not.
+    """
+    points = np.array(values, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not 1 <= len(points) <= MAX_SAMPLES:
+        raise MotionError(f"{name}: got shape {points.shape}, expected (k, 3), k to {MAX_SAMPLES}")
+    if not (np.abs(points) <= MAX_DISTANCE_M).all():  # nor NaN
+        raise MotionError(f"{name}: expected finite coordinates within {MAX_DISTANCE_M:g} m")
+    return points
+
+
+def _refuse_elsewhere(start: Array, references: tuple[Reference, Reference]) -> None:
+    away = min(norm(start - reference.position) for reference in references)
+    if away > STARTS_ELSEWHERE_M:
+        raise MotionError(
+            f"trajectory starts {away:.2f} m from where the robot is then, expected at most "
+            f"{STARTS_ELSEWHERE_M:g} m"
+        )
+
+
+def _without_repeats(points: Array) -> Array:
+    moved = np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)) > STILL_M
+    kept: Array = points[np.append(True, moved)]
+    return kept

@@ -1,0 +1,109 @@
+"""Observations of a stack on trial, built from the logged inputs alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from wayproof.harness.config import Config, to_json
+from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.inputs import Beams, Inputs, SweepInput
+from wayproof.harness.interface.types import (
+    Array,
+    Fate,
+    Observation,
+    Reference,
+    Sensor,
+    Sweep,
+    Task,
+)
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.planners import Trajectory
+
+
+def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]) -> Task:
+    """The task of one mission.
+
+    Args:
+        config: Settings of the episode.
+        mission: Of it.
+        infos: Sensors by name; the first one's rate is that of the observations.
+    """
+    return Task(
+        robot=config.robot,
+        seed=config.seed,
+        mission=mission,
+        goal_tolerance=config.episode.goal_tolerance,
+        period_s=1.0 / next(iter(infos.values())).rate_hz,
+        delay_s=config.latency.expected,
+        deadline_s=config.latency.deadline,
+        sensors={name: Sensor(info) for name, info in infos.items()},
+        settings=to_json(config).decode(),
+    )
+
+
+def reference_at(trajectory: Trajectory, time_ns: int, height_m: float | None) -> Reference:
+    """The commanded state of a robot that follows a trajectory.
+
+    Args:
+        trajectory: That it follows.
+        time_ns: Time of the state.
+        height_m: Height of the base above the plane that a ground robot is planned in; else none.
+    """
+    sample = trajectory.at(time_ns)
+    position = sample.position.copy()
+    if height_m is not None:
+        position[2] = height_m
+    return Reference(position, sample.velocity, sample.heading, sample.yaw_rate, sample.at_rest)
+
+
+class ObservationBuilder:
+    """Builds the observations of one mission, one after the other."""
+
+    def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
+        """Start before the first observation."""
+        self._config, self._mission, self._beams = config, mission, beams
+        self._before: tuple[int, Array, float] | None = None  # time, position and heading
+
+    def build(self, inputs: Inputs, followed: Trajectory, last: Fate | None) -> Observation:
+        """The observation of one set of inputs.
+
+        Args:
+            inputs: Sweeps and pose of one instant.
+            followed: The trajectory that the robot follows.
+            last: What became of the previous command.
+        """
+        effect_ns = inputs.time_ns + round(self._config.latency.expected * 1e9)
+        velocity, yaw_rate = self._twist(inputs)
+        height = float(inputs.pose.position[2]) if self._mission.motion == "ground" else None
+        return Observation(
+            time_ns=inputs.time_ns,
+            sequence=inputs.sequence,
+            position=inputs.pose.position,
+            quaternion=inputs.pose.quaternion,
+            position_sigma=inputs.pose.position_sigma,
+            heading_sigma=inputs.pose.heading_sigma,
+            velocity=velocity,
+            yaw_rate=yaw_rate,
+            sweeps=tuple(self._sweep(sweep, inputs) for sweep in inputs.sweeps),
+            effect_ns=effect_ns,
+            reference=reference_at(followed, effect_ns, height),
+            last=last,
+            trail=inputs.pose.trail,
+        )
+
+    def _sweep(self, sweep: SweepInput, inputs: Inputs) -> Sweep:
+        place = partial(self._beams[sweep.sensor].place, sweep, inputs.pose, inputs.sequence)
+        return Sweep(sweep.sensor, sweep.ranges_mm, sweep.classes, place)
+
+    def _twist(self, inputs: Inputs) -> tuple[Array, float]:
+        """Velocity (3,), m/s, and yaw rate, rad/s, from this pose and the one before."""
+        position, heading = inputs.pose.position, inputs.pose.heading
+        before, self._before = self._before, (inputs.time_ns, position, heading)
+        if before is None:
+            return np.zeros(3), 0.0
+        elapsed = (inputs.time_ns - before[0]) * 1e-9
+        return (position - before[1]) / elapsed, wrap_angle(heading - before[2]) / elapsed

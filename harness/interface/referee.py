@@ -1,0 +1,79 @@
+"""The referee: the verdict on a command, by the harness's own map and costmap.
+
+The space that the body sweeps before it is at rest is admitted if the unknown policy lets the body
+enter all of it, blocked if it overlaps what is occupied or lies outside of the operating area, and
+else unknown. The same for every stack, and a pure function of the logged inputs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from wayproof.harness.interface.types import Array, Verdict
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.footprint_checks import CHECK_STEP, poses_from
+from wayproof.harness.stack.obstruction import Obstruction
+from wayproof.harness.stack.types import PlannerInput, arc_length
+from wayproof.planners import FreeSpace, Trajectory
+
+ROUNDING_M = 1e-6
+"""Slack of a free length, m."""
+
+TURN_RAD = 0.02
+"""Change of heading below which a body keeps its place, rad."""
+
+PLACE_M = 1e-3
+"""Length of a path below which a body keeps its place, m."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The verdict on one command and where it comes from.
+
+    Attributes:
+        verdict: `admitted`, `unknown` or `blocked`.
+        overlap: The first overlap with what the body may not enter; its length of way if none.
+    """
+
+    verdict: Verdict
+    overlap: Obstruction
+
+
+def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: PlannerInput) -> Judgement:
+    """Judge the space that the body sweeps along a trajectory.
+
+    Args:
+        trajectory: That it follows from the time of effect to its rest.
+        circumscribed: Planner input with the free space of the disc or ball about the body.
+        oriented: The same of the body's discs at their heading; of a round body the same.
+    """
+    poses = _poses(trajectory, circumscribed)
+    if _keeps_its_place(poses):
+        return Judgement("admitted", Obstruction(0.0))
+    if _is_free(circumscribed.traversable, oriented.traversable, poses):
+        return Judgement("admitted", Obstruction(arc_length(poses[:, :3])))
+    overlap = obstruction.on_poses(oriented, poses, oriented.unknown_blocks)
+    blocked = not _is_free(circumscribed.optimistic, oriented.optimistic, poses)
+    return Judgement("blocked" if blocked else "unknown", overlap)
+
+
+def _poses(trajectory: Trajectory, planner_input: PlannerInput) -> Array:
+    """Poses (n, 4) from the time of effect to rest: x, y, z, m, and heading, rad."""
+    elapsed = max((planner_input.effect_ns - trajectory.start_ns) * 1e-9, 0.0)
+    return poses_from(trajectory, elapsed)
+
+
+def _keeps_its_place(poses: Array) -> bool:
+    turn = float(poses[:, 3].max() - poses[:, 3].min())
+    return arc_length(poses[:, :3]) < PLACE_M and turn < TURN_RAD
+
+
+def _is_free(circumscribed: FreeSpace, oriented: FreeSpace, poses: Array) -> bool:
+    """Whether the body is free at and between all poses: as one disc, or as it is headed."""
+    path = poses[:, :3]
+    if circumscribed.free_length(path) >= arc_length(path) - ROUNDING_M:
+        return True
+    return bool(oriented.discs) and oriented.free_poses(poses) == len(poses)
+
+
+__all__ = ["CHECK_STEP", "Judgement", "judge"]

@@ -1,0 +1,162 @@
+"""Serve a stack of Python to a harness in another process: the other end of `exec:` and sockets."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import struct
+import sys
+import traceback
+from functools import partial
+from typing import IO
+
+import numpy as np
+
+from wayproof.harness.errors import InputError, printable
+from wayproof.harness.inputs import Pose
+from wayproof.harness.interface.connect import make_stack
+from wayproof.harness.interface.messages import (
+    command_message,
+    fate_from,
+    hello,
+    reference_from,
+    sweep_inputs,
+    task_from,
+    trail_from,
+)
+from wayproof.harness.interface.types import Observation, Stack, Sweep, Task
+from wayproof.harness.schema import stack_pb2 as sb
+
+
+def serve(name: str) -> None:
+    """Serve a stack on standard input and output; what it prints goes to standard error."""
+    read = os.fdopen(os.dup(0), "rb", buffering=2**20)
+    write = os.fdopen(os.dup(1), "wb", buffering=2**20)
+    os.dup2(2, 1)
+    sys.stdout = sys.stderr
+    answer_all(make_stack(name), name, read, write)
+
+
+def listen(name: str, address: str) -> None:
+    """Serve a stack to one harness after the other, on `unix:PATH` or `tcp:HOST:PORT`.
+
+    Raises:
+        InputError: The address cannot be listened on.
+    """
+    make_stack(name)  # refused before anything listens
+    with _listening(address) as server:
+        while True:
+            connection, _ = server.accept()
+            with connection:
+                if connection.family != socket.AF_UNIX:
+                    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                stream = connection.makefile("rwb", buffering=2**20)
+                with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+                    answer_all(make_stack(name), name, stream, stream)
+
+
+def _listening(address: str) -> socket.socket:
+    kind, _, place = address.partition(":")
+    try:
+        if kind == "unix":
+            server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            server.bind(place)
+        elif kind == "tcp":
+            host, _, port = place.rpartition(":")
+            server = socket.create_server((host, int(port)))
+        else:
+            raise ValueError
+        server.listen()
+    except ValueError:
+        raise InputError(f"--listen {address}: expected unix:PATH or tcp:HOST:PORT") from None
+    except OSError as error:
+        raise InputError(f"--listen {address}: {error.strerror or error}") from None
+    return server
+
+
+def answer_all(stack: Stack, name: str, read: IO[bytes], write: IO[bytes]) -> None:
+    """Answer the harness until it closes the connection.
+
+    Args:
+        stack: That answers.
+        name: That it is called by.
+        read: Messages of the harness.
+        write: Answers.
+    """
+    task: Task | None = None
+    while (message := _receive(read)) is not None:
+        kind = message.WhichOneof("kind")
+        if kind == "hello":
+            _send(write, sb.FromStack(hello=hello(name)))
+        elif kind == "close":
+            break
+        try:
+            if kind == "task":
+                task = task_from(message.task)
+                stack.start(task)
+            elif kind == "observation":
+                assert task is not None
+                command = stack.step(observation_from(message.observation, task))
+                answer = command_message(command, message.observation.sequence)
+                _send(write, sb.FromStack(command=answer))
+        except Exception as error:
+            text = printable(f"{type(error).__name__}: {' '.join(str(error).split())}")[:300]
+            failure = sb.Failure(text=text, traceback=traceback.format_exc()[-16_000:])
+            traceback.print_exc()
+            _send(write, sb.FromStack(failure=failure))
+            break
+    stack.close()
+
+
+def observation_from(message: sb.Observation, task: Task) -> Observation:
+    """An observation, in the stack's process."""
+    position = message.position
+    pose = Pose(
+        np.array([position.x, position.y, position.z]),
+        np.array(message.quaternion),
+        message.position_sigma,
+        trail_from(message),
+        message.heading_sigma,
+    )
+    velocity, sequence = message.velocity, message.sequence
+    sweeps = tuple(
+        Sweep(
+            sweep.sensor,
+            sweep.ranges_mm,
+            sweep.classes,
+            partial(task.sensors[sweep.sensor].beams.place, sweep, pose, sequence),
+        )
+        for sweep in sweep_inputs(message)
+    )
+    return Observation(
+        time_ns=message.time_ns,
+        sequence=sequence,
+        position=pose.position,
+        quaternion=pose.quaternion,
+        position_sigma=pose.position_sigma,
+        heading_sigma=pose.heading_sigma,
+        velocity=np.array([velocity.x, velocity.y, velocity.z]),
+        yaw_rate=message.yaw_rate,
+        sweeps=sweeps,
+        effect_ns=message.effect_ns,
+        reference=reference_from(message),
+        last=fate_from(message),
+        trail=pose.trail,
+    )
+
+
+def _receive(read: IO[bytes]) -> sb.ToStack | None:
+    """The next message; none at the end."""
+    head = read.read(4)
+    if len(head) < 4:
+        return None
+    (length,) = struct.unpack("<I", head)
+    data = read.read(length)
+    return sb.ToStack.FromString(data) if len(data) == length else None
+
+
+def _send(write: IO[bytes], message: sb.FromStack) -> None:
+    data = message.SerializeToString(deterministic=True)
+    write.write(struct.pack("<I", len(data)) + data)
+    write.flush()

@@ -1,0 +1,223 @@
+"""A stack on trial in the navigator's place: it commands, and the referee judges.
+
+Live, the stack is asked and its answer is logged; from a log the logged answer stands for it, so
+that a replay needs no stack. All else follows from the logged inputs.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+from google.protobuf.message import DecodeError
+
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import Beams, Inputs
+from wayproof.harness.interface.connect import Session
+from wayproof.harness.interface.errors import StackError
+from wayproof.harness.interface.messages import (
+    CommandError,
+    check_command,
+    motion_of,
+    planned_path_of,
+)
+from wayproof.harness.interface.motion import MotionError, trajectory_of
+from wayproof.harness.interface.observations import ObservationBuilder, reference_at
+from wayproof.harness.interface.referee import Judgement, judge
+from wayproof.harness.interface.types import Fate
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.stack.footprint_mode import FootprintDecision
+from wayproof.harness.stack.maneuvers import brake
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.harness.stack.types import Command, PlannerInput, arc_length, distance, is_stationary
+from wayproof.planners import Trajectory, TrajectorySample, hold, remaining
+
+
+class TrialNavigator(Navigator):
+    """Judges the commands of a stack on trial, and has the robot follow them.
+
+    Attributes:
+        answer: The command that the last decision was made with, as it is logged.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        mission: Mission,
+        beams: Mapping[str, Beams],
+        session: Session | None = None,
+    ) -> None:
+        """Start at rest, with an unknown map but for the start area.
+
+        Args:
+            config: Settings; those of map and costmap are the referee's.
+            mission: Of the episode.
+            beams: Sensor geometry by sensor name.
+            session: The stack, started; none where answers come from a log.
+        """
+        super().__init__(config, mission, beams)
+        self._mission, self._session = mission, session
+        self._observations = ObservationBuilder(config, mission, beams)
+        self._fate: Fate | None = None
+        self._judgement: tuple[Judgement, bool] | None = None  # and whether the guard cut
+        self.answer: pb.StackCommand | None = None
+
+    def step(
+        self, inputs: Inputs, sense_ms: float = 0.0, answer: pb.StackCommand | None = None
+    ) -> pb.Decision:
+        """Ask the stack, or take its logged answer; integrate, judge and record.
+
+        Raises:
+            StackError: The stack failed, or its command is none that a body can follow.
+        """
+        began = time.perf_counter()
+        self.answer = self.ask(inputs) if answer is None else answer
+        asked_ms = (time.perf_counter() - began) * 1e3
+        decision = super().step(inputs, sense_ms)
+        decision.stages.plan_ms += asked_ms
+        return decision
+
+    def ask(self, inputs: Inputs) -> pb.StackCommand:
+        """The stack's answer to the observation of these inputs, as it is logged."""
+        if self._session is None:
+            raise InputError(f"decision {inputs.sequence}: no answer of the stack in the log")
+        observation = self._observations.build(inputs, self.state.trajectory, self._fate)
+        command = self._session.ask(observation).SerializeToString(deterministic=True)
+        answer = pb.StackCommand(sequence=inputs.sequence, command=command)
+        answer.timestamp.FromNanoseconds(inputs.time_ns)
+        return answer
+
+    def commit(self, decision: pb.Decision, delay_s: float) -> pb.Decision:
+        """Commit the decision with the delay that it had, and add it to the chain."""
+        decision = super().commit(decision, delay_s)
+        assert self._judgement is not None
+        judgement, cut = self._judgement
+        fate = "late" if decision.deadline_missed else "cut" if cut else "followed"
+        self._fate = Fate(decision.sequence, fate, judgement.verdict)  # type: ignore[arg-type]
+        return decision
+
+    def _decide_and_record(
+        self, inputs: Inputs, planner_input: PlannerInput, version: str
+    ) -> pb.Decision:
+        decision = super()._decide_and_record(inputs, planner_input, version)
+        assert self._judgement is not None
+        judgement, cut = self._judgement
+        decision.verdict.verdict = judgement.verdict
+        decision.verdict.free_m = judgement.overlap.free_m
+        decision.verdict.cut = cut
+        return decision
+
+    def _decide(self, planner_input: PlannerInput) -> FootprintDecision:
+        """Judge the command, and follow it unless the guard brakes in its place."""
+        oriented = planner_input
+        if self._input_builder.elongated:
+            oriented = self._input_builder.oriented(planner_input)
+        command = self._command()
+        start = self.state.trajectory.at(planner_input.effect_ns)
+        trajectory = self._trajectory(command, planner_input)
+        judgement = judge(trajectory, planner_input, oriented)
+        cut = self._config.stack.guard and judgement.verdict != "admitted"
+        self._judgement = judgement, cut
+        if cut:
+            decided = self._brake(oriented, judgement, start)
+        else:
+            decided = self._follow(command, trajectory, planner_input, judgement)
+        state = replace(self.state, trajectory=decided.trajectory)
+        footprint = planner_input if _fits(planner_input, decided.trajectory) else oriented
+        return FootprintDecision(decided, state, footprint)
+
+    @property
+    def _who(self) -> str:
+        return f"stack '{self._config.stack.name}'"
+
+    def _command(self) -> sb.Command:
+        """The answer, decoded.
+
+        Raises:
+            StackError: It is no command.
+        """
+        assert self.answer is not None
+        try:
+            command = sb.Command.FromString(self.answer.command)
+            check_command(command)
+        except (DecodeError, CommandError) as error:
+            raise StackError(self._who, f"sent a command with {error}") from None
+        return command
+
+    def _trajectory(self, command: sb.Command, planner_input: PlannerInput) -> Trajectory:
+        """The trajectory that a command stands for; without a motion the last one stands."""
+        effect_ns = planner_input.effect_ns
+        reference = reference_at(self.state.trajectory, effect_ns, None)
+        believed = replace(reference, position=planner_input.position)
+        planar = self._mission.motion == "ground"
+        limits = planner_input.limits
+        try:
+            motion = motion_of(command)
+            if motion is None:
+                return self.state.trajectory
+            return trajectory_of(motion, (reference, believed), effect_ns, limits, planar=planar)
+        except (CommandError, MotionError) as error:
+            raise StackError(self._who, f"sent a command with {error}") from None
+
+    def _follow(
+        self,
+        command: sb.Command,
+        trajectory: Trajectory,
+        planner_input: PlannerInput,
+        judgement: Judgement,
+    ) -> Command:
+        """Follow the stack's command, whatever the verdict."""
+        action = command.action or self._derived_action(trajectory, planner_input)
+        overlap = judgement.overlap
+        if judgement.verdict == "admitted":
+            reason = Reason("commanded", free_m=overlap.free_m)
+        else:
+            reason = _overlap_reason("commanded_without_proof", judgement)
+        path = planned_path_of(command)
+        label: Label = command.label or "none"  # type: ignore[assignment]
+        return Command(action, reason, label, trajectory, path)  # type: ignore[arg-type]
+
+    def _brake(
+        self, planner_input: PlannerInput, judgement: Judgement, start: TrajectorySample
+    ) -> Command:
+        """Brake along the last trajectory, in the stack's place."""
+        unknown = judgement.verdict == "unknown"
+        label: Label = "unknown_ahead" if unknown else "path_blocked"
+        reason = _overlap_reason("guard_braking", judgement)
+        if is_stationary(start):
+            trajectory = hold(start.position, planner_input.effect_ns, start.heading)
+            return Command("stop_and_wait", reason, label, trajectory)
+        path = remaining(self.state.trajectory.path, start.arc_length)
+        return brake(planner_input, self.state, start, path, reason, label).command
+
+    def _derived_action(self, trajectory: Trajectory, planner_input: PlannerInput) -> Action:
+        """The action of a command that names none: by where its motion leads."""
+        late_ns = planner_input.effect_ns - trajectory.start_ns
+        if late_ns * 1e-9 < trajectory.duration_s:
+            return "follow"
+        away = distance(planner_input.position, planner_input.goal)
+        now = self.state.trajectory.at(planner_input.time_ns)
+        return "goal" if now.at_rest and away <= planner_input.goal_tolerance else "stop_and_wait"
+
+
+def _overlap_reason(kind: Kind, judgement: Judgement) -> Reason:
+    overlap = judgement.overlap
+    return Reason(
+        kind,
+        free_m=overlap.free_m,
+        cell=overlap.cell,
+        cell_state=overlap.cell_state,
+        place=overlap.place,
+    )
+
+
+def _fits(planner_input: PlannerInput, trajectory: Trajectory) -> bool:
+    """Whether the circumscribed footprint fits all along a trajectory."""
+    path = trajectory.path
+    return planner_input.traversable.free_length(path) >= arc_length(path)

@@ -1,0 +1,87 @@
+"""Stacks of a user's own: a good one, and one for each way to be broken."""
+
+import os
+import sys
+import time
+
+import numpy as np
+
+from wayproof.harness.interface.types import Command, Samples, Velocity, Waypoints
+
+
+class Base:
+    def start(self, task):
+        self.task = task
+
+    def close(self):
+        pass
+
+
+class Ahead(Base):
+    """Drives straight on, slowly."""
+
+    def step(self, observation):
+        return Command(Velocity(0.3), reason="on and on", scalars={"n": observation.sequence})
+
+
+class ToWaypoint(Base):
+    def step(self, observation):
+        goal = np.array(self.task.mission.goal)
+        return Command(Waypoints(goal[None], 0.5), planned_path=goal[None])
+
+
+class Raises(Base):
+    def step(self, observation):
+        if observation.sequence == 3:
+            raise KeyError("map")
+        return Command(Velocity(0.2))
+
+
+class Dies(Base):
+    def step(self, observation):
+        if observation.sequence == 3:
+            print("segmentation fault, more or less", file=sys.stderr, flush=True)
+            os._exit(7)
+        return Command(Velocity(0.2))
+
+
+class Hangs(Base):
+    def step(self, observation):
+        if observation.sequence == 3:
+            time.sleep(1000.0)
+        return Command(Velocity(0.2))
+
+
+class Nan(Base):
+    def step(self, observation):
+        return Command(Velocity(float("nan") if observation.sequence == 3 else 0.2))
+
+
+class Elsewhere(Base):
+    def step(self, observation):
+        start = observation.reference.position + np.array([3.0, 0.0, 0.0])
+        positions = np.array([start, start + np.array([0.1, 0.0, 0.0])])
+        if observation.sequence < 3:
+            return Command(Velocity(0.0))
+        return Command(Samples(0.1, positions, np.zeros(2)))
+
+
+class Garbage(Base):
+    def step(self, observation):
+        if observation.sequence == 3:
+            os.write(1, b"hello, world, this is no message")
+            sys.__stdout__.flush()
+        return Command(Velocity(0.2)) if observation.sequence != 3 else "go"
+
+
+class Floods(Base):
+    def step(self, observation):
+        print("x" * 100_000, file=sys.stderr)
+        return Command(Velocity(0.2))
+
+
+class Random(Base):
+    """Uses a generator without a seed."""
+
+    def step(self, observation):
+        return Command(Velocity(0.2 + 0.01 * np.random.default_rng().random()))

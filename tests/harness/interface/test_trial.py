@@ -1,0 +1,211 @@
+"""Stacks on trial, end to end: the same by every way in, judged, logged, replayed and broken."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from wayproof import Config, build, open_log, override, run_episode
+from wayproof.harness.cli.main import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.replay.asked_again import ask_again
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.closed_loop import simulate_again
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.schema import stack_pb2 as sb
+
+STACKS = Path(__file__).with_name("stacks_on_trial.py")
+CHILD = f"exec:{sys.executable} -m wayproof serve"
+
+
+def trial(tmp_path, stack, world="empty", robot="quadruped", seed=1, *settings, name="a"):
+    quick = ("episode.time_limit=3", "plugins.wall_s=20")
+    config = override(Config(world, robot, seed), [*quick, *settings, f"stack.name={stack}"])
+    return run_episode(build(config), tmp_path / f"{name}.mcap")
+
+
+def own(kind):
+    return f"{STACKS}:{kind}"
+
+
+def test_a_stack_in_a_child_process_gives_the_same_chain_as_in_this_one(tmp_path):
+    here = trial(tmp_path, own("Ahead"), name="here")
+    there = trial(tmp_path, f"{CHILD} {own('Ahead')}", name="there")
+    assert here.chain == there.chain
+    assert here.decisions == there.decisions > 20
+    assert here.outcome == "timeout"
+
+
+@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot):
+    stack = "wayproof.harness.interface.builtin:BuiltinStack"
+    direct = trial(tmp_path, "builtin", "cylinders", robot, 2, name="direct")
+    here = trial(tmp_path, stack, "cylinders", robot, 2, name="here")
+    there = trial(tmp_path, f"{CHILD} {stack}", "cylinders", robot, 2, name="there")
+    assert here.chain == there.chain
+    pairs = zip(*(open_log(Path(one.log)).decisions() for one in (direct, here)), strict=True)
+    for one, other in pairs:
+        assert one.trajectory == other.trajectory
+        assert (one.action, one.label) == (other.action, other.label)
+        assert one.map_version == other.map_version
+        assert other.verdict.verdict == "admitted"
+
+
+def test_a_log_replays_without_its_stack_and_nothing_in_it_is_run(tmp_path):
+    mark = tmp_path / "ran"
+    script = tmp_path / "child.sh"
+    script.write_text(f"touch {mark}\nexec {sys.executable} -m wayproof serve {own('Ahead')}\n")
+    result = trial(tmp_path, f"exec:sh {script}")
+    assert mark.exists()
+    mark.unlink()
+    path = Path(result.log)
+    again = replay(path)
+    assert again.identical, (again.differences, again.contradictions)
+    assert simulate_again(path).identical
+    assert main(["explain", result.log, "3"]) == 0
+    assert not mark.exists()
+
+
+def test_a_stack_asked_again_answers_alike_or_the_first_difference_is_found(tmp_path):
+    same = ask_again(Path(trial(tmp_path, own("Ahead")).log), own("Ahead"))
+    assert same.identical
+    assert same.answers > 20
+    other = ask_again(Path(trial(tmp_path, own("Random"), name="r").log), own("Random"))
+    assert not other.identical
+    assert other.first_difference == 0
+    assert other.differing == other.answers
+    assert [one.field for one in other.differences] == ["velocity.forward"]
+    with pytest.raises(InputError, match="a log of the built-in stack, expected one of a stack on"):
+        ask_again(Path(trial(tmp_path, "builtin", name="b").log), own("Ahead"))
+
+
+def test_a_blind_stack_is_judged_and_stopped_by_the_guard(tmp_path):
+    free = trial(tmp_path, "blind", "cylinders", "quadruped", 2, "episode.time_limit=30", name="f")
+    kept = trial(
+        tmp_path, "blind", "cylinders", "quadruped", 2, "episode.time_limit=30",
+        "episode.stuck_after=3", "stack.guard=true", name="k",
+    )  # fmt: skip
+    assert free.outcome == "collision"
+    assert free.cause == "disregarded_obstacle"
+    assert kept.collisions == 0
+    verdicts = [one.verdict for one in open_log(Path(free.log)).decisions()]
+    assert {one.verdict for one in verdicts[-5:]} <= {"blocked", "unknown"}
+    assert not any(one.cut for one in verdicts)
+    cuts = [one for one in open_log(Path(kept.log)).decisions() if one.verdict.cut]
+    assert cuts
+    assert {one.action for one in cuts} == {"stop_and_wait"}
+    assert {one.label for one in cuts} <= {"unknown_ahead", "path_blocked"}
+    assert audit(Path(kept.log)).violations == ()
+    assert any(one.rule == "swept" for one in audit(Path(free.log)).violations)
+
+
+@pytest.mark.parametrize(
+    ("kind", "remote", "cause", "text"),
+    [
+        ("Raises", False, "stack_broken", "raised KeyError: 'map'"),
+        ("Raises", True, "stack_broken", "failed: KeyError: 'map'"),
+        ("Dies", True, "stack_died", "ended (exit code 7); its last line on stderr: segmentation"),
+        ("Hangs", True, "stack_hung", "had not answered after 3 s (plugins.wall_s)"),
+        ("Nan", False, "stack_broken", "velocity: got (nan, 0.0, 0.0, 0.0), expected finite"),
+        ("Nan", True, "stack_broken", "velocity: got (nan, 0.0, 0.0, 0.0), expected finite"),
+        ("Elsewhere", False, "stack_broken", "starts 3.00 m from where the robot is then"),
+        ("Garbage", False, "stack_broken", "got str, expected a Command"),
+    ],
+)
+def test_a_broken_stack_ends_the_episode_in_one_line(tmp_path, kind, remote, cause, text):
+    stack = f"{CHILD} {own(kind)}" if remote else own(kind)
+    wall = "plugins.wall_s=3" if kind == "Hangs" else "plugins.wall_s=20"
+    result = trial(tmp_path, stack, "empty", "drone", 1, wall)
+    assert result.outcome == "error"
+    assert result.cause == cause
+    assert text in result.reason
+    assert "at decision 3" in result.reason
+    assert replay(Path(result.log)).identical  # the decisions before
+
+
+def test_a_child_that_floods_its_standard_error_is_no_danger(tmp_path):
+    result = trial(tmp_path, f"{CHILD} {own('Floods')}", "empty", "drone")
+    assert result.outcome == "timeout"
+
+
+def test_garbage_on_the_pipe_is_found(tmp_path):
+    script = tmp_path / "garbage.sh"
+    script.write_text("printf 'hello, world, this is no message'\nsleep 60\n")
+    began = time.monotonic()
+    with pytest.raises(InputError, match="sent a message of 1819043176 bytes, expected 1 to"):
+        trial(tmp_path, f"exec:sh {script}")
+    assert time.monotonic() - began < 15.0
+
+
+def test_nothing_of_a_child_outlives_its_episode(tmp_path):
+    script = tmp_path / "family.sh"
+    script.write_text(
+        f"sleep 987 & echo $! > {tmp_path / 'pid'}\n"
+        f"exec {sys.executable} -m wayproof serve {own('Ahead')}\n"
+    )
+    trial(tmp_path, f"exec:sh {script}")
+    pid = int((tmp_path / "pid").read_text())
+    until = time.monotonic() + 10.0
+    while Path(f"/proc/{pid}").exists() and time.monotonic() < until:
+        time.sleep(0.1)
+    assert not Path(f"/proc/{pid}").exists()
+
+
+def test_a_stack_on_a_socket_gives_the_same_chain(tmp_path):
+    here = trial(tmp_path, own("Ahead"), name="here")
+    address = tmp_path / "socket"
+    server = subprocess.Popen(
+        [sys.executable, "-m", "wayproof", "serve", own("Ahead"), "--listen", f"unix:{address}"]
+    )
+    try:
+        while not address.exists():
+            assert server.poll() is None
+            time.sleep(0.05)
+        there = trial(tmp_path, f"unix:{address}", name="there")
+    finally:
+        server.kill()
+        server.wait()
+    assert here.chain == there.chain
+
+
+@pytest.mark.parametrize(
+    ("stack", "text"),
+    [
+        ("blnid", "unknown stack.name 'blnid'"),
+        ("exec:no-such-command-here", "no-such-command-here: No such file or directory"),
+        ("exec:", "got no command, expected exec:COMMAND"),
+        ("unix:/no/such/socket", "expected a stack that listens"),
+        ("tcp:localhost", "expected tcp:HOST:PORT"),
+        (f"{STACKS}:Nobody", "has no class 'Nobody'"),
+        (f"{STACKS}:Base", "a class without step"),
+        ("exec:true", "ended (exit code 0)"),
+    ],
+)
+def test_a_stack_that_cannot_be_reached_is_one_line_and_leaves_no_log(
+    tmp_path, capsys, stack, text
+):
+    log = tmp_path / "a.mcap"
+    code = main(
+        ["run", "empty", "--robot", "drone", "--seed", "1", "--stack", stack, "--log", str(log)]
+    )
+    printed = capsys.readouterr().err
+    assert code == 2
+    assert text in printed
+    assert len(printed.strip().splitlines()) == 1
+    assert not list(tmp_path.glob("*.mcap*"))
+
+
+def test_answers_are_logged_as_they_were_sent(tmp_path):
+    log = open_log(Path(trial(tmp_path, own("Ahead")).log))
+    for count, record in enumerate(log.records()):
+        command = sb.Command.FromString(record.answer.command)
+        assert (command.sequence, command.reason) == (count, "on and on")
+        assert dict(command.scalars) == {"n": count}
+        assert command.velocity.forward == 0.3
+
+
+def test_waypoints_are_followed_to_rest(tmp_path):
+    result = trial(tmp_path, own("ToWaypoint"), "empty", "drone", 1, "episode.time_limit=60")
+    assert result.outcome == "success"
