@@ -38,6 +38,9 @@ MAX_MESSAGE = 64 * 2**20
 STDERR_KEPT = 64 * 2**10
 """Part of a stack's standard error that is kept: its end, bytes."""
 
+STARTING_S = 60.0
+"""Wall time that a stack gets at least to start and say hello, s."""
+
 CLOSING_S = 2.0
 """Wall time that a stack gets to end by itself when it is closed, s."""
 
@@ -264,7 +267,7 @@ class RemoteStack:
         self._task: Task | None = None
         self._send(sb.ToStack(hello=hello("wayproof")))
         try:
-            answer = self._receive("hello")
+            answer = self._receive("hello", max(wall_s, STARTING_S))
         except StackError as error:
             connection.close()
             raise InputError(str(error)) from None
@@ -289,7 +292,7 @@ class RemoteStack:
         """
         assert self._task is not None
         self._send(sb.ToStack(observation=observation_message(observation, self._task)))
-        command = self._receive("command").command
+        command = self._receive("command", self._wall_s).command
         if command.sequence != observation.sequence:
             raise StackError(
                 self._who,
@@ -326,13 +329,13 @@ class RemoteStack:
         except Ended:
             raise self._ended() from None
 
-    def _receive(self, kind: str) -> sb.FromStack:
+    def _receive(self, kind: str, wall_s: float) -> sb.FromStack:
         """The next message, of a kind.
 
         Raises:
             StackError: It is none, or of another kind.
         """
-        until = time.monotonic() + self._wall_s
+        until = time.monotonic() + wall_s
         try:
             (length,) = struct.unpack("<I", self._connection.receive(4, until))
             if not 0 < length <= MAX_MESSAGE:
@@ -345,7 +348,7 @@ class RemoteStack:
         except TooLate:
             raise StackError(
                 self._who,
-                f"had not answered after {self._wall_s:g} s (plugins.wall_s)",
+                f"had not answered after {wall_s:g} s (plugins.wall_s)",
                 "stack_hung",
             ) from None
         except Ended:

@@ -51,9 +51,9 @@ def listen(name: str, address: str) -> None:
             with connection:
                 if connection.family != socket.AF_UNIX:
                     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                stream = connection.makefile("rwb", buffering=2**20)
-                with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-                    answer_all(make_stack(name), name, stream, stream)
+                read, write = connection.makefile("rb"), connection.makefile("wb")
+                with contextlib.suppress(BrokenPipeError, ConnectionResetError), read, write:
+                    answer_all(make_stack(name), name, read, write)
 
 
 def _listening(address: str) -> socket.socket:
