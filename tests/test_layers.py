@@ -18,21 +18,11 @@ ALLOWED = {
 
 ORDER = (
     *("errors", "schema", "geometry", "perturbations", "renamed", "behaviour_config", "config"),
-    *(
-        "mission",
-        "inputs",
-        "stack",
-        "interface",
-        "result",
-        "ending",
-        "outputs",
-        "supervision",
-        "user_code",
-    ),
-    *("log", "scenario", "recompute", "attribution"),
+    *("mission", "inputs", "stack", "interface", "result", "ending", "outputs", "supervision"),
+    *("user_code", "log", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),
     *("replay", "counterfactual", "study.statistics", "metrics", "clearance", "explain", "viewer"),
-    *("study", "bench", "cli", "bench.soak"),
+    *("worker_pool", "study", "bench", "cli", "bench.soak"),
 )
 """Parts of the harness; each imports only those before it, be it in a function or for types."""
 

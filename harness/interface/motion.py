@@ -16,6 +16,7 @@ from wayproof.harness.interface.types import Array, Motion, Reference, Samples, 
 from wayproof.maps.elementary import arc_tangent, norm, sines_cosines
 from wayproof.planners import (
     MotionLimits,
+    PathState,
     Trajectory,
     arc_lengths,
     first_stop,
@@ -169,16 +170,8 @@ def _through(
         corner = first_stop(path, 0.0, MAX_CORNER_RAD)
         if STILL_M < corner < arc_lengths(path)[-1]:
             path = truncate(path, corner)
-    return follow_path(
-        path,
-        effect_ns,
-        0.0,
-        along,
-        0.0,
-        reference.heading,
-        limits,
-        waypoints.speed or limits.speed,
-    )
+    start = PathState(effect_ns, 0.0, along, 0.0, reference.heading)
+    return follow_path(path, start, limits, waypoints.speed or limits.speed)
 
 
 def _sampled(
