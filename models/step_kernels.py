@@ -18,7 +18,7 @@ next: e and a pass a critically damped filter, so that setpoints have neither st
 from __future__ import annotations
 
 from math import cos, sin
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ class StepCheck:
 
     def __init__(self, arrays: StepArrays) -> None:
         """Keep the arrays, as a plain tuple: a kernel takes a named one half as fast."""
-        self._arrays = tuple(arrays)
+        self._arrays = cast(StepArrays, tuple(arrays))
 
     def __call__(
         self, pairs: NDArray[np.int32], step: int, row: int, planned: Array, commanded: Array
