@@ -22,7 +22,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.inputs import Beams, PlacedSweep, beams_from_info
+from wayproof.harness.inputs import Beams, WorldSweep, beams_from_info
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import Trail, rotation_matrices
@@ -112,7 +112,7 @@ class Sweep:
     sensor: str
     ranges_mm: NDArray[np.uint16]
     classes: NDArray[np.uint8] | None
-    place: Callable[[], PlacedSweep]
+    place: Callable[[], WorldSweep]
 
     @property
     def ranges_m(self) -> Array:
@@ -123,7 +123,7 @@ class Sweep:
         return ranges
 
     @cached_property
-    def placed(self) -> PlacedSweep:
+    def placed(self) -> WorldSweep:
         """Origins, directions and ranges along the beams, world frame."""
         return self.place()
 
