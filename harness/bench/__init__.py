@@ -1,1 +1,4 @@
-"""What `wayproof bench` measures: a stage is a file, and one line of `stages.STAGES`."""
+"""Benchmarks and tools of the maintainers.
+
+A benchmark is a file, and a line of `stages.STAGES`.
+"""

@@ -44,7 +44,7 @@ class KeptRows(Generic[Row]):
     code that measured its rows: after a change of the code, start a new file.
 
     Attributes:
-        rows: By job.
+        rows: Job -> row.
     """
 
     def __init__(self, path: Path | None, kind: type[Row]) -> None:

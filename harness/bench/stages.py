@@ -79,9 +79,9 @@ def run_stage(
 
     Args:
         name: Key of `STAGES`; of `BENCHMARKS` in `bench.published` if files are given.
-        repeats: None for as many as the stage needs.
-        seed: Of the scenes.
-        files: Of a published benchmark.
+        repeats: Number of repeats; None for the default of the stage.
+        seed: Seed of the scenes.
+        files: Files of a published benchmark.
         kept: File of the rows so far, from which the stage goes on.
         only: The part that is measured alone.
 

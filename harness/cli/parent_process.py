@@ -21,7 +21,7 @@ from wayproof.harness.supervision import ENDED, connect
 
 
 def names_user_code(options: Namespace) -> bool:
-    """Whether the options of `wayproof run` name a planner or a controller of the user's own."""
+    """Return whether the options of `wayproof run` name a planner or controller of the user."""
     settings = [one.partition("=") for one in options.set]
     if any(key == "planner.name" and ":" in value for key, _, value in settings):
         return True

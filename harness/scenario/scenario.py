@@ -28,6 +28,9 @@ from wayproof.models.worlds.solvability import AIR_BANDS
 
 Point = tuple[float, float, float]
 
+GLASS_RGBA = [0.8, 0.9, 1.0, 0.0]
+"""Colour of glass, which no beam hits: its alpha is 0."""
+
 
 @dataclass(frozen=True)
 class Scenario:
@@ -120,7 +123,7 @@ def make_transparent(scenario: Scenario, is_glass: Callable[[str], bool]) -> Sce
     def clear(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:
             if is_glass(geom.name):
-                geom.rgba = [0.8, 0.9, 1.0, 0.0]
+                geom.rgba = GLASS_RGBA
 
     return edit_scene(scenario, clear)
 

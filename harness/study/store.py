@@ -138,7 +138,7 @@ class Store:
         draft.replace(path)
 
     def read_contents(self) -> Contents:
-        """What the files held that the study names.
+        """Return the identities of the files that the study names.
 
         Raises:
             InputError: The list of them is damaged.
@@ -152,7 +152,7 @@ class Store:
             raise InputError(f"'{path}': {error}") from None
 
     def read_study(self, allow_plugins: bool = False) -> StudyFile:
-        """What the folder is a study of.
+        """Return the study of the folder.
 
         Raises:
             InputError: It is no folder of a study, or it names code that is not allowed.
@@ -168,7 +168,7 @@ class Store:
 
 
 def _bounded(path: Path) -> bytes:
-    """What a document of the folder holds, if it is of a size that one has.
+    """Return the content of a document of the folder, of bounded size.
 
     Raises:
         InputError: It is larger.
@@ -221,10 +221,10 @@ def merge(
 
 
 def _chain(path: Path, episodes: Mapping[str, Planned], allow_plugins: bool) -> str:
-    """Of the log of an episode.
+    """Return the chain of the log of an episode.
 
     Raises:
-        InputError: It is no log of the episode that it is named by.
+        InputError: The log is not of the episode in its name.
     """
     if path.stem not in episodes:
         raise InputError(f"log '{path}': named by no episode of this study")

@@ -140,7 +140,7 @@ EPISODE = {"seed": 0, "outcome": "success", "time_s": 9.0, "clearance_m": 0.3, "
 CROSSING_ROWS = [
     {"robot": robot, "way": way, "own": 0, "at_rest": 0, "cause": "", **EPISODE}
     for robot in bench_crossing.ROBOTS
-    for way in (bench_crossing.ALONE, *bench_crossing.WAYS)
+    for way in (bench_crossing.ALONE, *bench_crossing.MAPS)
     if (robot, way) != ("drone", bench_crossing.ALONE)
 ]
 WORLD_ROWS = [

@@ -1,8 +1,8 @@
-"""The same seeds run under different settings: unknown policies, planners, delays.
+"""Comparison of settings on the same seeds: unknown policies, planners, delays.
 
-`wayproof bench policies`, `wayproof bench planners` and `wayproof bench delays`. Whole episodes in
-the warehouse; the arms of one seed run one after the other, so that what slows the machine slows
-all of them.
+`wayproof bench policies`, `wayproof bench planners` and `wayproof bench delays` run whole episodes
+in the warehouse. The arms of one seed run in succession, so that a load on the machine slows all of
+them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ WORLD = "warehouse"
 
 
 class Arm(NamedTuple):
-    """One robot with one set of settings."""
+    """Robot with settings."""
 
     robot: str
     name: str
@@ -62,22 +62,22 @@ class ArmRow:
     """Episodes of one arm.
 
     Attributes:
-        robot: Its name.
-        arm: What was set.
-        episodes: Of seeds from the given one on.
-        success: Share that ended in success.
+        robot: Name of the robot.
+        arm: Name of the settings.
+        episodes: Number of episodes, of seeds from the given one on.
+        success: Share of episodes that ended in success.
         collisions: Number of episodes that ended in a collision.
         time_s: Mean simulated time of the successful ones.
         length_m: Mean distance travelled of these.
-        speed_m_s: Their lengths by their times.
-        looks: Mean number of times that the robot set out for a place to look from.
-        edge_share: Share of decisions that drive up to the edge of what was seen: that explore, or
+        speed_m_s: Mean distance over mean time of these.
+        looks: Mean number of explorations that the robot started.
+        edge_share: Share of decisions that drive up to the edge of known space: that explore, or
             follow with the label `unknown_ahead`.
-        least_clearance_m: Least true distance to an obstacle, of all episodes.
+        least_clearance_m: Least true distance to an obstacle in all episodes.
         unknown_share: Share of decisions whose committed path leads through space not known to be
             free.
         unknown_cells: Mean number of cells of the map that were unknown when the body was in them;
-            0 where the policy is not what is compared.
+            0 unless policies are compared.
         plan_ms_p50: Median wall time of a decision.
         plan_ms_p99: 99th percentile of the same.
     """
@@ -99,17 +99,17 @@ class ArmRow:
     plan_ms_p99: float
 
 
-class Noted(NamedTuple):
-    """What is kept of one decision."""
+class DecisionRecord(NamedTuple):
+    """Record of one decision."""
 
-    sets_out: bool  # for a place to look from
-    at_edge: bool  # drives up to the edge of what was seen
-    unknown: bool  # whether its committed path leads through space not known to be free
+    explores: bool  # starts an exploration
+    at_edge: bool  # drives up to the edge of known space
+    unknown: bool  # its committed path leads through space not known to be free
     plan_ms: float
 
 
 class Trial(NamedTuple):
-    """What one episode left."""
+    """Record of one episode."""
 
     result: Result
     looks: int
@@ -120,17 +120,17 @@ class Trial(NamedTuple):
 
 
 def bench_policies(repeats: int, seed: int, progress: Progress) -> list[ArmRow]:
-    """A drone under each unknown policy; one row (see `ArmRow`) for each."""
+    """Run a drone under each unknown policy; one row for each."""
     return _compare(POLICIES, repeats, seed, progress)
 
 
 def bench_planners(repeats: int, seed: int, progress: Progress) -> list[ArmRow]:
-    """Both robots with our planner and with RRT-Connect."""
+    """Run both robots with the default planner and with RRT-Connect."""
     return _compare(PLANNING, repeats, seed, progress)
 
 
 def bench_delays(repeats: int, seed: int, progress: Progress) -> list[ArmRow]:
-    """Both robots with delays of 60, 300 and 600 ms from a sweep to the decision's effect."""
+    """Run both robots with delays of 60, 300 and 600 ms from a sweep to the decision's effect."""
     return _compare(DELAYS, repeats, seed, progress)
 
 
@@ -149,21 +149,21 @@ def _run(arm: Arm, seed: int, path: Path) -> Trial:
         from_document({"world": WORLD, "robot": arm.robot, "seed": seed}), arm.settings
     )
     warm_up(config)
-    decisions: list[Noted] = []
+    decisions: list[DecisionRecord] = []
 
     def note(decision: pb.Decision, _: pb.Truth) -> None:
         nearest = (decision.least_clearance_m / decision.resolution_m) ** 2
         unknown = round(nearest) <= decision.collision_distance_sq
         predicate, label = decision.predicate, decision.label
-        sets_out = decision.action == "explore" and predicate.since == decision.sequence
+        explores = decision.action == "explore" and predicate.since == decision.sequence
         at_edge = decision.action == "follow" and label == "unknown_ahead"
         at_edge = at_edge or decision.action == "explore"
-        decisions.append(Noted(sets_out, at_edge, unknown, decision.stages.plan_ms))
+        decisions.append(DecisionRecord(explores, at_edge, unknown, decision.stages.plan_ms))
 
     result = run_episode(build(config), path, note)
     return Trial(
         result,
-        sum(one.sets_out for one in decisions),
+        sum(one.explores for one in decisions),
         sum(one.at_edge for one in decisions) / len(decisions),
         sum(one.unknown for one in decisions) / len(decisions),
         entered_unknown(open_log(path)) if arm in POLICIES else 0,
@@ -172,10 +172,10 @@ def _run(arm: Arm, seed: int, path: Path) -> Trial:
 
 
 def entered_unknown(log: Log) -> int:
-    """Number of cells that the map held for unknown when the flying body was in them.
+    """Return the number of cells that were unknown in the map while the flying body was in them.
 
-    The map is rebuilt from the log, and looked at about the true place of each decision. 0 for a
-    robot on the ground, which is not one ball.
+    The map is rebuilt from the log, and read around the true place at each decision. 0 for a robot
+    on the ground, whose body is not one ball.
     """
     mission = log.mission
     if mission.planar:
@@ -190,7 +190,7 @@ def entered_unknown(log: Log) -> int:
 
 
 def _unknown_in(voxel_map: Any, place: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
-    """Unknown cells whose centres are in a ball, (n, 3)."""
+    """Return the unknown cells whose centres are in a ball, (n, 3)."""
     size = voxel_map.resolution
     first = np.floor((place - radius) / size + (0.0, 0.0, 0.75))
     end = np.ceil((place + radius) / size + (0.0, 0.0, 0.75))

@@ -1,7 +1,7 @@
-"""`wayproof bench crossing`: whether a robot among people and forklifts runs into any of them.
+"""`wayproof bench crossing`: collisions of a robot among people and forklifts.
 
-Each seed is run with the traffic, on a map that forgets slowly and on one that sees what moves, and
-once without it: what the traffic costs is the time beyond that.
+Each seed is run with the traffic, on a map that forgets slowly and on one that tracks what moves,
+and once without traffic: the time beyond that is the cost of the traffic.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from wayproof.harness.scenario.worlds import find_world
 
 ROBOTS = ("quadruped", "drone")
 
-WAYS: dict[str, tuple[str, ...]] = {
+MAPS: dict[str, tuple[str, ...]] = {
     "voxel": (),
     "dynamic": ("map.kind=dynamic", "map.dynamic.prediction_horizon=1.0"),
 }
-"""Name -> settings. A second is what the faster robot takes to stop from full speed: 1.01 s from
-2 m/s at 2.5 m/s^2 and 12 m/s^3; until then, what comes to its stopping place is foretold."""
+"""Name -> settings of the map. The faster robot stops within a second from full speed (1.01 s from
+2 m/s at 2.5 m/s^2 and 12 m/s^3), hence the prediction horizon."""
 
 ALONE = "alone"
-"""The episode on the `voxel` map without what moves."""
+"""Name of the episode on the `voxel` map without traffic."""
 
 
 @dataclass(frozen=True)
@@ -32,16 +32,16 @@ class CrossingRow:
     """One episode.
 
     Attributes:
-        robot: Its name.
-        way: A key of `WAYS`, or `ALONE`.
-        seed: Of the world and of all else.
-        outcome: How it ended.
-        own: Collisions that the robot ran into, in motion.
-        at_rest: How often a mover ran into the robot at rest.
-        time_s: Simulated time.
-        clearance_m: Least true distance to anything but the floor.
-        reason: In words.
-        cause: Of what was no success or a near miss, with its evidence; empty if there is none.
+        robot: Name of the robot.
+        way: Key of `MAPS`, or `ALONE`.
+        seed: Seed of the world and of all randomness.
+        outcome: Outcome of the episode.
+        own: Number of collisions caused by the robot's own motion.
+        at_rest: Number of times that a mover hit the robot at rest.
+        time_s: Simulated time, s.
+        clearance_m: Least true distance to anything but the floor, m.
+        reason: Reason of the outcome.
+        cause: Cause of a failure with its evidence; empty without one.
     """
 
     robot: str
@@ -57,25 +57,25 @@ class CrossingRow:
 
     @property
     def job(self) -> tuple[str, str, int]:
-        """What it is the row of."""
+        """Arguments of the job that the row is the result of."""
         return self.robot, self.way, self.seed
 
 
 @dataclass(frozen=True)
 class CrossingSummary:
-    """All seeds of one robot in one way.
+    """All seeds of one robot on one map.
 
     Attributes:
-        robot: Its name.
-        way: A key of `WAYS`, or `ALONE`.
-        episodes: How many.
-        reached: Of these, how many ended in success.
-        own_collisions: Episodes that the robot's own motion ended in a collision.
-        hit_at_rest: Episodes that ended as a mover ran into the robot at rest.
-        mean_time_s: Mean simulated time of the successes; None without any.
-        lost_s: Mean time beyond that of the same seed alone, where both succeeded.
-        most_lost_s: The most.
-        least_clearance_m: Over all episodes.
+        robot: Name of the robot.
+        way: Key of `MAPS`, or `ALONE`.
+        episodes: Number of episodes.
+        reached: Number of episodes that ended in success.
+        own_collisions: Episodes that ended in a collision by the robot's own motion.
+        hit_at_rest: Episodes that ended when a mover hit the robot at rest.
+        mean_time_s: Mean simulated time of the successes, s; None without any.
+        lost_s: Mean time beyond that of the same seed without traffic, of joint successes, s.
+        most_lost_s: Greatest such time, s.
+        least_clearance_m: Least true distance in all episodes, m.
     """
 
     robot: str
@@ -96,16 +96,16 @@ def bench_crossing(
     """Run world `crossing` with both robots on all maps; a row for each episode, then summaries.
 
     Args:
-        repeats: Seeds.
-        seed: The first.
-        progress: Told what is done.
-        kept: File of the rows that are there already, and to come.
+        repeats: Number of seeds.
+        seed: First seed.
+        progress: Called with a line after each episode.
+        kept: File of rows to continue from.
 
     Raises:
-        InputError: That file is none.
+        InputError: The file is not such a file of rows.
     """
     seeds = range(seed, seed + repeats)
-    pairs = [(robot, way) for robot in ROBOTS for way in (ALONE, *WAYS)]
+    pairs = [(robot, way) for robot in ROBOTS for way in (ALONE, *MAPS)]
     jobs = [(*pair, each) for each in seeds for pair in pairs]
     rows = rows_of(jobs, run_one, KeptRows(kept, CrossingRow), progress)
     alone = {(row.robot, row.seed): row for row in rows if row.way == ALONE}
@@ -116,8 +116,8 @@ def bench_crossing(
 
 
 def run_one(robot: str, way: str, seed: int) -> CrossingRow:
-    """One episode, its log thrown away."""
-    settings = () if way == ALONE else WAYS[way]
+    """Run one episode without keeping its log."""
+    settings = () if way == ALONE else MAPS[way]
     config = override(Config("crossing", robot, seed), settings)
     world = find_world(config)
     if way == ALONE:
@@ -140,7 +140,7 @@ def run_one(robot: str, way: str, seed: int) -> CrossingRow:
 def summarise(
     rows: list[CrossingRow], alone: dict[tuple[str, int], CrossingRow]
 ) -> CrossingSummary:
-    """Of one robot in one way, against the same seeds alone."""
+    """Summarise the episodes of one robot and map against the same seeds without traffic."""
     reached = [row for row in rows if row.outcome == "success"]
     pairs = [(row, alone[row.robot, row.seed]) for row in reached]
     lost = [row.time_s - free.time_s for row, free in pairs if free.outcome == "success"]

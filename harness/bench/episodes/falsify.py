@@ -18,7 +18,7 @@ RANDOM_BUDGET = 3 * BUDGET
 
 
 def bench_falsify(repeats: int, seed: int, progress: Progress) -> list[Document]:
-    """A row for each repeat, and one for all of them."""
+    """Search with each seed; a row for each, then a summary."""
     warm_up(pole_room(None).config)
     found = {}
     for job, row in run_jobs([(each,) for each in range(seed, seed + repeats)], _repeat):
@@ -43,7 +43,7 @@ def _repeat(seed: int) -> Document:
 
 
 def _all(rows: list[Document]) -> Document:
-    """How often each found it within the budget, and how often evolution was the quicker one."""
+    """Summarise how often each method succeeds within the budget, and which one is quicker."""
     return {
         "repeats": len(rows),
         "budget": BUDGET,

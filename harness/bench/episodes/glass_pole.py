@@ -1,7 +1,7 @@
-"""A weakness planted for a search to find: a short thin pole of glass beside the way.
+"""Planted weakness for falsification: a short thin glass pole beside the path of a drone.
 
-No beam meets it, so the stack cannot know. On its own way the drone passes well clear of it; only a
-jump of the pose of the right size and direction, at the right time, takes it there.
+No beam hits it, so the stack cannot know of it. The drone passes well clear of it; only a jump of
+the pose estimate of the right size and direction, at the right time, leads there.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from wayproof.models.worlds.layout import room_walls
 LOW, HIGH = (0.0, 0.0, -0.5), (9.0, 6.0, 3.0)
 GLASS = "glass"
 POLE = Cylinder((4.5, 3.85, 0.9), (4.5, 3.85, 1.3), 0.015, GLASS)
-"""3 cm thick, at the height of flight alone, 0.85 m beside the straight way."""
+"""The pole: 3 cm thick, at the height of flight only, 0.85 m beside the straight path."""
 
 SETTINGS = ("episode.time_limit=8", "map.resolution=0.2", "record=decisions")
 SPACE = Space("pose_jump", latest=4.0, length=1.0, greatest=3.6)
-"""Up to 0.6 m: after a longer jump the stack sees by itself that it is lost."""
+"""Jumps of up to 0.6 m: after a longer one the stack detects that it is lost."""
 
 
 def pole_room(perturbation: AnyPerturbation | None) -> Scenario:
-    """The room with the pole, and a drone that has to cross it."""
+    """Return the room with the pole, and a drone that has to cross it."""
     world = World(
         name="pole",
         seed=0,
@@ -48,7 +48,7 @@ def pole_room(perturbation: AnyPerturbation | None) -> Scenario:
 
 
 def cross_pole_room(perturbations: Sequence[AnyPerturbation]) -> Iterator[Trial]:
-    """Cross the room with each, one after another, as far as anybody asks; only the pole counts."""
+    """Cross the room with each perturbation, lazily; only a collision is a failure."""
     with tempfile.TemporaryDirectory() as folder:
         for one in perturbations:
             result = run_episode(pole_room(one), Path(folder) / "crossing.mcap")

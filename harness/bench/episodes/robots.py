@@ -1,7 +1,7 @@
-"""`wayproof bench robots`: how well the robots walk and fly, each case on many drawn runs.
+"""`wayproof bench robots`: tracking and robustness of the robots, on many runs of each case.
 
-Every run draws all that is random from the seed, its case and its number. Controllers read a noisy
-estimate unless a case says otherwise; errors are against what truly happened.
+All randomness of a run comes from the seed, its case and its number. Controllers read a noisy
+estimate unless a case says otherwise; errors are against the true state.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ SPEED = "speed"  # the part that is no case
 
 @dataclass(frozen=True)
 class RobotRow:
-    """What all runs of one case came to; None where a figure does not apply.
+    """Results of all runs of one case; None where a figure does not apply.
 
     Attributes:
-        robot: Which one.
-        case: What was asked of it.
-        runs: How many.
-        falls: Of these, how many ended fallen or crashed.
-        crossed: Of these, how many reached the end of the course.
+        robot: Name of the robot.
+        case: Name of the case.
+        runs: Number of runs.
+        falls: Number of runs that ended fallen or crashed.
+        crossed: Number of runs that reached the end of the course.
         rms_vx: Root mean square over the runs that stayed up of the error of forward velocity,
             averaged over strides of 0.4 s, against the slewed command, m/s.
         rms_vy: The same, to the left, m/s.
         rms_wz: The same, of yaw rate, rad/s.
         rmse_m: Distance from the path (quadruped) or from the moving setpoint (drone), m.
-        stop_m: Longest way from the order to stop to standing, m.
-        creep_mm: Farthest that a foot went while standing.
-        energy_j: Mean of a flight: rotor power by momentum theory, integrated.
+        stop_m: Longest distance from the stop command to standing, m.
+        creep_mm: Greatest motion of a foot while standing, mm.
+        energy_j: Mean energy of a flight, J: integral of the rotor power by momentum theory.
         realtime_factor: Simulated by processor time of controller and physics on one core; best
             of three.
     """
@@ -86,13 +86,13 @@ class Run(NamedTuple):
 
 
 class Case(NamedTuple):
-    """What is asked of a robot.
+    """Case of the benchmark.
 
     Attributes:
-        robot: Which.
-        name: Of the row.
+        robot: Name of the robot.
+        name: Name of the case.
         share: Runs for each repeat; at least one in all.
-        run: From a generator to one run.
+        run: Function from a random generator to one run.
     """
 
     robot: str
@@ -108,9 +108,9 @@ def bench_robots(
 
     Args:
         repeats: Scales the number of runs of each case (see `Case.share`).
-        seed: Of all that is drawn.
-        progress: Told what is going on.
-        only: The one of `PARTS` that is measured; None for all.
+        seed: Seed of all random choices.
+        progress: Called with a line about what is under way.
+        only: Key of `PARTS` to measure; None for all.
     """
     progress("compiling kernels (some seconds the first time, then cached)")
     warm_up_quadruped()
@@ -126,7 +126,7 @@ def bench_robots(
 def run_cases(
     repeats: int, seed: int, progress: Progress, names: Collection[str] | None = None
 ) -> list[list[Run]]:
-    """Every run of every case, or of those named, in the order of `CASES`."""
+    """Run every case, or those named; return the runs in the order of `CASES`."""
     jobs = [
         (number, run)
         for number, case in enumerate(CASES)
@@ -297,6 +297,6 @@ CASES = (
     Case("drone", "points, gusts", 1, partial(_flight, draw_course=_points, wind=GUSTS)),
     Case("drone", "random flights", 10, _random_flight),
 )  # fmt: skip
-"""In the order of the rows."""
+"""Names of the parts, in the order of the rows."""
 
 PARTS = (*dict.fromkeys(case.name for case in CASES), SPEED)

@@ -1,8 +1,8 @@
-"""`wayproof bench study` and `wayproof bench study_size`: what a study costs beside its episodes.
+"""`wayproof bench study` and `wayproof bench study_size`: overhead of a study.
 
-`study` runs the same short episodes on one process, on two, and on two workers of Ray where it is
-installed. `study_size` runs as many as are asked for and tells, part by part, what an episode took
-and how much memory the study's own process and its workers held.
+`study` runs the same short episodes in one process, in two, and on two workers of Ray if it is
+installed. `study_size` runs a given number of episodes and reports, part by part, the time of an
+episode and the memory of the study's process and its workers.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from wayproof.harness.study.study import Engine, read_rows, run_study
 from wayproof.harness.worker_pool import Bounds
 
 LEAST = 4
-"""Episodes of `study`."""
+"""Least number of episodes of `study`."""
 
 ROUNDS = 3
-"""In each of which every engine has its turn."""
+"""Number of rounds, in each of which every engine runs once."""
 
 PARTS = 10
-"""Of a large study, each told by itself."""
+"""Number of parts of a large study that are reported separately."""
 
 
 def brief_study(episodes: int, first: int, seconds: float) -> StudyFile:
-    """Drones in an empty room, one seed each, with a short time limit; no sweeps are kept."""
+    """Return a study of short episodes of drones in an empty room, without sweeps in the logs."""
     return StudyFile(
         name="brief",
         worlds=["empty"],
@@ -48,14 +48,14 @@ def brief_study(episodes: int, first: int, seconds: float) -> StudyFile:
 
 
 def bench_study(repeats: int, seed: int, progress: Progress) -> list[Document]:
-    """Episodes an hour on each engine; `repeats` of them, of 10 s simulated, in each round.
+    """Measure episodes per hour of each engine, with `repeats` episodes of 10 s in each round.
 
-    Engines take turns, so that a machine whose speed changes meanwhile does not favour one. Only
-    ends while every worker is at work count, after the first of each: starting comes once a study,
-    and so does the wait for the last episode.
+    Engines alternate, so that a change of the machine's speed does not favour one. Only episodes
+    that end while every worker is busy count, after the first of each worker: a study starts once,
+    and waits once for its last episode.
 
     Raises:
-        InputError: Too few episodes to time.
+        InputError: There are too few episodes to time.
     """
     from wayproof.harness.study.cluster import run_on_ray
 
@@ -75,7 +75,7 @@ def bench_study(repeats: int, seed: int, progress: Progress) -> list[Document]:
             progress(f"{name}: {repeats} episodes, round {turn + 1} of {ROUNDS}")
             workers = 1 if name == "one process" else 2
             runs[name].append(_timed(engine, workers, brief_study(repeats, seed, 10.0)))
-    rows = [_told(name, done) for name, done in runs.items()]
+    rows = [_row(name, done) for name, done in runs.items()]
     for row in rows:
         row["ratio_to_one"] = row["episodes_per_hour"] / rows[0]["episodes_per_hour"]
         row["ratio_to_two"] = row["episodes_per_hour"] / rows[1]["episodes_per_hour"]
@@ -83,7 +83,7 @@ def bench_study(repeats: int, seed: int, progress: Progress) -> list[Document]:
 
 
 class Run(NamedTuple):
-    """One study on one engine; steady is while every worker is at work, each having ended one."""
+    """Timing of a study; steady: while every worker is busy, after its first episode."""
 
     errors: int
     to_first_s: float
@@ -107,7 +107,7 @@ def _timed(engine: Engine, workers: int, study: StudyFile) -> Run:
     return Run(result.errors, ends[0] - began, len(ends) - 2 * workers + 1, steady)
 
 
-def _told(name: str, runs: list[Run]) -> Document:
+def _row(name: str, runs: list[Run]) -> Document:
     episodes, seconds = sum(run.steady_episodes for run in runs), sum(run.steady_s for run in runs)
     return {
         "engine": name,
@@ -119,7 +119,7 @@ def _told(name: str, runs: list[Run]) -> Document:
 
 
 def bench_study_size(repeats: int, seed: int, progress: Progress) -> list[Document]:
-    """A study of `repeats` episodes of 1 s on two processes, in ten parts, then its table."""
+    """Measure a study of `repeats` episodes of 1 s in two processes, in parts, and its table."""
     study = brief_study(repeats, seed, 1.0)
     ends: list[float] = []
     memory: list[tuple[float, float]] = []
@@ -137,7 +137,7 @@ def bench_study_size(repeats: int, seed: int, progress: Progress) -> list[Docume
         run_study(study, planned, store, engine, finished)
         judged = time.perf_counter()
         rows = read_rows(planned, store)
-        told = msgspec.json.encode([row.metrics for row in rows])
+        encoded = msgspec.json.encode([row.metrics for row in rows])
         read = time.perf_counter()
         size = sum(path.stat().st_size for path in store.logs.glob("*.mcap"))
     parts = min(PARTS, repeats)
@@ -157,13 +157,13 @@ def bench_study_size(repeats: int, seed: int, progress: Progress) -> list[Docume
         "rows_s": (judged - ends[-1]),
         "read_again_s": read - judged,
         "log_kib_per_episode": size / 1024 / repeats,
-        "table_bytes": len(told),
+        "table_bytes": len(encoded),
     }
     return [*table, whole]
 
 
 def memory_mib() -> tuple[float, float]:
-    """Resident memory of this process, and of its children together."""
+    """Return the resident memory of this process and of all its children, MiB."""
     import os
 
     own, children = 0.0, 0.0

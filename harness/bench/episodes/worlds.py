@@ -1,4 +1,4 @@
-"""How both robots fare in every world: one episode each of some seeds, and a summary."""
+"""`wayproof bench worlds`: both robots in every world, for some seeds."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ class WorldRow:
     """One episode with the default settings.
 
     Attributes:
-        world: Its name.
-        robot: Its name.
-        seed: Of the world and of all else.
-        outcome: How it ended.
-        time_s: Simulated time.
-        clearance_m: Least true distance to anything but the floor.
-        spl: Success weighted by path length (Anderson et al. 2018): the shortest way over the one
+        world: Name of the world.
+        robot: Name of the robot.
+        seed: Seed of the world and of all randomness.
+        outcome: Outcome of the episode.
+        time_s: Simulated time, s.
+        clearance_m: Least true distance to anything but the floor, m.
+        spl: Success weighted by path length (Anderson et al. 2018): the shortest path over the one
             travelled, at most 1; 0 for a failure.
-        struck: How often a mover ran into the robot at rest.
-        reason: In words.
+        struck: Number of times that a mover hit the robot at rest.
+        reason: Reason of the outcome.
     """
 
     world: str
@@ -42,7 +42,7 @@ class WorldRow:
 
     @property
     def job(self) -> tuple[str, str, int]:
-        """What it is the row of."""
+        """Arguments of the job that the row is the result of."""
         return self.world, self.robot, self.seed
 
 
@@ -51,13 +51,13 @@ class WorldSummary:
     """All episodes of one robot in one world.
 
     Attributes:
-        world: Its name.
-        robot: Its name.
-        episodes: How many.
-        reached: Of these, how many ended in success.
-        mean_time_s: Mean simulated time of the successes; None without any.
-        mean_spl: Over all episodes.
-        least_clearance_m: Over all episodes.
+        world: Name of the world.
+        robot: Name of the robot.
+        episodes: Number of episodes.
+        reached: Number of episodes that ended in success.
+        mean_time_s: Mean simulated time of the successes, s; None without any.
+        mean_spl: Mean SPL of all episodes.
+        least_clearance_m: Least true distance in all episodes, m.
     """
 
     world: str
@@ -75,13 +75,13 @@ def bench_worlds(
     """Run every world with both robots; a `WorldRow` for each episode, then `WorldSummary` rows.
 
     Args:
-        repeats: Seeds of each pair.
-        seed: The first.
-        progress: Told what is done.
-        kept: File of the rows that are there already, and to come.
+        repeats: Number of seeds of each pair.
+        seed: First seed.
+        progress: Called with a line after each episode.
+        kept: File of rows to continue from.
 
     Raises:
-        InputError: That file is none.
+        InputError: The file is not such a file of rows.
     """
     seeds = range(seed, seed + repeats)
     pairs = [(world, robot) for world in WORLDS for robot in ROBOTS]
@@ -95,7 +95,7 @@ def bench_worlds(
 
 
 def run_one(world: str, robot: str, seed: int) -> WorldRow:
-    """One episode, its log thrown away."""
+    """Run one episode without keeping its log."""
     result = unlogged(Config(world, robot, seed))
     success = result.outcome == "success"
     shortest = result.route_length_m or 0.0

@@ -1,4 +1,4 @@
-"""How large logs are, what writing them costs, and how fast they replay.
+"""Size of logs, cost of writing them, and speed of their replay.
 
 `python -m wayproof.harness.bench.micro.log` prints one JSON document.
 """
@@ -40,15 +40,15 @@ class LogRow:
     """One episode's log.
 
     Attributes:
-        robot: Its name.
-        lidar: Its device.
+        robot: Name of the robot.
+        lidar: Name of the lidar.
         sim_time_s: Simulated time.
         full_mb_per_min: Size of the log for each simulated minute.
         noisy_mb_per_min: The same with 1 cm of noise on every range.
         states_mb_per_min: Share of the saved states in the first.
         decisions_mb_per_min: With `record = decisions`.
         episode_s: Processor time of the episode.
-        logging_share: Of it, what encoding, packing, compressing and writing the log take, on both
+        logging_share: Share of it for encoding, packing, compressing and writing the log, on both
             threads.
         logging_own_share: The part of that on the episode's own thread, which waits for no other.
         replay_s: Processor time of the replay.

@@ -1,4 +1,4 @@
-"""How much faster than real time whole episodes run, and where their time goes."""
+"""`wayproof bench loop`: real-time factor of whole episodes, and time of each stage."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROBOTS = ("quadruped", "drone")
 LIGHT = ("sensors.lidar=own", "map.resolution=0.1")
 DENSE = ("sensors.lidar=ideal-lidar-dense", "map.resolution=0.05")
 LOADS = {"light": LIGHT, "dense": DENSE, "dense-on-two": (*DENSE, "threads=2")}
-"""Settings of the lighter and of the heavier episodes, these on one core and on two, by name."""
+"""Name -> settings of light episodes, and of dense ones on one core and on two."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,12 @@ class LoopRow:
     """Episodes of one robot under one load.
 
     Attributes:
-        robot: Its name.
-        rays: Beams in all sweeps of one decision.
-        resolution_m: Of the map.
-        threads: That rays, map and costmap share.
-        episodes: In the warehouse, of seeds from the given one on.
-        reached: Of these, how many ended in success.
+        robot: Name of the robot.
+        rays: Number of beams in all sweeps of one decision.
+        resolution_m: Cell size of the map, m.
+        threads: Number of threads for rays, map and costmap.
+        episodes: Number of episodes in the warehouse, of seeds from the given one on.
+        reached: Number of episodes that ended in success.
         realtime_factor: Simulated seconds a second of wall time: sensing, map, costmap, decision,
             physics and log together.
         stage_ms: Median time of each stage of a decision.
@@ -59,13 +59,13 @@ class LoopRow:
 def bench_loop(
     repeats: int, seed: int, progress: Progress, only: str | None = None
 ) -> list[LoopRow]:
-    """Run episodes of both robots under all loads; one row (see `LoopRow`) for each.
+    """Run episodes of both robots under all loads; one row for each.
 
     Args:
         repeats: Number of episodes for each row.
-        seed: Of the first.
-        progress: Told what is going on.
-        only: The load that is measured alone.
+        seed: First seed.
+        progress: Called with a line about what is under way.
+        only: Key of `LOADS` to measure; None for all.
     """
     rows = []
     for robot in ROBOTS:

@@ -42,8 +42,8 @@ from wayproof.models import rays
 
 RESOLUTIONS = (0.05, 0.1, 0.2)  # m
 FINE, FINE_RANGE = 0.01, 3.0
-"""At 1 cm the room has 1.2e9 cells, more than the memory of a map: there, m, beams are cut at this
-range, m. The peer is left out, which would take most of the time of the command."""
+"""Finest resolution and its range, m: at 1 cm the room has 1.2e9 cells, more than the memory of a
+map. The peer is left out there, since it would take most of the time of the command."""
 
 THREADS = (1, 2)
 TURN = 4  # sweeps that go to one map before the next has its turn
@@ -58,7 +58,7 @@ MODES = {
     "wide": WIDE,
     "wide + decay": replace(WIDE, half_life=30.0),
 }
-"""What is on: OctoMap's clamps or the widest that a config takes, decay or none."""
+"""Name of each mode: OctoMap's clamps or the widest of a config, with decay or without."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,14 +66,14 @@ class MapRow:
     """One measurement; what does not apply to its part is None.
 
     Attributes:
-        part: Of `PARTS`.
+        part: Key of `PARTS`.
         library: `wayproof`, `pyoctomap` or `edt`.
         mode: What is on, see `MODES`; of the peer, how its points are thinned out.
-        threads: That it ran on.
-        rays: In a sweep.
+        threads: Number of threads.
+        rays: Number of rays in a sweep.
         resolution_m: Edge of a cell, m.
         ms_per_sweep: Wall time, median over sweeps, ms.
-        ms_p99: Its 99th percentile, of few sweeps the worst, ms.
+        ms_p99: 99th percentile of it, or the worst of few sweeps, ms.
         ratio_vs_pyoctomap: Median of the peer's fastest mode at this resolution over this one.
         map_mib: What the map holds after the last sweep, MiB.
         range_m: Beyond which beams only clear, m.
@@ -83,8 +83,8 @@ class MapRow:
         end_cells: Different cells that beams end in, mean over sweeps.
         trajectory_m: Length of the trajectory, m.
         clamp_high: Greatest probability of a cell.
-        half_life_s: Of the decay, s; 0 without.
-        unseen_s: For how long nobody looked before the object was found gone, s.
+        half_life_s: Half-life of the decay, s; 0 without decay.
+        unseen_s: Time without a look at the place before the object was found gone, s.
         sweeps_to_free: Sweeps through the place of an object that left until all of it is free.
         sweeps_by_formula: The same by arithmetic, see `map_trials.sweeps_by_formula`.
         floor_columns_lost: Share of the columns where beams met the floor that show no floor.
@@ -129,7 +129,7 @@ class MapRow:
 
 
 class Lab(NamedTuple):
-    """What every part of the bench measures on."""
+    """Sweeps and options shared by all parts of the benchmark."""
 
     room: Sequence[Sweep]
     repeats: int
@@ -138,13 +138,13 @@ class Lab(NamedTuple):
 
 
 def bench_map(repeats: int, seed: int, progress: Progress, only: str | None = None) -> list[MapRow]:
-    """Measure the map; one flat row (see `MapRow`) for each figure or pair of figures.
+    """Measure the map; one flat row for each figure or pair of figures.
 
     Args:
-        repeats: Sweeps that are timed.
-        seed: Of the sweeps' noise.
-        progress: Told what is going on.
-        only: Of `PARTS`, the one that is measured; None for all.
+        repeats: Number of timed sweeps.
+        seed: Seed of the noise of the sweeps.
+        progress: Called with a line about what is under way.
+        only: Key of `PARTS` to measure; None for all.
     """
     progress("compiling kernels (some seconds the first time, then cached)")
     warm_up()
@@ -206,11 +206,11 @@ PARTS: dict[str, Callable[[Lab], Iterator[MapRow]]] = {
     "accuracy": _accuracies,
     "agreement": _agreement,
 }
-"""In the order of the rows."""
+"""Part -> function that measures it, in the order of the rows."""
 
 
 def workload(room: Sequence[Sweep], resolution: float) -> MapRow:
-    """How much work the room's sweeps are."""
+    """Return the amount of work in the sweeps of the room."""
     lengths, steps, ends = [], [], []
     voxel_map = VoxelMap(replace(STILL, resolution=resolution))
     updated = [integrate(voxel_map, sweep, k, RANGE) for k, sweep in enumerate(room)]
@@ -277,9 +277,9 @@ def extent(seed: int, short: float, long: float, resolution: float) -> list[MapR
     """One long trajectory, and its every stretch again with a new map: the same work, twice.
 
     Args:
-        seed: Of the noise.
+        seed: Seed of the noise.
         short: Length of a stretch, m.
-        long: Of the whole, m.
+        long: Length of the whole hall, m.
         resolution: Edge of a cell, m.
     """
     config = MapConfig(resolution=resolution)

@@ -1,4 +1,4 @@
-"""Who takes the sweeps of the map lab: our map in a mode, and the peer in each of its own."""
+"""Maps compared by `bench map`: ours in a mode, and OctoMap in each of its own."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class Ours:
         self._ms.append((time.perf_counter() - started) * 1e3)
 
     def timed(self) -> list[float]:
-        """Of each sweep after the first ones, ms."""
+        """Processor time of each sweep after the first ones, ms."""
         return self._ms[SETTLING:]
 
     def memory_bytes(self) -> int:
-        """Of the map."""
+        """Memory of the map, MiB."""
         return int(self._map.memory_bytes())
 
 
@@ -62,8 +62,8 @@ THINNING: dict[str, tuple[Thinning, bool]] = {
     "discretize": (_as_they_are, True),
     "deduplicate": (_first_in_each_cell, False),
 }
-"""How the peer gets one point for each cell: by itself, which is a loop in the binding, or from
-numpy beforehand. Inner nodes wait in both, so no query is answered yet: its fastest way."""
+"""Modes in which the peer gets one point for each cell: by a loop in its binding, or from numpy
+beforehand. Both update inner nodes lazily, its fastest mode, before any query."""
 
 
 @dataclass
@@ -96,11 +96,11 @@ class OctoMap:
         _ = [np.empty(20_000) for _ in range(REQUESTS)]
 
     def timed(self) -> list[float]:
-        """Of each sweep after the first ones, ms."""
+        """Processor time of each sweep after the first ones, ms."""
         return self._ms[SETTLING:]
 
     def memory_bytes(self) -> int:
-        """Of the map."""
+        """Memory of the map, MiB."""
         return int(self._tree.memoryUsage())
 
 

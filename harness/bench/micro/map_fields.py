@@ -1,4 +1,4 @@
-"""What the distances and the inflation of a whole window cost, as a costmap asks for them."""
+"""Cost of distances and inflation of a whole window, as in a costmap."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MAPPED = 5  # sweeps before the timed ones
 
 @dataclass(frozen=True)
 class FieldTime:
-    """What one way of finding distances cost; see `bench_map.Row`."""
+    """Time of one method of computing distances; see `MapRow`."""
 
     library: str
     mode: str
@@ -44,7 +44,7 @@ class FieldTime:
 
 
 def edt_installed() -> bool:
-    """Whether the peer is at hand."""
+    """Return whether the peer is installed."""
     return find_spec("edt") is not None
 
 
@@ -104,9 +104,9 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
             if edt_installed() and number < MAPPED + PEER_REPEATS:
                 passable = unpack(free, window.shape[2])
                 began = time.perf_counter()
-                told = _peer(passable, threads)
+                distances = _peer(passable, threads)
                 timed("edt", "all distances, whole", threads, began)
-                least = np.minimum(np.rint(told), reach * reach)
+                least = np.minimum(np.rint(distances), reach * reach)
                 differ += int((least != kept[threads].squared).sum())
     yield from _rows(times, resolution, differ if edt_installed() else None)
 

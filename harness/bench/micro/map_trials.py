@@ -1,4 +1,4 @@
-"""What a map makes of the truth: how soon it forgets what left, and what it says of surfaces."""
+"""Accuracy of a map: how soon it clears an object that left, and its surfaces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from wayproof.maps import FREE, MAPS, OCCUPIED, UNKNOWN, MapConfig
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 FLOOR_HEIGHT_IN_CELL = 0.75
-"""Where maps hold the plane z = 0 in its layer of cells, from the layer's bottom, in cells."""
+"""Height of the plane z = 0 in its layer of cells, from the bottom of the layer, cells."""
 
 CLAMPS = (0.8, 0.9, 0.97, 0.99, 0.999)
 ABSENCES = ((10.0, 10.0), (10.0, 30.0), (30.0, 30.0), (30.0, 60.0))  # half-life, unseen for, s
@@ -35,7 +35,7 @@ GUARDS = {True: GUARDED, False: "no guard"}
 
 @dataclass(frozen=True)
 class Ghost:
-    """How long the map shows an object that left; see `bench_map.Row`."""
+    """Time for which the map shows an object that left; see `MapRow`."""
 
     library: str
     resolution_m: float
@@ -48,7 +48,7 @@ class Ghost:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What a map says of the surfaces that beams met; see `bench_map.Row`."""
+    """States of the surfaces that beams hit; see `MapRow`."""
 
     library: str
     mode: str
@@ -59,7 +59,7 @@ class Accuracy:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far a map is OctoMap's after the same sweeps; see `bench_map.Row`."""
+    """Agreement of a map with OctoMap after the same sweeps; see `MapRow`."""
 
     library: str
     mode: str
@@ -84,8 +84,8 @@ def ghost(kind: str, config: MapConfig, unseen: float) -> Ghost:
     """Let a wall stand 2 m off until it is saturated, look away, and look until it is free.
 
     Args:
-        kind: Of the map.
-        config: Its settings.
+        kind: Kind of the map.
+        config: Settings of the map.
         unseen: Time between the last look at the wall and the first one through its place, s.
     """
     seen = MAPS[kind](config, 1)

@@ -1,4 +1,4 @@
-"""What the map lab feeds its maps: sweeps through a furnished room, and along an endless hall."""
+"""Sweeps for `bench map`: through a furnished room, and along an endless hall."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Boxes = NDArray[np.float64]
 
 
 def octomap_installed() -> bool:
-    """Whether the peer is at hand."""
+    """Return whether the peer is installed."""
     return find_spec("pyoctomap") is not None
 
 
@@ -63,7 +63,7 @@ class Sweep:
     geoms: NDArray[np.int32]
 
     def points(self) -> NDArray[np.float64]:
-        """Where beams meet surfaces in truth, m, world: (k, 3), beams without a return left out."""
+        """True points where beams hit surfaces, world frame, m: (k, 3), without misses."""
         hit = self.geoms >= 0
         return self.origin + self.directions[hit] * self.distances[hit, None]
 

@@ -42,14 +42,14 @@ Spaces = tuple[FreeSpace, FreeSpace]  # the body's, and that of its inscribed di
 
 RESOLUTION = 0.05  # m
 SIZE = (20.0, 20.0, 3.0)  # m
-REACH = 30  # cells that distances are told up to
+REACH = 30  # cells, greatest distance of the field
 MARGIN = 0.05  # m, localization
 DRONE = Body((0.0,), (0.3,))
 QUADRUPED = Body((-0.2, 0.0, 0.2), (0.2, 0.2, 0.2))
 BAND = (0.1, 0.6)  # m above the floor, that the quadruped passes
 COST_SCALE = 4.0  # per m, of Nav2's law exp(-scale (distance - forbidden))
 QUERIES_PER_REPEAT = 14
-ASKED_ALL = ("astar",)
+ALL_QUERIES = ("astar",)
 PEER_SHARE = 5
 """Every so many queries go to the other planners."""
 
@@ -62,11 +62,11 @@ LIMITS = {
 
 @dataclass(frozen=True)
 class PlanRow:
-    """What one planner did.
+    """Results of one planner.
 
     Attributes:
         robot: Whose space was planned in.
-        planner: Which one, and what it was asked.
+        planner: Name of the planner, and its queries.
         queries: How many plans.
         success: Share of them that found a path.
         p50_ms: Processor time of a plan.
@@ -90,7 +90,7 @@ class PlanRow:
 
 @dataclass(frozen=True)
 class Query:
-    """From where to where, and the plan that lengths are compared with."""
+    """Query from a start to a goal, with the reference path that lengths are compared with."""
 
     start: Array
     goal: Array
@@ -101,12 +101,12 @@ class Query:
 
     @property
     def length(self) -> float:
-        """Of the reference, m."""
+        """Length of the reference path, m."""
         return float(polyline.path_length(self.reference))
 
 
 def bench_plan(repeats: int, seed: int, progress: Progress) -> list[PlanRow]:
-    """Time every planner on seeded queries; one flat row (see `PlanRow`) for each."""
+    """Time every planner on seeded queries; one flat row for each."""
     progress("compiling kernels (some seconds the first time, then cached)")
     warm_up()
     blocked = warehouse(seed)
@@ -117,9 +117,9 @@ def bench_plan(repeats: int, seed: int, progress: Progress) -> list[PlanRow]:
         rows.append(_reference_row(robot, spaces[1], queries))
         for name in PLANNERS:
             progress(f"plan: {robot}, {name}")
-            asked = queries if name in ASKED_ALL else queries[::PEER_SHARE]
+            chosen = queries if name in ALL_QUERIES else queries[::PEER_SHARE]
             short = PlannerConfig(name=name, clearance_weight=0.0, corner_cost=0.0)
-            rows.append(_plan_row(robot, name, spaces[0], asked, short)[0])
+            rows.append(_plan_row(robot, name, spaces[0], chosen, short)[0])
         clear = PlannerConfig(name="astar")
         row, plans = _plan_row(robot, "field, clear", spaces[0], queries, clear)
         progress(f"plan: {robot}, replanning and trajectories")
@@ -221,7 +221,7 @@ def _pose(point: Array, heading: float) -> Array:
 
 
 def _timed(work: Callable[..., Any], *given: Any) -> tuple[Any, float]:
-    """What work returns, and its processor time, ms."""
+    """Return the result of work, and its processor time, ms."""
     started = time.process_time()
     result = work(*given)
     return result, 1e3 * (time.process_time() - started)

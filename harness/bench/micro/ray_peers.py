@@ -1,4 +1,4 @@
-"""What a user would cast rays with instead: Open3D and Embree, on the triangles of a scene.
+"""Peers of the ray casters: Open3D and Embree, on the triangles of a scene.
 
 Both need the extra `bench`; one that is not installed is left out. They know triangles alone, in
 single precision, so round shapes are tessellated and their error is for the most part that of the

@@ -1,4 +1,4 @@
-"""How many rays a second each caster does, on the same scenes in the same run."""
+"""`wayproof bench rays`: rays per second of each caster, on the same scenes in the same run."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Scene:
     """One scene and the beams cast in it.
 
     Attributes:
-        name: What the rows call it.
+        name: Name of the scene.
         geoms: Primitives besides the floor, or the one mesh or height field.
         moving: How many primitives move between sweeps.
         mjcf: Made from (moving, seed).
@@ -106,16 +106,16 @@ class RaysRow:
     """One engine on one scene.
 
     Attributes:
-        scene: What is cast at; with `moving`, 20 primitives go elsewhere between sweeps.
-        geoms: Primitives besides the floor; of terrain, itself and what moves above it.
+        scene: Name of the scene; with `moving`, 20 primitives move between sweeps.
+        geoms: Number of primitives besides the floor; of terrain, itself and movers above it.
         engine: `tile` casts a pattern, `tree` any rays; MuJoCo's two; peers that are installed.
-        threads: That it ran on.
-        rays: Beams that it cast in one sweep; of `mj_ray` only a sample.
+        threads: Number of threads.
+        rays: Number of beams in one sweep; a sample of them for `mj_ray`.
         mray_per_s: Million rays a second of wall time, by the median over sweeps.
-        ratio_vs_multiray: That rate over the one of `mj_multiRay`.
+        ratio_vs_multiray: That rate over the rate of `mj_multiRay`.
         max_error_m: Largest difference in distance from MuJoCo over all sweeps, m: from `mj_ray`
             on its sample and from `mj_multiRay` on every beam.
-        id_mismatches: Beams over all sweeps, likewise, that met another geom.
+        id_mismatches: Number of beams over all sweeps that hit another geom, compared likewise.
     """
 
     scene: str
@@ -130,7 +130,7 @@ class RaysRow:
 
 
 def bench_rays(repeats: int, seed: int, progress: Progress) -> list[RaysRow]:
-    """Time every engine on every scene; one flat row (see `RaysRow`) for each."""
+    """Time every engine on every scene; one flat row for each."""
     progress("compiling kernels (some seconds the first time, then cached)")
     rays.warm_up()
     rows: list[RaysRow] = []

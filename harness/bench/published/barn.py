@@ -40,7 +40,7 @@ GOAL = (-2.25, 13.0, 0.0)
 HEADING = np.pi / 2
 LOW = (-5.0, -0.5, -0.5)
 HIGH = (0.5, 15.0, 3.0)
-"""The operating area: it ends where nobody can walk round the walls of cylinders, m."""
+"""Operating area, m: it leaves no way around the walls of cylinders."""
 
 SPEED = 2.0  # m/s, of the reference
 FASTEST, SLOWEST = 2.0, 8.0  # times OT: clipped to these
@@ -65,8 +65,8 @@ class BarnRow:
 
     Attributes:
         world: Name of the file.
-        seed: Of the episode; the world is the same for all.
-        outcome: As an episode ends; `impossible` where truth closes the world for this body and
+        seed: Seed of the episode; the world is the same for all.
+        outcome: Outcome of the episode; `impossible` where truth closes the world for this body and
             margin, and `refused` where the episode could not start.
         score: Success x OT / clip(AT, 2 OT, 8 OT).
         best: What it would be on the shortest way at the body's greatest speed.
@@ -97,12 +97,12 @@ class BarnSummary:
 
     Attributes:
         episodes: How many, impossible ones included.
-        impossible: Of these, in worlds closed for this body.
+        impossible: Number of episodes in worlds closed for this body.
         success: Share of all.
         success_possible: Share of those that are possible.
         mean_score: Over all.
         mean_score_possible: Over those that are possible.
-        total_collisions: In all.
+        total_collisions: Number of collisions in all episodes.
     """
 
     episodes: int

@@ -61,9 +61,9 @@ class DodgeRow:
         field: Name of the file.
         seed: Chooses the height.
         outcome: `success` beyond the finish; else as the episode ended.
-        time_s: When it passed the finish, else when it ended.
-        limit_s: Of the time.
-        finish_x_m: Where a flight is over.
+        time_s: Time at the finish, or at the end of the episode, s.
+        limit_s: Time limit, s.
+        finish_x_m: x of the finish, m.
         start_z_m: Height of the start.
         clearance_m: Least true distance to a sphere.
         collisions: How often it started to touch one before the finish.
@@ -85,12 +85,12 @@ class DodgeSummary:
     """All flights in one field, or in `all`.
 
     Attributes:
-        fields: Which.
+        fields: Name of the field, or `all`.
         flights: How many.
         success: Share of them.
-        mean_time_s: Of the successes.
+        mean_time_s: Mean time of the successes, s.
         restricted_mean_s: Over all, a failure counted at the limit.
-        total_collisions: In all.
+        total_collisions: Number of collisions in all flights.
     """
 
     fields: str
@@ -191,9 +191,9 @@ def summarise(name: str, rows: list[DodgeRow]) -> DodgeSummary:
 def _row(finished: Finished) -> DodgeRow:
     trial, result = finished.trial, finished.result
     height = trial.config.start[2] if trial.config.start else 0.0
-    told = (LIMIT, FINISH, height)
+    protocol = (LIMIT, FINISH, height)
     if result is None:
-        return DodgeRow(trial.world.name, trial.config.seed, "refused", 0.0, *told, 0.0, 0)
+        return DodgeRow(trial.world.name, trial.config.seed, "refused", 0.0, *protocol, 0.0, 0)
     passed = finished.first(lambda x, y, z: x >= FINISH)
     if passed is not None and passed <= LIMIT:
         outcome, time, collisions = "success", passed, 0  # an episode ends at its first collision
@@ -205,7 +205,7 @@ def _row(finished: Finished) -> DodgeRow:
         trial.config.seed,
         outcome,
         time,
-        *told,
+        *protocol,
         result.min_clearance_m,
         collisions,
     )

@@ -1,4 +1,4 @@
-"""Episodes in two processes: the same bytes in any number of them, and none is dropped."""
+"""Episodes of published benchmarks in two processes."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Trial:
     """One episode to run.
 
     Attributes:
-        world: Where.
-        config: With which settings and seed.
-        log: Its log's name.
+        world: World of the episode.
+        config: Settings and seed.
+        log: Path of the log.
     """
 
     world: FileWorld
@@ -38,12 +38,12 @@ class Trial:
 
 @dataclass(frozen=True)
 class Finished:
-    """What came of a trial.
+    """Result of a trial.
 
     Attributes:
-        trial: Which one.
-        result: None if it could not be started.
-        refused: Why it could not.
+        trial: The trial.
+        result: Result of the episode; None if it could not be started.
+        refused: Reason why it could not be started; empty if it was.
         track: True (time in s, x, y, z in m) at each decision.
     """
 
@@ -53,15 +53,15 @@ class Finished:
     track: tuple[tuple[float, float, float, float], ...]
 
     def first(self, reached: Callable[[float, float, float], bool]) -> float | None:
-        """When the body was first, at a decision, where a benchmark ends, s."""
+        """Return the time of the first decision with the body at the end of a benchmark, s."""
         return next((time for time, *place in self.track if reached(*place)), None)
 
 
 def run_trials(trials: Iterable[Trial], progress: Progress) -> Iterator[Finished]:
-    """Run them, and tell of each in the order given.
+    """Run trials; yield the results in the order given.
 
     Raises:
-        InputError: The logs' folder cannot be written to.
+        InputError: The folder of the logs cannot be written to.
     """
     trials = list(trials)
     for folder in {trial.log.parent for trial in trials}:
@@ -81,7 +81,7 @@ def run_trials(trials: Iterable[Trial], progress: Progress) -> Iterator[Finished
 
 
 def run_trial(trial: Trial) -> Finished:
-    """Run one episode; bad input is an outcome, so that one bad world does not end the rest."""
+    """Run one episode; bad input is an outcome, so that one bad world does not stop the others."""
     track: list[tuple[float, float, float, float]] = []
 
     def note(_: pb.Decision, truth: pb.Truth) -> None:

@@ -26,10 +26,10 @@ from wayproof.planners import FreeSpace, PlannerConfig, plan, plan_seed, warm_up
 Cell = tuple[int, int, int]
 
 RESOLUTION = 0.1
-"""Of the map's cells as the planners take them, m."""
+"""Cell size of the map for the planners, m."""
 
 TOLERANCE = 1e-6
-"""By which a length may differ from the published one, cells: that is told to eight places."""
+"""Tolerance of a length against the published one, which has eight decimals, cells."""
 
 COMPARED = ("astar", "rrtconnect")
 VERSION = "version 1"
@@ -46,15 +46,15 @@ class Problem:
 
 @dataclass(frozen=True)
 class ProblemsRow:
-    """What one planner did.
+    """Results of one planner.
 
     Attributes:
         map: The map's file name.
         planner: `exact`, or a name in `planners.PLANNERS`.
-        problems: How many it was asked.
+        problems: Number of problems.
         success: Share of them that it solved.
         differing: How many of its lengths are not the published ones; of the exact search.
-        length_ratio_mean: Its length against the published one, of the solved; none without any.
+        length_ratio_mean: Mean ratio to the published length of solved problems; None without any.
         length_ratio_p99: The same.
         p50_ms: Processor time of a problem.
         p99_ms: The same.

@@ -27,7 +27,7 @@ STEPS = np.array(
 
 
 class Moves(NamedTuple):
-    """How many moves of each kind a way takes, and how many cells the search closed."""
+    """Numbers of moves of each kind in a path, and of cells that the search closed."""
 
     straight: int
     diagonal: int
@@ -36,7 +36,7 @@ class Moves(NamedTuple):
 
     @property
     def length(self) -> float:
-        """In cells."""
+        """Length of the path, cells."""
         return self.straight + self.diagonal * SQRT2 + self.space_diagonal * SQRT3
 
 
@@ -119,12 +119,12 @@ def _search(
 
     Args:
         allowed: (n,) moves of each cell, see `_allowed_moves`.
-        shape: Of the map.
+        shape: Shape of the map.
         start: Flat index.
         goal: Flat index.
         counts: (n, 3) out: moves of each kind to each cell that was opened.
         state: (n,) `opened` for open, one more for closed, else from an earlier search.
-        opened: Of this search.
+        opened: Number of this search where the cell was opened.
     """
     ny, nz = shape[1], shape[2]
     goal_x, goal_y, goal_z = goal // (ny * nz), (goal // nz) % ny, goal % nz

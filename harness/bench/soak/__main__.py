@@ -35,11 +35,11 @@ SOAKS: dict[
     "race": soak_race,
     "hostile": soak_hostile,
 }
-"""Name on the command line -> what it runs: count, seed, progress, number of the first."""
+"""Name on the command line -> function of (count, seed, progress, number of the first)."""
 
 
 def main() -> int:
-    """Run one soak and print what it found as one JSON document."""
+    """Run one soak and print its results as one JSON document."""
     parser = argparse.ArgumentParser(
         prog="python -m wayproof.harness.bench.soak", description=__doc__
     )
@@ -49,16 +49,23 @@ def main() -> int:
     parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
     parser.add_argument(
-        "--python", action="append", default=[], help="of processors: an interpreter to replay with"
+        "--python",
+        action="append",
+        default=[],
+        help="for processors: another interpreter to replay with",
     )
     parser.add_argument(
-        "--log", action="append", type=Path, default=[], help="of processors: one to replay as well"
+        "--log",
+        action="append",
+        type=Path,
+        default=[],
+        help="for processors: a further log to replay",
     )
     parser.add_argument(
         "--compiled",
         action=argparse.BooleanOptionalAction,
         default=True,
-        help="of processors: compile for one without extensions as well, which takes minutes",
+        help="for processors: compile for one without extensions as well, which takes minutes",
     )
     options = parser.parse_args()
 

@@ -1,4 +1,4 @@
-"""A child process with everything compiled already: forked, watched, and killed when told to."""
+"""Forked child process with all kernels compiled, watched, and killed on request."""
 
 from __future__ import annotations
 
@@ -14,24 +14,23 @@ from pathlib import Path
 
 MEMORY = Path("/dev/shm")
 
-TAIL = 4000  # of what a child said last, bytes
+TAIL = 4000  # last bytes of a traceback that are reported
 
 
 def scratch() -> Path | None:
-    """Where short-lived logs go: a file system in memory where there is one, for its speed."""
+    """Return the folder for short-lived logs: a file system in memory if there is one."""
     return MEMORY if os.access(MEMORY, os.W_OK) else None
 
 
 @dataclass(frozen=True)
 class Kill:
-    """When a child is to be killed: a moment after it has told so much.
+    """Time at which a child is killed: a delay after some lines of its output.
 
-    A moment of wall time alone would come before everything, or after it, whenever the machine
-    does other things besides.
+    Wall time alone would depend on the load of the machine.
 
     Attributes:
-        lines: Told before it; 0 is the start.
-        then_s: From there on.
+        lines: Number of lines before it; 0 is the start.
+        then_s: Delay after these, s.
     """
 
     lines: int
@@ -40,14 +39,14 @@ class Kill:
 
 @dataclass(frozen=True)
 class Ended:
-    """How a child ended.
+    """End of a child.
 
     Attributes:
-        code: Its exit code; negative is the signal that ended it.
-        lines: What it told, line by line; the last one may be cut short by a kill.
-        overdue: Whether it was ended because it told nothing for too long.
-        peak_mib: Greatest resident memory.
-        cpu_s: Processor time.
+        code: Exit code; negative is the signal that ended it.
+        lines: Lines that it reported; a kill may cut the last one short.
+        overdue: Whether it was killed because it reported nothing for too long.
+        peak_mib: Greatest resident memory, MiB.
+        cpu_s: Processor time, s.
     """
 
     code: int
@@ -62,18 +61,18 @@ def in_child(
     silence_s: float,
     kill: Kill | None = None,
 ) -> Ended:
-    """Do something in a forked child.
+    """Run a function in a forked child.
 
     Args:
-        work: What to do; it is given a function that tells the parent one line.
-        silence_s: The child is ended when it has told nothing for so long.
-        kill: When it gets SIGKILL, if at all.
+        work: Function to run; its argument is a function that reports a line to the parent.
+        silence_s: Time without a line after which the child is killed, s.
+        kill: Time at which the child gets SIGKILL; None for never.
     """
     return listen(*start_child(work), silence_s, kill)
 
 
 def start_child(work: Callable[[Callable[[str], None]], None]) -> tuple[int, int]:
-    """Fork a child that does something; its process number, and where to read what it tells."""
+    """Fork a child that runs a function; return its process id and the descriptor of its lines."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
@@ -83,7 +82,7 @@ def start_child(work: Callable[[Callable[[str], None]], None]) -> tuple[int, int
 
 
 def listen(child: int, reading: int, silence_s: float, kill: Kill | None = None) -> Ended:
-    """What a child tells until it ends, and how it ended; arguments as for `in_child`."""
+    """Read the lines of a child until it ends; arguments as for `in_child`."""
     text, overdue = _listen(reading, child, silence_s, kill)
     os.close(reading)
     _, status, usage = os.wait4(child, 0)
@@ -95,14 +94,14 @@ def listen(child: int, reading: int, silence_s: float, kill: Kill | None = None)
 def _work(work: Callable[[Callable[[str], None]], None], reading: int, writing: int) -> None:
     os.close(reading)
 
-    def tell(line: str) -> None:
+    def report(line: str) -> None:
         os.write(writing, f"{line}\n".encode())
 
     code = 0
     try:
-        work(tell)
+        work(report)
     except BaseException:
-        tell("traceback: " + " | ".join(traceback.format_exc().splitlines())[-TAIL:])
+        report("traceback: " + " | ".join(traceback.format_exc().splitlines())[-TAIL:])
         code = 1
     sys.stdout.flush()
     os._exit(code)

@@ -1,4 +1,4 @@
-"""Short random episodes: each replays identically in a fresh process, on any number of threads."""
+"""Soak of random episodes: each must replay identically in a fresh process, on any threads."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ TIME_LIMIT_S = 3.0
 THREADS = (1, 2)
 CLOSED_LOOP_EVERY, FORK_EVERY, COMMAND_EVERY = 10, 20, 25
 MOST_DRAWS = 50
-"""Of random settings for one trial; some are no episode (a start in a shelf, for one)."""
+"""Maximum number of random settings for one trial; some are invalid, as a start in a shelf."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What one random episode showed.
+    """Result of one random episode.
 
     Attributes:
-        trial: Its number.
+        trial: Number of the trial.
         episode: World, robot, seed, map, policy, planner and perturbation.
-        refused: Random settings before it that are no episode.
-        outcome: How it ended.
-        decisions: Made in it.
-        chain: Hash over them.
-        replays: Of its log, each in a fresh process.
-        closed_loop: Whether it was simulated anew as well.
-        forked: The decision from which it went on with no change; none if it was not forked.
-        wall_s: Time that all of it took.
-        failures: What was not identical; empty if all was.
+        refused: Number of invalid random settings before it.
+        outcome: Outcome of the episode.
+        decisions: Number of decisions.
+        chain: Hash over the decisions.
+        replays: Number of replays, each in a fresh process.
+        closed_loop: Whether it was simulated again as well.
+        forked: Decision at which it was forked without a change; None if it was not.
+        wall_s: Wall time of all of it, s.
+        failures: Differences; empty if all is identical.
     """
 
     trial: int
@@ -72,18 +72,18 @@ class Trial:
 
 @dataclass
 class Tally:
-    """What random episodes showed together.
+    """Results of all random episodes.
 
     Attributes:
-        count: Episodes.
+        count: Number of episodes.
         first: Number of the first trial.
-        replayed: Replays, each in a fresh process.
-        closed_loop: Episodes simulated anew.
-        forked: Gone on from a decision in the middle, with no change.
-        refused: Random settings that are no episode.
-        outcomes: How the episodes ended.
-        wall_s_each: Wall time of an episode with all that belongs to it, over all jobs.
-        failures: What was not identical; empty if all was.
+        replayed: Number of replays, each in a fresh process.
+        closed_loop: Number of episodes simulated again.
+        forked: Number of episodes forked without a change.
+        refused: Number of invalid random settings.
+        outcomes: Outcome -> number of episodes.
+        wall_s_each: Wall time of an episode with its replays, over all jobs, s.
+        failures: Differences; empty if all is identical.
     """
 
     count: int = 0
@@ -100,14 +100,14 @@ class Tally:
 def soak_episodes(
     count: int, seed: int, progress: Progress, first: int = 0, jobs: int = 2
 ) -> Tally:
-    """Run random episodes and everything that must give them again.
+    """Run random episodes, their replays, repeated simulations and forks.
 
     Args:
-        count: Trials.
-        seed: Of all of them.
-        progress: Told each trial, one JSON document a line.
-        first: Number of the first trial: a soak that ended goes on from there.
-        jobs: Processes.
+        count: Number of trials.
+        seed: Seed of all random choices.
+        progress: Called with each trial as a line of JSON.
+        first: Number of the first trial, to continue a soak.
+        jobs: Number of processes.
     """
     began = time.perf_counter()
     tally, outcomes = Tally(count, first), Counter[str]()
@@ -125,13 +125,13 @@ def soak_episodes(
 
 
 def _trials(numbers: range, seed: int, jobs: int) -> Iterator[Trial]:
-    """All trials in order; each worker keeps its process for fresh replays to its end."""
+    """Run all trials in order; each worker keeps its server of fresh replays."""
     with WorkerPool(jobs, initializer=_begin) as pool:
         yield from pool.run_in_order(run_trial, [(number, seed) for number in numbers])
 
 
 def _begin() -> None:
-    """Fork off the fresh process before this one has run anything."""
+    """Fork the server of fresh replays before this process has run anything."""
     global _fresh
     _fresh = FreshReplays([_plain(robot, planner) for robot in ROBOTS for planner in PLANNERS])
 
@@ -144,7 +144,7 @@ def _plain(robot: str, planner: str) -> Config:
 
 
 def run_trial(number: int, seed: int) -> Trial:
-    """One random episode and everything that must give it again."""
+    """Run one random episode with its replays, repeated simulation and fork."""
     began = time.perf_counter()
     rng = np.random.default_rng((seed, number))
     scenario, refused = _draw(rng)
@@ -163,7 +163,7 @@ def run_trial(number: int, seed: int) -> Trial:
             failures += _fork(path, at, result)
     return Trial(
         trial=number,
-        episode=_told(config),
+        episode=_summary(config),
         refused=refused,
         outcome=result.outcome,
         decisions=result.decisions,
@@ -177,7 +177,7 @@ def run_trial(number: int, seed: int) -> Trial:
 
 
 def random_config(rng: np.random.Generator) -> Config:
-    """World, robot, map, planner, perturbation and seed by chance; every fourth unperturbed."""
+    """Return a random config; every fourth is unperturbed."""
     world, robot = (str(rng.choice(sorted(names))) for names in (WORLDS, ROBOTS))
     kind = str(rng.choice(sorted(MAPS))) if rng.integers(2) else MapConfig().kind
     settings = (
@@ -196,7 +196,7 @@ def random_config(rng: np.random.Generator) -> Config:
 
 
 def _draw(rng: np.random.Generator) -> tuple[Scenario, int]:
-    """The first of random scenarios that is one, and how many before it were refused."""
+    """Return the first valid random scenario, and the number of invalid ones before it."""
     for refused in range(MOST_DRAWS):
         try:
             scenario = build(random_config(rng))
@@ -207,7 +207,7 @@ def _draw(rng: np.random.Generator) -> tuple[Scenario, int]:
     raise RuntimeError(f"{MOST_DRAWS} random settings refused")
 
 
-def _told(config: Config) -> str:
+def _summary(config: Config) -> str:
     perturbation = config.perturbation
     perturbed = "none"
     if perturbation is not None:
@@ -217,7 +217,7 @@ def _told(config: Config) -> str:
 
 
 def _replays(path: Path, number: int) -> list[str]:
-    """What differs in replays on each number of threads."""
+    """Return what differs in replays on each number of threads."""
     failures = []
     for threads in THREADS:
         if number % COMMAND_EVERY == 0 or _fresh is None:

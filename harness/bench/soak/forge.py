@@ -1,6 +1,6 @@
-"""`python -m wayproof.harness.bench.soak.forge`: a short log forged in every way, and who notices.
+"""`python -m wayproof.harness.bench.soak.forge`: detection of forged logs.
 
-Prints a table in Markdown; the exit code is 1 if a forged log that is no mere claim is verified.
+Prints a table in Markdown; exit code 1 if a forged log is verified, except for mere claims.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 
 SETTINGS = ("episode.time_limit=1.2", 'perturbation={"kind": "pose_drift", "severity": 5}')
-"""Of the episode: it is perturbed, and it fails, so that there is most to forge."""
+"""Settings of the episode: perturbed and failing, which gives most to forge."""
 
 NOTICED_BY: dict[Step | None, str] = {
     "content": "`score`, `explain`, `audit`, `report`, `view`, `replay`",
@@ -24,11 +24,11 @@ NOTICED_BY: dict[Step | None, str] = {
     "simulation": "`replay --closed-loop`",
     None: "a signature alone",
 }
-"""What notices it beside `verify`, by the step of `verify` that found it."""
+"""Step of `verify` that detects an edit -> verbs that detect it as well."""
 
 
 def main() -> int:
-    """Forge and verify, and print the table."""
+    """Forge and verify a log in every way, and print the table."""
     passed = []
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "source.mcap"

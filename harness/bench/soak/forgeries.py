@@ -1,9 +1,8 @@
-"""Logs edited by somebody who knows the format: every checksum, digest and chain hash is made anew.
+"""Forged logs: edited by somebody who knows the format and recomputes all checksums and hashes.
 
-Two edits leave the digest of the content as it was, made by somebody who does not know of it.
-
-What such a person cannot make without the program's own computations is what follows from the
-inputs; so each of these must be noticed by recomputing, but for the claims that nobody can check.
+Two edits leave the digest of the content as it was. What follows from the inputs cannot be forged
+without the program's own computations, so every edit must be detected by recomputing, except claims
+that cannot be checked.
 """
 
 from __future__ import annotations
@@ -40,25 +39,25 @@ from wayproof.harness.stack.decision import chain_hash
 Kind = TypeVar("Kind", bound=Message)
 
 DATA_END = struct.Struct("<BQI")
-"""Opcode, length, checksum of all before it; the index follows."""
+"""Record at the end of the data: opcode, length, checksum of everything before."""
 
 FOOTER = struct.Struct("<QQI")
-"""Place of the index and of its groups, checksum; the magic follows."""
+"""Footer: place of the index and of its groups, checksum."""
 
 KEPT_SHARE = 0.6
-"""Of the decisions, where a tail is cut off."""
+"""Share of the decisions that remain when a tail is cut off."""
 
 
 class Forgery:
-    """A log's content, free to be edited, and the way back to a file whose every hash holds.
+    """Editable content of a log, written back with valid hashes.
 
     Attributes:
         result: Fields of the result.
-        run: Fields of the run, digests apart.
-        sealed: Whether the chain is made anew.
-        digested: Whether the digest of the content is made anew.
-        messages: In file order, sensors' tables apart.
-        tables: Of the sensors.
+        run: Fields of the run without digests.
+        sealed: Whether the chain is recomputed.
+        digested: Whether the digest of the content is recomputed.
+        messages: Messages in file order, without the tables of sensors.
+        tables: Tables of the sensors.
     """
 
     def __init__(self, source: Path) -> None:
@@ -168,10 +167,10 @@ def _copy(info: pb.SensorInfo) -> pb.SensorInfo:
 Edit = Callable[[Forgery], None]
 
 EDITS: dict[str, Edit] = {}
-"""What is edited -> how, in the order in which a table shows them."""
+"""Name of an edit -> function that makes it, in the order of the table."""
 
 CLAIMS = ("the latency of a stage", "versions of packages")
-"""Of these, what is a claim of the author that only a signature protects."""
+"""Edits of claims, which only a signature protects."""
 
 
 def _edit(name: str) -> Callable[[Edit], Edit]:
@@ -186,9 +185,9 @@ def forge(source: Path, name: str, target: Path) -> Path:
     """Write a forged log.
 
     Args:
-        source: A whole log, recorded in full, of an episode that failed and was perturbed.
-        name: Of the edit.
-        target: Where to write it.
+        source: Complete log, with sweeps, of a perturbed episode that failed.
+        name: Key of `EDITS`.
+        target: Path to write to.
     """
     forgery = Forgery(source)
     EDITS[name](forgery)

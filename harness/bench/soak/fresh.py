@@ -1,8 +1,8 @@
-"""A fresh process for each replay, without waiting for the program to be loaded each time.
+"""Replays in fresh processes, forked from a server that has loaded the program.
 
-One process is forked off before any episode is run. It imports the program, loads its compiled
-kernels and does nothing else but fork a child for each log: what a child knows of an episode is
-what stands in the log. `replay_by_command` starts a new interpreter instead.
+The server is forked before any episode runs. It imports the program, loads the compiled kernels and
+forks a child for each log, so that a child knows of an episode only what is in its log.
+`replay_by_command` starts a new interpreter instead.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from wayproof.harness.bench.soak.child import in_child
 from wayproof.harness.config import Config
 
 SILENCE_S = 120.0
-"""Wall time of one replay, on a machine that does other things besides."""
+"""Wall time limit of one replay on a loaded machine, s."""
 
 
 class FreshReplays:
-    """Replays logs in processes that have not seen them being made."""
+    """Server of replays in processes forked before the logs were made."""
 
     def __init__(self, configs: Sequence[Config]) -> None:
-        """Fork off the process that waits, with the kernels that these configs need."""
+        """Fork the server, with the kernels that these configs need."""
         self._pipe, other = Pipe()
         self._child = os.fork()
         if self._child == 0:
@@ -38,13 +38,13 @@ class FreshReplays:
         other.close()
 
     def replay(self, log: Path, threads: int) -> str:
-        """What differs in a replay; empty if nothing does."""
+        """Replay a log; return what differs, empty if nothing does."""
         self._pipe.send((str(log), threads))
         verdict: str = self._pipe.recv()
         return verdict
 
     def close(self) -> None:
-        """End the process that waits."""
+        """End the server."""
         self._pipe.close()
         os.waitpid(self._child, 0)
 
@@ -58,23 +58,23 @@ def _serve(pipe: Connection, configs: Sequence[Config]) -> None:
             log, threads = pipe.recv()
         except EOFError:
             return
-        ended = in_child(lambda tell: _replay(Path(log), threads, tell), SILENCE_S)  # noqa: B023
+        ended = in_child(lambda report: _replay(Path(log), threads, report), SILENCE_S)  # noqa: B023
         if ended.code != 0 or len(ended.lines) != 1:
             pipe.send(f"exit code {ended.code}: {' '.join(ended.lines)[-500:]}")
         else:
             pipe.send(ended.lines[0].removeprefix("verdict "))
 
 
-def _replay(log: Path, threads: int, tell: Callable[[str], None]) -> None:
+def _replay(log: Path, threads: int, report: Callable[[str], None]) -> None:
     from wayproof.harness.replay.replay import replay
 
     replayed = replay(log, threads=threads)
     differs = f"decision {replayed.first_difference}: {replayed.differences[:3]}"
-    tell("verdict " + ("" if replayed.identical else differs.replace("\n", " ")))
+    report("verdict " + ("" if replayed.identical else differs.replace("\n", " ")))
 
 
 def replay_by_command(log: Path, threads: int) -> str:
-    """The same by the command line in a new interpreter."""
+    """Replay a log by the command line; return what differs, empty if nothing does."""
     command = [sys.executable, "-m", "wayproof", "replay", "--json", "--threads", str(threads)]
     done = subprocess.run([*command, str(log)], capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1) or done.stderr:

@@ -1,4 +1,4 @@
-"""Mutated logs, settings and scenes: each is refused in a line or read, and no more happens."""
+"""Fuzzing of logs, settings and scenes: each must be refused in a line, or read."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.stack.build import build_navigator
 
 LONGEST_S = 5
-"""Processor time of one case."""
+"""Processor time limit of one case, s."""
 
 SILENCE_S = 60.0
-"""Wall time of one case, on a machine that does other things besides."""
+"""Wall time limit of one case on a loaded machine, s."""
 
 MOST_MEMORY_MIB = 1024.0
 
 BATCH = 250
-"""Cases in one child process."""
+"""Number of cases in one child process."""
 
 KINDS = ("bytes", "forged", "settings", "scene")
 
 
 @dataclass(frozen=True)
 class Fuzzed:
-    """What mutated input showed.
+    """Results of mutated input.
 
     Attributes:
-        count: Cases.
-        refused: Of each kind, how many were refused in a line.
-        read: Of each kind, how many were read as they stood.
-        peak_mib: Greatest resident memory of a process that read them.
-        failures: Tracebacks, hangs, crashes, memory, files touched elsewhere; empty if none.
+        count: Number of cases.
+        refused: Kind -> number of cases refused in a line.
+        read: Kind -> number of cases that were read.
+        peak_mib: Greatest resident memory of a child, MiB.
+        failures: Tracebacks, hangs, crashes, excess memory, files touched elsewhere.
     """
 
     count: int
@@ -62,12 +62,12 @@ class Fuzzed:
 
 
 def soak_fuzz(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzzed:
-    """Mutate a small log `count` times, by turns its bytes, its content, its settings and scene.
+    """Mutate a small log `count` times: its bytes, content, settings and scene in turn.
 
     Args:
-        count: Cases.
-        seed: Of all of them.
-        progress: Told how far it is.
+        count: Number of cases.
+        seed: Seed of all random choices.
+        progress: Called with a line about the progress.
         first: Number of the first case.
     """
     tally: Counter[tuple[str, str]] = Counter()
@@ -82,7 +82,7 @@ def soak_fuzz(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzz
         case, last_case = first, first + count
         while case < last_case:
             end = min(case + BATCH, last_case)
-            ended = in_child(lambda tell: _cases(source, seed, case, end, tell), SILENCE_S)  # noqa: B023
+            ended = in_child(lambda report: _cases(source, seed, case, end, report), SILENCE_S)  # noqa: B023
             peak = max(peak, ended.peak_mib)
             last = case
             for line in ended.lines:
@@ -105,27 +105,27 @@ def soak_fuzz(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzz
     return Fuzzed(count, refused, read, peak, tuple(failures))
 
 
-def _cases(source: Path, seed: int, begin: int, end: int, tell: Callable[[str], None]) -> None:
-    """Run cases in this process, which is a child's."""
+def _cases(source: Path, seed: int, begin: int, end: int, report: Callable[[str], None]) -> None:
+    """Run cases in this child process."""
     folder = source.parent / "work"
     os.chdir(folder)
     log = open_log(source)
     _limit_memory()
-    _watch_files(source.parent, tell)
+    _watch_files(source.parent, report)
     for case in range(begin, end):
-        tell(f"begin {case}")
+        report(f"begin {case}")
         signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_S)  # its default is to end the process
         kind = KINDS[case % len(KINDS)]
         rng = np.random.default_rng((seed, case))
         try:
             run_case(kind, source, log, rng)
-            tell(f"read {kind}")
+            report(f"read {kind}")
         except InputError as error:
             lines = str(error).count("\n")
-            tell(f"refused {kind}" if lines == 0 else f"case {case}: {lines + 1} lines")
+            report(f"refused {kind}" if lines == 0 else f"case {case}: {lines + 1} lines")
         except Exception:
             text = " | ".join(traceback.format_exc().splitlines()[-6:])
-            tell(f"case {case} {kind}: traceback: {text}")
+            report(f"case {case} {kind}: traceback: {text}")
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
 
 
@@ -133,7 +133,7 @@ def run_case(kind: str, source: Path, log: Log, rng: np.random.Generator) -> Non
     """Mutate and read once.
 
     Raises:
-        InputError: What was mutated is refused, as it should be.
+        InputError: The mutated input is refused, as it should be.
     """
     if kind == "settings":
         config = from_json(mutate_values(to_json(log.config).decode(), rng).encode())
@@ -153,14 +153,14 @@ def run_case(kind: str, source: Path, log: Log, rng: np.random.Generator) -> Non
 
 
 def _limit_memory() -> None:
-    """No more address space than there is, and the memory that a case may take."""
+    """Limit the address space to the present one and the memory of a case."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     most = pages * resource.getpagesize() + int(MOST_MEMORY_MIB * 2**20)
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
-def _watch_files(folder: Path, tell: Callable[[str], None]) -> None:
-    """Tell of every file that is opened, renamed or removed where it should not be."""
+def _watch_files(folder: Path, report: Callable[[str], None]) -> None:
+    """Report every file that is opened, renamed or removed outside the allowed folders."""
     readable = [sys.prefix, sys.base_prefix, str(Path(__file__).resolve().parents[3])]
     writable = [str(folder), os.environ["NUMBA_CACHE_DIR"]]
     readable += writable
@@ -176,11 +176,11 @@ def _watch_files(folder: Path, tell: Callable[[str], None]) -> None:
             path, _, flags = arguments
             written = bool(flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
             if not inside(path, writable if written else readable):
-                tell(f"file {path!r} opened, flags {flags:o}")
+                report(f"file {path!r} opened, flags {flags:o}")
         elif event in ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink"):
             if not inside(arguments[0], writable):
-                tell(f"{event} of {arguments[0]!r}")
+                report(f"{event} of {arguments[0]!r}")
         elif event in ("subprocess.Popen", "os.system", "os.exec", "socket.connect"):
-            tell(f"{event} {arguments!r}")
+            report(f"{event} {arguments!r}")
 
     sys.addaudithook(hook)

@@ -23,10 +23,10 @@ from wayproof.harness.cli.main import main
 
 MOST_MEMORY_MIB = 1024.0
 LONGEST_S = 5.0
-"""Of processor time, in a process that has loaded the program already."""
+"""Processor time limit in a process that has loaded the program, s."""
 
 ADDRESS_SPACE = 8 * 2**30
-"""Bytes that a command may map anew, so that what breaks the bound does not fill the machine."""
+"""Additional address space of a command, bytes, so that a failure does not fill the machine."""
 
 CPU_S = 20
 WALL_S = 300.0
@@ -40,20 +40,20 @@ LOADED = (
     "pyoctomap",
     "trimesh",
 )
-"""What commands load when they need it: it is not what a file takes."""
+"""Modules that commands load lazily, loaded beforehand so that they do not count."""
 
 PLAIN = "<mujoco><worldbody>" + BOX + "<geom size='.1' pos='-5 -5 1'/></worldbody></mujoco>"
 
 
 @dataclass(frozen=True)
 class Taken:
-    """What one command took.
+    """Resources that one command took.
 
     Attributes:
-        name: Of what it was given.
-        file_bytes: Of all files that were made for it.
-        cpu_s: Processor time.
-        peak_mib: Greatest resident memory.
+        name: Name of the hostile file.
+        file_bytes: Size of all files made for it, bytes.
+        cpu_s: Processor time, s.
+        peak_mib: Greatest resident memory, MiB.
         code: Exit code; negative is the signal that ended it.
         said: Lines on stderr.
     """
@@ -68,13 +68,13 @@ class Taken:
 
 @dataclass(frozen=True)
 class Refused:
-    """What hostile files showed.
+    """Results of hostile files.
 
     Attributes:
-        count: Of them.
-        longest_s: Greatest processor time of any.
-        peak_mib: Greatest resident memory of any.
-        failures: What took too long or too much, ended otherwise, or said more than a line.
+        count: Number of files.
+        longest_s: Greatest processor time, s.
+        peak_mib: Greatest resident memory, MiB.
+        failures: Commands that exceeded a limit, or did not end with one line of refusal.
     """
 
     count: int
@@ -87,9 +87,9 @@ def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> R
     """Give each hostile file to the command that reads it, in a watched process.
 
     Args:
-        count: Of files at most.
-        seed: Not used: they are the same each time.
-        progress: Given a table in Markdown.
+        count: Maximum number of files.
+        seed: Unused: the files are the same each time.
+        progress: Called with the lines of a table in Markdown.
         first: Number of the first file.
     """
     del seed
@@ -118,7 +118,7 @@ def _sound(folder: Path) -> list[str]:
 
 
 def breaches(taken: Taken) -> list[str]:
-    """What a command did that it must not; empty if nothing."""
+    """Return the limits that a command broke; empty without any."""
     wrong = []
     if taken.cpu_s > LONGEST_S:
         wrong.append(f"{taken.cpu_s:.1f} s")
@@ -143,13 +143,13 @@ def _take(name: str, make: Maker) -> Taken:
     with tempfile.TemporaryDirectory(dir=scratch()) as given, tempfile.TemporaryDirectory() as own:
         arguments = make(Path(given))
         size = sum(one.stat().st_size for one in Path(given).rglob("*") if one.is_file())
-        ended = in_child(lambda tell: _run(arguments, Path(own), tell), WALL_S)
+        ended = in_child(lambda report: _run(arguments, Path(own), report), WALL_S)
     said = tuple(line.replace(f"{given}/", "") for line in ended.lines)
     return Taken(name, size, round(ended.cpu_s, 2), round(ended.peak_mib), ended.code, said)
 
 
-def _run(arguments: list[str], folder: Path, tell: Callable[[str], None]) -> None:
-    """A command line in this process, which is a child's; its stderr is told line by line."""
+def _run(arguments: list[str], folder: Path, report: Callable[[str], None]) -> None:
+    """Run a command line in this child process, and report its stderr line by line."""
     os.chdir(folder)
     mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (mapped + ADDRESS_SPACE, mapped + ADDRESS_SPACE))
@@ -165,5 +165,5 @@ def _run(arguments: list[str], folder: Path, tell: Callable[[str], None]) -> Non
             code = main(arguments)
         said.seek(0)
         for line in said.read().splitlines():
-            tell(line)
+            report(line)
     os._exit(code)

@@ -1,6 +1,6 @@
-"""Small files that ask for much, or reach where they should not: for imports and studies.
+"""Hostile files for imports and studies: small files that take much, or reach outside.
 
-Each maker writes its file into a folder and gives the arguments of the command that reads it.
+Each maker writes its file into a folder and returns the arguments of the command that reads it.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from wayproof.models.robots import custom
 Maker = Callable[[Path], list[str]]
 
 FILES: dict[str, Maker] = {}
-"""What is hostile -> how it is made."""
+"""Name of a hostile file -> function that makes it."""
 
 BOX = "<geom type='box' size='1 1 1' pos='3 3 1'/>"
-SOLID = "solid a\n" + "facet normal 0 0 1\n"
 BODY = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 ENTITIES = "".join(f"<!ENTITY e{k} '{(f'&e{k - 1};' if k else 'ha') * 10}'>" for k in range(10))
 MAP = "image: {image}\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n" \
@@ -38,13 +37,13 @@ DOUBLINGS = 20
 
 
 def mjcf(content: str, head: str = "") -> str:
-    """A scene with a floor and a box beside what is given."""
+    """Return a scene with a floor, a box and the given content."""
     floor = "<geom name='floor' type='plane' size='9 9 1'/>"
     return f"<mujoco>{head}<worldbody>{floor}{BOX}{content}</worldbody></mujoco>"
 
 
 def png(path: Path, side: int) -> None:
-    """A white image of one bit a pixel."""
+    """Write a white image of one bit per pixel."""
     line = b"\0" + b"\xff" * (side // 8)
     chunks = [
         (b"IHDR", struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)),

@@ -1,4 +1,4 @@
-"""Logs whose every checksum holds and which ask for much: scenes, floods of messages, bombs."""
+"""Hostile logs with valid checksums: scenes, floods of messages, decompression bombs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from wayproof.harness.study.file import plan_episodes, read_study
 from wayproof.harness.study.store import Store
 
 LOGS: dict[str, Maker] = {}
-"""What is hostile -> how it is made."""
+"""Name of a hostile log -> function that makes it."""
 
 STUDY = """
 name = "hostile"
@@ -40,12 +40,12 @@ END, CHUNK, MESSAGE, SCHEMA, CHANNEL, UNKNOWN = 15, 6, 5, 3, 4, 0x7F
 
 
 def source() -> Path:
-    """The log that is forged: whole, and as short as they come."""
+    """Return the small log that is forged."""
     return COMMITTED / committed_name()
 
 
 def with_scene(edit: Callable[[str], str], target: Path) -> Path:
-    """The short log with another scene, and every hash made anew."""
+    """Write the small log with another scene and recomputed hashes."""
     forgery = Forgery(source())
     forgery.scene = edit(forgery.scene)
     return forgery.write(target)

@@ -1,4 +1,4 @@
-"""Episodes killed at random moments: what was flushed must be in what is left."""
+"""Soak of killed episodes: everything that was flushed must be recovered."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ EPISODES = (("empty", "drone"), ("corridor", "quadruped"))
 SETTINGS = ("episode.time_limit=4",)
 SILENCE_S = 60.0
 CHECKED = 10
-"""Every so manieth log that was recovered is also replayed and audited."""
+"""Period, in recovered logs, of a replay and an audit."""
 
 
 @dataclass(frozen=True)
 class Killed:
-    """What killing episodes showed.
+    """Results of killed episodes.
 
     Attributes:
-        count: Episodes started.
-        killed: Of these, before their log was finished.
-        finished: Of these, whose log was whole before the kill came.
-        before_first: Killed before a second was simulated: there may be nothing to recover.
-        recovered: Logs made of partial ones.
-        decisions_told: Decisions that the killed episodes had written.
-        decisions_lost: Of these, not in the recovered logs: all younger than a second.
-        checked: Recovered logs that were replayed and audited.
-        failures: What broke a promise; empty if nothing did.
+        count: Number of episodes started.
+        killed: Number of episodes killed before their log was finished.
+        finished: Number of episodes whose log was finished before the kill.
+        before_first: Number of kills before a second was simulated, with nothing due.
+        recovered: Number of recovered logs.
+        decisions_reported: Number of decisions that the killed episodes had written.
+        decisions_lost: Number of these that are not in the recovered logs.
+        checked: Number of recovered logs that were replayed and audited.
+        failures: Broken guarantees; empty without any.
     """
 
     count: int
@@ -52,19 +52,19 @@ class Killed:
     finished: int
     before_first: int
     recovered: int
-    decisions_told: int
+    decisions_reported: int
     decisions_lost: int
     checked: int
     failures: tuple[str, ...]
 
 
 def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Killed:
-    """Kill episodes with SIGKILL, each a random moment after a random decision of it.
+    """Kill episodes with SIGKILL, each at a random time after a random decision.
 
     Args:
-        count: Episodes.
-        seed: Of all of them.
-        progress: Told how far it is.
+        count: Number of episodes.
+        seed: Seed of all random choices.
+        progress: Called with a line about the progress.
         first: Number of the first episode.
     """
     scenarios = []
@@ -73,7 +73,7 @@ def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Kill
         warm_up(config)
         scenarios.append((build(config), *_whole(config)))
     tally = dict.fromkeys(
-        ("killed", "finished", "before_first", "recovered", "told", "lost", "checked"), 0
+        ("killed", "finished", "before_first", "recovered", "reported", "lost", "checked"), 0
     )
     failures: list[str] = []
     for trial in range(first, first + count):
@@ -91,7 +91,7 @@ def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Kill
         tally["finished"],
         tally["before_first"],
         tally["recovered"],
-        tally["told"],
+        tally["reported"],
         tally["lost"],
         tally["checked"],
         tuple(failures),
@@ -99,7 +99,7 @@ def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Kill
 
 
 def _whole(config: Config) -> tuple[int, float]:
-    """Decisions of one episode, and its wall time, s."""
+    """Return the number of decisions of an episode, and its wall time, s."""
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         began = time.perf_counter()
         result = run_episode(build(config), Path(folder) / "whole.mcap")
@@ -114,27 +114,27 @@ def _kill_one(
     tally: dict[str, int],
     failures: list[str],
 ) -> None:
-    def work(tell: Callable[[str], None]) -> None:
+    def work(report: Callable[[str], None]) -> None:
         def note(decision: pb.Decision, _: pb.Truth) -> None:
-            tell(f"{decision.sequence} {decision.timestamp.ToNanoseconds()} {decision.chain}")
+            report(f"{decision.sequence} {decision.timestamp.ToNanoseconds()} {decision.chain}")
 
         run_episode(scenario, path, note)
 
     ended = in_child(work, SILENCE_S, kill)
-    told = [line.split() for line in ended.lines if len(line.split()) == 3]
+    reported = [line.split() for line in ended.lines if len(line.split()) == 3]
     if any(line.startswith("traceback") for line in ended.lines) or ended.overdue:
         failures.append(f"trial {trial}: {ended.lines[-1]}")
         return
-    tally["told"] += len(told)
+    tally["reported"] += len(reported)
     if path.exists():
         tally["finished"] += 1
-        if [one.chain for one in open_log(path).decisions()] != [chain for *_, chain in told]:
+        if [one.chain for one in open_log(path).decisions()] != [chain for *_, chain in reported]:
             failures.append(f"trial {trial}: a finished log of other decisions")
         return
     tally["killed"] += 1
     partial = path.with_name(path.name + ".partial")
-    # Whatever is older than a flush period at the last decision told has been flushed.
-    due = sum(int(told[-1][1]) - int(time_ns) > FLUSH_PERIOD_NS for _, time_ns, _ in told)
+    # Everything older than a flush period at the last reported decision has been flushed.
+    due = sum(int(reported[-1][1]) - int(time_ns) > FLUSH_PERIOD_NS for _, time_ns, _ in reported)
     if due == 0:
         tally["before_first"] += 1
     try:
@@ -142,15 +142,15 @@ def _kill_one(
     except InputError as error:
         if due:
             failures.append(f"trial {trial}: {due} decisions due, but {error}")
-        tally["lost"] += len(told)
+        tally["lost"] += len(reported)
         return
     tally["recovered"] += 1
     assert recovery.written is not None  # a partial log is always copied
     target = Path(recovery.written)
     chains = [one.chain for one in open_log(target).decisions()]
-    tally["lost"] += max(len(told) - len(chains), 0)
-    expected = [chain for *_, chain in told]
-    # The kill may come between the last decision's bytes and the line that tells of it.
+    tally["lost"] += max(len(reported) - len(chains), 0)
+    expected = [chain for *_, chain in reported]
+    # The kill may come between the last decision's bytes and the line that reports it.
     shared = min(len(chains), len(expected))
     if len(chains) < due or chains[:shared] != expected[:shared]:
         failures.append(f"trial {trial}: {len(chains)} decisions left, {due} were flushed")

@@ -1,4 +1,4 @@
-"""Short episodes in which everything that decides has its turn."""
+"""Short random episodes of every kind: planners, maps, devices, perturbations."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from wayproof.planners import PLANNERS
 
 TIME_LIMIT_S = 3.0
 BENDING_LIMIT_S = 6.0
-"""What moves has to come into the way first."""
+"""Time limit of episodes with movers, s: they have to get in the way first."""
 
 CROWDED = ("crossing", "warehouse", "ghosts")
 MOVERS = "motion:5"
 QUICK = ("aorrtc", "rrtconnect")
-"""OMPL asks Python for every curve: others take minutes for an episode."""
+"""Planners that are fast enough for curves, which OMPL computes in Python."""
 
 FLAT = ("grid2d",)
-"""Maps without heights, for robots on the ground alone."""
+"""Maps without heights, only for robots on the ground."""
 
 MOST_DRAWS = 50
-"""Of worlds and seeds for one kind; in some a body or a sensor does not fit."""
+"""Maximum number of draws of world and seed for one episode; some are invalid."""
 
 Draw = Callable[[int, np.random.Generator], Config]
 
 
 def _plain(turn: int, rng: np.random.Generator, *settings: str, world: str = "") -> Config:
-    """A random world, the robots in turn, the unknown policies by chance."""
+    """Return a config of a random world and policy, and the robots in turn."""
     world = world or str(rng.choice(sorted(WORLDS)))
     robot = sorted(ROBOTS)[turn % len(ROBOTS)]
     policy = rng.choice(get_args(UnknownPolicy))
@@ -58,7 +58,7 @@ def _planner(turn: int, rng: np.random.Generator) -> Config:
 
 
 def _curve(turn: int, rng: np.random.Generator) -> Config:
-    """Of the robot on the ground: in space there are no curves."""
+    """Return a config with a curved state space, for the robot on the ground."""
     name, space = rng.choice(QUICK), ("dubins", "pose", "reeds_shepp")[turn % 3]
     few = "planner.iterations=100", "planner.restarts=1", "planner.shortcuts=20"
     settings = f"planner.name={name}", f"planner.state_space={space}", *few
@@ -73,7 +73,7 @@ def _map(turn: int, rng: np.random.Generator) -> Config:
 
 
 def _device(turn: int, rng: np.random.Generator) -> Config:
-    """As the lidar; what only measures one distance has no such place."""
+    """Return a config with a device as the lidar, except single-beam rangefinders."""
     mounted = [name for name in DEVICES if not DEVICES[name].by_mujoco]
     return _plain(turn, rng, f"sensors.lidar={_in_turn(mounted, turn)}")
 
@@ -114,32 +114,32 @@ KINDS: dict[str, Draw] = {
     "classes": _classes,
     "random": _random,
 }
-"""What varies by turn -> an episode of that kind; the rest is random.
+"""Name of what varies in turn -> function that draws such an episode; the rest is random.
 
-`bending` has fast movers, which a robot turns away from while it stops; `curve` plans headings,
-with every OMPL planner.
+`bending` has fast movers, which a robot evades while it stops; `curve` plans headings, with every
+OMPL planner.
 """
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """An episode and its kind, a key of `KINDS`."""
+    """Episode and its kind, a key of `KINDS`."""
 
     kind: str
     scenario: Scenario
 
 
 def _in_turn(names: object, turn: int) -> str:
-    """Of both robots each, as these change places with every turn."""
+    """Return the next name, which each robot gets once."""
     ordered = sorted(names)  # type: ignore[call-overload]
     return str(ordered[turn // len(ROBOTS) % len(ordered)])
 
 
 def draw(number: int, seed: int) -> Drawn:
-    """The episode of a number: the kinds in turn, each the next of what it varies.
+    """Draw the episode of a number: the kinds in turn, each with its next value.
 
     Raises:
-        RuntimeError: None of many draws is an episode.
+        RuntimeError: None of many draws is valid.
     """
     rng = np.random.default_rng((seed, number))
     kind = list(KINDS)[number % len(KINDS)]

@@ -1,4 +1,4 @@
-"""Mutations: of bytes, and of what a log says with every checksum put right again."""
+"""Mutations of bytes, and of the content of a log with recomputed checksums."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NUMBERS = (
 
 
 def mutate(data: bytes, rng: np.random.Generator) -> bytes:
-    """One change, or a few: flipped bits, other bytes, digits, pieces cut, doubled or replaced."""
+    """Mutate bytes in a few places: flip, replace, cut, double, or change a number."""
     changed = bytearray(data)
     for _ in range(min(int(rng.geometric(0.7)), 8)):
         if not changed:
@@ -51,9 +51,9 @@ def mutate(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def mutate_values(text: str, rng: np.random.Generator) -> str:
-    """Other numbers and strings in a text, which stays well-formed; every fourth time as `mutate`.
+    """Replace numbers and strings in a text, which stays well-formed; every fourth time `mutate`.
 
-    What is not well-formed is refused by a parser, and tests nothing behind it.
+    A parser refuses text that is not well-formed, so that nothing behind it is tested.
     """
     if rng.integers(4) == 0:
         return mutate(text.encode(), rng).decode(errors="replace")
@@ -73,7 +73,7 @@ def mutate_values(text: str, rng: np.random.Generator) -> str:
 
 
 def _change_number(changed: bytearray, place: int, rng: np.random.Generator) -> None:
-    """Put something nasty in the place of the next number in a text."""
+    """Replace the next number in a text by an extreme value."""
     while place < len(changed) and changed[place] not in DIGITS:
         place += 1
     end = place
@@ -83,7 +83,7 @@ def _change_number(changed: bytearray, place: int, rng: np.random.Generator) -> 
 
 
 def forge(source: Path, target: Path, rng: np.random.Generator) -> None:
-    """Write a log whose content is mutated in one place, as a stranger would: checksums hold."""
+    """Write a log whose content is mutated in one place, with valid checksums."""
     items = list(walk(source))
     chosen = int(rng.integers(len(items)))
     if rng.integers(3) == 0:  # attachments are few, and much follows from them

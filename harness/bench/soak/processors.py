@@ -1,8 +1,8 @@
-"""Replays on emulated processors: the same logs, in processes that compute as other machines do.
+"""Soak of replays on emulated processors.
 
-A processor shows in a result by what libraries choose from what it offers: OpenBLAS its kernels,
-the C library and numpy their variants of functions, numba's compiler its instructions. Each can be
-told by its environment to choose as if the processor offered less, or to take another's kernels.
+Results depend on a processor through the choices of libraries: OpenBLAS chooses kernels, the C
+library and numpy choose variants of functions, numba chooses instructions. Environment variables
+make each of them choose as on another processor.
 """
 
 from __future__ import annotations
@@ -43,19 +43,20 @@ BLAS_CORES = {
     "Zen": ("Zen", "Haswell"),
     "SkylakeX": ("SkylakeX",),
 }
-"""What OpenBLAS is asked for -> what it may say that it took: a build need not have all kernels."""
+"""Requested kernels of OpenBLAS -> names that it may report: a build may lack some."""
 
 
 @dataclass(frozen=True)
 class Emulation:
-    """How a child process is made to compute as on another processor.
+    """Emulation of another processor in a child process.
 
     Attributes:
-        name: Of the emulation.
-        environment: Variables that are set in it.
-        shows: Whether a child's arithmetic is the one that is emulated, next to this process's.
-        python: The interpreter.
-        refused: Why this machine cannot emulate it; empty if it can.
+        name: Name of the emulation.
+        environment: Environment variables of the child.
+        shows: Function that tests whether the emulation is in effect, from the arithmetic of the
+            child and of this process.
+        python: Interpreter.
+        refused: Reason why this machine cannot emulate it; empty if it can.
     """
 
     name: str
@@ -67,15 +68,15 @@ class Emulation:
 
 @dataclass
 class Emulated:
-    """What replays under one emulation showed.
+    """Results of replays under one emulation.
 
     Attributes:
-        replays: Logs replayed.
-        identical: Of these, with every bit as recorded.
-        decisions: Compared.
-        arithmetic: What the child computed with; none if it was not run.
-        skipped: Why it was not; empty if it was.
-        wall_s: Time that all of them took.
+        replays: Number of replayed logs.
+        identical: Number of identical replays.
+        decisions: Number of compared decisions.
+        arithmetic: Arithmetic of the child; None if it was not run.
+        skipped: Reason why it was not run; empty if it was.
+        wall_s: Wall time of all replays, s.
     """
 
     replays: int = 0
@@ -88,14 +89,14 @@ class Emulated:
 
 @dataclass
 class Processors:
-    """What replays on emulated processors showed.
+    """Results of replays on all emulated processors.
 
     Attributes:
-        count: Logs recorded.
+        count: Number of recorded logs.
         first: Number of the first.
-        kinds: Logs by kind, see `harness.bench.soak.kinds`; `given` were not recorded here.
-        emulations: By name.
-        failures: What differed, or was not emulated; empty if nothing.
+        kinds: Kind (`harness.bench.soak.kinds`) -> number of logs; `given` were not recorded here.
+        emulations: Name -> results.
+        failures: Differences, and emulations without effect; empty without any.
     """
 
     count: int = 0
@@ -106,13 +107,12 @@ class Processors:
 
 
 def emulations(caches: Path, pythons: Sequence[str] = (), compiled: bool = True) -> list[Emulation]:
-    """Every processor that this one can be taken for, and this one as it is.
+    """Return all emulations that this processor allows, and this processor itself.
 
     Args:
-        caches: Folder for kernels that are compiled for another processor.
-        pythons: Other interpreters that have what a replay needs.
-        compiled: Whether kernels are compiled anew for a processor without any extension, which
-            takes some minutes.
+        caches: Folder for kernels compiled for another processor.
+        pythons: Other interpreters with the packages of a replay.
+        compiled: Compile the kernels for a processor without extensions, which takes minutes.
     """
     found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     lacking = "" if AVX_512 in found else "OpenBLAS's kernels for it need AVX-512"
@@ -155,10 +155,10 @@ def _blas(core: str, refused: str) -> Emulation:
 def replay_under(
     emulation: Emulation, logs: Sequence[Path]
 ) -> tuple[Arithmetic, list[Verdict], str]:
-    """Replay logs in one child process: what it computed with, verdicts, and how it ended if badly.
+    """Replay logs in one child process; return its arithmetic, verdicts, and its failure.
 
     Raises:
-        RuntimeError: The child ended before it told anything.
+        RuntimeError: The child ended before it printed anything.
     """
     paths = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH", ""))))
     environment = {**os.environ, "PYTHONPATH": paths, **emulation.environment}
@@ -174,10 +174,10 @@ def replay_under(
     lines = done.stdout.splitlines()
     if not lines:
         raise RuntimeError(f"{emulation.name}: exit code {done.returncode}: {done.stderr[-2000:]}")
-    told = msgspec.json.decode(lines[0], type=Arithmetic)
+    reported = msgspec.json.decode(lines[0], type=Arithmetic)
     verdicts = [msgspec.json.decode(line, type=Verdict) for line in lines[1:]]
     ended = "" if done.returncode == 0 else f"exit code {done.returncode}: {done.stderr[-500:]}"
-    return told, verdicts, ended
+    return reported, verdicts, ended
 
 
 def soak_processors(
@@ -193,14 +193,14 @@ def soak_processors(
     """Record short episodes of every kind and replay each on every emulated processor.
 
     Args:
-        count: Episodes.
-        seed: Of all of them.
-        progress: Told of each emulation.
+        count: Number of episodes.
+        seed: Seed of all random choices.
+        progress: Called with a line after each emulation.
         first: Number of the first episode.
-        jobs: Processes that record or replay at once.
+        jobs: Number of processes.
         pythons: Other interpreters to replay with.
-        given: Logs that are replayed besides.
-        compiled: Whether kernels are compiled for a processor without extensions as well.
+        given: Further logs to replay.
+        compiled: Compile the kernels for a processor without extensions as well.
     """
     found = Processors(count, first)
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
@@ -217,16 +217,16 @@ def soak_processors(
             progress(f"{emulation.name}: {result.identical} of {result.replays} {result.skipped}")
             return failures
 
-        wanted = emulations(folder, pythons, compiled)
+        chosen = emulations(folder, pythons, compiled)
         with ThreadPoolExecutor(jobs) as pool:
-            found.failures = [*chain.from_iterable(pool.map(replayed, wanted))]
+            found.failures = [*chain.from_iterable(pool.map(replayed, chosen))]
     return found
 
 
 def replay_all(
     emulation: Emulation, logs: Sequence[Path], own: Arithmetic, result: Emulated
 ) -> list[str]:
-    """Replay all logs under one emulation; what went wrong."""
+    """Replay all logs under one emulation; return the failures."""
     began = time.perf_counter()
     result.arithmetic, verdicts, ended = replay_under(emulation, logs)
     failures = [f"{emulation.name}: {ended}"] if ended else []
@@ -248,7 +248,7 @@ def _record_all(numbers: range, seed: int, folder: Path, jobs: int) -> list[tupl
 
 
 def record(number: int, seed: int, folder: Path) -> tuple[str, Path]:
-    """Record the episode of a number; its kind, and its log, whose name says what it is of."""
+    """Record the episode of a number; return its kind and its log."""
     drawn = draw(number, seed)
     config = drawn.scenario.config
     warm_up(config)

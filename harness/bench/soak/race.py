@@ -1,4 +1,4 @@
-"""Two runs at one log's name at the same moment: one is refused, the other's log is whole."""
+"""Soak of two runs that write the same log: one must be refused, the other's log complete."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ SETTING = "episode.time_limit=0.5"
 SILENCE_S = 60.0
 REFUSAL = "another run is writing it, expected a name of its own for each"
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Raced:
-    """What racing showed.
+    """Results of races.
 
     Attributes:
-        count: Rounds, of two runs each.
-        refused: Runs that ended with exit code 2 and one line.
-        first_won: Rounds whose log is that of the run that was started first.
-        second_won: Rounds whose log is that of the other one.
-        decisions: In the logs that were kept, all of them read and compared.
-        failures: What broke a promise; empty if nothing did.
+        count: Number of rounds, of two runs each.
+        refused: Number of runs that ended with exit code 2 and one line.
+        first_won: Number of rounds whose log is that of the run that was started first.
+        second_won: Number of rounds whose log is that of the other run.
+        decisions: Number of decisions in the logs, all of them compared.
+        failures: Broken guarantees; empty without any.
     """
 
     count: int
@@ -54,12 +54,12 @@ class Raced:
 
 
 def soak_race(count: int, seed: int, progress: Progress, first: int = 0) -> Raced:
-    """Start two episodes `count` times for one log; both wait where they open it for each other.
+    """Start two episodes for one log `count` times; both wait for each other before they open it.
 
     Args:
-        count: Rounds.
-        seed: Of the first run of all rounds; the second one's is the next.
-        progress: Told how far it is.
+        count: Number of rounds.
+        seed: Seed of the first run; the second run has the next one.
+        progress: Called with a line about the progress.
         first: Number of the first round.
     """
     seeds = (seed, seed + 1)
@@ -101,7 +101,7 @@ def soak_race(count: int, seed: int, progress: Progress, first: int = 0) -> Race
 
 
 def _chains_of(seed: int) -> list[str]:
-    """Chain after each decision of an episode that nothing disturbs."""
+    """Return the chain after each decision of an undisturbed episode."""
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         path = Path(folder) / "alone.mcap"
         run_episode(build(override(Config("empty", "drone", seed), (SETTING,))), path)
@@ -109,10 +109,10 @@ def _chains_of(seed: int) -> list[str]:
 
 
 def _read(path: Path) -> tuple[int, list[str]]:
-    """Seed and chains of a log, all of whose checksums are recomputed.
+    """Return the seed and the chains of a log, with its checksums verified.
 
     Raises:
-        InputError: It is not whole.
+        InputError: The log is not complete.
     """
     log = open_log(path)
     found = [one.chain for one in read_messages(path) if isinstance(one, pb.Decision)]
@@ -122,13 +122,13 @@ def _read(path: Path) -> tuple[int, list[str]]:
 
 
 def _race(path: Path, seeds: tuple[int, int]) -> list[Ended]:
-    """Run both, held at the moment at which they open the partial file until both are there."""
+    """Run both, each held when it opens the partial file until the other does as well."""
     here, there = os.pipe(), os.pipe()  # a byte by each that waits; closed when both may go on
 
     def started(seed: int) -> tuple[int, int]:
-        def work(tell: Tell) -> None:
+        def work(report: Report) -> None:
             os.close(there[1])
-            _run(path, seed, lambda: _wait(here[1], there[0]), tell)
+            _run(path, seed, lambda: _wait(here[1], there[0]), report)
 
         return start_child(work)
 
@@ -151,8 +151,8 @@ def _wait(here: int, there: int) -> None:
     os.read(there, 1)
 
 
-def _run(path: Path, seed: int, wait: Callable[[], None], tell: Tell) -> None:
-    """`wayproof run`, as its command line would be; ends the process with its exit code."""
+def _run(path: Path, seed: int, wait: Callable[[], None], report: Report) -> None:
+    """Run `wayproof run` as from the command line; end the process with its exit code."""
     partial = str(path) + ENDING
     waited = False
 
@@ -170,12 +170,12 @@ def _run(path: Path, seed: int, wait: Callable[[], None], tell: Tell) -> None:
         arguments = ["run", "empty", "--robot", "drone", "--seed", str(seed), "--set", SETTING]
         code = main([*arguments, "--log", str(path)])
     for line in said.getvalue().splitlines():
-        tell(line)
+        report(line)
     os._exit(code)
 
 
 def _wrong(ended: list[Ended]) -> list[str]:
-    """What is not as it should be: one of them refused in a line, one to the end in silence."""
+    """Return what is wrong: one run must be refused in a line, the other must end in silence."""
     wrong = []
     codes = sorted(one.code for one in ended)
     if codes[1] != 2 or codes[0] not in (0, 1):

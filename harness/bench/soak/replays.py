@@ -1,7 +1,7 @@
-"""`python -m wayproof.harness.bench.soak.replays`: replay all logs that standard input names.
+"""`python -m wayproof.harness.bench.soak.replays`: replay all logs named on standard input.
 
-The first line tells what this process computes with; each other one is the verdict on a log. The
-simulator is not loaded, so that any Python with what a replay needs will do.
+The first line of the output is the arithmetic of this process; each other line is the verdict on a
+log. The simulator is not loaded, so that any Python with the packages of a replay will do.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ MOST_NAMED = 3
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """What a process computes with, as far as it follows from the processor.
+    """Arithmetic of a process, as far as it depends on the processor.
 
     Attributes:
-        python: Version.
-        numpy: Version.
-        blas: OpenBLAS's name of the kernels that it took; empty if it is not loaded.
+        python: Version of Python.
+        numpy: Version of numpy.
+        blas: Name of OpenBLAS's kernels; empty if it is not loaded.
         vectors: Instruction sets that numpy uses.
-        compiler: The processor that numba compiles for.
-        library: Digest of many results of the C library's elementary functions.
-        products: Digest of many dot products.
+        compiler: Processor that numba compiles for.
+        library: Digest of results of the C library's elementary functions.
+        products: Digest of dot products.
     """
 
     python: str
@@ -53,12 +53,12 @@ class Arithmetic:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How one log replayed.
+    """Verdict on the replay of one log.
 
     Attributes:
-        log: Its path.
-        decisions: Compared.
-        differs: The first values that differ, or why it could not be replayed; empty if identical.
+        log: Path of the log.
+        decisions: Number of compared decisions.
+        differs: First values that differ, or the error of the replay; empty if identical.
         chain: Hash over the recomputed decisions.
     """
 
@@ -69,7 +69,7 @@ class Verdict:
 
 
 def arithmetic() -> Arithmetic:
-    """What this process computes with."""
+    """Return the arithmetic of this process."""
     vectors = np.show_config(mode="dicts")["SIMD Extensions"]
     rng = np.random.default_rng(0)
     values = rng.uniform(0.01, 20.0, SAMPLES).tolist()
@@ -89,7 +89,7 @@ def arithmetic() -> Arithmetic:
 
 
 def _blas() -> str:
-    """The name that OpenBLAS gives to its kernels; Linux tells where it was loaded from."""
+    """Return the name of the kernels of the loaded OpenBLAS, found by Linux's list of maps."""
     if not MAPPED.exists():
         return ""
     loaded = {line.split()[-1] for line in MAPPED.read_text().splitlines() if "openblas" in line}
@@ -116,7 +116,7 @@ def judge(log: Path) -> Verdict:
 
 
 def differing(found: Replay) -> str:
-    """The first values that differ in a replay; empty if it is identical."""
+    """Return the first values that differ in a replay; empty if it is identical."""
     if found.identical:
         return ""
     if found.first_difference is not None:
@@ -128,7 +128,7 @@ def differing(found: Replay) -> str:
 
 
 def main() -> int:
-    """Tell the arithmetic, then replay what standard input names."""
+    """Print the arithmetic, then replay the logs named on standard input."""
     print(msgspec.json.encode(arithmetic()).decode(), flush=True)
     for line in sys.stdin:
         print(msgspec.json.encode(judge(Path(line.rstrip("\n")))).decode(), flush=True)

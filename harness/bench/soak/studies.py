@@ -1,4 +1,4 @@
-"""Studies whose parent and workers are killed: what is left is finished to the same chains."""
+"""Soak of studies whose parent or workers are killed: finished, they must have the same chains."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ seeds = {seeds}
 
 SEEDS = 3
 LONGEST_S = 600.0
-"""Of one run of the study, on a machine that does other things besides."""
+"""Wall time limit of one run of the study on a loaded machine, s."""
 
 Chains = dict[str, str]
 
 
 @dataclass(frozen=True)
 class Disturbed:
-    """What killing showed.
+    """Results of killed studies.
 
     Attributes:
-        count: Kills asked for.
-        workers: Of these, of a worker, whose episode is tried again.
-        parents: Of these, of the study's own process, which is started again.
-        episodes: Of the study.
-        failures: Studies whose chains are not those of the undisturbed one; empty if none.
+        count: Number of requested kills.
+        workers: Number of killed workers, whose episodes are tried again.
+        parents: Number of killed parents, which are started again.
+        episodes: Number of episodes of the study.
+        failures: Studies whose chains are not those of the undisturbed one.
     """
 
     count: int
@@ -56,15 +56,15 @@ class Disturbed:
 
 
 def soak_studies(count: int, seed: int, progress: Progress, first: int = 0) -> Disturbed:
-    """Kill -9 by turns a worker and the parent, at random moments, `count` times in all.
+    """Kill a worker and the parent in turn at random times, `count` times in all.
 
-    Each study gets one kill; one whose parent died is started again. Then its chains are compared.
+    Each study gets one kill, and is started again if its parent died; then its chains are compared.
 
     Args:
-        count: Of kills.
-        seed: Of their moments.
-        progress: Told what is going on.
-        first: Another number, other moments.
+        count: Number of kills.
+        seed: Seed of their times.
+        progress: Called with a line about what is under way.
+        first: Another seed of the times.
     """
     rng = np.random.default_rng([seed, first])
     failures: list[str] = []
@@ -95,7 +95,7 @@ def soak_studies(count: int, seed: int, progress: Progress, first: int = 0) -> D
 
 
 def chains(file: Path, out: Path) -> Chains:
-    """Chain of each finished episode by its key."""
+    """Return the chain of each finished episode by its key."""
     planned = plan_episodes(read_study(str(file)))
     return {row.key: row.chain for row in read_rows(planned, Store(out))}
 
@@ -111,7 +111,7 @@ def _run(file: Path, out: Path) -> None:
 
 
 def _disturb(file: Path, out: Path, target: str, after_s: float) -> bool:
-    """Start the study and kill the parent or a worker after a while; whether there was one."""
+    """Start the study and kill the parent or a worker after a while; return whether it lived."""
     process = subprocess.Popen(_command(file, out), stdout=subprocess.DEVNULL)
     time.sleep(after_s)
     killed = False
@@ -125,7 +125,7 @@ def _disturb(file: Path, out: Path, target: str, after_s: float) -> bool:
 
 
 def workers_of(parent: int) -> list[int]:
-    """Processes that a study's own process started to run episodes."""
+    """Return the worker processes of a study's process."""
     found = []
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
@@ -141,7 +141,7 @@ def workers_of(parent: int) -> list[int]:
 
 
 def _wait_for_workers(parent: int) -> None:
-    """Until none is left that could still write; they look for their parent five times a second."""
+    """Wait until no worker is left that could still write."""
     time.sleep(0.5)
     while workers_of(parent):
         time.sleep(0.1)

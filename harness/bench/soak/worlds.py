@@ -1,4 +1,4 @@
-"""Worlds by the ten thousand: no seed crashes a generator or gives a world that is shut."""
+"""Soak of world generators: no seed may crash one or give a closed world."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from wayproof.harness.bench.table import Progress
 from wayproof.models.worlds import WORLDS, World
 
 DIFFICULTIES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""In turn by seed."""
+"""Difficulties, in turn by seed."""
 
 BATCH = 50
-"""Seeds of one world that a process draws before it tells."""
+"""Number of seeds of one world in a job."""
 
 COMPILE_EVERY = 20
-"""Of so many worlds one is drawn again, to the same bytes, and compiled by MuJoCo."""
+"""Period, in seeds, of drawing a world again, to the same bytes, and compiling it."""
 
 
 @dataclass
 class Drawn:
-    """What drawing showed.
+    """Results of drawn worlds.
 
     Attributes:
-        count: Worlds drawn and found open by their generators.
-        compiled: Of these, drawn twice and compiled.
-        of: Worlds by name.
-        seconds_per_1000: Processor time by name.
-        slowest: Name, seed and difficulty of the world that took longest.
-        slowest_s: Its processor time.
-        failures: World, seed, difficulty and the error; empty if there was none.
+        count: Number of worlds drawn and found open by their generators.
+        compiled: Number of these that were drawn twice and compiled.
+        of: Name -> number of worlds.
+        seconds_per_1000: Name -> processor time of 1000 worlds, s.
+        slowest: Name, seed and difficulty of the slowest world.
+        slowest_s: Processor time of that world, s.
+        failures: World, seed, difficulty and the error of each failure.
     """
 
     count: int = 0
@@ -48,7 +48,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Batch:
-    """What one process drew: see `Drawn`."""
+    """Worlds drawn by one job: see `Drawn`."""
 
     count: int
     compiled: int
@@ -62,10 +62,10 @@ def soak_worlds(count: int, seed: int, progress: Progress, first: int = 0) -> Dr
     """Draw `count` worlds or a few more, as many of each name, in two processes.
 
     Args:
-        count: Of worlds.
-        seed: Of the first.
-        progress: Told what is going on.
-        first: Further seeds that are left out, for they were drawn before.
+        count: Number of worlds.
+        seed: First seed.
+        progress: Called with a line about what is under way.
+        first: Number of seeds to skip, which were drawn before.
     """
     drawn, seconds = Drawn(), dict.fromkeys(WORLDS, 0.0)
     for (name, _, _), batch in run_jobs(
@@ -84,14 +84,14 @@ def soak_worlds(count: int, seed: int, progress: Progress, first: int = 0) -> Dr
 
 
 def batches(seeds: int, first: int) -> Iterator[tuple[str, int, int]]:
-    """Name, first seed and number of seeds: every world with every seed, the seeds in order."""
+    """Yield name, first seed and number of seeds: every world with every seed, in order."""
     for begin in range(0, seeds, BATCH):
         for name in WORLDS:
             yield name, first + begin, min(BATCH, seeds - begin)
 
 
 def draw_batch(name: str, first: int, seeds: int) -> Batch:
-    """Draw one world with some seeds."""
+    """Draw one world with consecutive seeds."""
     compiled, slowest, slowest_s, failures = 0, "", 0.0, []
     began = time.process_time()
     for seed in range(first, first + seeds):

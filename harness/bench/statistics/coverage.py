@@ -1,8 +1,8 @@
-"""Do intervals hold what they promise? Coverage, false alarms and power, by simulation.
+"""`wayproof bench coverage`: coverage of intervals, false alarms and power of gates, by simulation.
 
-Every statistic that a gate can name is the mean of a metric, or the mean of a difference of pairs;
-what its interval does depends on the kind of the metric alone. Samples are drawn from known
-distributions, so that the true mean is known, and go through the code that judges studies.
+Every statistic of a gate is the mean of a metric, or the mean of a difference of pairs; the
+coverage of its interval depends only on the kind of the metric. Samples are drawn from known
+distributions, so that the true mean is known, and are judged by the code that judges studies.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHAR
 CLUSTERS = (2, 3, 5, 10, 25, 50)
 
 EPISODES = (1, 5)
-"""Of each cluster."""
+"""Numbers of episodes of each cluster."""
 
 PARTS = ("intervals", "alarms", "power")
 
 TIME_LIMIT = 60.0
-"""Of an episode, s."""
+"""Time limit of an episode, s."""
 
 Data = Literal["normal", "skewed", "rare", "alike"]
-"""Normal or, of rates and counts, nothing special; skewed: lognormal worlds; rare: 3 % of the
-episodes have an event and all others are alike; alike: all episodes are."""
+"""Distribution: normal (of rates and counts, a plain one); skewed: lognormal worlds; rare: 3 % of
+the episodes have an event, all others are alike; alike: all episodes are alike."""
 
 SUPPORTS: dict[str, Support] = {
     "rate": RATE,
@@ -43,22 +43,22 @@ SUPPORTS: dict[str, Support] = {
 }
 
 STATISTICS = tuple(f"{kind} {of}" for kind in SUPPORTS for of in ("mean", "difference"))
-"""`drop` and `rise` are one difference, seen from either side."""
+"""Names of the statistics; `drop` and `rise` are the same difference with either sign."""
 
 SAMPLE = 400_000
-"""Clusters from which a true mean is taken."""
+"""Number of clusters of the sample for a true mean."""
 
 
 def bench_coverage(
     repeats: int, seed: int, progress: Progress, only: str | None = None
 ) -> list[Document]:
-    """Coverage of 95 % intervals, false alarms of gates and their power, from `repeats` samples.
+    """Measure the coverage of 95 % intervals, and false alarms and power of gates.
 
     Args:
-        repeats: Samples for each figure.
-        seed: Of the samples.
-        progress: Called with what is under way.
-        only: The part that is measured alone.
+        repeats: Number of samples for each figure.
+        seed: Seed of the samples.
+        progress: Called with a line about what is under way.
+        only: Name of the only part to measure.
     """
     rows: list[Document] = []
     if only in (None, "intervals"):
@@ -71,7 +71,7 @@ def bench_coverage(
 
 
 def _intervals(repeats: int, seed: int, progress: Progress) -> list[Document]:
-    """A row for each statistic, data and episodes a cluster: `coverage width` by clusters."""
+    """Return a row for each statistic, data and cluster size: `coverage width` by clusters."""
     cases = list(itertools.product(STATISTICS, get_args(Data), EPISODES))
     cells: dict[tuple[str, Data, int], list[Document]] = {case: [] for case in cases}
     for clusters in CLUSTERS:  # outermost: what is drawn for samples of one size is drawn once
@@ -92,7 +92,7 @@ def _intervals(repeats: int, seed: int, progress: Progress) -> list[Document]:
 
 
 def _cell(row: Document) -> str:
-    """Coverage, and the median width, or the share of intervals that have none."""
+    """Return coverage and median width, or `open` where the median interval is unbounded."""
     if row["width"] is None:
         return f"{row['coverage']:.3f} open"
     return f"{row['coverage']:.3f} {row['width']:.2g}"
@@ -101,19 +101,19 @@ def _cell(row: Document) -> str:
 def coverage_of(
     statistic: str, data: Data, clusters: int, episodes: int, samples: int, seed: int
 ) -> Document:
-    """How often the 95 % interval of one statistic holds the true mean.
+    """Return how often the 95 % interval of a statistic contains the true mean.
 
     Args:
-        statistic: In `STATISTICS`.
-        data: What is drawn.
-        clusters: Worlds of a sample.
-        episodes: Of each world.
-        samples: Drawn.
-        seed: Of the samples.
+        statistic: One of `STATISTICS`.
+        data: Distribution of the samples.
+        clusters: Number of worlds of a sample.
+        episodes: Number of episodes of each world.
+        samples: Number of samples.
+        seed: Seed of the samples.
 
     Returns:
         `coverage`; `zero_width`, the share of intervals of no width; `unbounded`, the share with an
-        open end; `width`, the median, none where more than half are open.
+        open end; `width`, the median, None if more than half are open.
     """
     kind, of = statistic.split()
     generator = np.random.default_rng([seed, clusters, episodes])

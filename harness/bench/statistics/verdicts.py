@@ -1,4 +1,4 @@
-"""Do gates cry wolf, and do they see what is there? By simulated studies that are judged as any."""
+"""False alarms and power of gates, from simulated studies."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from wayproof.harness.study.rows import Row
 from wayproof.harness.study.statistics.bounds import Array
 
 TIME_LIMIT = 60.0
-"""Of an episode, s."""
+"""Time limit of an episode, s."""
 
 ALIKE = 0.7
-"""Correlation of the luck of two episodes of one seed."""
+"""Correlation of two episodes of one seed."""
 
 
 @dataclass(frozen=True)
 class Stack:
-    """What episodes of one stack are drawn from.
+    """Distribution of the episodes of a stack.
 
     Attributes:
         success: Share that reach the goal.
@@ -57,15 +57,15 @@ CHANGES: dict[str, tuple[Stack, Stack, str]] = {
     "time 20 to 20 s": (Stack(), Stack(), "time_to_goal.rise <= 2"),
     "success 1.00 to 1.00, default": (Stack(1.0, 0.0), Stack(1.0, 0.0), DEFAULT_GATES[0]),
 }
-"""What changes -> the stack before, the one after, and the gate that should see it."""
+"""Name of a change -> stack before, stack after, and the gate that should detect the change."""
 
 
 def bench_alarms(
     repeats: int, seed: int, clusters: Sequence[int], progress: Progress
 ) -> list[Document]:
-    """How often a study fails in which nothing is wrong: A against A, means at their bound.
+    """Return how often a study without a change fails: A against A, with means at their bounds.
 
-    Studies are those of `wayproof compare` and the packaged ones with gates, with all their arms.
+    The studies are those of `wayproof compare` and the packaged ones with gates, with all arms.
     """
     rows = []
     names = sorted(path.stem for path in PACKAGED.glob("*.toml"))
@@ -79,7 +79,7 @@ def bench_alarms(
 
 
 def study_of(name: str) -> tuple[list[Arm], list[Gate]]:
-    """The arms and gates of a study; the first arms are the references of the others."""
+    """Return the arms and gates of a study; the first arms are the references of the others."""
     if name == "compare":
         return [Arm("warehouse", "drone", "", "none", 0)], [read_gate(one) for one in DEFAULT_GATES]
     study = read_study(name)
@@ -91,7 +91,7 @@ def study_of(name: str) -> tuple[list[Arm], list[Gate]]:
 def share_failing(
     name: str, arms: Sequence[Arm], gates: Sequence[Gate], clusters: int, repeats: int, seed: int
 ) -> float:
-    """Share of simulated studies, in which nothing is wrong, with any gate that failed."""
+    """Return the share of simulated studies without a change in which a gate failed."""
     generator = np.random.default_rng([seed, clusters])
     stack = _at_bound(gates)
     failing = 0
@@ -108,7 +108,7 @@ def share_failing(
 
 
 def _at_bound(gates: Sequence[Gate]) -> Stack:
-    """A stack whose means are at the bounds of the gates that name them: the hardest case."""
+    """Return a stack whose means are at the bounds of the gates, the hardest case."""
     bounds = {gate.metric: gate.bound for gate in gates if gate.statistic == "mean"}
     success = bounds.get("success", Stack.success)
     return Stack(success=success, collisions=min(bounds.get("collisions", 0.02), 1.0 - success))
@@ -117,7 +117,7 @@ def _at_bound(gates: Sequence[Gate]) -> Stack:
 def bench_power(
     repeats: int, seed: int, clusters: Sequence[int], progress: Progress
 ) -> list[Document]:
-    """How often a single gate on a known change is `failed / inconclusive / held`."""
+    """Return how often a gate on a known change is `failed / inconclusive / held`."""
     rows = []
     for change, (before, after, text) in CHANGES.items():
         progress(change)
@@ -137,7 +137,7 @@ def bench_power(
 def compared(
     generator: np.random.Generator, before: Stack, after: Stack, clusters: int, gate: Gate
 ) -> GateResult:
-    """One simulated comparison of two stacks over the same seeds."""
+    """Simulate one comparison of two stacks over the same seeds."""
     arm = Arm("warehouse", "drone", "", "none", 0)
     luck = generator.normal(size=clusters)
     first, second = (_rows(generator, arm, stack, luck) for stack in (before, after))
@@ -146,13 +146,13 @@ def compared(
 
 
 def _rows(generator: np.random.Generator, arm: Arm, stack: Stack, luck: Array) -> list[Row]:
-    """An episode of each seed: failures and collisions where luck is worst, times lognormal.
+    """Simulate an episode of each seed: failures and collisions by rank, lognormal times.
 
     Args:
-        generator: Draws what an episode does not share with others of its seed.
-        arm: Of the rows.
-        stack: What they are drawn from.
-        luck: (k,) standard normal, of each seed.
+        generator: Source of what an episode does not share with others of its seed.
+        arm: Arm of the rows.
+        stack: Distribution of the episodes.
+        luck: (k,) standard normal, shared by the episodes of each seed.
     """
     own, pace = generator.normal(size=(2, len(luck)))
     rank = np.array([_normal(x) for x in ALIKE * luck + math.sqrt(1.0 - ALIKE**2) * own])
@@ -169,5 +169,5 @@ def _rows(generator: np.random.Generator, arm: Arm, stack: Stack, luck: Array) -
 
 
 def _normal(x: float) -> float:
-    """Standard normal distribution function."""
+    """Return the standard normal distribution function."""
     return 0.5 * (1.0 + math.erf(x / math.sqrt(2.0)))

@@ -23,10 +23,10 @@ MOST_DRAWN = 20_000_000
 """Weights or resampled values held for samples of one size."""
 
 FEWEST_DRAWS = 2_000
-"""Even of samples of thousands of worlds."""
+"""Least number of draws, even for samples of thousands of worlds."""
 
 SKEWNESS_SHARE = 0.4
-"""Of a tail, where the bootstrap-t looks for its quantile. At the full tail the interval of
+"""Share of a tail at which the bootstrap-t takes its quantile. At the full tail the interval of
 lognormal values covers 0.90 in place of 0.95 at 5 values; at this share 0.94."""
 
 ALIKE = 1e-6
@@ -151,6 +151,6 @@ def _bootstrap_t(means: Array, tail: float) -> tuple[Array, Array]:
 
 @functools.lru_cache(maxsize=2)
 def _resamples(size: int, draws: int) -> Array:
-    """How often each of `size` values is drawn, (size, draws); the same for every sample."""
+    """Return the count of each of `size` values in each resample, (size, draws)."""
     generator = np.random.default_rng([size, draws, 1])
     return generator.multinomial(size, np.full(size, 1.0 / size), draws).T.astype(np.float64)

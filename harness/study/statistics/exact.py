@@ -59,7 +59,7 @@ def _rate(successes: int, trials: int, confidence: float, method: str) -> Interv
 def quantile_interval(
     values: ArrayLike, share: float = 0.5, confidence: float = CONFIDENCE
 ) -> Interval:
-    """A quantile between two of the sample's own values, whatever it was drawn from.
+    """Return a quantile with a distribution-free interval between two values of the sample.
 
     Order statistics (Conover 1999, "Practical Nonparametric Statistics", section 3.2): that more
     than k of n fall below the quantile is binomial. Values may be infinite, as of what was never
@@ -67,7 +67,7 @@ def quantile_interval(
 
     Args:
         values: (n,) at least one.
-        share: Of the quantile, more than 0 and less than 1.
+        share: Probability of the quantile, more than 0 and less than 1.
         confidence: Coverage, at least.
 
     Raises:

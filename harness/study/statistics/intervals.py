@@ -43,12 +43,12 @@ def mean_interval(
     support: Support,
     confidence: float = CONFIDENCE,
 ) -> Interval:
-    """Mean of a figure over worlds.
+    """Return the mean of a figure over worlds with its interval.
 
     Args:
         values: (n,) of the episodes, at least one.
         clusters: (n,) the world of each.
-        support: Of the figure.
+        support: Support of the figure.
         confidence: Coverage.
 
     Raises:
@@ -67,7 +67,7 @@ def difference_interval(
     support: Support,
     confidence: float = CONFIDENCE,
 ) -> Interval:
-    """Mean of second - first over worlds, from pairs.
+    """Return the mean of second - first over worlds, from pairs, with its interval.
 
     One pair of a rate in each world goes by Newcombe's interval from `LEAST_CLUSTERS` worlds on,
     and so do counts of which no episode shows more than one, from `LEAST_COUNTED` on.
@@ -76,7 +76,7 @@ def difference_interval(
         first: (n,) of the pairs, at least one.
         second: (n,) of the same.
         clusters: (n,) the world of each pair.
-        support: Of the figure itself.
+        support: Support of the figure itself.
         confidence: Coverage.
 
     Raises:
@@ -100,7 +100,7 @@ def pair_ends(first: Array, second: Array, support: Support, confidence: float) 
     Args:
         first: (n, k) figures.
         second: (n, k) their partners.
-        support: Of the figure itself.
+        support: Support of the figure itself.
         confidence: Coverage of each interval by itself.
     """
     greatest = np.maximum(first.max(axis=1), second.max(axis=1))
@@ -139,7 +139,7 @@ def interval_ends(
 
     Args:
         means: (n, k) of the clusters of each sample.
-        support: Of each value.
+        support: Support of each value.
         confidence: Coverage of each interval by itself.
         greatest: (n,) largest count in any episode of a sample; by default the largest value.
     """
@@ -152,7 +152,7 @@ def interval_ends(
 
 
 def _count(means: Array, support: Support, tail: float, greatest: Array | None) -> Ends:
-    """From the ends that a count is taken to have, and from the spread where there is some."""
+    """Return intervals of counts from their assumed ends, and from their spread if there is any."""
     if greatest is None:
         greatest = np.abs(means).max(axis=1)
     largest = np.where(greatest > 1.0, 2.0 * greatest, 1.0)

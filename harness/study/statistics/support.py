@@ -1,4 +1,4 @@
-"""The values that a figure of an episode can take; what can be said of its mean follows from it."""
+"""Support of a figure of an episode: the values it can take, which decide on its interval."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class Support:
     timed: bool = False
 
     def within(self, time_limit: float) -> Support:
-        """The support in episodes of at most so long, s."""
+        """Return the support in episodes of a time limit, s."""
         return replace(self, high=time_limit) if self.timed else self
 
     @property
     def difference(self) -> Support:
-        """Of the difference of two such figures."""
+        """Support of the difference of two such figures."""
         return replace(self, low=self.low - self.high, high=self.high - self.low)
 
 

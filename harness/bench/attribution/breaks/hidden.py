@@ -14,12 +14,9 @@ from wayproof.harness.bench.attribution.breaks.broken import (
     with_solids,
 )
 from wayproof.harness.result import Result
-from wayproof.harness.scenario.scenario import Scenario
+from wayproof.harness.scenario.scenario import GLASS_RGBA, Scenario
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.worlds import Capsule
-
-CLEAR = [0.8, 0.9, 1.0, 0.0]
-"""Colour of glass, which no beam meets."""
 
 WIRE = 0.001
 """Half the thickness of a wire, m."""
@@ -39,7 +36,7 @@ def _glass(sound: Scenario, result: Result, rng: Rng) -> Broken:
             of_robot = geom.name.startswith(ROBOT_PREFIX) or geom.group == 3
             floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE or geom.name.startswith("floor")
             if not of_robot and not floor and not geom.name.startswith("wall"):
-                geom.rgba = CLEAR
+                geom.rgba = GLASS_RGBA
 
     return Broken(edit=vanish)
 
@@ -53,7 +50,7 @@ def _pane(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
     def glaze(spec: mujoco.MjSpec) -> None:
         spec.worldbody.add_geom(
-            name="pane", type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=half, rgba=CLEAR
+            name="pane", type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=half, rgba=GLASS_RGBA
         )
 
     return Broken(edit=glaze)
