@@ -4,37 +4,17 @@ import math
 import numpy as np
 import pytest
 
-from tests.planners.worlds import make_space, point
+from tests.planners.worlds import LONG, long_space, make_space, point
 from wayproof.planners import (
     STATE_SPACES,
     Body,
     Disc,
-    FreeSpace,
-    GoalField,
     PlannerConfig,
     collision_distance_sq,
     plan,
     state_space_for,
 )
-from wayproof.planners.kernels import angles, pose_shortcut, sweep_cost
-
-LONG = Body(offsets=(-0.3, 0.0, 0.3), radii=(0.2, 0.2, 0.2))
-
-
-def body_space(blocked: np.ndarray, body: Body = LONG) -> FreeSpace:
-    space = make_space(blocked)
-    discs = body.discs(margin=0.0, resolution=space.resolution, flat=space.flat)
-    least = min(disc.collision_distance_sq for disc in discs)
-    return dataclasses.replace(space, collision_distance_sq=least, discs=discs)
-
-
-@pytest.fixture(scope="module")
-def gap() -> FreeSpace:
-    """A wall of 1 m with a gap of 0.9 m: the disc about the body, of 1 m across, does not fit."""
-    blocked = np.zeros((80, 60, 1), dtype=bool)
-    blocked[35:45] = True
-    blocked[35:45, 26:35] = False
-    return body_space(blocked)
+from wayproof.planners.kernels import angles
 
 
 def test_thresholds_by_hand():
@@ -60,73 +40,6 @@ def test_wrong_bodies_are_refused(offsets, radii, message):
         Body(offsets, radii)
     with pytest.raises(ValueError, match=r"space\.discs: got a least threshold of 9"):
         dataclasses.replace(make_space(np.zeros((9, 9, 1), bool)), discs=(Disc(0.0, 9),))
-
-
-def test_directions_equal_the_library_and_python():
-    for angle in np.random.default_rng(0).uniform(-20.0, 20.0, 200):
-        found = angles.cosine_sine(angle)
-        assert found == pytest.approx((math.cos(angle), math.sin(angle)), abs=1e-13)
-        assert angles.cosine_sine.py_func(angle) == found
-
-
-def random_poses(space: FreeSpace, count: int, seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    cells = rng.uniform(5.0, 55.0, (count, 2))
-    points = np.array([point(space, x, y) for x, y in cells])
-    return np.column_stack((points, rng.uniform(-4.0, 4.0, count)))
-
-
-def naive_free(space: FreeSpace, a: np.ndarray, b: np.ndarray) -> bool:
-    """Every disc's centre at 400 poses between lies in a free cell of its own."""
-    turn = (b[3] - a[3] + math.pi) % (2.0 * math.pi) - math.pi
-    for t in np.linspace(0.0, 1.0, 400):
-        x, y, z, heading = *(a[:3] + t * (b[:3] - a[:3])), a[3] + t * turn
-        for disc in space.discs:
-            centre = [x + disc.offset * math.cos(heading), y + disc.offset * math.sin(heading), z]
-            alone = dataclasses.replace(
-                space, discs=(), collision_distance_sq=disc.collision_distance_sq
-            )
-            if not alone.is_free(np.array(centre)):
-                return False
-    return True
-
-
-def test_sweeps_are_free_only_where_every_pose_is():
-    rng = np.random.default_rng(3)
-    space = body_space(rng.random((60, 60, 1)) < 0.004)
-    space = dataclasses.replace(space, cost_by_distance=np.zeros(201))
-    verdicts = []
-    for a, b in random_poses(space, 120, 5).reshape(60, 2, 4):
-        b[:3] = a[:3] + 0.15 * (b[:3] - a[:3])
-        free = space.sweep_free(a, b)
-        if free:
-            assert naive_free(space, a, b)
-            length, turn = math.dist(a[:3], b[:3]), abs(angles.wrap(b[3] - a[3]))
-            assert space.free_sweep_length(np.array([a, b])) == pytest.approx(length)
-            cost = space.sweep_cost(np.array([a, b]))
-            price = sweep_cost.TURN_COST * turn
-            assert length + price <= cost <= (1 + 2 * sweep_cost.SIDEWAYS) * length + price + 1e-9
-        else:
-            assert space.sweep_cost(np.array([a, b])) == math.inf
-        verdicts.append(free)
-    assert 5 < sum(verdicts) < 55
-
-
-def test_compiled_pose_kernels_equal_python():
-    space = body_space(np.random.default_rng(3).random((60, 60, 1)) < 0.003)
-    for a, b in random_poses(space, 40, 6).reshape(20, 2, 4):
-        pair = (space.grid, space.shape, 2.0, tuple(a.tolist()), tuple(b.tolist()))
-        assert sweep_cost.sweep_cost.py_func(*pair) == sweep_cost.sweep_cost(*pair)
-    start, goal = point(space, 8.5, 8.5), point(space, 50.5, 50.5)
-    settings = PlannerConfig("rrtconnect", restarts=1, shortcuts=0)
-    found = plan(space, start, goal, settings, seed=2)
-    poses = np.column_stack((found.waypoints, found.headings))
-    draws = np.random.default_rng(0).uniform(0.0, 1.0, (20, 5)) * [1, 1, 1, 1, 0]
-    short = pose_shortcut.shortcut_poses(space.grid, space.shape, 2.0, poses, draws)
-    python = pose_shortcut.shortcut_poses.py_func(space.grid, space.shape, 2.0, poses, draws)
-    assert python.tobytes() == short.tobytes()
-    assert space.sweep_cost(short) < space.sweep_cost(poses)
-    assert np.array_equal(short[[0, -1]], poses[[0, -1]])
 
 
 @pytest.mark.parametrize("name", ["astar", "rrtconnect"])
@@ -158,7 +71,7 @@ def test_a_blocked_heading_is_told(gap):
 
 @pytest.mark.parametrize("curve", ["reeds_shepp", "dubins"])
 def test_curves_keep_the_turning_radius(curve):
-    space = body_space(np.zeros((80, 60, 1), dtype=bool))
+    space = long_space(np.zeros((80, 60, 1), dtype=bool))
     config = PlannerConfig("rrtconnect", state_space=curve, turning_radius=0.6, restarts=1)
     found = plan(space, point(space, 20.5, 20.5), point(space, 60.5, 40.5), config, 3, heading=2.0)
     poses = np.column_stack((found.waypoints, found.headings))
@@ -182,7 +95,7 @@ def test_a_body_of_balls_flies_through_a_slot():
     blocked = np.zeros((50, 40, 20), dtype=bool)
     blocked[22:28] = True
     blocked[22:28, 15:25, 6:14] = False
-    space = body_space(blocked)
+    space = long_space(blocked)
     start, goal = point(space, 8.5, 20.5, 10.5), point(space, 42.5, 20.5, 10.5)
     for name in ("astar", "rrtconnect"):
         found = plan(space, start, goal, PlannerConfig(name, 20_000), seed=2, heading=1.0)
@@ -211,14 +124,3 @@ def test_what_does_not_suit_a_body_is_refused(gap):
         headed = PlannerConfig(name, state_space="pose", iterations=100)
         assert plan(solid, start, goal, headed, seed=1).label in ("none", "no_path")
     assert set(STATE_SPACES) == {"position", "pose", "reeds_shepp", "dubins"}
-
-
-def test_replanning_a_body_equals_planning_it_anew(gap):
-    goal = point(gap, 65.5, 30.5)
-    kept = GoalField(goal, PlannerConfig())
-    for step in range(6):
-        start = point(gap, 10.5 + step, 20.5)
-        again = kept.plan(gap, start, seed=step + 1, heading=0.3)
-        fresh = GoalField(goal, PlannerConfig()).plan(gap, start, seed=step + 1, heading=0.3)
-        assert again.waypoints.tobytes() == fresh.waypoints.tobytes()
-        assert again.headings.tobytes() == fresh.headings.tobytes()

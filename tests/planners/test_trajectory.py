@@ -21,15 +21,20 @@ from wayproof.planners import (
     trajectory,
     turn_in_place,
 )
-from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap, yaw_of_direction
 
 LIMITS = [
     MotionLimits(speed=1.0, acceleration=1.5, jerk=6.0, lateral_acceleration=1.0, yaw_rate=1.2),
     MotionLimits(speed=2.0, acceleration=4.0, jerk=30.0, lateral_acceleration=3.0, yaw_rate=2.0),
     MotionLimits(speed=0.5, acceleration=0.5, jerk=1.0, lateral_acceleration=0.3, yaw_rate=0.6),
 ]
+
+
 DRONE = LIMITS[1]
+
+
 LINE = np.array([[0.0, 0.0, 1.0], [10.0, 0.0, 1.0]])
+
+
 MS = 1_000_000
 
 
@@ -237,30 +242,6 @@ def test_wrong_input_is_refused():
         follow_path(LINE, PathState(0, 0.0, -0.1, 0.0, 0.0), DRONE, 1.0)
     with pytest.raises(ValueError, match=r"path: got shape \(0, 3\), expected \(m, 3\)"):
         stop_along(LINE[:0], PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE)
-
-
-def test_headings_equal_the_library_and_python():
-    rng = np.random.default_rng(0)
-    axes = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (1.0, 1.0), (0.0, 0.0)]
-    for x, y in [*axes, *rng.normal(size=(200, 2)).tolist()]:
-        assert yaw_of_direction(x, y) == pytest.approx(math.atan2(y, x), abs=1e-12)
-        assert yaw_of_direction.py_func(x, y) == yaw_of_direction(x, y)
-    for angle in rng.uniform(-20.0, 20.0, 50):
-        assert wrap(angle) == wrap.py_func(angle)
-        assert math.cos(wrap(angle)) == pytest.approx(math.cos(angle))
-        assert -math.pi <= wrap(angle) < math.pi
-
-
-def test_steep_edges_keep_the_heading_and_turns_are_not_counted_twice():
-    tangents = np.array([[0, 0, 1], [0, 1, 0], [-1, 0.01, 0], [-1, -0.01, 0], [0, 0, -1.0]])
-    expected = [0.3, math.pi / 2, math.pi - 0.01, math.pi + 0.01, math.pi + 0.01]
-    headings = edge_headings(tangents, 0.3)
-    assert headings == pytest.approx(expected, abs=1e-4)
-    assert edge_headings.py_func(tangents, 0.3).tobytes() == headings.tobytes()
-    targets = np.array([0.05, 1.0, 1.0, -1.0])
-    turned = rate_limited(targets, 0.0, 0.1)
-    assert turned == pytest.approx([0.0, 0.05, 0.15, 0.25, 0.15])
-    assert rate_limited.py_func(targets, 0.0, 0.1).tobytes() == turned.tobytes()
 
 
 @pytest.mark.parametrize("points", [1, 2, 9])

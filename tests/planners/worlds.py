@@ -1,10 +1,14 @@
+import dataclasses
+
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from wayproof.planners import FreeSpace
+from wayproof.planners import Body, FreeSpace
 
 TRUNCATION = 200
 BLOCKED_AT_OR_BELOW = 4
+
+LONG = Body(offsets=(-0.3, 0.0, 0.3), radii=(0.2, 0.2, 0.2))
 
 
 def make_space(blocked: np.ndarray, resolution: float = 0.1) -> FreeSpace:
@@ -41,3 +45,39 @@ def make_boxes() -> FreeSpace:
 def make_room() -> FreeSpace:
     """200 x 200 free cells: nothing limits the path."""
     return make_space(np.zeros((200, 200, 1), dtype=bool))
+
+
+def long_space(blocked: np.ndarray, body: Body = LONG) -> FreeSpace:
+    """A space for a body of several discs in the plane, or of balls in space."""
+    space = make_space(blocked)
+    discs = body.discs(margin=0.0, resolution=space.resolution, flat=space.flat)
+    least = min(disc.collision_distance_sq for disc in discs)
+    return dataclasses.replace(space, collision_distance_sq=least, discs=discs)
+
+
+def random_space(seed: int, shape: tuple[int, int, int], share: float = 0.1) -> FreeSpace:
+    """Every cell's field is drawn: 0 (forbidden at threshold 0) or a squared distance up to 9."""
+    rng = np.random.default_rng(seed)
+    field = rng.integers(1, 10, size=shape).astype(np.uint16)
+    field[rng.random(shape) < share] = 0
+    return FreeSpace(field, np.array([0.5, -0.25, 2.0]), 0.25, 0, 1.0 / np.arange(1.0, 11.0))
+
+
+def random_points(rng: np.random.Generator, space: FreeSpace, count: int) -> np.ndarray:
+    """Points inside the grid and a little around it; some on faces, edges and corners of cells."""
+    cells = rng.uniform(-0.5, np.array(space.field.shape) + 0.5, size=(count, 3))
+    on_face = rng.random((count, 3)) < 0.3
+    return space.origin + space.resolution * np.where(on_face, np.rint(cells), cells)
+
+
+def row_of_cells(values: list[int]) -> FreeSpace:
+    """1 m cells along x at y = z = 0.5; forbidden at 1 or below; costs 0, 0, 0.5, 0.25, 0."""
+    field = np.array(values, dtype=np.uint16).reshape(-1, 1, 1)
+    return FreeSpace(field, np.zeros(3), 1.0, 1, np.array([9.0, 9.0, 0.5, 0.25, 0.0]))
+
+
+def random_poses(space: FreeSpace, count: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    cells = rng.uniform(5.0, 55.0, (count, 2))
+    points = np.array([point(space, x, y) for x, y in cells])
+    return np.column_stack((points, rng.uniform(-4.0, 4.0, count)))

@@ -49,9 +49,8 @@ QUADRUPED = Body((-0.2, 0.0, 0.2), (0.2, 0.2, 0.2))
 BAND = (0.1, 0.6)  # m above the floor, that the quadruped passes
 COST_SCALE = 4.0  # per m, of Nav2's law exp(-scale (distance - forbidden))
 QUERIES_PER_REPEAT = 14
-ALL_QUERIES = ("astar",)
 PEER_SHARE = 5
-"""Every so many queries go to the other planners."""
+"""Every fifth query goes to the planners that use a seed, all of them to the others."""
 
 BLEND_LENGTH = 0.6  # m
 LIMITS = {
@@ -117,7 +116,7 @@ def bench_plan(repeats: int, seed: int, progress: Progress) -> list[PlanRow]:
         rows.append(_reference_row(robot, spaces[1], queries))
         for name in PLANNERS:
             progress(f"plan: {robot}, {name}")
-            chosen = queries if name in ALL_QUERIES else queries[::PEER_SHARE]
+            chosen = queries[::PEER_SHARE] if PLANNERS[name].traits.uses_seed else queries
             short = PlannerConfig(name=name, clearance_weight=0.0, corner_cost=0.0)
             rows.append(_plan_row(robot, name, spaces[0], chosen, short)[0])
         clear = PlannerConfig(name="astar")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.maps.test_distance_field import scipy_squared
-from tests.planners.garbage import told
+from tests.planners.stale_distances import lazy_windows
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack import planner_input
 from wayproof.harness.stack.decide import decide
@@ -114,7 +114,7 @@ def test_decisions_among_spoilt_distances_are_those_among_true_ones(seed, monkey
         passable = unsure.astype(np.uint16)
         true = decide(make_input(to_not_free, passable, position, sequence), state)
         counts.clear()
-        window = told([to_not_free, passable], 100 * sequence, rng.choice([0.05, 0.4, 1.0]))
+        window = lazy_windows([to_not_free, passable], 100 * sequence, rng.choice([0.05, 0.4, 1.0]))
         *again, needed = settle(window, make_input(*window, position, sequence), state)
         rounds += needed if counts else 0
         assert set(counts.values()) <= {1}

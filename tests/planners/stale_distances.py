@@ -1,4 +1,4 @@
-"""Distances that are told only where they are wanted, and are anything elsewhere."""
+"""Lazy distances over a source that is wrong wherever it was not brought up to date."""
 
 import numpy as np
 
@@ -7,15 +7,16 @@ from wayproof.maps.costmap.distance_field import BLOCK_ROWS
 from wayproof.maps.costmap.lazy_distances import Reader
 
 
-class Known:
-    """Distances that are known all along; some blocks hold others until they are worked out.
+class StaleSource:
+    """A source of distances, some blocks of which are wrong until they are brought up to date.
 
     Attributes:
-        worked_out: Blocks that were, so far.
+        true: The distances.
+        worked_out: Number of blocks that were brought up to date so far.
     """
 
     def __init__(self, true: np.ndarray, seed: int, share: float = 1.0) -> None:
-        """Spoil a share of the blocks."""
+        """Make a share of the blocks wrong."""
         rng = np.random.default_rng(seed)
         self.true, self.squared = true, true.copy()
         self.stale = rng.random((-(-true.shape[1] // BLOCK_ROWS), true.shape[0])) < share
@@ -28,7 +29,7 @@ class Known:
             ]
 
     def bring_up_to_date(self, wanted: np.ndarray | None = None) -> None:
-        """Tell the truth in some blocks, or in all."""
+        """Correct some blocks, or all."""
         for b, x in np.argwhere(self.stale if wanted is None else self.stale & wanted):
             rows = slice(b * BLOCK_ROWS, (b + 1) * BLOCK_ROWS)
             self.squared[x, rows] = self.true[x, rows]
@@ -36,8 +37,8 @@ class Known:
             self.worked_out += 1
 
 
-def told(true: list[np.ndarray], seed: int, share: float) -> list[Distances]:
-    """Several of one window; of each a share of the blocks is spoilt."""
+def lazy_windows(true: list[np.ndarray], seed: int, share: float) -> list[Distances]:
+    """Lazy distances of one window, a share of the blocks of each source wrong."""
     readers: list[Reader] = []
-    sources = [Known(one, seed + n, share) for n, one in enumerate(true)]
+    sources = [StaleSource(field, seed + n, share) for n, field in enumerate(true)]
     return [Distances(source, source.true.shape, readers) for source in sources]

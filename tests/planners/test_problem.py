@@ -12,7 +12,7 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from tests.planners.worlds import make_space, point
-from wayproof.planners import PLANNERS, PlannerConfig, plan, plan_seed
+from wayproof.planners import PLANNERS, PlannerConfig, plan
 
 ITERATIONS = 2000
 
@@ -56,13 +56,16 @@ def test_paths_are_free_edge_by_edge_and_joined_at_both_ends(name, maze, boxes):
 SCRIPT = """
 import runpy, sys
 from tests.planners.worlds import make_boxes, make_maze
-test = runpy.run_path("tests/planners/test_plan.py")
+test = runpy.run_path("tests/planners/test_problem.py")
 worlds = test["queries"](make_maze(), make_boxes())
 for job in sys.stdin.read().split():
     print(job, test["run_job"](worlds, job))
 """
 
+
 PLANS = int(os.environ.get("PLANS", "20"))
+
+
 """Of each planner; PLANS=1000 in the environment is the long run."""
 
 
@@ -157,17 +160,6 @@ def test_more_restarts_never_cost_more(maze):
     ]
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] < costs[0]
-
-
-def test_seeds_are_named_draws():
-    assert plan_seed(1, "plan", 2) == plan_seed(1, "plan", 2)
-    seeds = {plan_seed(e, s, n) for e in range(9) for s in ("plan", "explore") for n in range(50)}
-    assert len(seeds) == 9 * 2 * 50
-    assert min(seeds) >= 1
-    assert max(seeds) < 2**31
-    # BLAKE2b, 8 bytes of "7/plan/0", little-endian, modulo 2^31 - 1, plus 1
-    expected = hashlib.blake2b(b"7/plan/0", digest_size=8).digest()
-    assert plan_seed(7, "plan", 0) == int.from_bytes(expected, "little") % (2**31 - 1) + 1
 
 
 @pytest.mark.parametrize(

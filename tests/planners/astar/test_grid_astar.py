@@ -1,0 +1,63 @@
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from tests.planners.worlds import long_space, make_space, point
+from wayproof.planners import (
+    FreeSpace,
+    PlannerConfig,
+    plan,
+)
+from wayproof.planners.astar.se2 import se2_path
+
+
+def test_plans_that_spare_distances_are_as_cheap_and_search_more_cells():
+    blocked = np.zeros((280, 260, 60), dtype=bool)
+    rng = np.random.default_rng(2)
+    for x, y in rng.integers(20, [230, 210], size=(16, 2)):
+        blocked[x : x + 30, y : y + 30] = True
+    space = make_space(blocked, 0.05)  # a lattice cell is 4 of them along each axis
+    start, goal = point(space, 8.5, 8.5, 20.5), point(space, 270.5, 250.5, 40.5)
+    config = PlannerConfig(name="astar", shortcuts=0, corner_cost=0.0)
+    plans = [
+        plan(dataclasses.replace(space, few_reads=few_reads), start, goal, config, seed=1)
+        for few_reads in (False, True)
+    ]
+    assert plans[0].cost == pytest.approx(plans[1].cost, rel=0.02)
+    assert plans[0].iterations < 0.7 * plans[1].iterations
+
+
+def test_a_gap_that_the_coarse_lattice_lacks_is_found_on_the_grid():
+    blocked = np.zeros((60, 60, 1), dtype=bool)
+    blocked[30] = True
+    field = np.where(blocked, 0, 100).astype(np.uint16)
+    field[30, 32] = 100  # one cell wide, not in the middle of any block of two
+    space = FreeSpace(field, np.zeros(3), 0.05, 4, np.zeros(101))
+    start, goal = np.array([0.5, 0.5, 0.025]), np.array([2.5, 0.5, 0.025])
+    found = plan(space, start, goal, PlannerConfig(name="astar"), seed=1)
+    assert found.label == "none"
+    assert all(space.edge_free(a, b) for a, b in itertools.pairwise(found.waypoints))
+    crossing = np.abs(found.waypoints[:, 0] - 1.525).argmin()
+    assert found.waypoints[crossing, 1] == pytest.approx(1.625, abs=0.1)
+
+
+def slanted_lane() -> FreeSpace:
+    """A dead end at 11 degrees, too narrow for the headings that a search has."""
+    x, y = np.meshgrid(np.arange(120) + 0.5, np.arange(60) + 0.5, indexing="ij")
+    off = np.abs((y - 20.0) * math.cos(0.19) - (x - 5.0) * math.sin(0.19))
+    return long_space(((off > 3.1) & (x < 45))[:, :, None])
+
+
+def test_where_no_heading_of_the_search_fits_others_are_drawn():
+    space = slanted_lane()
+    start, goal = point(space, 16.0, 20.0 + 11.0 * math.tan(0.19)), point(space, 100.5, 30.5)
+    assert space.pose_free(start, 0.19)
+    assert se2_path(space, (*start, 0.19), (*goal, 0.0), 10**6) is None
+    found = plan(space, start, goal, PlannerConfig(), seed=1, heading=0.19)
+    assert found.label == "none"
+    assert space.free_poses(np.column_stack((found.waypoints, found.headings))) == len(
+        found.waypoints
+    )

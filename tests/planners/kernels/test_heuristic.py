@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from tests.planners.lattices import free_lattice, lattice_in_space, opened
+from tests.planners.worlds import make_space
+from wayproof.planners.astar import lattice
+from wayproof.planners.kernels import heuristic, lattice_cells, lattice_search
+
+
+@pytest.mark.parametrize(("seed", "factor"), [(5, 1), (6, 2), (7, 3)])
+def test_columns_tell_never_more_than_it_costs(seed, factor):
+    _, grid, goal, start, costs = lattice_in_space(seed, factor)
+    straight = {cell: heuristic.heuristic(grid, cell, start) for cell in costs}
+    assert heuristic.bound_columns(grid, goal, start)
+    told = {cell: int(grid.column_bound[cell // grid.shape[2]]) for cell in costs}
+    assert all(told[cell] <= cost for cell, cost in costs.items())
+    assert sum(told[cell] > 1.2 * straight[cell] for cell in costs) > 0.4 * len(costs)
+    for cell in list(costs)[::9]:
+        for offset, step in zip(
+            grid.move_offsets.tolist(), grid.move_lengths.tolist(), strict=True
+        ):
+            if cell + offset in costs:  # as A* asks for, no step gains more than it costs
+                both = sum(lattice_cells.rate_of(grid, at) for at in (cell, cell + offset))
+                assert told[cell] <= told[cell + offset] + step * both
+
+
+@pytest.mark.parametrize(("seed", "factor"), [(5, 1), (6, 2), (7, 3)])
+def test_a_search_drawn_by_columns_finds_the_same_way_and_looks_at_less(seed, factor):
+    space, straight, goal, start, costs = lattice_in_space(seed, factor)
+    by_columns = opened(space, factor, start, goal)
+    for grid in (straight, by_columns):
+        assert not lattice_search.expand(grid, start, start, 5, 1)
+        assert grid is straight or lattice.set_column_heuristic(grid, goal, start)
+        assert lattice_search.expand(grid, start, start, 10**6, 1)
+        assert grid.cost[start] == costs[goal]
+    ways = [lattice_search.descend(grid, start).tolist() for grid in (straight, by_columns)]
+    assert ways[0] == ways[1]
+    assert by_columns.counters[2] < 0.7 * straight.counters[2]
+
+
+def test_columns_that_were_not_noted_decide_nothing():
+    space, grid, _, start, costs = lattice_in_space(5, 1)
+    near = min(costs, key=lambda cell: abs(costs[cell] - 2000))
+    assert heuristic.bound_columns(grid, near, start)
+    noted = np.zeros((grid.shape[1] - 2, grid.shape[0] - 2), np.bool_)
+    lattice_cells.mark_read_blocks(grid.rate, grid.shape, grid.factor, 0, noted)
+    assert 0 < noted.sum() < 0.5 * noted.size
+    space.grid.field[~noted.T] = 0
+    again = opened(space, 1, start, near)
+    assert heuristic.bound_columns(again, near, start)
+    assert again.column_bound.tobytes() == grid.column_bound.tobytes()
+
+
+def test_compiled_columns_equal_python():
+    _, grid, goal, start, _ = lattice_in_space(5, 2)
+    heuristic.bound_columns(grid, goal, start)
+    compiled = grid.column_bound.copy()
+    heuristic.bound_columns.py_func(grid, goal, start)
+    assert compiled.tobytes() == grid.column_bound.tobytes()
+
+
+def test_where_columns_have_no_way_there_is_none():
+    blocked = np.zeros((12, 10, 8), dtype=bool)
+    blocked[6] = True
+    grid, free = free_lattice(make_space(blocked), 1)
+    assert not lattice.set_column_heuristic(grid, free[0], free[-1])
+    assert lattice.set_column_heuristic(grid, free[0], free[9])

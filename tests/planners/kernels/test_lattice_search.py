@@ -1,0 +1,136 @@
+import numpy as np
+import pytest
+
+from tests.planners.lattices import closed_costs, free_lattice, naive_costs, random_space
+from tests.planners.worlds import long_space, make_space, point
+from wayproof.planners.astar import lattice
+from wayproof.planners.kernels import lattice_cells, lattice_search, repair
+
+
+@pytest.mark.parametrize("repairable", [False, True])
+@pytest.mark.parametrize(
+    ("shape", "factor"), [((24, 20, 1), 1), ((25, 21, 1), 2), ((21, 18, 13), 3)]
+)
+def test_costs_to_go_are_those_of_a_naive_search(shape, factor, repairable):
+    space = random_space(3, shape)
+    grid, free = free_lattice(space, factor, repairable)
+    goal = free[len(free) // 2]
+    lattice.open_goal(grid, goal)
+    lattice_search.expand(grid, 0, -1, 10**6, 0)  # the border's cell is never closed
+    assert closed_costs(grid) == naive_costs(space, grid, free, goal)
+
+
+def test_a_search_drawn_to_a_target_costs_the_same_and_looks_at_less():
+    space = random_space(5, (60, 60, 1))
+    whole, free = free_lattice(space, 1)
+    goal = free[10]
+    lattice.open_goal(whole, goal)
+    lattice_search.expand(whole, 0, -1, 10**6, 0)
+    for start in [cell for cell in free[::97] if whole.state[cell] == lattice_cells.CLOSED]:
+        drawn, _ = free_lattice(space, 1)
+        lattice.open_goal(drawn, goal, start)
+        assert lattice_search.expand(drawn, start, start, 10**6, 0)
+        assert drawn.cost[start] == whole.cost[start]
+        assert drawn.counters[2] <= whole.counters[2]
+        cells = lattice_search.descend(drawn, start)
+        assert (cells[0], cells[-1]) == (start, goal)
+
+
+def test_a_straight_way_costs_its_length_by_hand():
+    space = make_space(np.zeros((20, 9, 1), dtype=bool))
+    grid = lattice.make_lattice(space, 1, 0.0)
+    start, goal = (lattice.entry_cell(grid, space, point(space, x, 4.5)) for x in (2.5, 12.5))
+    lattice.open_goal(grid, goal, start)
+    assert lattice_search.expand(grid, start, start, 1000, 0)
+    assert grid.cost[start] == 10 * 12 * (8 + 8)  # steps, their length, both cells' rates
+    assert len(lattice_search.descend(grid, start)) == 11
+
+
+def test_compiled_lattice_kernels_equal_python():
+    space = random_space(3, (13, 12, 7))
+    pair = [free_lattice(space, 2, repairable=True) for _ in range(2)]
+    goal, start = pair[0][1][0], pair[0][1][-1]
+    for (grid, _), python in zip(pair, (False, True), strict=True):
+        lattice.open_goal(grid, goal)
+        expand, mend, refresh_box, descend, requeue = (
+            kernel.py_func if python else kernel
+            for kernel in (
+                lattice_search.expand,
+                repair.repair,
+                repair.refresh_box,
+                lattice_search.descend,
+                lattice_search.requeue,
+            )
+        )
+        assert expand(grid, start, -1, 10**6, 0)
+        space.grid.field[6:9, 4:8, 2:5] = 0
+        changed = refresh_box(grid, np.ones(3, np.int64), grid.shape - 1)
+        mend(grid, changed)
+        opened = np.flatnonzero(grid.state == lattice_cells.OPEN)
+        requeue(grid, start, opened)
+        assert grid.counters[lattice_cells.OPENED] == len(opened) > 0
+        expand(grid, start, start, 10**6, 1)
+        if grid.state[start] == lattice_cells.CLOSED:
+            assert descend(grid, start)[-1] == goal
+        space.grid.field[6:9, 4:8, 2:5] = 200
+    (compiled, _), (python, _) = pair
+    assert closed_costs(compiled) == closed_costs(python)
+    assert compiled.rate.tobytes() == python.rate.tobytes()
+
+
+def test_all_cells_of_all_cheapest_ways_are_closed_when_drawn_on():
+    space = random_space(5, (40, 40, 1))
+    whole, free = free_lattice(space, 1)
+    lattice.open_goal(whole, free[10])
+    lattice_search.expand(whole, 0, -1, 10**6, 0)
+    start = next(n for n in free[::-1] if whole.state[n] == lattice_cells.CLOSED)
+    drawn, _ = free_lattice(space, 1)
+    lattice.open_goal(drawn, free[10])
+    assert lattice_search.expand(drawn, free[200], -1, 50, 0) is False
+    lattice.set_heuristic_target(drawn, start)  # what is open is kept
+    assert lattice_search.expand(drawn, start, start, 10**6, 1)
+    onto = {start}
+    for cell in sorted(free, key=lambda n: -int(whole.cost[n])):
+        for offset, step in zip(
+            whole.move_offsets.tolist(), whole.move_lengths.tolist(), strict=True
+        ):
+            both = int(whole.rate[cell]) + int(whole.rate[cell + offset])
+            cost = int(whole.cost[cell]) - int(whole.cost[cell + offset])
+            if cell in onto and whole.rate[cell + offset] > 0 and cost == step * both:
+                if space.edge_free(*lattice.centres(whole, space, np.array([cell, cell + offset]))):
+                    onto.add(cell + offset)
+    assert len(onto) > 20
+    for cell in onto:
+        assert drawn.state[cell] == lattice_cells.CLOSED
+        assert drawn.cost[cell] == whole.cost[cell]
+    assert drawn.counters[2] < whole.counters[2]
+
+
+def test_bounds_are_costs_to_go_up_to_a_limit():
+    rng = np.random.default_rng(1)
+    space = long_space(rng.random((24, 25, 1)) < 0.006)
+    grid = lattice.make_lattice(space, 1, 2.0)
+    free = [n for n in range(len(grid.rate)) if lattice_cells.rate_of(grid, n) > 0]
+    goal, start = free[5], free[-5]
+    lattice.open_goal(grid, goal)
+    lattice_search.expand(grid, 0, -1, 10**6, 0)  # the border's cell is never closed
+    exact = grid.cost.copy()
+    limit = int(exact[start]) + 500
+    drawn = lattice.make_lattice(space, 1, 2.0)
+    assert lattice_cells.rate_of(drawn, goal) > 0
+    lattice.open_goal(drawn, goal, start)
+    assert lattice_search.expand(drawn, start, start, 10**6, 501)
+    bounds = lattice_search.bounds_to_go(drawn, start, limit)
+    python = lattice_search.bounds_to_go.py_func(drawn, start, limit)
+    assert python.tobytes() == bounds.tobytes()
+    # Of what a search in all directions has closed as well, nothing else is told.
+    assert lattice_search.bounds_to_go(grid, start, limit).tobytes() == bounds.tobytes()
+    told = 0
+    for (i, j), bound in np.ndenumerate(bounds.reshape(24, 25)):
+        cell = ((i + 1) * 27 + j + 1) * 3 + 1
+        x, y = abs(i + 1 - start // 81), abs(j + 1 - start // 3 % 27)
+        least = 16 * (12 * max(x, y) + 5 * min(x, y))
+        reached = grid.state[cell] == lattice_cells.CLOSED and exact[cell] + least <= limit
+        assert bound == (exact[cell] if reached else max(limit - least, 0)) // 2
+        told += reached
+    assert 50 < told < len(free)
