@@ -12,7 +12,7 @@ from wayproof.maps.config import CostmapConfig, DynamicConfig, MapConfig, Unknow
 from wayproof.maps.costmap.class_margins import ClassMargins
 from wayproof.maps.costmap.costmap import INSCRIBED_COST, Costmap
 from wayproof.maps.costmap.distance_field import DistanceField
-from wayproof.maps.costmap.inflation import inflate
+from wayproof.maps.costmap.inflation import collision_distance_sq
 from wayproof.maps.costmap.lazy_distances import Distances
 from wayproof.maps.others.dynamic import DynamicMap
 from wayproof.maps.others.grid2d import Grid2D
@@ -57,7 +57,7 @@ __all__ = [
     "TsdfMap",
     "UnknownPolicy",
     "VoxelMap",
-    "inflate",
+    "collision_distance_sq",
     "states_in",
     "warm_up",
 ]
@@ -67,7 +67,7 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
     """Compile what an episode on one representation runs, so that nothing timed pays for it."""
     half_life = 1.0 if MAPS[kind].decays else 0.0
     config = MapConfig(kind=kind, memory_mib=1, half_life=half_life)
-    inflation = CostmapConfig(max_slope=max_slope)
+    costs = CostmapConfig(max_slope=max_slope)
     tiny = MAPS[kind](config)
     beams, ranges_mm = np.array([[1.0, 0, 0], [0, 0, -1.0]]), np.array([400, 65535], np.uint16)
     tiny.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, 0)
@@ -77,8 +77,8 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
     tiny.version()
     tiny.counts()
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)
-    Costmap(inflation, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
-    flown = Costmap(inflation, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)
+    Costmap(costs, tiny, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
+    flown = Costmap(costs, tiny, low, high, "air", radius=0.1, height=0.2, step_height=0.0)
     flown.optimistic(1).begin_search()
     if labels:
         layer = SemanticLayer(config.resolution, 1, memory_mib=1)
@@ -87,5 +87,5 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
         layer.integrate_sweep((0.5, 0.5, 0.5), beams, ranges_mm, (0.1, 1.0), told, moments)
         layer.votes_at([[0.5, 0.5, 0.5]])
         margined = ClassMargins(tiny, layer, {0: 0.1})
-        Costmap(inflation, margined, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
+        Costmap(costs, margined, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)
     tiny.advance(round(1e4 * 1e9 * config.decay_period))  # forgets its bricks

@@ -11,7 +11,7 @@ from wayproof.maps import DistanceField, Distances
 from wayproof.planners.astar.goal_field import GoalField
 from wayproof.planners.astar.lattice import entry_cell, make_lattice, set_column_heuristic
 from wayproof.planners.astar.se2 import se2_path
-from wayproof.planners.body import Body, Disc, collision_distance_sq
+from wayproof.planners.body import Body, Disc
 from wayproof.planners.free_space import CLEARANCE_WEIGHT, FreeSpace
 from wayproof.planners.frontier import best_frontier
 from wayproof.planners.kernels.grid import Floats
@@ -69,7 +69,6 @@ __all__ = [
     "arc_lengths",
     "best_frontier",
     "blend_corners",
-    "collision_distance_sq",
     "first_stop",
     "follow_path",
     "hold",

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-ROUNDING = 1e-6
-"""Tolerance of a squared distance, cells^2."""
+from wayproof.maps import collision_distance_sq
 
 
 class Disc(NamedTuple):
@@ -59,18 +58,3 @@ class Body:
             Disc(offset, collision_distance_sq(radius + margin, resolution, flat))
             for offset, radius in zip(self.offsets, self.radii, strict=True)
         )
-
-
-def collision_distance_sq(radius: float, resolution: float, flat: bool) -> int:
-    """Largest squared cell distance to a blocked cell's centre that a disc may not have.
-
-    Distances are between centres, but a surface may lie anywhere in its cell: half of a cell's
-    diagonal more. The place of the disc in its own cell is covered by the margin.
-
-    Args:
-        radius: Radius of the disc or ball with the margin, m.
-        resolution: Cell size, m.
-        flat: Whether the cells are those of a plane.
-    """
-    cells = radius / resolution + 0.5 * math.sqrt(2.0 if flat else 3.0)
-    return math.floor(cells * cells + ROUNDING)

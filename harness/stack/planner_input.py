@@ -14,9 +14,8 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.stack.footprint import NARROW_COST, body_of, costs
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.types import PlannerInput, PlanPath
-from wayproof.maps import Costmap, Distances
+from wayproof.maps import Costmap, Distances, collision_distance_sq
 from wayproof.planners import Disc, FreeSpace, MotionLimits, Plan, PlannerConfig, plan
-from wayproof.planners.body import collision_distance_sq
 
 Array = NDArray[np.float64]
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps.columns import ColumnMap, Window, unpack
 from wayproof.maps.config import CostmapConfig
+from wayproof.maps.costmap.inflation import collision_distance_sq, inflation_radius_cells
 from wayproof.maps.costmap.lazy_distances import Clearances, Distances
 from wayproof.maps.costmap.projection import Airspace
 from wayproof.maps.costmap.terrain import walked
@@ -29,7 +30,6 @@ COST_STEPS = 2.0**20
 """Costs are whole multiples of one over this."""
 
 MOTIONS = ("ground", "air")
-ROUNDING = 1e-6  # of a squared cell
 
 
 class Costmap:
@@ -205,10 +205,6 @@ class Costmap:
         """Distances to obstacles, where not all is known within `edge` at most that, cells^2."""
         return self.clearances.optimistic(edge, self.truncation)
 
-    def admissible(self) -> NDArray[np.bool_]:
-        """Where the body's centre may be under the policy, (nx, ny, nz)."""
-        return self.field() > self.collision_distance_sq
-
     def clearance_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Distance from points (n, 3), m, world, to what the policy fears: (n,) m.
 
@@ -228,17 +224,6 @@ class Costmap:
             ValueError: The points have another shape.
         """
         return self._interpolate(points)[1]
-
-    def cost_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Cost at the cells of points (n, 3), m, world: (n,); inf where forbidden and outside.
-
-        Raises:
-            ValueError: The points have another shape.
-        """
-        places = _points(points)
-        costs = np.empty(len(places), np.float64)
-        kernels.look_up(places, self.origin, self.resolution, self.field(), self.cost_table, costs)
-        return costs
 
     def _interpolate(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         places = _points(points)
@@ -265,10 +250,8 @@ class Costmap:
         """Work out the forbidden distance and the costs; return the reach that they need, cells."""
         if not 0.0 <= margin < math.inf:
             raise ValueError(f"margin: got {margin:g}, expected 0 m or more")
-        # Distances are between centres, but a surface may lie anywhere in its cell: half a
-        # diagonal more. Where in its own cell the body stands is for the margin to cover.
-        diagonal = math.sqrt(2.0 if self.motion == "ground" else 3.0)
-        forbidden = (self.radius + margin) / self.resolution + 0.5 * diagonal  # cells
+        radius, flat = self.radius + margin, self.motion == "ground"
+        forbidden = inflation_radius_cells(radius, self.resolution, flat)
         reach = math.ceil(forbidden + self.config.cost_range / self.resolution)
         if reach > MAX_REACH:
             raise ValueError(
@@ -277,7 +260,7 @@ class Costmap:
             )
         self.margin = margin
         self.inflation_radius = forbidden * self.resolution
-        self.collision_distance_sq = math.floor(forbidden * forbidden + ROUNDING)
+        self.collision_distance_sq = collision_distance_sq(radius, self.resolution, flat)
         self.truncation = reach * reach
         self.cost_table = self._costs(forbidden)
         self._distances = np.sqrt(np.arange(self.truncation + 1)) * self.resolution  # m

@@ -1,59 +1,28 @@
-"""Inflation: every cell within a ball's radius of a blocked one, exactly, 64 cells at a time."""
+"""The inflation radius: how far the centre of a disc or ball stays from the centre of a cell."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from wayproof.maps.kernels import inflation as kernels
-from wayproof.maps.parallel import ThreadTeam
-
-MAX_SQUARED_RADIUS = 181 * 181  # cells^2, as far as the distance field tells
+ROUNDING = 1e-6
+"""Part of a squared cell by which rounding may miss a whole number."""
 
 
-def inflate(
-    blocked: NDArray[np.uint64], squared_radius: int, team: ThreadTeam | None = None
-) -> NDArray[np.uint64]:
-    """The cells whose squared distance to a blocked one is at most `squared_radius`.
+def inflation_radius_cells(radius: float, resolution: float, flat: bool) -> float:
+    """Return the distance at or below which a disc or ball may touch what is in a cell, cells.
 
-    The ball is a disc of vertical lines: each plane is grown along z by every half-height that the
-    ball has, and the words of the grown planes are united over the disc.
+    Distances are between cell centres, but a surface may lie anywhere in its cell: half of a cell's
+    diagonal more. The place of the disc in its own cell is covered by the margin.
 
     Args:
-        blocked: (nx, ny, words) bits: bit k of word w is cell 64 w + k along z. What lies outside
-            holds nothing.
-        squared_radius: cells^2.
-        team: Threads that share the work; None for the caller's alone. The result does not depend
-            on them.
-
-    Returns:
-        (nx, ny, words) bits.
-
-    Raises:
-        ValueError: The squared radius is not within 0 to 32761.
+        radius: Radius of the disc or ball, with the localization margin, m.
+        resolution: Edge of a cell, m.
+        flat: Whether the cells are those of a plane.
     """
-    if not 0 <= squared_radius <= MAX_SQUARED_RADIUS:
-        raise ValueError(
-            f"squared_radius: got {squared_radius}, expected 0 to {MAX_SQUARED_RADIUS} cells^2"
-        )
-    heights = _half_heights(squared_radius)
-    blocked = np.ascontiguousarray(blocked)  # another layout would be compiled anew
-    inflated = np.empty_like(blocked)
-
-    def work(_: int, planes: tuple[int, int]) -> None:
-        kernels.inflate_planes(blocked, heights, *planes, inflated)
-
-    (team or ThreadTeam(1)).parallel_for(work, len(blocked))
-    return inflated
+    return radius / resolution + 0.5 * math.sqrt(2.0 if flat else 3.0)
 
 
-def _half_heights(squared_radius: int) -> NDArray[np.int64]:
-    """Cells above the middle that the ball holds over (dx, dy), (r + 1, r + 1); -1 for none."""
-    reach = math.isqrt(squared_radius)
-    heights = np.full((reach + 1, reach + 1), -1, np.int64)
-    for dx in range(reach + 1):
-        for dy in range(math.isqrt(squared_radius - dx * dx) + 1):
-            heights[dx, dy] = math.isqrt(squared_radius - dx * dx - dy * dy)
-    return heights
+def collision_distance_sq(radius: float, resolution: float, flat: bool) -> int:
+    """Return the greatest squared distance that is forbidden to the disc or ball, cells^2."""
+    cells = inflation_radius_cells(radius, resolution, flat)
+    return math.floor(cells * cells + ROUNDING)

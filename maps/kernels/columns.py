@@ -95,26 +95,6 @@ def project_columns(
 
 
 @kernel
-def look_up(
-    points: NDArray[np.float64],  # (n, 3) m, world
-    origin: NDArray[np.float64],  # (3,) m, world
-    resolution: float,
-    squared: NDArray[np.uint16],  # (nx, ny, nz)
-    table: NDArray[np.float64],  # by squared distance
-    values: NDArray[np.float64],  # (n,) out
-) -> None:
-    """Look up the table's value at the cell of each point; that of distance 0 outside."""
-    nx, ny, nz = squared.shape
-    for n in range(points.shape[0]):
-        u = (points[n, 0] - origin[0]) / resolution  # in cells from the window's corner
-        v = (points[n, 1] - origin[1]) / resolution
-        w = (points[n, 2] - origin[2]) / resolution
-        values[n] = table[0]
-        if 0.0 <= u < nx and 0.0 <= v < ny and 0.0 <= w < nz:  # not if not finite
-            values[n] = table[squared[int(u), int(v), int(w)]]
-
-
-@kernel
 def neighbours(position: float, cells: int) -> tuple[int, int, float, float, float]:
     """Find the two cells along an axis whose centres enclose a position, and their weights.
 

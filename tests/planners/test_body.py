@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from tests.planners.worlds import LONG, long_space, make_space, point
+from wayproof.maps import collision_distance_sq
 from wayproof.planners import (
     STATE_SPACES,
     Body,
     Disc,
     PlannerConfig,
-    collision_distance_sq,
     plan,
     state_space_for,
 )

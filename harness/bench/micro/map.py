@@ -91,7 +91,7 @@ class MapRow:
         false_free: Share of the cells where beams met a surface that are mapped free.
         agreement: Share of the cells known to this map or to OctoMap that have one state in both.
         agreement_above_floor: The same without the floor's layer, where ours guards the floor.
-        ms: Wall time of an inflation or of distances over the room, median, ms.
+        ms: Wall time of distances over the room, median, ms.
         ms_worst: The longest of them, ms.
         ratio_vs_edt: Median of the `edt` package's exact transform over this one.
         cells_differ: Cells to which our distances and those of `edt` are not the same.
@@ -173,7 +173,7 @@ def _extents(lab: Lab) -> Iterator[MapRow]:
 
 
 def _fields(lab: Lab) -> Iterator[MapRow]:
-    lab.progress("map: distances and inflation")
+    lab.progress("map: distances")
     for found in field_times(lab.room, 0.05, lab.repeats):
         yield _found_row("fields", found)
 

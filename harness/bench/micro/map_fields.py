@@ -1,4 +1,4 @@
-"""Cost of distances and inflation of a whole window, as in a costmap."""
+"""Cost of the distances of a whole window, as in a costmap."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.bench.micro.map_workload import RANGE, ROOM, SWEEP_NS, Sweep
-from wayproof.maps import MapConfig, VoxelMap, inflate
+from wayproof.maps import MapConfig, VoxelMap
 from wayproof.maps.columns import Window, unpack
 from wayproof.maps.costmap.distance_field import (
     ALL_ONES,
@@ -24,7 +24,6 @@ from wayproof.maps.costmap.distance_field import (
 from wayproof.maps.parallel import ThreadTeam
 
 REACH = 1.0  # m, of the distances
-BALL = 0.35  # m, radius of the inflation
 PEER_REPEATS = 3  # of a whole transform, which takes long
 MAPPED = 5  # sweeps before the timed ones
 
@@ -49,7 +48,7 @@ def edt_installed() -> bool:
 
 
 def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Iterator[FieldTime]:
-    """Inflation and distances over the room, whole and after each sweep, and the peer.
+    """Time distances over the room, whole and after each sweep, and the peer.
 
     Blocked is what is not known to be free, and what lies outside. Everyone in turn for each sweep,
     so that load meets them alike.
@@ -61,7 +60,7 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
     """
     window = Window.covering((0.0, 0.0, 0.0), ROOM - [0.0, 0.0, resolution], resolution)
     voxel_map = VoxelMap(MapConfig(resolution=resolution, half_life=0.0))
-    reach, ball = round(REACH / resolution), round(BALL / resolution)
+    reach = round(REACH / resolution)
     teams = {threads: ThreadTeam(threads) for threads in (1, 2)}
     kept = {n: DistanceField(window.shape, reach, team) for n, team in teams.items()}
     for field in kept.values():  # all is unknown
@@ -73,7 +72,6 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
         ms = (time.perf_counter() - began) * 1e3
         times.setdefault((library, mode, threads), []).append(ms)
 
-    inflate(np.zeros((*window.shape[:2], 1), np.uint64), ball * ball, teams[1])  # compiles it
     stamp = 0
     for number in range(MAPPED + repeats):
         sweep = room[number % len(room)]
@@ -82,7 +80,7 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
         )
         boxes, stamp = voxel_map.changed(stamp)
         _, changed = window.touched_by(boxes)
-        occupied, free = voxel_map.columns(window.first, (*window.shape[:2], 1))
+        _, free = voxel_map.columns(window.first, (*window.shape[:2], 1))
         if changed is None:
             continue
         update = CellUpdate((free,), (ALL_ONES,), (0, 0), *((s.start, s.stop) for s in changed))
@@ -98,9 +96,6 @@ def field_times(room: Sequence[Sweep], resolution: float, repeats: int) -> Itera
             began = time.perf_counter()
             update_together([whole], all_cells)
             timed("wayproof", f"{REACH:g} m field, whole", threads, began)
-            began = time.perf_counter()
-            inflate(occupied, ball * ball, team)
-            timed("wayproof", f"inflation by {BALL:g} m, whole", threads, began)
             if edt_installed() and number < MAPPED + PEER_REPEATS:
                 passable = unpack(free, window.shape[2])
                 began = time.perf_counter()

@@ -19,6 +19,7 @@ from scipy.ndimage import distance_transform_edt
 
 from wayproof.harness.bench.micro.lazy_theta import reference_path, scratch_for
 from wayproof.harness.bench.table import Progress
+from wayproof.maps import collision_distance_sq
 from wayproof.planners import (
     PLANNERS,
     Body,
@@ -28,7 +29,6 @@ from wayproof.planners import (
     Plan,
     PlannerConfig,
     blend_corners,
-    collision_distance_sq,
     follow_path,
     plan,
     plan_seed,
