@@ -1,8 +1,6 @@
 import numpy as np
 import pytest
 
-from wayproof.maps import MapConfig, VoxelMap
-from wayproof.maps.columns import Window, unpack
 from wayproof.maps.grid import cell_box, cells_at, centres
 
 
@@ -38,35 +36,3 @@ def test_a_box_holds_the_cells_whose_centres_it_holds():
 def test_a_corner_must_be_finite(corner):
     with pytest.raises(ValueError, match="low: got"):
         cell_box(corner, (1, 1, 1), 0.1)
-
-
-def test_a_window_has_the_states_of_its_cells():
-    voxel_map = VoxelMap(MapConfig(half_life=0.0))
-    voxel_map.mark_free((0.0, 0.0, 0.2), (0.3, 0.3, 0.4), 0)
-    voxel_map.mark_floor((0.0, 0.0), (0.3, 0.1), 0)
-    window = Window.covering((-0.2, 0.0, -0.175), (0.4, 0.5, 0.825), 0.1)
-    assert window.shape == (6, 5, 10)
-    assert window.floor_layer == 1
-    np.testing.assert_allclose(window.origin, [-0.2, 0.0, -0.175])
-    occupied, free = (
-        unpack(words, 10) for words in voxel_map.columns(np.array(window.first), (6, 5, 1))
-    )
-    assert np.argwhere(occupied).tolist() == [[2, 0, 1], [3, 0, 1], [4, 0, 1]]
-    assert np.argwhere(free).min(axis=0).tolist() == [2, 0, 4]
-    assert np.argwhere(free).max(axis=0).tolist() == [4, 2, 5]
-    assert free.sum() == 3 * 3 * 2
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "message"),
-    [
-        ((0, 0, 0), (1, 0, 1), "expected low < high"),
-        ((0, 0, np.nan), (1, 1, 1), "low: got"),
-        ((0, 0), (1, 1, 1), "low: got"),
-        ((0, 0, 0), (1, 1, np.inf), "high: got"),
-        ((0, 0, -0.075), (100, 100, 29.9), r"got 300000000 cells .* expected at most 200000000"),
-    ],
-)
-def test_bad_bounds_are_refused(low, high, message):
-    with pytest.raises(ValueError, match=message):
-        Window.covering(low, high, 0.1)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.maps.test_distance_field import scipy_squared
+from tests.maps.exact_distances import scipy_squared
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.types import PlannerInput, PlannerState

@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from tests.maps.test_distance_field import scipy_squared
+from tests.maps.exact_distances import scipy_squared
 from tests.planners.stale_distances import lazy_windows
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack import planner_input

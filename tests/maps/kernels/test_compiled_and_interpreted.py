@@ -10,7 +10,7 @@ from tests.sharing import checked_kernels
 
 VOXEL_MAP = """
 import numpy as np
-from wayproof.maps import Costmap, CostmapConfig, MapConfig, VoxelMap, inflate
+from wayproof.maps import Costmap, CostmapConfig, MapConfig, VoxelMap
 rng = np.random.default_rng(1)
 config = MapConfig(memory_mib=1)
 voxel_map = VoxelMap(config)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tests.maps.test_distance_field import packed, scipy_squared
+from tests.maps.exact_distances import packed, scipy_squared
 from wayproof.maps.costmap.distance_field import BLOCK_ROWS, DistanceField, boxes, take_over
 from wayproof.maps.costmap.lazy_distances import ROUNDS, Clearances, Distances
 from wayproof.maps.parallel import ThreadTeam

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import distance_transform_edt
 
+from tests.maps.exact_distances import framed, packed, scipy_squared
 from wayproof.maps.costmap.distance_field import (
     BLOCK_ROWS,
     DistanceField,
@@ -18,25 +18,6 @@ from wayproof.maps.parallel import ThreadTeam
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
 
 
-def packed(cells):
-    """Booleans (nx, ny, nz) as words (nx, ny, words), z = 64 word + bit; the rest is set."""
-    nx, ny, nz = cells.shape
-    words = -(-nz // 64)
-    padded = np.ones((nx, ny, 64 * words), np.bool_)
-    padded[:, :, :nz] = cells
-    weights = np.uint64(1) << np.arange(64, dtype=np.uint64)
-    return (padded.reshape(nx, ny, words, 64) * weights).sum(axis=3, dtype=np.uint64)
-
-
-def framed(blocked):
-    """With blocked cells around it, but not along an axis of one cell."""
-    return np.pad(blocked, [(int(n > 1),) * 2 for n in blocked.shape], constant_values=True)
-
-
-def inner(shape):
-    return tuple(slice(1, -1) if n > 1 else slice(None) for n in shape)
-
-
 def brute_force(blocked, reach):
     """Squared distances counted one by one."""
     cells = np.argwhere(np.ones(blocked.shape)) + [int(n > 1) for n in blocked.shape]
@@ -44,15 +25,6 @@ def brute_force(blocked, reach):
     most = reach * reach
     nearest = [((others - cell) ** 2).sum(axis=1).min(initial=most) for cell in cells]
     return np.reshape(nearest, blocked.shape)
-
-
-def scipy_squared(blocked, reach):
-    """Scipy's exact transform, squared and truncated."""
-    whole = framed(blocked)
-    if not whole.any():
-        return np.full(blocked.shape, reach * reach)
-    distances = distance_transform_edt(~whole)[inner(blocked.shape)]
-    return np.minimum(np.rint(distances * distances), reach * reach)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
