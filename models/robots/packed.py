@@ -1,4 +1,4 @@
-"""Parameters in the form that costs a kernel least to be called with."""
+"""Parameters in the form that is cheapest to call a kernel with."""
 
 from __future__ import annotations
 
@@ -8,10 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def packed(parameters: Any) -> NDArray[Any]:
-    """A named tuple of numbers, and of tuples of numbers, as an array (1,) of one record."""
-    values = [np.array(value) for value in parameters]
-    fields = [
-        (name, one.dtype, one.shape) for name, one in zip(parameters._fields, values, strict=True)
-    ]
-    return np.array([tuple(parameters)], np.dtype(fields, align=True))
+def packed(parameters: Any, **more: Any) -> NDArray[Any]:
+    """Return a named tuple of numbers, tuples of numbers and named tuples as one record, (1,).
+
+    Args:
+        parameters: The named tuple.
+        more: Further fields by name.
+    """
+    fields = {**parameters._asdict(), **more}
+    dtype = np.dtype([(name, *_field(value)) for name, value in fields.items()], align=True)
+    return np.array([tuple(fields.values())], dtype)
+
+
+def _field(value: Any) -> tuple[Any, tuple[int, ...]]:
+    """Return the type and shape of a field."""
+    if hasattr(value, "_fields"):
+        return packed(value).dtype, ()
+    array = np.array(value)
+    return array.dtype, array.shape

@@ -7,7 +7,7 @@ from wayproof.models.robots.custom import RobotSpecError, read_robot
 from wayproof.models.robots.custom.legged_parameters import foot_mass, scaled
 from wayproof.models.robots.custom.writing import farthest
 from wayproof.models.robots.quadruped import Parameters, Quadruped
-from wayproof.models.robots.quadruped.gait import foot_position
+from wayproof.models.robots.quadruped.kinematics import foot_position
 from wayproof.models.robots.quadruped.parameters import standing_joints
 from wayproof.models.robots.robot import Setpoint
 

@@ -8,8 +8,19 @@ from scipy.linalg import logm
 from scipy.spatial.transform import Rotation
 
 from wayproof.models.poses import Trail
-from wayproof.models.robots.quadrotor import Quadrotor, kernels, warm_up
+from wayproof.models.robots.linear_algebra import rotation_from_quaternion
+from wayproof.models.robots.quadrotor import Quadrotor, warm_up
+from wayproof.models.robots.quadrotor.drag import air_drag
+from wayproof.models.robots.quadrotor.flight import MEMORY, track
+from wayproof.models.robots.quadrotor.geometric import (
+    attitude_error,
+    desired_attitude,
+    desired_rates,
+    desired_torque,
+)
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing
+from wayproof.models.robots.quadrotor.rotors import ROTOR_SPIN, ROTOR_X, ROTOR_Y, allocate
+from wayproof.models.robots.quadrotor.smoothing import smooth_setpoint
 from wayproof.models.robots.robot import Setpoint
 from wayproof.models.sensors.caster import ROBOT_GROUP, make_caster
 from wayproof.models.sensors.devices import SensorConfig
@@ -108,10 +119,10 @@ def test_compiled_model_has_the_cited_figures():
     assert np.all(model.geom_group[own] == ROBOT_GROUP)
     assert np.all(model.geom_contype[own] == 0)
     assert np.all(model.geom_conaffinity[own] == 1)
-    for rotor, (x, y) in enumerate(zip(kernels.ROTOR_X, kernels.ROTOR_Y, strict=True)):
+    for rotor, (x, y) in enumerate(zip(ROTOR_X, ROTOR_Y, strict=True)):
         site = model.actuator_trnid[rotor, 0]
         np.testing.assert_allclose(model.site_pos[site], [0.14 * x, 0.18 * y, 0.0])
-        assert np.sign(model.actuator_gear[rotor, 5]) == kernels.ROTOR_SPIN[rotor]
+        assert np.sign(model.actuator_gear[rotor, 5]) == ROTOR_SPIN[rotor]
 
 
 def test_every_sensor_of_the_spec_is_in_the_model():
@@ -289,7 +300,7 @@ def test_drag_is_the_closed_form():
 def wrench(rotors):
     """Thrust and body torque of four rotor thrusts, from their lever arms."""
     total = np.zeros(4)
-    signs = zip(kernels.ROTOR_X, kernels.ROTOR_Y, kernels.ROTOR_SPIN, strict=True)
+    signs = zip(ROTOR_X, ROTOR_Y, ROTOR_SPIN, strict=True)
     for thrust, (x, y, spin) in zip(rotors, signs, strict=True):
         torque = np.cross([0.14 * x, 0.18 * y, 0.0], [0.0, 0.0, thrust])
         total += [thrust, torque[0], torque[1], spin * 0.0201 * thrust]
@@ -301,7 +312,7 @@ def test_mixer_keeps_limits_and_gives_up_yaw_first():
     for _ in range(2000):
         thrust = rng.uniform(-10.0, 80.0)
         torque = rng.normal(0.0, [3.0, 2.0, 1.0])
-        rotors = kernels.allocate(AIRFRAME, GAINS, thrust, torque)
+        rotors = allocate(AIRFRAME, GAINS, thrust, torque)
         assert rotors.min() >= 0.0
         assert rotors.max() <= 13.0
         got = wrench(rotors)
@@ -319,7 +330,7 @@ def test_mixer_gives_a_feasible_wrench_exactly():
     for _ in range(200):
         rotors = rng.uniform(4.0, 7.0, 4)
         demand = wrench(rotors)
-        given = kernels.allocate(AIRFRAME, GAINS, demand[0], demand[1:])
+        given = allocate(AIRFRAME, GAINS, demand[0], demand[1:])
         np.testing.assert_allclose(given, rotors, atol=1e-9)
 
 
@@ -329,9 +340,9 @@ def test_attitude_error_matches_the_matrix_formula_and_the_logarithm():
         desired, actual = Rotation.random(2, random_state=int(rng.integers(1 << 30))).as_matrix()
         skew = 0.5 * (desired.T @ actual - actual.T @ desired)
         naive = [skew[2, 1], skew[0, 2], skew[1, 0]]
-        np.testing.assert_allclose(kernels.attitude_error(desired, actual), naive, atol=1e-12)
+        np.testing.assert_allclose(attitude_error(desired, actual), naive, atol=1e-12)
     small = desired @ Rotation.from_rotvec([0.01, -0.02, 0.015]).as_matrix()
-    error = kernels.attitude_error(desired, small)
+    error = attitude_error(desired, small)
     np.testing.assert_allclose(error, [0.01, -0.02, 0.015], rtol=2e-4)
     logarithm = np.real(logm(desired.T @ small))
     np.testing.assert_allclose(error[2], logarithm[1, 0], rtol=2e-4)
@@ -346,33 +357,33 @@ def smooth_reference(t):
     return rows
 
 
-def demanded_rotation(t):
+def desired_rotation(t):
     reference = smooth_reference(t)
-    return kernels.demanded_attitude(reference[2, :3] + [0.0, 0.0, GRAVITY], reference[0, 3])
+    return desired_attitude(reference[2, :3] + [0.0, 0.0, GRAVITY], reference[0, 3])
 
 
 def test_demanded_rates_are_the_derivative_of_the_demanded_attitude():
     step = 1e-5
     for t in np.linspace(0.0, 5.0, 11):
         reference = smooth_reference(t)
-        R = demanded_rotation(t)
+        R = desired_rotation(t)
         lift = float(np.linalg.norm(reference[2, :3] + [0.0, 0.0, GRAVITY]))
-        rate, acceleration = kernels.demanded_rates(reference, R, lift)
-        change = demanded_rotation(t - step).T @ demanded_rotation(t + step)
+        rate, acceleration = desired_rates(reference, R, lift)
+        change = desired_rotation(t - step).T @ desired_rotation(t + step)
         measured = Rotation.from_matrix(change).as_rotvec() / (2 * step)
         np.testing.assert_allclose(rate, measured, atol=1e-6)
 
         def rate_at(time):
             ahead = smooth_reference(time)
             norm = float(np.linalg.norm(ahead[2, :3] + [0.0, 0.0, GRAVITY]))
-            return kernels.demanded_rates(ahead, demanded_rotation(time), norm)[0]
+            return desired_rates(ahead, desired_rotation(time), norm)[0]
 
         slope = (rate_at(t + step) - rate_at(t - step)) / (2 * step)
         np.testing.assert_allclose(acceleration[:2], slope[:2], atol=1e-4)
 
 
 def test_demanded_attitude_is_a_rotation_that_faces_the_heading():
-    R = kernels.demanded_attitude(np.array([1.0, -2.0, 9.0]), 0.8)
+    R = desired_attitude(np.array([1.0, -2.0, 9.0]), 0.8)
     np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-12)
     assert np.linalg.det(R) == pytest.approx(1.0)
     np.testing.assert_allclose(R[:, 2], np.array([1.0, -2.0, 9.0]) / np.sqrt(86.0), atol=1e-12)
@@ -383,7 +394,7 @@ def test_filter_is_four_equal_poles():
     slow = Smoothing(limits=(1e9,) * 4, heading_limits=(1e9,) * 4)
     reference = np.zeros((5, 4))
     for _ in range(101):
-        kernels.smooth_setpoint(slow, reference, np.array([1.0, 0.0, 0.0, 0.5]), TIMESTEP)
+        smooth_setpoint(slow, reference, np.array([1.0, 0.0, 0.0, 0.5]), TIMESTEP)
     x = 20.0 * 100 * TIMESTEP
     expected = 1.0 - np.exp(-x) * (1 + x + x**2 / 2 + x**3 / 6)  # step response of 1/(1+s/b)^4
     assert reference[0, 0] == pytest.approx(expected, abs=0.01)
@@ -394,7 +405,7 @@ def test_filter_lags_by_what_it_says():
     reference = np.zeros((5, 4))
     for tick in range(2000):
         target = np.array([1.5 * tick * TIMESTEP, 0.0, 0.0, 0.0])
-        kernels.smooth_setpoint(SMOOTHING, reference, target, TIMESTEP)
+        smooth_setpoint(SMOOTHING, reference, target, TIMESTEP)
     assert SMOOTHING.lag == pytest.approx(0.2)
     assert target[0] - reference[0, 0] == pytest.approx(1.5 * SMOOTHING.lag, abs=1e-6)
     np.testing.assert_allclose(reference[1:, 0], [1.5, 0.0, 0.0, 0.0], atol=1e-6)
@@ -404,7 +415,7 @@ def test_filter_keeps_its_limits():
     reference = np.zeros((5, 4))
     peaks = np.zeros(4)
     for _ in range(3000):
-        kernels.smooth_setpoint(SMOOTHING, reference, np.array([9.0, 5.0, 2.0, 0.0]), TIMESTEP)
+        smooth_setpoint(SMOOTHING, reference, np.array([9.0, 5.0, 2.0, 0.0]), TIMESTEP)
         peaks = np.maximum(peaks, np.linalg.norm(reference[1:, :3], axis=1))
     assert np.all(peaks <= np.multiply(SMOOTHING.limits, 1.02))
     assert peaks[0] > 2.9
@@ -413,34 +424,35 @@ def test_filter_keeps_its_limits():
 
 def test_kernels_equal_their_python():
     rng = np.random.default_rng(4)
-    names = [n for n in dir(kernels) if hasattr(getattr(kernels, n), "py_func")]
-    assert len(names) >= 12
-    state = dict(
-        reference=smooth_reference(0.4),
-        qpos=np.array([0.1, 0.2, 0.3, *Rotation.random(random_state=5).as_quat()]),
-        qvel=rng.normal(size=6),
-    )
+    quaternion = np.array([*Rotation.random(random_state=5).as_quat()])
+    pose, velocity = np.concatenate([[0.1, 0.2, 0.3], quaternion]), rng.normal(size=6)
     results = []
-    for run in (kernels.track, kernels.track.py_func):
-        integral, lag, command = np.zeros(3), np.full((2, 4), 3.0), np.zeros(4)
-        run(AIRFRAME, GAINS, *state.values(), integral, lag, TIMESTEP, command)
-        results.append(np.concatenate([integral, lag.ravel(), command]))
+    for run in (track, track.py_func):
+        memory, command = np.zeros(1, MEMORY).view(np.recarray), np.zeros(4)
+        memory[0].reference[:], memory[0].lag[:] = smooth_reference(0.4), 3.0
+        run(AIRFRAME, GAINS, memory[0], pose, velocity, TIMESTEP, command)
+        results.append(np.concatenate([memory[0].integral, memory[0].lag.ravel(), command]))
+    assert results[0][:3].any()
     np.testing.assert_allclose(results[0], results[1], rtol=1e-12)
     results = []
-    for run in (kernels.smooth_setpoint, kernels.smooth_setpoint.py_func):
+    for run in (smooth_setpoint, smooth_setpoint.py_func):
         reference = smooth_reference(0.4)
         run(SMOOTHING, reference, np.array([1.0, 2.0, 3.0, 9.0]), TIMESTEP)
         results.append(reference)
     np.testing.assert_allclose(results[0], results[1], rtol=1e-12)
-    R, torque = demanded_rotation(1.0), np.array([1.0, -0.5, 0.2])
+    results = []
+    for run in (rotation_from_quaternion, rotation_from_quaternion.py_func):
+        results.append(np.empty((3, 3)))
+        run(quaternion, results[-1])
+    np.testing.assert_allclose(results[0], results[1], rtol=1e-12)
+    R, torque = desired_rotation(1.0), np.array([1.0, -0.5, 0.2])
     rates = torque, 3.0 * torque
     for kernel, arguments in (
-        (kernels.rotation_matrix, (state["qpos"][3:],)),
-        (kernels.demanded_attitude, (np.array([1.0, 2.0, 9.0]), 0.3)),
-        (kernels.attitude_error, (R, demanded_rotation(1.1))),
-        (kernels.demanded_torque, (AIRFRAME, GAINS, R, demanded_rotation(1.1), rates, torque)),
-        (kernels.demanded_rates, (smooth_reference(1.0), R, 11.0)),
-        (kernels.allocate, (AIRFRAME, GAINS, 13.0, torque)),
-        (kernels.air_drag, (AIRFRAME, R, torque)),
+        (desired_attitude, (np.array([1.0, 2.0, 9.0]), 0.3)),
+        (attitude_error, (R, desired_rotation(1.1))),
+        (desired_torque, (AIRFRAME, GAINS, R, desired_rotation(1.1), rates, torque)),
+        (desired_rates, (smooth_reference(1.0), R, 11.0)),
+        (allocate, (AIRFRAME, GAINS, 13.0, torque)),
+        (air_drag, (AIRFRAME, R, torque)),
     ):
         np.testing.assert_allclose(kernel(*arguments), kernel.py_func(*arguments), rtol=1e-12)

@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 
 from wayproof.models.robots.packed import packed
-from wayproof.models.robots.quadruped import Quadruped, warm_up
-from wayproof.models.robots.quadruped.gait import advance, velocity_command
+from wayproof.models.robots.quadruped import Quadruped
+from wayproof.models.robots.quadruped.gait import advance
 from wayproof.models.robots.quadruped.parameters import (
     Actuators,
     Gait,
-    Geometry,
-    Legs,
     Parameters,
     Tracking,
 )
 from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from wayproof.models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
+from wayproof.models.robots.quadruped.tracking import velocity_command
 from wayproof.models.robots.robot import Setpoint
 
 QUADRUPED = Quadruped()
@@ -336,11 +335,11 @@ def test_swing_curves_start_and_end_where_they_should():
 def test_diagonal_pairs_alternate():
     memory, memories = record(MEMORY)
     _, observations = record(OBSERVATION)
-    body = packed(Gait()), packed(Geometry())
+    parameters = packed(Parameters(), timestep=TIMESTEP)
     seen = set()
     for _ in range(400):
         arguments = np.array([1.0, 0.0, 0.0]), np.zeros(4)
-        advance(*body, TIMESTEP, *arguments, observations, memories)
+        advance(parameters, *arguments, observations, memories)
         seen.add(tuple(int(s) for s in memory.swinging))
     assert seen == {(0, 0, 0, 0), (1, 0, 0, 1), (0, 1, 1, 0)}
 
@@ -350,20 +349,17 @@ def test_compiled_gait_and_torques_equal_python():
     observation, compiled, python = (
         np.zeros(1, dtype).view(np.recarray) for dtype in (OBSERVATION, MEMORY, MEMORY)
     )
-    gait, geometry, legs, motors = (
-        packed(part).view(np.recarray) for part in (Gait(), Geometry(), Legs(), Actuators())
-    )
+    parameters = packed(Parameters(), timestep=TIMESTEP).view(np.recarray)
     for name in OBSERVATION.names:
         observation[name][...] = rng.normal(scale=0.2, size=observation[name].shape)
     inputs = *(rng.normal(size=12) for _ in range(3)), rng.normal(size=(4, 3, 3))
     for _ in range(300):
-        step = gait, geometry, TIMESTEP, rng.normal(size=3), rng.uniform(0.0, 9.0, 4)
+        step = parameters, rng.normal(size=3), rng.uniform(0.0, 9.0, 4)
         advance(*step, observation, compiled)
         advance.py_func(*step, observation, python)
         torques = np.empty(12), np.empty(12)
-        limits = gait, legs, motors
-        joint_torques(*limits, *inputs, observation, compiled, torques[0])
-        joint_torques.py_func(*limits, *inputs, observation, python, torques[1])
+        joint_torques(parameters, *inputs, observation, compiled, torques[0])
+        joint_torques.py_func(parameters, *inputs, observation, python, torques[1])
         np.testing.assert_allclose(*torques, rtol=1e-10, atol=1e-12)
     for name in MEMORY.names:
         np.testing.assert_allclose(compiled[name], python[name], rtol=1e-10, atol=1e-12)
@@ -373,10 +369,6 @@ def test_other_parameters_reach_the_spec():
     spec = Quadruped(Parameters(gait=Gait(height=0.28))).spec
     assert spec.rest_height == 0.28
     assert spec.height < Quadruped().spec.height
-
-
-def test_warm_up_compiles():
-    warm_up()
 
 
 def test_whether_it_has_arrived_is_restored_from_logs_that_hold_it_apart(model):

@@ -8,6 +8,7 @@ from scipy.optimize import NonlinearConstraint, minimize
 from wayproof.models.robots.quadruped.admm import project, solve_forces
 from wayproof.models.robots.quadruped.mpc import GRAVITY, condense
 from wayproof.models.robots.quadruped.parameters import Prediction
+from wayproof.models.robots.quadruped.reference import Horizon
 
 MASS = 15.0
 INERTIA = np.array([[0.16, 0.0, -0.016], [0.0, 0.47, 0.0], [-0.016, 0.0, 0.52]])
@@ -59,7 +60,7 @@ def dense(upper):
 
 
 def condensed(prediction, inputs):
-    return condense(prediction, MASS, np.linalg.inv(INERTIA), *inputs)
+    return condense(prediction, MASS, np.linalg.inv(INERTIA), Horizon(*inputs))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -79,7 +80,7 @@ def test_program_is_the_simulated_cost(seed):
 def test_compiled_program_equals_python():
     prediction, inputs = Prediction(steps=4), problem(4, 1)
     compiled = condensed(prediction, inputs)
-    python = condense.py_func(prediction, MASS, np.linalg.inv(INERTIA), *inputs)
+    python = condense.py_func(prediction, MASS, np.linalg.inv(INERTIA), Horizon(*inputs))
     np.testing.assert_array_equal(compiled[0], python[0])
     for ours, theirs in zip(compiled[1:], python[1:], strict=True):
         upper = np.triu if ours.ndim == 2 else np.asarray

@@ -6,20 +6,17 @@ import mujoco
 import numpy as np
 import pytest
 
+from wayproof.models.robots.linear_algebra import rotation_from_quaternion
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped import Quadruped
 from wayproof.models.robots.quadruped.bindings import wire
-from wayproof.models.robots.quadruped.gait import (
-    foot_jacobian,
-    foot_position,
-    observe,
-    rotation_from_quaternion,
-)
+from wayproof.models.robots.quadruped.kinematics import foot_jacobian, foot_position, observe
 from wayproof.models.robots.quadruped.parameters import (
     JOINTS,
     LEGS,
     Actuators,
     Geometry,
+    Parameters,
     standing_joints,
 )
 from wayproof.models.robots.quadruped.state import OBSERVATION, record
@@ -128,7 +125,8 @@ def test_observation_matches_mujoco(model, seed):
     centre = R.T @ (data.subtree_com[base] - data.xpos[base])
     seen, records = record(OBSERVATION)
     joints = data.qpos[wiring.qpos], data.qvel[wiring.dofs]
-    observe(packed(GEOMETRY), centre, *joints, records)
+    parameters = packed(Parameters(), com_in_body=tuple(centre))
+    observe(parameters, *joints, records)
     np.testing.assert_allclose(seen.rotation, R, atol=1e-12)
     np.testing.assert_allclose(seen.com, data.subtree_com[base], atol=1e-12)
     np.testing.assert_allclose(seen.angular_velocity, R @ data.qvel[wiring.dofs][3:6], atol=1e-12)
@@ -145,11 +143,11 @@ def test_observation_matches_mujoco(model, seed):
 
 def test_compiled_observation_equals_python(model):
     data, wiring = random_state(model, 7)
-    arguments = np.zeros(3), data.qpos[wiring.qpos], data.qvel[wiring.dofs]
+    arguments = data.qpos[wiring.qpos], data.qvel[wiring.dofs]
     compiled, python = (np.zeros(1, OBSERVATION).view(np.recarray) for _ in range(2))
-    geometry = packed(GEOMETRY).view(np.recarray)
-    observe(geometry, *arguments, compiled)
-    observe.py_func(geometry, *arguments, python)
+    parameters = packed(Parameters(), com_in_body=(0.01, 0.02, -0.03)).view(np.recarray)
+    observe(parameters, *arguments, compiled)
+    observe.py_func(parameters, *arguments, python)
     for name in OBSERVATION.names:
         np.testing.assert_allclose(compiled[name], python[name], rtol=1e-13, atol=1e-15)
 

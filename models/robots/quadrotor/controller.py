@@ -8,25 +8,27 @@ import mujoco
 import numpy as np
 
 from wayproof.models.arrays import Array
+from wayproof.models.robots.linear_algebra import rotation_from_quaternion
 from wayproof.models.robots.packed import packed
-from wayproof.models.robots.quadrotor.kernels import air_drag, fly, rotation_matrix
+from wayproof.models.robots.quadrotor.drag import air_drag
+from wayproof.models.robots.quadrotor.flight import MEMORY, fly
 from wayproof.models.robots.quadrotor.model import ROTORS
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Parameters
 from wayproof.models.robots.robot import Setpoint
 
 
 class QuadrotorController:
-    """Tracks setpoints behind a filter, `parameters.smoothing.lag` seconds late.
+    """Controller that tracks setpoints behind a filter, `parameters.smoothing.lag` seconds late.
 
     Only the setpoint's position and heading are used: its rates, and the derivatives of the
     feed-forward, come out of the filter, so that they are consistent with one another.
 
     Attributes:
-        parameters: What it is tuned by.
+        parameters: Airframe, gains and smoothing.
         reference: (5, 4) tracked position, velocity, acceleration, jerk and snap by row, world
             frame; the fourth column is heading, unwrapped.
-        body: Its body id.
-        wind: (3,) velocity of the air, world frame, m/s; the plant's, unknown to the controller.
+        body: Body id of the base.
+        wind: (3,) velocity of the air, world frame, m/s; unknown to the control law.
     """
 
     def __init__(
@@ -39,14 +41,8 @@ class QuadrotorController:
         """
         self.parameters = parameters or Parameters()
         self.wind = np.zeros(3)
-        airframe, gains, smoothing = (
-            self.parameters.airframe,
-            self.parameters.gains,
-            self.parameters.smoothing,
-        )
-        self._packed = packed(airframe), packed(gains), packed(smoothing)
+        self._packed = packed(self.parameters, timestep=float(model.opt.timestep))
         self._model = model
-        self._timestep = float(model.opt.timestep)
         joint = model.joint(prefix + "root")
         position, velocity = int(joint.qposadr[0]), int(joint.dofadr[0])
         self.body = int(joint.bodyid[0])
@@ -60,11 +56,12 @@ class QuadrotorController:
 
     def _rest(self, position: Array, heading: float) -> None:
         hover = self.parameters.airframe.mass * GRAVITY / 4
-        self._data: mujoco.MjData | None = None  # that the kernel's arguments are of
-        self._integral = np.zeros(3)
-        self._lag = np.zeros((2, 4))
+        self._data: mujoco.MjData | None = None  # of the views
+        self._memory = np.zeros(1, MEMORY)
+        self._integral = self._memory["integral"][0]
+        self._lag = self._memory["lag"][0]
         self._lag[0] = hover
-        self.reference = np.zeros((5, 4))
+        self.reference = self._memory["reference"][0]
         self.reference[0] = *position, heading
 
     def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
@@ -81,7 +78,7 @@ class QuadrotorController:
         mujoco.mj_forward(self._model, data)
 
     def state(self) -> dict[str, Array]:
-        """Copies of what one step hands to the next; the rotors' thrust is the model's own."""
+        """Return copies of the state between steps; the rotors' thrust is the model's own."""
         return {
             "integral": self._integral.copy(),
             "lag": self._lag.copy(),
@@ -89,7 +86,7 @@ class QuadrotorController:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go on from what `state` returned, bit by bit."""
+        """Continue from what `state` returned, bit by bit."""
         self._integral[:] = state["integral"]
         self._lag[:] = state["lag"]
         self.reference[:] = state["reference"]
@@ -102,29 +99,30 @@ class QuadrotorController:
         """
         if data is not self._data:
             self._bind(data)
-        if not fly(setpoint.row, *self._flying):
+        if not fly(
+            setpoint.row,
+            self._packed,
+            self._memory,
+            self._pose,
+            self._velocity,
+            self.wind,
+            self._command,
+            self._drag,
+        ):
             raise ValueError(f"setpoint: got {setpoint}, expected finite numbers")
         self._written[self._controls] = self._command
 
     def _bind(self, data: mujoco.MjData) -> None:
-        """Put the kernel's arguments together; at every step that would take as long as it does."""
+        """Slice the simulation's arrays; at every step that would take as long as the kernel."""
         self._data, self._written = data, data.ctrl
-        self._flying = (
-            *self._packed,
-            self.reference,
-            data.qpos[self._qpos],
-            data.qvel[self._qvel],
-            self.wind,
-            self._integral,
-            self._lag,
-            self._timestep,
-            self._command,
-            data.xfrc_applied[self.body, :3],
-        )
+        self._pose = data.qpos[self._qpos]
+        self._velocity = data.qvel[self._qvel]
+        self._drag = data.xfrc_applied[self.body, :3]
 
     def apply_drag(self, data: mujoco.MjData) -> None:
-        """Write the plant's drag as the external force on the base; no part of control."""
-        R_world_body = rotation_matrix(data.qpos[self._qpos][3:])
+        """Write the drag on the body as the external force on the base; no part of control."""
+        R_world_body = np.empty((3, 3))
+        rotation_from_quaternion(data.qpos[self._qpos][3:], R_world_body)
         airspeed = data.qvel[self._qvel][:3] - self.wind
         data.xfrc_applied[self.body, :3] = air_drag(
             self.parameters.airframe, R_world_body, airspeed

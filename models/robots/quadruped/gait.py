@@ -1,227 +1,25 @@
-"""From the joints and what is asked for to where the feet should go, tick by tick.
-
-Where the body and the feet are; how fast the body should walk; when to stand and when to trot;
-which foot stands; and where the swinging ones land. In one file, because numba's cache does not
-notice when a kernel that another one calls changes elsewhere; in one compiled call a tick, because
-to call a kernel after a physics step takes longer than what it computes.
-"""
+"""Gait: when to stand and when to trot, which feet stand, and where the swinging ones land."""
 
 from __future__ import annotations
 
-from math import atan2, cos, floor, hypot, isfinite, pi, sin
+from math import atan2, cos, floor, hypot, pi, sin
 from typing import Any
-
-import numpy as np
 
 from wayproof.models._jit import kernel
 from wayproof.models.arrays import Array
-from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Tracking
+from wayproof.models.robots.quadruped.parameters import Gait, Geometry
 
 
 @kernel
-def follow(
-    asked: Array,
-    trackings: Any,
-    gaits: Any,
-    geometries: Any,
-    timestep: float,
-    com_in_body: Array,
-    qpos: Array,
-    qvel: Array,
-    touch: Array,
-    observations: Any,
-    memories: Any,
-) -> bool:
-    """One tick towards a setpoint: see where the body is, choose a velocity, carry the gait on.
+def begin(parameters: Any, observations: Any, memories: Any) -> None:
+    """Start from standing on all feet where they are.
 
     Args:
-        asked: (8,) the setpoint's row.
-        trackings: (1,) gains and limits of the velocity command, packed.
-        gaits: (1,) trot parameters, packed.
-        geometries: (1,) leg geometry, packed.
-        timestep: s.
-        com_in_body: (3,) base origin to centre of mass in the body frame, m.
-        qpos: (19,) free joint (position, quaternion wxyz), then 4 x (hip, thigh, calf).
-        qvel: (18,) linear velocity in the world, angular velocity in the body, joint rates.
-        touch: (4,) normal force on each foot, N.
-        observations: (1,) this tick's `OBSERVATION` record, to fill.
-        memories: (1,) `MEMORY` record, to carry on.
-
-    Returns:
-        Whether the setpoint was finite; nothing is carried on where it was not.
+        parameters: (1,) record of the controller's parameters.
+        observations: (1,) this tick's `OBSERVATION` record.
+        memories: (1,) `MEMORY` record, zeroed; filled.
     """
-    command = np.empty(3)
-    observe(geometries, com_in_body, qpos, qvel, observations)
-    observation, memory = observations[0], memories[0]
-    if not velocity_command(
-        trackings[0], gaits[0].standing_speed, asked, observation, memory, command
-    ):
-        return False
-    advance(gaits, geometries, timestep, command, touch, observations, memories)
-    return True
-
-
-@kernel
-def observe(
-    geometries: Any, com_in_body: Array, qpos: Array, qvel: Array, observations: Any
-) -> None:
-    """Fill the `OBSERVATION` record.
-
-    Args:
-        geometries: (1,) leg geometry, packed.
-        com_in_body: (3,) base origin to centre of mass in the body frame, m.
-        qpos: (19,) free joint (position, quaternion wxyz), then 4 x (hip, thigh, calf).
-        qvel: (18,) linear velocity in the world, angular velocity in the body, joint rates.
-        observations: (1,) record to fill.
-    """
-    geometry, observation = geometries[0], observations[0]
-    R = observation.rotation
-    rotation_from_quaternion(qpos[3:7], R)
-    observation.angles[0] = atan2(R[2, 1], R[2, 2])
-    observation.angles[1] = -atan2(R[2, 0], hypot(R[0, 0], R[1, 0]))
-    observation.angles[2] = atan2(R[1, 0], R[0, 0])
-    _rotate(R, qvel[3:6], observation.angular_velocity)
-    _rotate(R, com_in_body, observation.lever)
-    for i in range(3):
-        observation.position[i] = qpos[i]
-        observation.com[i] = qpos[i] + observation.lever[i]
-    _add_cross(qvel[:3], observation.angular_velocity, observation.lever, observation.com_velocity)
-    for leg in range(4):
-        _observe_foot(geometry, leg, qpos, qvel, observation)
-
-
-@kernel
-def _observe_foot(geometry: Geometry, leg: int, qpos: Array, qvel: Array, observation: Any) -> None:
-    in_body = np.empty(3)
-    jacobian = np.empty((3, 3))
-    arm = np.empty(3)
-    relative = np.empty(3)
-    joint = 3 * leg
-    foot_position(geometry, leg, qpos[7 + joint : 10 + joint], in_body)
-    foot_jacobian(geometry, leg, qpos[7 + joint : 10 + joint], jacobian)
-    _rotate(observation.rotation, in_body, arm)
-    for i in range(3):
-        relative[i] = qvel[i]
-        observation.foot[leg, i] = qpos[i] + arm[i]
-        for j in range(3):
-            entry = 0.0
-            for k in range(3):
-                entry += observation.rotation[i, k] * jacobian[k, j]
-            observation.jacobian[leg, i, j] = entry
-            relative[i] += entry * qvel[6 + joint + j]
-    _add_cross(relative, observation.angular_velocity, arm, observation.foot_velocity[leg])
-
-
-@kernel
-def rotation_from_quaternion(quaternion: Array, R: Array) -> None:
-    """R_world_body (3, 3) of a unit quaternion wxyz (4,)."""
-    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-
-
-@kernel
-def foot_position(geometry: Geometry, leg: int, joints: Array, position: Array) -> None:
-    """Foot centre (3,) in the body frame for hip, thigh and calf angles (3,)."""
-    front, side = 1.0 - 2.0 * (leg // 2), 1.0 - 2.0 * (leg % 2)
-    outward = side * geometry.thigh_y
-    thigh, shank = joints[1], joints[1] + joints[2]
-    forward = -geometry.thigh_length * sin(thigh) - geometry.calf_length * sin(shank)
-    upward = -geometry.thigh_length * cos(thigh) - geometry.calf_length * cos(shank)
-    position[0] = front * geometry.hip_x + forward
-    position[1] = side * geometry.hip_y + cos(joints[0]) * outward - sin(joints[0]) * upward
-    position[2] = sin(joints[0]) * outward + cos(joints[0]) * upward
-
-
-@kernel
-def foot_jacobian(geometry: Geometry, leg: int, joints: Array, jacobian: Array) -> None:
-    """Derivative (3, 3) of `foot_position` by the joint angles, body frame, m/rad."""
-    outward = (1.0 - 2.0 * (leg % 2)) * geometry.thigh_y
-    s, c = sin(joints[0]), cos(joints[0])
-    thigh, shank = joints[1], joints[1] + joints[2]
-    upward = -geometry.thigh_length * cos(thigh) - geometry.calf_length * cos(shank)
-    forward_by_calf = -geometry.calf_length * cos(shank)
-    upward_by_calf = geometry.calf_length * sin(shank)
-    upward_by_thigh = geometry.thigh_length * sin(thigh) + upward_by_calf
-    jacobian[0, 0], jacobian[0, 1], jacobian[0, 2] = 0.0, upward, forward_by_calf
-    jacobian[1, 0], jacobian[1, 1] = -s * outward - c * upward, -s * upward_by_thigh
-    jacobian[2, 0], jacobian[2, 1] = c * outward - s * upward, c * upward_by_thigh
-    jacobian[1, 2], jacobian[2, 2] = -s * upward_by_calf, c * upward_by_calf
-
-
-@kernel
-def _rotate(R: Array, vector: Array, rotated: Array) -> None:
-    for i in range(3):
-        rotated[i] = R[i, 0] * vector[0] + R[i, 1] * vector[1] + R[i, 2] * vector[2]
-
-
-@kernel
-def _add_cross(start: Array, a: Array, b: Array, total: Array) -> None:
-    """Total = start + a x b."""
-    total[0] = start[0] + a[1] * b[2] - a[2] * b[1]
-    total[1] = start[1] + a[2] * b[0] - a[0] * b[2]
-    total[2] = start[2] + a[0] * b[1] - a[1] * b[0]
-
-
-@kernel
-def velocity_command(
-    tracking: Tracking,
-    resting_speed: float,
-    asked: Array,
-    observation: Any,
-    memory: Any,
-    command: Array,
-) -> bool:
-    """Velocity feed-forward plus proportional feedback, clipped to what the gait can do.
-
-    A setpoint at rest counts as reached inside a small circle and as lost outside a larger one,
-    so that the robot stands still there instead of stepping after millimetres.
-
-    Args:
-        tracking: Gains and limits.
-        resting_speed: A setpoint slower than this is at rest, m/s and rad/s.
-        asked: (8,) the setpoint's row.
-        observation: Where the body is.
-        memory: Whether it has arrived; updated.
-        command: (3,) forward m/s, left m/s and yaw rate rad/s, in the base's yaw frame; output.
-
-    Returns:
-        Whether the setpoint is finite.
-    """
-    yaw = observation.angles[2]
-    dx, dy = asked[0] - observation.position[0], asked[1] - observation.position[1]
-    vx, vy, rate = asked[3], asked[4], asked[7]
-    if not isfinite(asked[0] + asked[1] + vx + vy + asked[6] + rate):
-        return False
-    turn = asked[6] - yaw
-    turn = atan2(sin(turn), cos(turn))
-    moving = max(hypot(vx, vy), abs(rate)) > resting_speed
-    memory.arrived = not moving and _is_there(tracking, memory.arrived, hypot(dx, dy), abs(turn))
-    if memory.arrived:
-        command[:] = 0.0
-        return True
-    vx += tracking.position_gain * dx
-    vy += tracking.position_gain * dy
-    rate += tracking.heading_gain * turn
-    c, s = cos(yaw), sin(yaw)
-    command[0] = min(max(c * vx + s * vy, tracking.forward_low), tracking.forward_high)
-    command[1] = min(max(c * vy - s * vx, -tracking.lateral), tracking.lateral)
-    command[2] = min(max(rate, -tracking.yaw_rate), tracking.yaw_rate)
-    return True
-
-
-@kernel
-def _is_there(tracking: Tracking, arrived: bool, distance: float, angle: float) -> bool:
-    if arrived:
-        return distance < tracking.depart_distance and angle < tracking.depart_angle
-    return distance < tracking.arrive_distance and angle < tracking.arrive_angle
-
-
-@kernel
-def begin(geometries: Any, observations: Any, memories: Any) -> None:
-    """Start from standing on all feet where they are; the memory comes zeroed. Arrays (1,)."""
-    geometry, observation, memory = geometries[0], observations[0], memories[0]
+    geometry, observation, memory = parameters[0].geometry, observations[0], memories[0]
     memory.reference[0] = observation.position[0]
     memory.reference[1] = observation.position[1]
     memory.reference[2] = observation.angles[2]
@@ -233,26 +31,19 @@ def begin(geometries: Any, observations: Any, memories: Any) -> None:
 
 @kernel
 def advance(
-    gaits: Any,
-    geometries: Any,
-    timestep: float,
-    command: Array,
-    touch: Array,
-    observations: Any,
-    memories: Any,
+    parameters: Any, command: Array, touch: Array, observations: Any, memories: Any
 ) -> None:
-    """Carry the `MEMORY` record one tick on.
+    """Advance the `MEMORY` record by one tick.
 
     Args:
-        gaits: (1,) trot parameters, packed.
-        geometries: (1,) leg geometry, packed.
-        timestep: s.
+        parameters: (1,) record of the controller's parameters.
         command: (3,) forward m/s, left m/s, yaw rate rad/s, in the base's yaw frame.
         touch: (4,) normal force on each foot, N.
         observations: (1,) this tick's `OBSERVATION` record.
-        memories: (1,) record to carry on.
+        memories: (1,) record to advance.
     """
-    gait, geometry, observation, memory = gaits[0], geometries[0], observations[0], memories[0]
+    gait, geometry, timestep = parameters[0].gait, parameters[0].geometry, parameters[0].timestep
+    observation, memory = observations[0], memories[0]
     _slew(gait, timestep, command, memory)
     _choose_mode(gait, timestep, observation, memory)
     _estimate_ground(geometry, timestep / gait.ground_time, memory)
@@ -272,7 +63,7 @@ def _slew(gait: Gait, timestep: float, command: Array, memory: Any) -> None:
 
 @kernel
 def _choose_mode(gait: Gait, timestep: float, observation: Any, memory: Any) -> None:
-    """Trot on a command or off balance; back to standing once calm, when a stride ends."""
+    """Trot on a command or off balance; stand again once calm, when a stride ends."""
     if _commanded(gait, memory.command) or _off_balance(gait, observation):
         memory.calm_time = 0.0
         if not memory.walking:
@@ -291,7 +82,7 @@ def _choose_mode(gait: Gait, timestep: float, observation: Any, memory: Any) -> 
 
 @kernel
 def _awaits_touch_down(gait: Gait, timestep: float, memory: Any) -> bool:
-    """Hold the phase while one pair is about to lift off and the other has not met the ground.
+    """Return whether to hold the phase: one pair is about to lift off and the other hangs.
 
     The schedule waits for the event (Bledt et al. 2018, "Contact model fusion for event-based
     locomotion in unstructured terrains"), so that a step down does not leave the body on no foot.
@@ -315,7 +106,7 @@ def _commanded(gait: Gait, command: Array) -> bool:
 
 @kernel
 def _off_balance(gait: Gait, observation: Any) -> bool:
-    """Whether the capture point (Pratt et al. 2006) leaves the middle of the feet."""
+    """Return whether the capture point (Pratt et al. 2006) leaves the middle of the feet."""
     dx, dy = observation.com[0], observation.com[1]
     for leg in range(4):
         dx -= 0.25 * observation.foot[leg, 0]
@@ -350,7 +141,7 @@ def _estimate_ground(geometry: Geometry, share: float, memory: Any) -> None:
 
 @kernel
 def _move_reference(gait: Gait, timestep: float, observation: Any, memory: Any) -> None:
-    """Integrate the command to a pose on a leash: this removes the steady error in velocity."""
+    """Integrate the command to a pose near the body, which removes the steady velocity error."""
     yaw = observation.angles[2]
     reference = memory.reference
     if memory.walking:

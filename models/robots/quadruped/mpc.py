@@ -1,4 +1,4 @@
-"""Convex model-predictive control of the ground forces (Di Carlo et al. 2018), condensed.
+"""Convex model-predictive control of ground forces (Di Carlo et al. 2018), condensed.
 
 The body is one rigid body with small roll and pitch; a force f on a foot in contact during one
 step of the horizon changes velocity by f dt / m and angular velocity by I^-1 (r x f) dt. States
@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from wayproof.models._jit import kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Prediction
+from wayproof.models.robots.quadruped.reference import Horizon
 
 Slots = NDArray[np.int64]
 
 GRAVITY = 9.81
+"""Acceleration of free fall, m/s^2."""
 
 
 @kernel
@@ -27,26 +29,21 @@ def condense(
     prediction: Prediction,
     mass: float,
     inverse_inertia: Array,
-    state: Array,
-    reference: Array,
-    contact: NDArray[np.bool_],
-    lever: Array,
+    horizon: Horizon,
 ) -> tuple[Slots, Array, Array]:
-    """The quadratic program that steers `state` along `reference` over a horizon of n steps.
+    """Build the quadratic program that steers the state along the reference over n steps.
 
     Args:
         prediction: Weights and horizon.
         mass: kg.
         inverse_inertia: (3, 3) about the centre of mass, body frame, 1/(kg m^2).
-        state: (12,) roll, pitch, yaw; centre of mass; angular velocity; velocity (world, SI).
-        reference: (n, 12) the same at the end of each step.
-        contact: (n, 4) whether the foot stands during the step.
-        lever: (n, 4, 3) from the centre of mass to the foot, world, m.
+        horizon: State, reference, contacts and lever arms.
 
     Returns:
         (m, 2) step and leg of every force that exists, the upper triangle of H (3 m, 3 m), and
         g (3 m,).
     """
+    state, reference, contact, lever = horizon
     slots = _slots(contact)
     spin, turn = _angular_maps(slots, state[2], inverse_inertia, lever)
     hessian = _hessian(prediction, mass, slots, spin, turn)
@@ -56,7 +53,7 @@ def condense(
 
 @kernel
 def _slots(contact: NDArray[np.bool_]) -> Slots:
-    """(step, leg) of every force that exists, (m, 2)."""
+    """Return step and leg of every force that exists, (m, 2)."""
     slots = np.empty((contact.size, 2), np.int64)
     count = 0
     for step in range(contact.shape[0]):
@@ -72,7 +69,7 @@ def _slots(contact: NDArray[np.bool_]) -> Slots:
 def _angular_maps(
     slots: Slots, yaw: float, inverse_inertia: Array, lever: Array
 ) -> tuple[Array, Array]:
-    """Per slot I^-1 [r]x in the world, and Rz' of it, which drives the angles (eq. 12, 17)."""
+    """Return per slot I^-1 [r]x, world, and Rz' of it, which drives the angles (eq. 12, 17)."""
     c, s = cos(yaw), sin(yaw)
     Rz = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     inverse_world = np.zeros((3, 3))
@@ -96,7 +93,7 @@ def _angular_maps(
 
 @kernel
 def _overlaps(steps: int, step_time: float) -> tuple[Array, Array]:
-    """(n, n) sums over the horizon of how two steps' forces move positions and velocities.
+    """Return (n, n) sums over the horizon of how two steps' forces move positions and velocities.
 
     A force during step i moves the position at the end of step k - 1 by (k - i - 1/2) dt^2 / m.
     """
@@ -114,7 +111,7 @@ def _overlaps(steps: int, step_time: float) -> tuple[Array, Array]:
 def _hessian(
     prediction: Prediction, mass: float, slots: Slots, spin: Array, turn: Array
 ) -> Array:  # (3 m, 3 m)
-    """Upper triangle (by 3 x 3 blocks) of H."""
+    """Return the upper triangle (by 3 x 3 blocks) of H."""
     position, velocity = _overlaps(prediction.steps, prediction.step_time)
     turn_weighted = turn * np.array(prediction.weight_angle).reshape(3, 1)
     spin_weighted = spin * np.array(prediction.weight_angular_velocity).reshape(3, 1)
@@ -140,7 +137,7 @@ def _hessian(
 
 @kernel
 def _free_errors(prediction: Prediction, state: Array, reference: Array) -> Array:  # (n, 12)
-    """Weighted errors of the body that no foot holds: constant velocity, and gravity."""
+    """Return weighted errors of a body without ground forces: constant velocity and gravity."""
     c, s = cos(state[2]), sin(state[2])
     rates = (c * state[6] + s * state[7], c * state[7] - s * state[6], state[8])
     errors = np.empty_like(reference)
@@ -173,15 +170,15 @@ def _gradient(
 ) -> Array:  # (3 m,)
     errors = _free_errors(prediction, state, reference)
     dt = prediction.step_time
-    felt = np.zeros((len(errors), 12))  # errors as a force in each step feels them
+    effect = np.zeros((len(errors), 12))  # errors weighted by the effect of each step's force
     for step in range(len(errors)):
         for k in range(step, len(errors)):
             for i in range(6):
-                felt[step, i] += (k - step + 0.5) * dt * dt * errors[k, i]
-                felt[step, 6 + i] += dt * errors[k, 6 + i]
+                effect[step, i] += (k - step + 0.5) * dt * dt * errors[k, i]
+                effect[step, 6 + i] += dt * errors[k, 6 + i]
     gradient = np.empty(3 * len(slots))
     for s in range(len(slots)):
-        e = felt[slots[s, 0]]
+        e = effect[slots[s, 0]]
         for j in range(3):
             total = (e[3 + j] + e[9 + j]) / mass
             for i in range(3):

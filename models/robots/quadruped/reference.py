@@ -1,44 +1,54 @@
-"""What the prediction needs to know of the future: reference, contacts and lever arms."""
+"""Prediction horizon: reference states, contacts and lever arms."""
 
 from __future__ import annotations
 
 from math import cos, floor, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
 from wayproof.models.arrays import Array
-from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Prediction
+from wayproof.models.robots.quadruped.parameters import Gait, Geometry
 
 
-@kernel
-def look_ahead(
-    gaits: Any,
-    prediction: Prediction,
-    geometries: Any,
-    observations: Any,
-    memories: Any,
-    state: Array,
-    reference: Array,
-    contact: NDArray[np.bool_],
-    lever: Array,
-) -> None:
-    """Fill the inputs of the predictive controller over its horizon of n steps.
+class Horizon(NamedTuple):
+    """Inputs of the predictive controller over n steps.
 
-    Args:
-        gaits: (1,) trot parameters, packed.
-        prediction: Horizon.
-        geometries: (1,) leg geometry, packed.
-        observations: (1,) this tick's `OBSERVATION` record.
-        memories: (1,) `MEMORY` record.
-        state: (12,) now: roll, pitch, yaw, centre of mass, angular velocity, velocity.
+    Attributes:
+        state: (12,) now: roll, pitch, yaw, centre of mass, angular velocity, velocity; world, SI.
         reference: (n, 12) the same at the end of each step.
         contact: (n, 4) whether the foot stands during the step.
         lever: (n, 4, 3) from the centre of mass to the foot at the start of the step, world, m.
     """
-    gait, geometry, observation, memory = gaits[0], geometries[0], observations[0], memories[0]
+
+    state: Array
+    reference: Array
+    contact: NDArray[np.bool_]
+    lever: Array
+
+    @classmethod
+    def zeros(cls, steps: int) -> Horizon:
+        """Return a horizon of `steps` steps, to be filled."""
+        contact = np.zeros((steps, 4), np.bool_)
+        return cls(np.zeros(12), np.zeros((steps, 12)), contact, np.zeros((steps, 4, 3)))
+
+
+@kernel
+def predict_horizon(parameters: Any, observations: Any, memories: Any, horizon: Horizon) -> None:
+    """Fill the inputs of the predictive controller.
+
+    Args:
+        parameters: (1,) record of the controller's parameters.
+        observations: (1,) this tick's `OBSERVATION` record.
+        memories: (1,) `MEMORY` record.
+        horizon: Is written.
+    """
+    gait, geometry = parameters[0].gait, parameters[0].geometry
+    prediction = parameters[0].prediction
+    observation, memory = observations[0], memories[0]
+    state, reference, contact, lever = horizon
     for i in range(3):
         state[i] = observation.angles[i]
         state[3 + i] = observation.com[i]
@@ -55,7 +65,7 @@ def look_ahead(
                 contact[step, leg] |= step == 0
             elif memory.leg_phase[leg] * gait.period > prediction.late_contact:
                 contact[step, leg] &= step > 0 or memory.swinging[leg] == 1
-            _foot_then(gait, geometry, leg, time, observation, memory, lever[step, leg])
+            _predict_foot(gait, geometry, leg, time, observation, memory, lever[step, leg])
             for i in range(2):
                 lever[step, leg, i] -= observation.com[i] + time * observation.com_velocity[i]
             lever[step, leg, 2] -= observation.com[2]
@@ -65,7 +75,7 @@ def look_ahead(
 def _reference(
     gait: Gait, step_time: float, observation: Any, memory: Any, reference: Array
 ) -> None:
-    """Carry the reference pose on along the commanded arc, level with the ground."""
+    """Extend the reference pose along the commanded arc, level with the ground."""
     forward, left, rate = memory.command[0], memory.command[1], memory.command[2]
     x = memory.reference[0] + observation.lever[0]
     y = memory.reference[1] + observation.lever[1]
@@ -87,7 +97,7 @@ def _reference(
 
 
 @kernel
-def _foot_then(
+def _predict_foot(
     gait: Gait,
     geometry: Geometry,
     leg: int,
@@ -96,7 +106,7 @@ def _foot_then(
     memory: Any,
     foot: Array,
 ) -> None:
-    """Where the foot stands `time` from now: here, on its foothold, or under the hip by then."""
+    """Write where the foot stands in `time` s: here, on its foothold, or under the hip by then."""
     phase = memory.leg_phase[leg] + time / gait.period
     stance_over = 2.0 if memory.swinging[leg] else 1.0
     if memory.walking and phase >= stance_over:

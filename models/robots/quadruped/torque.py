@@ -1,4 +1,4 @@
-"""Joint torques: standing feet push as planned, swinging feet follow a curve."""
+"""Joint torques: stance feet push as planned, swing feet follow a curve."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from wayproof.models.robots.quadruped.parameters import Actuators, Gait, Legs
 
 @kernel
 def joint_torques(
-    gaits: Any,
-    gains: Any,
-    motors: Any,
+    parameters: Any,
     joint_velocity: Array,
     bias: Array,
     passive: Array,
@@ -24,21 +22,19 @@ def joint_torques(
     memories: Any,
     torque: Array,
 ) -> None:
-    """Fill the torques of one tick.
+    """Compute the torques of one tick.
 
     Args:
-        gaits: (1,) trot parameters, packed.
-        gains: (1,) of the legs, packed.
-        motors: (1,) torque and speed limits, packed.
+        parameters: (1,) record of the controller's parameters.
         joint_velocity: (12,) rad/s.
         bias: (12,) torque that gravity and Coriolis forces need, Nm.
         passive: (12,) torque of springs and dampers in the joints, Nm.
         leg_inertia: (4, 3, 3) joint-space inertia of each leg, kg m^2.
         observations: (1,) this tick's `OBSERVATION` record.
         memories: (1,) `MEMORY` record.
-        torque: (12,) output, Nm.
+        torque: (12,) Nm; written.
     """
-    gait, legs, actuators = gaits[0], gains[0], motors[0]
+    gait, legs, actuators = parameters[0].gait, parameters[0].legs, parameters[0].actuators
     observation, memory = observations[0], memories[0]
     force = np.empty(3)
     acceleration = np.empty(3)

@@ -14,8 +14,8 @@ from wayproof.harness.bench.trials.terrain import COURSE_END, FIRST, TERRAINS, B
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped import Quadruped, warm_up
 from wayproof.models.robots.quadruped.gait import advance
-from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Prediction
-from wayproof.models.robots.quadruped.reference import look_ahead
+from wayproof.models.robots.quadruped.parameters import Gait, Parameters, Prediction
+from wayproof.models.robots.quadruped.reference import Horizon, predict_horizon
 from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
 from wayproof.models.robots.quadruped.torque import limit_torque
 
@@ -229,7 +229,7 @@ def hanging_in_the_air():
     memory, memories = record(MEMORY)
     observation, observations = record(OBSERVATION)
     observation.rotation[:] = np.eye(3)
-    step = packed(Gait()), packed(Geometry()), 0.002, np.array([0.5, 0.0, 0.0])
+    step = packed(Parameters(), timestep=0.002), np.array([0.5, 0.0, 0.0])
     while not memory.waited:
         touch = np.where(memory.swinging.any(), 0.0, 50.0) * np.ones(4)
         touch[0] = 0.0  # one foot never meets the ground
@@ -254,12 +254,10 @@ def test_lift_off_waits_for_a_late_foot_but_not_for_ever():
 
 
 def test_a_late_foot_bears_nothing_now():
-    _, memory, records = hanging_in_the_air()
-    prediction = Prediction()
-    n = prediction.steps
-    contact = np.zeros((n, 4), np.bool_)
-    outputs = np.zeros(12), np.zeros((n, 12)), contact, np.zeros((n, 4, 3))
-    look_ahead(packed(Gait()), prediction, packed(Geometry()), *records, *outputs)
+    (parameters, _), memory, records = hanging_in_the_air()
+    horizon = Horizon.zeros(Prediction().steps)
+    predict_horizon(parameters, *records, horizon)
+    contact = horizon.contact
     late = memory.touching == 0
     assert late.any()
     np.testing.assert_array_equal(contact[0], ~late)

@@ -1,0 +1,148 @@
+"""Geometric tracking control on SE(3), with feed-forward to snap.
+
+Lee, Leok and McClamroch, "Geometric tracking control of a quadrotor UAV on SE(3)", CDC 2010 (LLM
+below); feed-forward after Mellinger and Kumar, "Minimum snap trajectory generation and control for
+quadrotors", ICRA 2011. World z up, body x forward and z along the thrust.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+
+import numpy as np
+
+from wayproof.models._jit import kernel
+from wayproof.models.arrays import Array
+from wayproof.models.robots.linear_algebra import cross, dot
+from wayproof.models.robots.quadrotor.drag import air_drag
+from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains
+
+
+@kernel
+def desired_force(
+    airframe: Airframe,
+    gains: Gains,
+    reference: Array,
+    position: Array,
+    velocity: Array,
+    R_world_body: Array,
+    integral: Array,
+    timestep: float,
+) -> Array:  # (3,)
+    """Compute thrust over mass for position tracking, world frame, m/s^2: LLM equation 12.
+
+    An integral (updated here) and the drag expected at the reference velocity are added.
+    """
+    demand = np.empty(3)
+    for i in range(3):
+        error = reference[0, i] - position[i]
+        error = min(max(error, -gains.position_limit), gains.position_limit)
+        total = integral[i] + timestep * gains.integral * error
+        integral[i] = min(max(total, -gains.integral_limit), gains.integral_limit)
+        demand[i] = reference[2, i] + gains.position[i] * error + integral[i]
+        demand[i] += gains.velocity[i] * (reference[1, i] - velocity[i])
+    demand -= air_drag(airframe, R_world_body, reference[1, :3]) / airframe.mass
+    demand[2] = max(demand[2] + GRAVITY, gains.least_lift * GRAVITY)
+    return demand
+
+
+@kernel
+def desired_attitude(force: Array, heading: float) -> Array:  # (3, 3)
+    """Return R_world_desired: z along the force, x nearest to the heading (LLM section IV)."""
+    R = np.empty((3, 3))
+    z = force / sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+    y_x, y_y, y_z = -z[2] * sin(heading), z[2] * cos(heading), z[0] * sin(heading)
+    y_z -= z[1] * cos(heading)
+    norm = sqrt(y_x**2 + y_y**2 + y_z**2)
+    R[:, 2] = z
+    R[0, 1], R[1, 1], R[2, 1] = y_x / norm, y_y / norm, y_z / norm
+    cross(R[:, 1], R[:, 2], R[:, 0])
+    return R
+
+
+@kernel
+def desired_rates(
+    reference: Array, R_world_desired: Array, lift: float
+) -> tuple[Array, Array]:  # (3,), (3,)
+    """Compute angular velocity and acceleration of the desired attitude, in its own axes.
+
+    The derivatives of `lift * z = acceleration + gravity` are jerk and snap; their parts across z
+    turn z (Mellinger and Kumar, section III). About z, the heading's rate is kept by
+    `y . (cos heading, sin heading, 0) = 0` and its derivative.
+
+    Args:
+        reference: (5, 4) of `smooth_setpoint`.
+        R_world_desired: (3, 3).
+        lift: Norm of thrust over mass, m/s^2.
+    """
+    x, y, z = R_world_desired[:, 0], R_world_desired[:, 1], R_world_desired[:, 2]
+    jerk, snap = reference[3, :3], reference[4, :3]
+    rate, acceleration = np.empty(3), np.empty(3)
+    c, s = cos(reference[0, 3]), sin(reference[0, 3])
+    x_along, y_across = x[0] * c + x[1] * s, y[1] * c - y[0] * s
+    rate[0], rate[1] = -dot(jerk, y) / lift, dot(jerk, x) / lift
+    rate[2] = (reference[1, 3] * y_across + rate[0] * (z[0] * c + z[1] * s)) / x_along
+    stretch = 2.0 * dot(jerk, z) / lift
+    acceleration[0] = -dot(snap, y) / lift - stretch * rate[0] + rate[1] * rate[2]
+    acceleration[1] = dot(snap, x) / lift - stretch * rate[1] - rate[0] * rate[2]
+    acceleration[2] = reference[2, 3] * y_across / x_along
+    return rate, acceleration
+
+
+@kernel
+def attitude_error(R_world_desired: Array, R_world_body: Array) -> Array:  # (3,)
+    """Return half the vee of R_d^T R - R^T R_d, in body axes: LLM equation 10."""
+    error = np.empty(3)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        error[i] = 0.5 * (
+            dot(R_world_desired[:, k], R_world_body[:, j])
+            - dot(R_world_desired[:, j], R_world_body[:, k])
+        )
+    return error
+
+
+@kernel
+def desired_torque(
+    airframe: Airframe,
+    gains: Gains,
+    R_world_desired: Array,
+    R_world_body: Array,
+    rates: tuple[Array, Array],
+    angular_velocity: Array,
+) -> Array:  # (3,)
+    """Compute the body torque, Nm: LLM equation 16, with gains multiplied by the inertia.
+
+    Roll and pitch are limited together: one rotor at its least thrust would otherwise force the
+    collective up, the climb would take lift from the desired force, and less lift asks for
+    faster turns.
+
+    Args:
+        airframe: Body.
+        gains: Gains of attitude and rate.
+        R_world_desired: (3, 3).
+        R_world_body: (3, 3).
+        rates: Angular velocity and acceleration by `desired_rates`.
+        angular_velocity: (3,) body axes, rad/s.
+    """
+    rate, acceleration = np.empty(3), np.empty(3)  # the same in body axes
+    momentum = np.empty(3)
+    for i in range(3):
+        rate[i] = acceleration[i] = 0.0
+        momentum[i] = airframe.inertia[i] * angular_velocity[i]
+        for j in range(3):
+            turn = dot(R_world_body[:, i], R_world_desired[:, j])
+            rate[i] += turn * rates[0][j]
+            acceleration[i] += turn * rates[1][j]
+    error = attitude_error(R_world_desired, R_world_body)
+    gyroscopic, transport = np.empty(3), np.empty(3)
+    cross(angular_velocity, momentum, gyroscopic)
+    cross(angular_velocity, rate, transport)
+    torque = np.empty(3)
+    for i in range(3):
+        angular = acceleration[i] - transport[i] - gains.attitude[i] * error[i]
+        angular -= gains.rate[i] * (angular_velocity[i] - rate[i])
+        torque[i] = airframe.inertia[i] * angular + gyroscopic[i]
+    spread = 0.25 * (abs(torque[0]) / airframe.arm_y + abs(torque[1]) / airframe.arm_x)
+    torque[:2] *= min(1.0, gains.tilt_share * airframe.thrust_max / max(spread, 1e-9))
+    return torque
