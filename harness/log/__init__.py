@@ -1,1 +1,1 @@
-"""Logs: records and messages, written and read, and what can be saved of a broken file."""
+"""Logs: writing, reading, copying and recovery."""

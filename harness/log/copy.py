@@ -1,4 +1,4 @@
-"""Writing a log from another one: without what its seed gives again, or what of it is readable."""
+"""Copies of a log: thinned to its decisions, or of the readable part."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 GUIDE_PERIOD_NS = 1_000_000_000
-"""Simulated time for which a log of decisions leaves out global paths that were kept."""
+"""Simulated time between the kept global paths that a log of decisions holds, ns."""
 
 TOPICS: dict[type[Message], str] = {
     pb.Pose: "/pose",
@@ -26,15 +26,15 @@ TOPICS: dict[type[Message], str] = {
     pb.Streams: "/streams",
     pb.Perturbation: "/perturbation",
 }
-"""Where each sort of message stands in a log, those of sensors apart."""
+"""Topic of each message type but those of sensors."""
 
 
 def thin(path: Path, target: Path | None = None) -> None:
-    """Leave out of a finished log what its seed gives again: sweeps, states and most global paths.
+    """Remove from a finished log what its seed reproduces: sweeps, states and most global paths.
 
     Args:
         path: The log.
-        target: Name of the new one; by default it takes the log's place.
+        target: Name of the thinned log; by default it replaces the log.
 
     Raises:
         InputError: It is no finished log, or the folder cannot be written to.
@@ -47,7 +47,7 @@ def thin(path: Path, target: Path | None = None) -> None:
 
 
 def _with_few_guides(messages: Iterable[Message]) -> Iterator[Message]:
-    """Messages with a decision's global path where it was searched for, and once a second."""
+    """Yield messages; of the global paths only new ones, and one per second."""
     told_ns = -GUIDE_PERIOD_NS
     for message in messages:
         if isinstance(message, pb.Decision):
@@ -69,15 +69,14 @@ def write_copy(
     """Write a log with the head of another one.
 
     Args:
-        path: Its final name; the log there is replaced when all is written.
-        head: What comes first, as it was.
-        messages: In file order; sensors' tables are those of the head.
+        path: Final name; a log of that name is replaced when the copy is complete.
+        head: Head of the other log, copied unchanged.
+        messages: Messages in file order; beam tables come from the head.
         result: Outcome and figures.
-        record: `full`, or `decisions` to leave out what the seed gives again.
+        record: `full`, or `decisions` to leave out what the seed reproduces.
     """
     config, mission, _ = (head.attachments[name] for name in ATTACHMENTS)
-    # What it is written from is still there, so nothing hangs on flushing, and larger chunks pack
-    # better.
+    # The source still exists, so no flush is needed, and larger chunks compress better.
     packed = record == "decisions"
     with LogWriter(path, config, mission, head.scene, head.run, LONGEST_NS, packed) as log:
         log.record = record
@@ -95,7 +94,7 @@ def write_copy(
 
 
 def topic_of(message: Message) -> str:
-    """Where a message stands in a log."""
+    """Return the topic of a message."""
     if isinstance(message, pb.SensorInfo):
         return f"/sensor/{message.name}/info"
     if isinstance(message, pb.Sweep):
@@ -104,7 +103,7 @@ def topic_of(message: Message) -> str:
 
 
 def time_of(message: Message) -> int:
-    """Simulated time of a message, ns; sensors stand before everything."""
+    """Return the simulated time of a message, ns; 0 for beam tables."""
     if isinstance(message, pb.SensorInfo):
         return 0
     time_ns: int = message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]

@@ -1,8 +1,8 @@
-"""A running digest of all that a log holds, which its result names.
+"""Running digest of the whole content of a log, stored in its result.
 
-It covers what neither the chain nor a replay does, such as measured stage latencies and versions of
-packages. It has no key: whoever runs this code can make it anew, so it finds damage and edits by
-somebody who does not.
+It also covers what neither the chain nor a replay does, such as measured stage latencies and
+versions of packages. It has no key, so anybody can compute it: it detects damage and careless
+edits, not forgery. A signature detects forgery.
 """
 
 from __future__ import annotations
@@ -16,21 +16,22 @@ CONTENT = "content"
 """Field of the result that holds the digest."""
 
 RESULT = "result"
-"""Name of the metadata that end a log."""
+"""Name of the last metadata record of a log."""
 
 SIZE = 16
-"""Of the digest, bytes."""
+"""Size of the digest, bytes."""
 
 
 class ContentDigest:
     """blake2b over attachments, metadata and messages, each kind in its order in the file.
 
-    How the kinds are interleaved is left to the writer, and so are chunks and their compression. A
-    packed log has messages of other bytes than the same log unpacked, and so another digest.
+    The digest does not depend on how the kinds interleave, on chunks or on compression. The
+    messages of a packed log have other bytes, so its digest differs from that of the same log
+    unpacked.
     """
 
     def __init__(self) -> None:
-        """Start with nothing."""
+        """Create the digest of an empty log."""
         self._attachments, self._metadata, self._messages = kinds = [
             hashlib.blake2b(digest_size=SIZE) for _ in range(3)
         ]
@@ -54,7 +55,7 @@ class ContentDigest:
             _append(self._messages, item.schema.encode(), item.topic.encode(), time, item.data)
 
     def text(self) -> str:
-        """The digest of all so far, in hexadecimal."""
+        """Return the digest of all items so far, in hexadecimal."""
         parts = b"".join(one.digest() for one in self._kinds)
         return hashlib.blake2b(parts, digest_size=SIZE).hexdigest()
 

@@ -1,4 +1,4 @@
-"""On what a log was recorded: processor, C library, packages and this program's own code."""
+"""Machine and software that a log is recorded with: processor, C library, packages, own code."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pathlib import Path
 from wayproof.harness.stack.decision import Difference
 
 PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
-"""Whose versions a log records."""
+"""Packages whose versions a log records."""
 
 CODE = "code"
-"""Field of a log's run: a hash of this program's source."""
+"""Field of the metadata `run`: a hash of the source code of Wayproof."""
 
 FOLDERS = ("harness", "maps", "models", "planners")
 
@@ -24,13 +24,13 @@ ROOT = Path(__file__).parents[2]
 
 @functools.cache
 def installed_version(package: str) -> str:
-    """Of a package; to look it up lists all that is installed."""
+    """Return the version of a package; the lookup lists all that is installed."""
     return metadata.version(package)
 
 
 @functools.cache
 def this_machine() -> Mapping[str, str]:
-    """Versions, processor and C library, as a log's run records them."""
+    """Return versions, processor and C library, as the metadata `run` records them."""
     from llvmlite import binding
 
     features = sorted(name for name, there in binding.get_host_cpu_features().items() if there)
@@ -48,7 +48,7 @@ def this_machine() -> Mapping[str, str]:
 
 @functools.cache
 def code_digest() -> str:
-    """SHA-256 over every source file of this program, names and all, the first 16 digits."""
+    """Return 16 digits of the SHA-256 over all source files of Wayproof and their names."""
     digest = hashlib.sha256()
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
@@ -59,7 +59,7 @@ def code_digest() -> str:
 
 
 def other_than_here(run: Mapping[str, str]) -> list[Difference]:
-    """What a log was recorded with that is different here; of an older log, what it lacks."""
+    """Return the fields of `run` that differ on this machine, or that an older log lacks."""
     return [
         Difference(name, run.get(name, "not recorded"), here)
         for name, here in this_machine().items()

@@ -1,4 +1,4 @@
-"""Lengths, points and joints of logged paths and trajectories."""
+"""Geometry of logged paths and trajectories, independent of the planner's."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from wayproof.harness.stack.decision import path_of
 Array = NDArray[np.float64]
 
 SAME_PLACE = 0.02
-"""Places this near to each other are one, m."""
+"""Distance up to which two points count as one, m."""
 
 
 def densely(path: Array, spacing: float) -> Array:
-    """Points of a path, (m, 3), at most so far apart, its own among them."""
+    """Return points (m, 3) along a path (n, 3), its own among them, at most `spacing` m apart."""
     pieces = [path[:1]]
     for a, b in itertools.pairwise(path):
         count = max(math.ceil(float(np.linalg.norm(b - a)) / spacing), 1)
@@ -27,18 +27,18 @@ def densely(path: Array, spacing: float) -> Array:
 
 
 def arc_lengths(path: Array) -> Array:
-    """Length of a path (n, 3) up to each of its points, (n,) m."""
+    """Return the arc length of a path (n, 3) at each of its points, (n,) m."""
     steps = np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1))
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def length(path: Array) -> float:
-    """Length of a path (n, 3), m."""
+    """Return the length of a path (n, 3), m."""
     return float(arc_lengths(path)[-1])
 
 
 def rest_of(path: Array, start: Array, reach: float) -> Array:
-    """Of a path (n, 3) what follows the point nearest to a start, so far, m."""
+    """Return the part of a path (n, 3) from the point nearest to `start` on, `reach` m long."""
     points = densely(path, SAME_PLACE)
     first = int(np.linalg.norm(points - start, axis=1).argmin())
     lengths = arc_lengths(points[first:])[1:]
@@ -46,7 +46,7 @@ def rest_of(path: Array, start: Array, reach: float) -> Array:
 
 
 def runs_along(path: Array, earlier: Array) -> bool:
-    """Whether every point of a path lies on an earlier one."""
+    """Return whether every point of a path lies on an earlier path."""
     if len(earlier) == 0:
         return False
     trodden = densely(earlier, SAME_PLACE)
@@ -55,21 +55,21 @@ def runs_along(path: Array, earlier: Array) -> bool:
 
 
 def arc_at(trajectory: pb.Trajectory, time_ns: int) -> float:
-    """How far along its path a trajectory is at a simulated time, between its samples, m."""
+    """Return the arc length of a trajectory at a simulated time, interpolated, m."""
     arcs = np.array(trajectory.arc_length)
     begun = (time_ns - trajectory.start.ToNanoseconds()) * 1e-9
     return float(np.interp(begun, np.arange(len(arcs)) * trajectory.sample_period_s, arcs))
 
 
 def place_at(trajectory: pb.Trajectory, time_ns: int) -> Array:
-    """Where a trajectory is at a simulated time, (3,) m."""
+    """Return the position of a trajectory at a simulated time, (3,) m."""
     path = path_of(trajectory.path)
     along, lengths = arc_at(trajectory, time_ns), arc_lengths(path)
     return np.array([np.interp(along, lengths, path[:, axis]) for axis in range(3)])
 
 
 def speed_at(trajectory: pb.Trajectory, time_ns: int) -> float:
-    """Mean speed over the sample period that follows a simulated time, m/s."""
+    """Return the mean speed over the sample period after a simulated time, m/s."""
     period_ns = round(trajectory.sample_period_s * 1e9)
     after, before = arc_at(trajectory, time_ns + period_ns), arc_at(trajectory, time_ns)
     return (after - before) / trajectory.sample_period_s

@@ -1,4 +1,4 @@
-"""Reading a log back; every way in which it can be broken is one clear line."""
+"""Reading of logs: the head, and the records of decisions; damage is reported in one line."""
 
 from __future__ import annotations
 
@@ -36,34 +36,34 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
 
 DOCUMENTS = ("config", "mission")
-"""Fields of a fork's metadata that are JSON."""
+"""Fields of the metadata of a fork that are JSON."""
 
 CHECK = "check"
-"""Name of the metadata that hold the verdict of a counterfactual check."""
+"""Name of the metadata with the verdict of a counterfactual check."""
 
 MOST_LINES = 400
-"""Of a traceback that are read."""
+"""Maximum number of lines of a traceback that are read."""
 
 MOST_FORKS = 99
-"""Of one log."""
+"""Maximum number of forks of one log."""
 
 BEFORE_PREDICATES = ("action", "reason", "label", "predicate", "chain")
-"""Fields of a decision that came to mean something else with format 5, and what hangs on them."""
+"""Fields of a decision whose meaning changed with format 5, and those that depend on them."""
 
 LONGEST_NS = 4000 * 10**9
-"""Simulated time that no episode reaches: `episode.time_limit` ends at an hour."""
+"""Simulated time beyond every episode, ns: `episode.time_limit` is at most an hour."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """One decision's share of a log: what went in, how long it took, what came out.
+    """One decision of a log with its inputs and its delay.
 
     Attributes:
-        inputs: What the decision could see.
-        latency: How long it took to reach the robot.
-        decision: What was decided.
-        state: The simulator's, from which the episode can go on with this decision; if it was kept.
-        answer: Of a stack on trial, which the decision was made with; none of the built-in one.
+        inputs: Inputs of the decision.
+        latency: Delay until the robot followed the decision.
+        decision: The logged decision.
+        state: State of the simulator to resume the episode with this decision, if it was kept.
+        answer: Answer of a stack on trial that the decision was made with; None for the built-in.
     """
 
     inputs: Inputs
@@ -75,13 +75,13 @@ class Record:
 
 @dataclass(frozen=True)
 class Fork:
-    """How a forked log's decisions before a fork were made.
+    """Settings of the decisions before a fork.
 
     Attributes:
-        at: The first decision after it.
-        config: Of the decisions before.
-        beams: Sensor geometry before, by sensor name.
-        mission: What the stack was told before.
+        at: Number of the first decision after the fork.
+        config: Settings before it.
+        beams: Beam geometry before it, by sensor name.
+        mission: Mission of the stack before it.
     """
 
     at: int
@@ -92,20 +92,20 @@ class Fork:
 
 @dataclass(frozen=True)
 class Log:
-    """The head of a log and the way to its records.
+    """Head of a log, with access to its records.
 
     Attributes:
-        path: Where it lies.
+        path: Path of the file.
         config: Resolved config.
-        mission: What the stack was told.
-        scene: Flattened MJCF; only re-simulation needs it.
+        mission: Mission of the stack.
+        scene: Flattened MJCF; only a new simulation needs it.
         run: Versions and hashes.
         result: Outcome and figures.
-        beams: Sensor geometry by sensor name.
-        forks: Where its settings changed on the way, if they did, in order.
+        beams: Beam geometry by sensor name.
+        forks: Forks, in order: decisions from which on the settings differ.
         check: Verdict of a counterfactual check, as metadata; empty without one.
-        traceback: Of an episode that ended as `error` in code; empty without.
-        plugins: SHA-256 of the file of each of the user's classes that it was made with, by name.
+        traceback: Traceback of an episode that ended as `error`; empty without one.
+        plugins: SHA-256 of the file of each of the user's classes in use, by name.
     """
 
     path: Path
@@ -122,11 +122,11 @@ class Log:
 
     @property
     def fork(self) -> Fork | None:
-        """The last one."""
+        """Last fork; None without one."""
         return self.forks[-1] if self.forks else None
 
     def as_of(self, sequence: int) -> Log:
-        """The log as it would be if its settings had not changed after this decision."""
+        """Return the log with the settings of a decision, as if they never changed afterwards."""
         forks = tuple(fork for fork in self.forks if fork.at <= sequence)
         if len(forks) == len(self.forks):
             return self
@@ -136,23 +136,23 @@ class Log:
         )
 
     def on_threads(self, threads: int) -> Log:
-        """The log with another number of threads in its settings, which no decision depends on."""
+        """Return the log with another number of threads, on which no decision depends."""
         forks = tuple(
             replace(one, config=replace(one.config, threads=threads)) for one in self.forks
         )
         return replace(self, config=replace(self.config, threads=threads), forks=forks)
 
     def records(self) -> Iterator[Record]:
-        """Every decision with its inputs, in file order."""
+        """Yield every decision with its inputs, in file order."""
         for item in self._records_and_rest():
             if isinstance(item, Record):
                 yield item
 
     def records_with_truth(self) -> Iterator[tuple[Record, pb.Truth]]:
-        """Every decision with its inputs and the simulator's truth, which the log tells after it.
+        """Yield every decision with its inputs and the ground truth that follows it in the log.
 
         Raises:
-            InputError: A decision is without its truth.
+            InputError: A decision has no truth.
         """
         record = None
         for item in self._records_and_rest():
@@ -169,11 +169,7 @@ class Log:
             raise InputError(f"log '{self.path}': decision {sequence} without its truth")
 
     def check_sweeps(self) -> None:
-        """Refuse a log without its sweeps.
-
-        Raises:
-            InputError: They were left out.
-        """
+        """Raise an InputError if the sweeps were left out of the log."""
         if self.record == "decisions":
             raise InputError(
                 f"log '{self.path}': its sweeps were left out (record = '{self.config.record}'); "
@@ -181,7 +177,7 @@ class Log:
             )
 
     def _records_and_rest(self) -> Iterator[Record | Message]:
-        """The records, and what of the log is in none of them, in file order."""
+        """Yield the records, and the messages that belong to none, in file order."""
         self.check_sweeps()
         sweeps: list[pb.Sweep] = []
         pose, latency, state, answer = pb.Pose(), pb.Latency(), None, None
@@ -210,22 +206,22 @@ class Log:
 
     @property
     def not_compared(self) -> tuple[str, ...]:
-        """Fields of a decision that this version gives otherwise than the log's format did."""
+        """Fields of a decision whose meaning differs in the format of this log."""
         return () if self.run["format_version"] in WITH_REASONS else BEFORE_PREDICATES
 
     @property
     def record(self) -> str:
-        """What of the episode is in here: `full` or `decisions`."""
+        """Extent of the log: `full` or `decisions`."""
         return self.result.get("record", "full")
 
     def decisions(self) -> Iterator[pb.Decision]:
-        """Every decision without its inputs."""
+        """Yield every decision without its inputs."""
         for message in read_messages(self.path):
             if isinstance(message, pb.Decision):
                 yield message
 
     def _check_order(self, inputs: Inputs, count: int, before_ns: int) -> None:
-        """Decisions count from 0 and simulated time runs on, or a map would age by centuries."""
+        """Check that decisions count from 0 and that simulated time increases."""
         if inputs.sequence != count or not before_ns < inputs.time_ns < LONGEST_NS:
             raise InputError(
                 f"log '{self.path}': decision {inputs.sequence} at {inputs.time_ns} ns, expected "
@@ -236,7 +232,7 @@ class Log:
                 raise InputError(f"log '{self.path}': sweep of '{sweep.sensor[:40]}', not declared")
 
     def truth(self) -> Iterator[pb.Truth]:
-        """The simulator's truth at each decision, for scoring."""
+        """Yield the ground truth of each decision, for scoring."""
         for message in read_messages(self.path):
             if isinstance(message, pb.Truth):
                 yield message
@@ -246,7 +242,7 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
     """Read the head of a finished log; every checksum of the file's bytes is recomputed.
 
     Args:
-        path: Where it lies.
+        path: Path of the file.
         allow_plugins: Whether code that its config names may be imported.
 
     Raises:
@@ -277,35 +273,35 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
 
 
 def _traceback(head: Head) -> str:
-    """What no terminal should be sent is escaped, line by line."""
+    """Return the traceback with control characters escaped, line by line."""
     text = head.attachments.get(TRACEBACK, b"").decode(errors="replace")
     return "\n".join(map(printable, text.splitlines()[-MOST_LINES:]))
 
 
 def before(number: int) -> str:
-    """Beginning of the topics where the sensors' tables before a forked log's fork stand."""
+    """Return the prefix of the topics of the beam tables before a fork, counted from 1."""
     return "/before/" if number == 1 else f"/before {number}/"
 
 
 def fork_note(number: int) -> str:
-    """Name of the metadata that tell of a forked log's fork, counted from 1."""
+    """Return the name of the metadata of a fork, counted from 1."""
     return "fork" if number == 1 else f"fork {number}"
 
 
 @dataclass(frozen=True)
 class Head:
-    """What stands before a log's first decision, and its metadata wherever it stands.
+    """Content of a log before its first decision, and all its metadata.
 
     Attributes:
         config: Resolved config.
-        mission: What the stack was told.
+        mission: Mission of the stack.
         scene: Flattened MJCF.
         run: Versions and hashes.
-        metadata: All metadata, `run` and `result` among it.
-        attachments: The texts that the first three were read from.
-        beams: Sensor geometry by sensor name.
-        tables: Every sensor's own message, with its topic.
-        before: Of a forked log, the same before each fork, by the beginning of its topics.
+        metadata: All metadata by name, `run` and `result` among them.
+        attachments: Files in the file by name, the texts of the first three among them.
+        beams: Beam geometry by sensor name.
+        tables: Message of each sensor, with its topic.
+        before: Beam geometry before each fork, by the prefix of its topics.
     """
 
     config: Config
@@ -322,11 +318,11 @@ class Head:
 def read_head(
     items: Iterator[Attachment | Metadata | Packet], path: Path, allow_plugins: bool
 ) -> Head:
-    """Check and parse the head.
+    """Parse and check the head.
 
     Args:
-        items: What the file holds, in file order; read to its end.
-        path: To name in what is raised.
+        items: Items of the file in file order; read to their end.
+        path: Path for error messages.
         allow_plugins: Whether code that the config names may be imported.
 
     Raises:
@@ -384,7 +380,7 @@ def read_head(
 
 
 def _unpack_scene(attachments: dict[str, bytes], path: Path) -> None:
-    """Put the scene of a packed log where that of any other stands."""
+    """Decompress the scene of a packed log in place."""
     packed = attachments.pop(PACKED_SCENE, None)
     if packed is None:
         return
@@ -407,7 +403,7 @@ def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]
                 f"log '{path}': forked at {at[:20]!r}, expected a decision's number from {least} on"
             )
         config = from_json(fields.get("config", "").encode(), allow_plugins)
-        told = fields.get("mission")  # a first fork of an older log tells none
+        told = fields.get("mission")  # older logs have none for their first fork
         mission = head.mission if told is None else Mission.from_json(told.encode())
         beams = head.before.get(before(len(forks) + 1), {})
         forks.append(Fork(int(at), config, beams, mission))

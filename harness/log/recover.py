@@ -1,4 +1,4 @@
-"""Making a valid log of what can be read of a broken one."""
+"""Recovery of a valid log from the readable part of a broken one."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.user_code import plugins_of
 
 PARTIAL_NAME = re.compile(rf"{re.escape(ENDING)}(\.\d+)?$")
-"""How the name ends of a log that was not finished."""
+"""Ending of the name of an unfinished log."""
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was made of a broken log.
+    """Outcome of the recovery of a broken log.
 
     Attributes:
-        log: The broken log's path.
-        written: Of the new one; none if the log is whole, so that there was nothing to recover.
-        decisions: That could be read, with all that belongs to each.
-        sim_time_s: Simulated time of the last of them.
-        damage: Where reading ended, and why; empty if the whole file could be read.
+        log: Path of the broken log.
+        written: Path of the new log; None if the log is whole and nothing was recovered.
+        decisions: Number of decisions that could be read completely.
+        sim_time_s: Simulated time of the last of them, s.
+        damage: Place and cause of the damage; empty if the whole file could be read.
     """
 
     log: str
@@ -49,12 +49,12 @@ class Recovery:
 def recover(path: Path, target: Path | None = None, allow_plugins: bool = False) -> Recovery:
     """Write the readable part of a log as a log of its own.
 
-    Of a log that is whole nothing is written, unless it has only its partial name: the process was
-    killed before it could give the log its own. Then the copy is the log, with its result.
+    Nothing is written for a whole log, unless it still has its partial name because the process was
+    killed before the rename. Then the copy is the log, with its result.
 
     Args:
-        path: The broken log; it stays as it is.
-        target: Name of the new one; by default the broken one's name with `-recovered`.
+        path: The broken log; it is left unchanged.
+        target: Name of the new log; by default that of the broken one with `-recovered`.
         allow_plugins: Whether code that its config names may be imported.
 
     Raises:
@@ -84,7 +84,7 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
 
 
 def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, str]:
-    """What is known of an episode up to its last whole decision, if there is one."""
+    """Return the figures of an episode up to its last complete decision, if there is one."""
     decisions, truths = reading.decisions, reading.truths
     result: dict[str, object] = {"outcome": "error", "reason": reason, "decisions": len(decisions)}
     result |= {"sim_time_s": 0.0, "chain": ""}
@@ -104,16 +104,16 @@ def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, st
 
 
 def finish_partial(partial: Path, target: Path, what: str, traceback: str) -> tuple[str, int]:
-    """Make a whole log, with the outcome `error`, of one whose process ended without finishing it.
+    """Finish the log of a process that ended without doing so, with the outcome `error`.
 
     Args:
-        partial: What that process wrote; it is gone afterwards.
-        target: Name of the whole log.
-        what: What became of the process, after its name.
-        traceback: Printable lines that tell more; may be empty.
+        partial: File of that process; it is removed.
+        target: Name of the finished log.
+        what: End of the process, in words that follow its name.
+        traceback: Printable lines for the log; may be empty.
 
     Returns:
-        The reason, as the log has it, and the decisions in it; there may be none.
+        Reason in the log, and its number of decisions, which may be 0.
 
     Raises:
         InputError: There is no such file, its head is not whole, or the folder cannot be written.
@@ -137,14 +137,14 @@ def finish_partial(partial: Path, target: Path, what: str, traceback: str) -> tu
 
 
 def recovered_name(path: Path) -> Path:
-    """`run.mcap.partial` becomes `run-recovered.mcap`, and `.partial.2` `run-recovered-2.mcap`."""
+    """Return the name: `run.mcap.partial` gives `run-recovered.mcap`, `.partial.2` gives `-2`."""
     stem, _, number = path.name.partition(f"{ENDING}.")
     stem = stem.removesuffix(ENDING).removesuffix(".mcap")
     return path.with_name(f"{stem}-recovered{number and '-'}{number}.mcap")
 
 
 class _Reading:
-    """Passes over a broken file that end where it breaks, and count what is whole before."""
+    """Passes over a broken file up to its damage; complete decisions are counted."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -154,7 +154,7 @@ class _Reading:
         self.truths: list[pb.Truth] = []
 
     def items(self) -> Iterator[Attachment | Metadata | Packet]:
-        """Everything up to the damage, counted on the way."""
+        """Yield all items up to the damage, and count the decisions."""
         decision = None
         for item in self._sound():
             if isinstance(item, Packet) and is_ours(item):
@@ -169,7 +169,7 @@ class _Reading:
             yield item
 
     def whole_decisions(self) -> Iterator[Message]:
-        """Messages up to the last decision and its truth."""
+        """Yield the messages up to the last decision and its truth."""
         last = self.decisions[-1].sequence if self.decisions else 0
         for item in self._sound():
             if isinstance(item, Packet) and is_ours(item):

@@ -1,10 +1,10 @@
-"""Hashes of everything that reaches a decision, stream by stream, so that pairs can be compared.
+"""Running hashes of the inputs of decisions, stream by stream, to compare two runs.
 
 After each decision the log holds a running hash of each stream since the start: every sensor, the
-pose, the delays, the world's own geometry, and `control`, the setpoints that the body has followed
-so far. Two runs of a pair that differ in one perturbation share their past until it acts. Up to the
-first decision before which the body was asked for something else, only the streams that the
-perturbation declares may differ; from then on the runs are in different places, and all may.
+pose, the delays, the geometry of the world, and `control`, the setpoints of the body so far. Two
+runs that differ in one perturbation are the same until it acts. Up to the first decision before
+which their setpoints differ, only the streams that the perturbation declares may differ; from then
+on the robots are in different places, and all streams may.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ COMMAND = "command"
 """The stream of the answers of a stack on trial: inputs that follow from the other streams."""
 
 CONTROL = "control"
-"""The stream of what the body was asked for: no input, but what a pair's decisions amount to."""
+"""Stream of the setpoints of the body: no input, but the effect of the decisions."""
 
 
 DIGEST_SIZE = 8
-"""Of a stream's hash, bytes: it tells runs apart, and guards against nobody."""
+"""Size of the hash of a stream, bytes: enough to tell runs apart, not to resist forgery."""
 
 
 def own_streams(config: Config) -> list[str]:
@@ -40,10 +40,10 @@ def own_streams(config: Config) -> list[str]:
 
 
 class StreamHashes:
-    """Chained hashes by stream; each exists from the start, so that a silent one is seen too."""
+    """Chained hashes by stream; each exists from the start, so that a silent stream shows."""
 
     def __init__(self, names: list[str]) -> None:
-        """Start with empty streams."""
+        """Create the hashes of empty streams."""
         self._hashes = dict.fromkeys(names, bytes(DIGEST_SIZE))
 
     def update(self, name: str, data: bytes) -> None:
@@ -53,32 +53,30 @@ class StreamHashes:
         self._hashes[name] = chained.digest()
 
     def message(self, sequence: int, time_ns: int) -> pb.Streams:
-        """All hashes so far."""
+        """Return all hashes so far as a message."""
         hashes = [pb.StreamHash(name=name, hash=one.hex()) for name, one in self._hashes.items()]
         message = pb.Streams(sequence=sequence, streams=hashes)
         message.timestamp.FromNanoseconds(time_ns)
         return message
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """The hashes, (8,) uint8 each, by stream."""
+        """Return the hashes by stream, (8,) uint8 each."""
         return {name: np.frombuffer(one, np.uint8) for name, one in self._hashes.items()}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on from `state`."""
+        """Continue from the hashes of `state`."""
         self._hashes = {name: state[name].tobytes() for name in self._hashes}
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """How the streams of two runs differ before the body was asked for anything else.
+    """Differences between the streams of two runs up to their first different setpoint.
 
     Attributes:
-        changed: Streams that differ before that.
-        first_change: Sequence number of the first decision with a stream that differs; none if the
-            runs are the same.
-        first_action: Of the first decision before which the body was asked for something else;
-            none if it never was.
-        compared: Decisions before that.
+        changed: Streams that differ before it.
+        first_change: Number of the first decision with a stream that differs, or None.
+        first_action: Number of the first decision before which the setpoints differ, or None.
+        compared: Number of decisions before it.
     """
 
     changed: frozenset[str]
@@ -88,7 +86,7 @@ class Pairing:
 
 
 def compare(first: Path, second: Path) -> Pairing:
-    """Compare two logs stream by stream up to the first differing action.
+    """Compare two logs stream by stream up to the first different setpoint.
 
     Raises:
         InputError: A log breaks off.

@@ -1,11 +1,11 @@
-"""Writing a log: everything that a replay needs at the head, inputs and decisions in order.
+"""Writing of a log: head, then inputs and decisions in order.
 
-A log grows under the name `<name>.mcap.partial`, which one writer at a time holds, and takes its
-own name by an atomic rename when it is whole. `log_time` is simulated time; `sequence` counts
+A log grows under the name `<name>.mcap.partial`, which one writer at a time holds. When it is
+complete it gets its own name by an atomic rename. `log_time` is simulated time; `sequence` counts
 through the file.
 
-Topics: `/sensor/<name>/info` and `/sensor/<name>`, `/pose` and `/latency` are inputs, `/decision`
-is what a replay compares, `/truth` is for scoring, `/state` is for forks.
+Topics: `/sensor/<name>/info`, `/sensor/<name>`, `/pose` and `/latency` are inputs; a replay
+compares `/decision`; `/truth` is for scoring and `/state` for forks.
 """
 
 from __future__ import annotations
@@ -41,40 +41,40 @@ WITH_REASONS = ("5", FORMAT_VERSION)
 """Format versions that hold each reason as a predicate, and a digest of the whole file."""
 
 PACKED_AS = {"3": "4"}
-"""Format version of a packed log, where it differs: 4 is 3, with the longest fields packed."""
+"""Format version of a packed log where it differs: 4 is 3 with the longest fields packed."""
 
 READABLE = ("2", "3", "4", *WITH_REASONS)
-"""Format versions that can be read."""
+"""Format versions that this version reads."""
 
 LEAST_FREE_BYTES = 64 * 2**20
-"""Free disk space below which no episode is started; a minute of a 20,000-ray lidar takes less."""
+"""Minimum free disk space to start an episode, bytes; a minute of a 20,000-ray lidar takes less."""
 
 FLUSH_PERIOD_NS = 1_000_000_000
-"""Simulated time that a kill costs at most."""
+"""Maximum simulated time that is lost when the process is killed, ns."""
 
 CHUNK, PACKED_CHUNK = 2**20, 2**24
-"""Of what is compressed at once, bytes; a reader that seeks unpacks a whole one."""
+"""Size of what is compressed at once, bytes; a reader that seeks decompresses a whole chunk."""
 
 PACKED_SCENE = "scene.xml.zst"
-"""The scene of a packed log; its digest is that of the text."""
+"""Attachment with the scene of a packed log; its digest is that of the text."""
 
 PLUGINS = "plugins"
-"""Metadata: SHA-256 of the file of each of the user's classes in use, by name."""
+"""Name of the metadata with the SHA-256 of the file of each of the user's classes in use."""
 
 STDERR = "stack.stderr.txt"
 """Attachment: the end of what a stack in another process wrote to standard error."""
 
 TRACEBACK = "error.txt"
-"""Attachment of an episode that ended as `error`: where the code failed."""
+"""Attachment with the traceback of an episode that ended as `error`."""
 
 
 class LogWriter:
-    """Writes one episode; use as a context manager. Without `finish` the log stays partial.
+    """Log of one episode being written, a context manager; partial without `finish`.
 
     Attributes:
         path: Final name of the log.
-        partial_path: Its name until it is finished.
-        record: What is kept, see `Config.record`.
+        partial_path: Name until it is finished.
+        record: Extent of the log, see `Config.record`.
         finished: Whether it has its result.
     """
 
@@ -91,17 +91,18 @@ class LogWriter:
         """Open the partial file and write the head.
 
         Args:
-            path: Final name of the log; or a draft that holds the name, whose owner publishes it.
+            path: Final name of the log, or a draft that holds the name and whose owner publishes
+                it.
             config: Resolved config, JSON.
-            mission: What the stack was told, JSON.
+            mission: Mission of the stack, JSON.
             scene: Flattened MJCF.
-            run: Versions and digests, where a log is written from another one; by default those
-                of what is installed.
-            flush_period_ns: Simulated time after which what was written is flushed.
-            packed: Write as little as can be: a compressed scene, packed fields, large chunks.
+            run: Versions and digests, for a copy of another log; by default those of this
+                machine.
+            flush_period_ns: Simulated time between flushes, ns.
+            packed: Whether to write a small file: compressed scene, packed fields, large chunks.
 
         Raises:
-            InputError: The folder cannot be written to or is full, the name cannot be a log's, or
+            InputError: The folder cannot be written to or is full, the name is unfit for a log, or
                 another run is writing it.
         """
         self._owned = not isinstance(path, Draft)
@@ -115,8 +116,8 @@ class LogWriter:
         self._packed = packed
         self._channels: dict[str, int] = {}
         self._count = 0
-        self._now_ns = 0  # instant of the last message
-        self._safe_ns = 0  # last instant that is flushed before another one comes
+        self._now_ns = 0  # time of the last message
+        self._safe_ns = 0  # end of the current flush period
         self._flush_period_ns = flush_period_ns
         attachments = {"config.json": config, "mission.json": mission, "scene.xml": scene.encode()}
         run = dict(run or _run_metadata(attachments))
@@ -129,36 +130,35 @@ class LogWriter:
             self._writer.add_attachment(name, f"application/{name.split('.')[-1]}", data)
 
     def note(self, name: str, fields: Mapping[str, str]) -> None:
-        """Add metadata."""
+        """Add a metadata record."""
         self._writer.add_metadata(name, dict(fields))
 
     def attach(self, name: str, text: str) -> None:
-        """Add a text as a file in the file."""
+        """Add a text as an attachment."""
         self._writer.add_attachment(name, "text/plain", text.encode())
 
     def flush(self) -> None:
-        """Hand all that was written to the operating system: not even a kill costs it then."""
+        """Pass everything written to the operating system, so that it survives a kill."""
         self._writer.hand_on()
         self._writer.settle()
 
     def keeps(self, topic: str) -> bool:
-        """Whether messages of a topic are kept: sweeps and states are not among `decisions`."""
+        """Return whether messages of a topic are kept; `decisions` excludes sweeps and states."""
         return self.record != "decisions" or not is_regenerated(topic)
 
     def write(self, topic: str, message: Message, time_ns: int, data: bytes | None = None) -> None:
         """Append one message if it is kept.
 
-        What is older than a second of simulated time is with the operating system: a kill costs no
-        more.
+        Everything older than a second of simulated time is flushed, so a kill loses no more.
 
         Args:
-            topic: Where it stands.
+            topic: Topic of the message.
             message: The message.
-            time_ns: Its simulated time.
-            data: Its bytes, where they are known already.
+            time_ns: Simulated time, ns.
+            data: Its bytes, if they are known already.
 
         Raises:
-            OSError: It cannot be written, or what was written before could not be.
+            OSError: This message or an earlier one could not be written.
         """
         if not self.keeps(topic):
             return
@@ -175,7 +175,7 @@ class LogWriter:
         self._count += 1
 
     def finish(self, result: Mapping[str, str]) -> None:
-        """Write the result, and give the log its name unless a draft's owner does that."""
+        """Write the result, and rename the log unless the owner of a draft does."""
         kept = "decisions" if self.record == "decisions" else "full"
         self._writer.add_result({**result, "record": kept})
         self._writer.finish()
@@ -184,10 +184,10 @@ class LogWriter:
             self._draft.publish()
 
     def close(self) -> None:
-        """Leave the partial log readable up to here; nothing to do once finished."""
+        """Leave the partial log readable up to here; no effect once finished."""
         if not self.finished and not self._closed:
             self._closed = True
-            with contextlib.suppress(OSError):  # a full disk is what brought us here
+            with contextlib.suppress(OSError):  # the cause may be a full disk
                 self._writer.hand_on()
                 self._writer.settle()
             self._writer.close()
@@ -195,17 +195,17 @@ class LogWriter:
             self._draft.release()
 
     def __enter__(self) -> LogWriter:
-        """Return the writer itself."""
+        """Return this writer."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close, whatever happened."""
+        """Close the file."""
         self.close()
 
     def _flush_in_time(self, time_ns: int) -> None:
-        """Flush before an instant, if it would be too late before the next one.
+        """Flush before a decision at `time_ns` if the period would end before the next one.
 
-        The thread has until then to write it, so it is rarely waited for.
+        The thread has until then to write, so waiting for it is rare.
         """
         self._writer.settle()
         before_ns, self._now_ns = self._now_ns, time_ns
@@ -224,18 +224,18 @@ class LogWriter:
 
 
 def is_regenerated(topic: str) -> bool:
-    """Whether a topic's messages follow from the seed: sweeps and states, not the sensors' tables.
+    """Return whether the seed reproduces the messages of a topic: sweeps and states.
 
-    Poses stay, because a decision names them and they are small.
+    Poses are kept, because decisions refer to them and they are small.
     """
     return topic == "/state" or (topic.startswith("/sensor/") and not topic.endswith("/info"))
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder that no log could be written to, before anything is written.
+    """Check that a log can be written to a folder, before anything is written.
 
     Raises:
-        InputError: It is no folder, cannot be written to, or has too little space left.
+        InputError: It is no folder, is not writable, or has too little space left.
     """
     existing = folder
     while not existing.exists():
@@ -253,7 +253,7 @@ def check_folder(folder: Path) -> None:
 
 
 def hold_log(path: Path) -> Draft:
-    """Take a log's name, for the whole time of its writing.
+    """Reserve the name of a log while it is being written.
 
     Raises:
         InputError: The folder cannot be written to or is full; the name is that of a folder, a
@@ -271,7 +271,7 @@ def hold_log(path: Path) -> Draft:
 
 
 def digest_name(attachment: str) -> str:
-    """Key in the run's metadata of an attachment's digest, which no MCAP reader checks."""
+    """Return the key of an attachment's digest in the metadata `run`; MCAP readers check none."""
     return f"sha256 {attachment}"
 
 
@@ -284,10 +284,10 @@ def _run_metadata(attachments: Mapping[str, bytes]) -> dict[str, str]:
 
 @functools.cache
 def file_descriptor_set(descriptor: Descriptor) -> bytes:
-    """The message's file and all that it imports, dependencies first.
+    """Return the descriptors of a message and all that it imports, dependencies first.
 
-    Only with the messages that this one is made of: a log holds its schemas twice, uncompressed the
-    second time.
+    They hold only the messages that this one is made of, because a log stores its schemas twice,
+    the second time uncompressed.
     """
     files = FileDescriptorSet()
     needed = _parts(descriptor)
@@ -302,13 +302,13 @@ def file_descriptor_set(descriptor: Descriptor) -> bytes:
 
 
 def _with_dependencies(file: FileDescriptor) -> list[FileDescriptor]:
-    """All that a file imports, each once and before what imports it, and then the file."""
+    """Return a file and all that it imports, each once, after what it imports."""
     below = (one for dependency in file.dependencies for one in _with_dependencies(dependency))
     return list({one.name: one for one in (*below, file)}.values())
 
 
 def _parts(descriptor: Descriptor) -> set[str]:
-    """Full names of the top-level messages that a message is made of, its own among them."""
+    """Return the full names of the top-level messages that a message is made of, and its own."""
     names: set[str] = set()
     ahead = [descriptor]
     while ahead:

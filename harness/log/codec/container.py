@@ -1,9 +1,9 @@
-"""Walking an MCAP file record by record, with nothing in it believed before it is checked.
+"""Parser of MCAP files, record by record, for files that are not to be trusted.
 
-A log may come from a stranger, or from a disk that lost bytes. Every length is held against what is
-left of the file before anything of that size is made, every chunk against what it may unpack to,
-and every checksum that the format has is recomputed. Records as in the MCAP specification, version
-0; only the standard's fixed layouts are parsed, and no name in a file becomes a path.
+A log may come from a stranger, or from a disk that lost bytes. Every length is compared with the
+rest of the file before memory of that size is allocated, every chunk with the size that it may
+decompress to, and every checksum of the format is recomputed. Records follow the MCAP
+specification, version 0; only its fixed layouts are parsed, and no name in a file becomes a path.
 """
 
 from __future__ import annotations
@@ -22,61 +22,61 @@ from wayproof.harness.errors import InputError
 MAGIC = b"\x89MCAP0\r\n"
 
 GREATEST_RECORD = 64 * 2**20
-"""Of one record or attachment, and of what one chunk unpacks to, bytes."""
+"""Maximum size of a record, an attachment, or a decompressed chunk, bytes."""
 
 GREATEST_RATIO = 4096
-"""Of all that the chunks unpack to and the file's own size; an empty world's sweeps reach 800."""
+"""Maximum ratio of decompressed chunks to file size; sweeps of an empty world reach 800."""
 
 MOST_DECISIONS = 200_000
-"""Of one file; an hour at 10 Hz makes 36,000."""
+"""Maximum number of decisions in a file; an hour at 10 Hz makes 36,000."""
 
 MOST_MESSAGES = 1_000_000
-"""Of one file, whatever they are."""
+"""Maximum number of messages in a file."""
 
 LEAST_MESSAGES = 20_000
-"""That a file of any size may hold; beyond these one for every `LEAST_BYTES` of it."""
+"""Number of messages allowed in any file; beyond it one for every `LEAST_BYTES` of the file."""
 
 LEAST_BYTES = 16
-"""Of the file for each message; those of an episode take 800 and more."""
+"""Minimum file size per message, bytes; messages of an episode take 800 and more."""
 
 LEAST_DATA = 2**20
 GREATEST_DATA_RATIO = 32
-"""Of what messages other than sweeps hold, beyond `LEAST_DATA` bytes, and the file's size; an
-episode's reach 1.3. A message takes many times its bytes in memory: two make a point of a path."""
+"""Maximum ratio of message data but sweeps, beyond `LEAST_DATA` bytes, to the file size; an episode
+reaches 1.3. A message takes many times its bytes in memory: two bytes make a point of a path."""
 
 MOST_DECLARED = 10_000
-"""Records in chunks that are no messages: schemas, channels, and what nobody knows."""
+"""Maximum number of records in chunks that are no messages: schemas, channels, unknown ones."""
 
 ONCE = frozenset(f"wayproof.{name}" for name in ("Pose", "Latency", "State", "Truth", "Streams"))
-"""Schemas of which a decision has one message."""
+"""Schemas with one message per decision."""
 
 DECISION, SWEEP, TABLE = "wayproof.Decision", "wayproof.Sweep", "wayproof.SensorInfo"
 
 MOST_SWEEPS = 256
-"""Between two decisions."""
+"""Maximum number of sweeps between two decisions."""
 
 MOST_TABLES = 1000
-"""Sensors' tables in one file, those before its forks among them."""
+"""Maximum number of beam tables in a file, those before its forks among them."""
 
 HEAD = struct.Struct("<BQ")  # opcode, length
 
 
 class Attachment(NamedTuple):
-    """A named file in the file."""
+    """An attachment: a named file in the file."""
 
     name: str
     data: bytes
 
 
 class Metadata(NamedTuple):
-    """Named text fields."""
+    """A metadata record: named text fields."""
 
     name: str
     fields: dict[str, str]
 
 
 class Packet(NamedTuple):
-    """One message, still encoded."""
+    """A message, still encoded."""
 
     schema: str
     topic: str
@@ -88,11 +88,11 @@ Item = Attachment | Metadata | Packet
 
 
 class _Broken(Exception):
-    """What is wrong with the record at hand; `_Walk` adds where it lies."""
+    """A fault of the current record; `_Walk` adds its place."""
 
 
 class _Cursor:
-    """Reads the fields of one record, and never beyond its end."""
+    """Reader of the fields of one record, never beyond its end."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -128,17 +128,17 @@ class _Cursor:
 
 
 def walk(path: Path, head_only: bool = False) -> Iterator[Item]:
-    """Everything in a file, in file order.
+    """Yield every item of a file, in file order.
 
     Args:
         path: The file.
-        head_only: Whether to unpack no chunk after the first; all checksums of the file's own bytes
+        head_only: Whether to decompress no chunk after the first; all checksums of the file's bytes
             are recomputed all the same.
 
     Raises:
-        InputError: The file breaks off, a checksum does not hold, or a record is not what it says.
-            The line tells the byte, and for a chunk its simulated time. What was yielded before
-            was sound.
+        InputError: The file breaks off, a checksum does not hold, or a record is malformed. The
+            message names the byte, and for a chunk its simulated time. Items yielded before are
+            sound.
     """
     try:
         with path.open("rb") as file:
@@ -148,7 +148,7 @@ def walk(path: Path, head_only: bool = False) -> Iterator[Item]:
 
 
 class _Census:
-    """Counts messages, so that a small file cannot hold more than an episode makes."""
+    """Counts of messages, so that a small file cannot hold more than an episode makes."""
 
     def __init__(self, file_size: int) -> None:
         self._most = min(MOST_MESSAGES, LEAST_MESSAGES + file_size // LEAST_BYTES)
@@ -184,7 +184,7 @@ class _Census:
 
 
 class _Walk:
-    """One pass over one file."""
+    """One pass over a file."""
 
     def __init__(self, path: Path, file: IO[bytes], head_only: bool) -> None:
         self._path = path
@@ -216,7 +216,7 @@ class _Walk:
             checksum = zlib.crc32(body, zlib.crc32(head, checksum))
 
     def _next(self, offset: int) -> tuple[int, bytes, bytes]:
-        """The record at an offset: its opcode, the bytes of its head, and its body."""
+        """Return the record at an offset: its opcode, the bytes of its head, and its body."""
         head = self._file.read(HEAD.size)
         if len(head) < HEAD.size:
             raise self._cut(f"no end of data in {self._size} bytes")
@@ -242,7 +242,7 @@ class _Walk:
             yield from self._parse_in_chunk(opcode, body)
 
     def _parse_in_chunk(self, opcode: int, body: bytes) -> Iterator[Packet]:
-        """Records that stand in chunks, or by themselves where a writer makes none."""
+        """Parse a record of a chunk, or of a file without chunks."""
         cursor = _Cursor(body)
         if opcode == Opcode.SCHEMA:
             number = cursor.number(2)
@@ -286,7 +286,7 @@ class _Walk:
             raise _Broken("checksum of all bytes up to here does not hold, at")
 
     def _check_summary(self) -> None:
-        """Index, footer and final magic; nothing in them is used, so they need but be whole."""
+        """Check index, footer and final magic, of which only the checksums are used."""
         tail = self._file.read(GREATEST_RECORD + 1)
         footer = HEAD.size + 20
         if len(tail) > GREATEST_RECORD or len(tail) < footer + len(MAGIC):
@@ -299,7 +299,7 @@ class _Walk:
             raise _Broken("checksum of the index does not hold, after")
 
     def _cut(self, what: str) -> InputError:
-        """The file breaks off; with an end mark after all it is not merely cut short."""
+        """Return the error of a file that breaks off; with an end mark it is not just cut short."""
         self._file.seek(-len(MAGIC), 2)
         if self._file.read() == MAGIC:
             return self._damaged(what)
@@ -320,7 +320,7 @@ def _attachment(cursor: _Cursor, body: bytes) -> Attachment:
 
 
 def _decompress(compression: str, packed: bytes, size: int) -> bytes:
-    """Unpack a chunk whose size was checked; a frame that says another size is not unpacked."""
+    """Decompress a chunk whose size was checked; refuse a frame of another size."""
     if compression == "":
         data = packed
     elif compression == "zstd":
@@ -339,7 +339,7 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
 
 
 def _name(opcode: int, body: bytes) -> str:
-    """What a record is; of a chunk also its simulated time."""
+    """Return the kind of a record, and for a chunk its simulated time."""
     if opcode != Opcode.CHUNK or len(body) < 16:
         return {9: "attachment", 12: "metadata", 15: "end of data"}.get(opcode, f"record {opcode}")
     begin, end = struct.unpack_from("<QQ", body)

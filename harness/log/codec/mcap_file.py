@@ -1,4 +1,4 @@
-"""Writing an MCAP file on a thread of its own: compressing a chunk keeps no episode waiting."""
+"""MCAP file written on a thread of its own, so that compression does not delay an episode."""
 
 from __future__ import annotations
 
@@ -15,20 +15,19 @@ Message = tuple[int, int, bytes, int]  # channel, time ns, data, sequence
 
 
 class McapFile:
-    """One MCAP file in the making, by the mcap package's writer.
+    """An MCAP file being written with the writer of the mcap package.
 
-    Messages are collected up to a chunk's size and handed on together, one chunk after the other:
-    the bytes are those that one thread alone would write. What the thread cannot write is raised as
-    OSError by the call that next has to do with it: whatever hands on a chunk, `settle` or
-    `finish`.
+    Messages are collected up to the size of a chunk and passed to the thread one chunk after the
+    other, so the bytes are those of a single thread. A failed write is raised as OSError by the
+    next call that passes on a chunk, by `settle` or by `finish`.
     """
 
     def __init__(self, file: IO[bytes], library: str, chunk_size: int) -> None:
         """Write the file's head.
 
         Args:
-            file: Opened for writing, empty; it stays the caller's to close.
-            library: Name and version of what writes.
+            file: Empty file opened for writing; the caller closes it.
+            library: Name and version of the writing program.
             chunk_size: A chunk is closed when its messages are larger, bytes.
         """
         self._file = file
@@ -43,7 +42,7 @@ class McapFile:
         self._size = 0
         self._schemas: dict[str, int] = {}
         self._channels: dict[int, tuple[str, str]] = {}  # schema's name, topic
-        self._digest = ContentDigest()  # of what is in the file, in its order
+        self._digest = ContentDigest()  # of the content, in file order
 
     def add_metadata(self, name: str, fields: Mapping[str, str]) -> None:
         """Write named text fields, before the messages of the open chunk."""
@@ -52,9 +51,9 @@ class McapFile:
         self._writer.add_metadata(name, dict(fields))
 
     def add_result(self, fields: Mapping[str, str]) -> None:
-        """Write the result after all messages so far, and in it the digest of the file's content.
+        """Write the result after all messages so far, with the digest of the content of the file.
 
-        What is added later makes the digest wrong.
+        Anything added later invalidates the digest.
         """
         self.hand_on()
         self.settle()
@@ -68,7 +67,7 @@ class McapFile:
         self._writer.add_attachment(0, 0, name, media_type, content)
 
     def add_channel(self, topic: str, schema_name: str, schema: bytes) -> int:
-        """Declare a channel of protobuf messages and its schema; returns the channel's number."""
+        """Declare a channel of protobuf messages and its schema; return its number."""
         self.settle()
         known = self._schemas.get(schema_name)
         if known is None:
@@ -86,20 +85,20 @@ class McapFile:
             self.hand_on()
 
     def hand_on(self) -> None:
-        """Close the open chunk and let the thread write it, once the one before is written."""
+        """Close the open chunk and pass it to the thread once the one before is written."""
         self.settle()
         if self._messages:
             self._in_hand = self._pool.submit(self._write, self._messages)
             self._messages, self._size = [], 0
 
     def settle(self) -> None:
-        """Wait until all that was handed on is with the operating system."""
+        """Wait until everything passed on is with the operating system."""
         if self._in_hand is not None:
             in_hand, self._in_hand = self._in_hand, None
             in_hand.result()
 
     def finish(self) -> None:
-        """Write what is left, and the index."""
+        """Write the rest and the index."""
         self.hand_on()
         self.settle()
         self._writer.finish()
@@ -111,7 +110,7 @@ class McapFile:
         self._pool.shutdown()
 
     def _write(self, messages: list[Message]) -> None:
-        """Write and flush; the thread's work."""
+        """Write and flush, on the thread."""
         for channel, time_ns, data, sequence in messages:
             self._digest.add(Packet(*self._channels[channel], time_ns, data))
             self._writer.add_message(channel, time_ns, data, time_ns, sequence)

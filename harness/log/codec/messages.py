@@ -1,4 +1,4 @@
-"""A log's messages: decoded, and checked for what nobody after this would look at."""
+"""Decoding of the messages of a log, with checks of times, positions and texts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def read_messages(path: Path) -> Iterator[Message]:
-    """Every message of a log in file order, decoded.
+    """Yield every message of a log in file order, decoded.
 
     Raises:
         InputError: The file breaks off or a checksum does not hold.
@@ -29,9 +29,9 @@ def read_messages(path: Path) -> Iterator[Message]:
 
 
 def read_unfinished(path: Path) -> Iterator[Message]:
-    """Every message of a log that is still being written, up to what was flushed last.
+    """Yield every message of a log that is still being written, up to the last flush.
 
-    Whoever reads it knows how much there must be: where the file breaks off is no error here.
+    The end of the file is no error; the caller checks the number of messages.
     """
     with contextlib.suppress(InputError):
         yield from read_messages(path)
@@ -47,7 +47,6 @@ _MESSAGES: dict[str, type[Message]] = {
         pb.StackCommand,
         pb.Decision,
         pb.Truth,
-        pb.State,
         pb.Streams,
         pb.Perturbation,
         pb.State,
@@ -56,12 +55,12 @@ _MESSAGES: dict[str, type[Message]] = {
 
 
 def is_ours(packet: Packet) -> bool:
-    """Whether a packet is one of a log's messages; a file may hold others beside them."""
+    """Return whether a packet is a message of a log; a file may hold others."""
     return packet.schema in _MESSAGES
 
 
 def decode(packet: Packet, path: Path) -> Message:
-    """The message in a packet that is ours.
+    """Return the message of a packet, see `is_ours`.
 
     Raises:
         InputError: It is no such message.
@@ -81,7 +80,7 @@ def decode(packet: Packet, path: Path) -> Message:
 
 
 def _check_times(message: Message) -> None:
-    """Raise a ValueError for a time that is none, before anybody reckons with it."""
+    """Raise a ValueError if a timestamp is out of range."""
     if "timestamp" in message.DESCRIPTOR.fields_by_name:
         message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
     if isinstance(message, pb.Decision):
@@ -89,7 +88,7 @@ def _check_times(message: Message) -> None:
 
 
 def _check_place(message: Message) -> None:
-    """Raise a ValueError for a true place where no robot is: its square may be no number."""
+    """Raise a ValueError if a true position is out of range: its square may overflow."""
     if isinstance(message, pb.Truth) and not all(
         abs(x) <= MAX_COORDINATE for x in message.position
     ):
@@ -97,7 +96,7 @@ def _check_place(message: Message) -> None:
 
 
 def _check_texts(message: Message) -> None:
-    """Raise a ValueError for a text that a terminal could take for a command."""
+    """Raise a ValueError if a text has control characters that a terminal would obey."""
     for field in _fields_with_texts(message.DESCRIPTOR):
         value = getattr(message, field.name)
         for one in value if field.is_repeated else (value,):
@@ -109,7 +108,7 @@ def _check_texts(message: Message) -> None:
 
 @functools.cache
 def _fields_with_texts(descriptor: Descriptor) -> tuple[FieldDescriptor, ...]:
-    """Fields that are texts, or messages with such fields."""
+    """Return the fields that are texts, or messages with such fields."""
     return tuple(
         field
         for field in descriptor.fields

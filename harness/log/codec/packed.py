@@ -1,9 +1,9 @@
-"""The form that decisions and stream hashes have in a packed log, and the way back, bit by bit.
+"""Lossless packing of decisions and stream hashes, for packed logs.
 
 A path is straight pieces and parabolas, sampled evenly: the second differences of its coordinates
-are a bit or two of rounding, or the same from point to point. A profile of arc length or heading is
-alike. They are told from the end backwards, because from one decision to the next the end stays and
-the beginning moves. Hashes take half the bytes as what they are, numbers, and not text.
+are a bit or two of rounding, or the same from point to point. So are those of arc lengths and
+headings. They are taken from the end backwards, because from one decision to the next the end stays
+and the beginning moves. Hashes take half the bytes as numbers that they take as text.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ Whole = NDArray[np.int64]
 
 HASHES = ("map_version", "input_digest", "chain")
 HASH_SIZE = 16
-"""Of each of them, bytes."""
+"""Size of each hash, bytes."""
 
 STREAM_HASH_SIZE = 8
 
 ORDER = 2
-"""Of the differences: the third ones of a path are no smaller, and each corner costs one more."""
+"""Order of the differences; third ones of a path are no smaller, and each corner costs one more."""
 
 LARGEST = np.int64(2**63 - 1)
 
 MOST_NUMBERS = 2**20
-"""In one field; a mission's path has some hundred points."""
+"""Maximum number of values in one field; a path has some hundred points."""
 
 
 def pack(message: Message) -> Message:
-    """The message as it stands in a packed log; one that would not come back alike, as it is."""
+    """Return the message packed, or unchanged if it would not be restored bit by bit."""
     try:
         if isinstance(message, pb.Decision):
             packed: pb.Decision | pb.Streams = _pack_decision(message)
@@ -52,10 +52,10 @@ def pack(message: Message) -> Message:
 
 
 def unpack(message: Message) -> None:
-    """Undo `pack`, in place; nothing to do where it was not packed.
+    """Restore a packed message in place; no effect on one that is not packed.
 
     Raises:
-        ValueError: What was packed has not the size that it must have.
+        ValueError: The packed data has the wrong size.
     """
     if isinstance(message, pb.Decision) and message.HasField("packed"):
         _unpack_decision(message)
@@ -113,7 +113,7 @@ def _numbers(hashes: Iterable[str]) -> bytes:
 
 
 def _texts(data: bytes, count: int, size: int) -> list[str]:
-    """So many hashes of so many bytes."""
+    """Split data into `count` hashes of `size` bytes, in hexadecimal."""
     if len(data) != count * size:
         raise ValueError(f"{len(data)} bytes of hashes, expected {count * size}")
     return [data[k * size : (k + 1) * size].hex() for k in range(count)]
@@ -124,23 +124,23 @@ def _coordinates(path: Sequence[pb.Point]) -> Array:  # (n, 3)
 
 
 def _grains(values: Array) -> Whole:
-    with np.errstate(all="ignore"):  # what is no such number does not come back alike
+    with np.errstate(all="ignore"):  # what overflows is not restored, and stays unpacked
         return np.rint(values / GRAIN).astype(np.int64)
 
 
 def _ordered(values: Array) -> Whole:
-    """Bits of doubles as whole numbers in the order of the doubles."""
+    """Return the bits of doubles as whole numbers in the same order."""
     bits = np.ascontiguousarray(values).view(np.int64)
     return bits ^ ((bits >> 63) & LARGEST)
 
 
 def _doubles(ordered: Whole) -> Array:
-    """Undo `_ordered`."""
+    """Invert `_ordered`."""
     return (ordered ^ ((ordered >> 63) & LARGEST)).view(np.float64)
 
 
 def _steps(rows: Whole) -> list[int]:
-    """Second differences, which wrap, of the rows of (n, k) from the last one backwards."""
+    """Return wrapping second differences of the rows of (n, k), from the last one backwards."""
     rows = rows[::-1]
     for _ in range(ORDER):
         rows = np.vstack([rows[:1], rows[1:] - rows[:-1]])
@@ -149,7 +149,7 @@ def _steps(rows: Whole) -> list[int]:
 
 
 def _sums(steps: Sequence[int], columns: int) -> Whole:  # (n, columns)
-    """Undo `_steps`."""
+    """Invert `_steps`."""
     if len(steps) > MOST_NUMBERS or len(steps) % columns:
         raise ValueError(f"{len(steps)} numbers, expected {columns} for each point")
     rows = np.array(steps, np.int64).reshape(-1, columns)
