@@ -207,6 +207,9 @@ NUMBERS = ("int", "float")
 CODE = ("planner.name",)
 """Settings that may name code of the user's own."""
 
+HASH_SEPARATOR = "@"
+"""Separator in `name@hash`, the name of a world or robot that was read from a file."""
+
 PLUGIN = ":"
 """In the name of a planner or a robot's controller: `module:Class` of the user's own."""
 

@@ -1,4 +1,4 @@
-"""From a log back to a scenario that can be simulated: its own scene, not one made anew."""
+"""Scenario of a log, with the logged scene, to simulate it again."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from wayproof.models.worlds import WORLDS, World
 
 
 def rebuild(log: Log, config: Config | None = None) -> Scenario:
-    """The scenario of a log.
+    """Return the scenario of a log.
 
-    What is simulated is compiled from the scene in the log, so a world that is a file, or that this
-    version would generate otherwise, is simulated as it was.
+    The simulated scene is compiled from the one in the log, so a world that is a file, or that this
+    version would generate differently, is simulated as it was.
 
     Args:
         log: The log.
-        config: In place of the log's own.
+        config: Settings; by default those of the log.
 
     Raises:
-        InputError: The robot is unknown, or the scene is not one of this robot, or reaches outside
-            itself.
+        InputError: The robot is unknown, or the scene is not one of this robot, or refers to other
+            files.
     """
     config = config or log.config
     redirect_mujoco_warnings()
@@ -58,14 +58,14 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
 
 
 def is_made_from_seed(log: Log) -> bool:
-    """Whether world and robot are registered names, so that a seed makes the scene."""
+    """Return whether world and robot are registered names, so that a seed makes the scene."""
     return log.config.world in WORLDS and log.config.robot in ROBOTS
 
 
 def made_otherwise(log: Log) -> list[Difference]:
-    """What of a log's scene, mission and config this version does not make from its seed.
+    """Return what this version generates differently from the seed: scene, mission or config.
 
-    Nothing is compared where the world or the robot is a file, see `is_made_from_seed`.
+    Nothing is compared if the world or the robot is a file, see `is_made_from_seed`.
     """
     from wayproof.harness.scenario.scenario import build
 
@@ -86,14 +86,14 @@ def made_otherwise(log: Log) -> list[Difference]:
 
 
 def _scene_difference(scene: str, built: Scenario) -> Difference:
-    """The first line that two scenes hold differently."""
+    """Return the first line that differs between two scenes."""
     pairs = itertools.zip_longest(scene.splitlines(), built.scene.mjcf.splitlines(), fillvalue="")
     number, (old, new) = next((n, pair) for n, pair in enumerate(pairs, 1) if pair[0] != pair[1])
     return Difference(f"scene.xml, line {number}", old.strip()[:120], new.strip()[:120])
 
 
 def _world(log: Log) -> World:
-    """The world as its seed makes it; of a world that is a file, what the mission tells."""
+    """Return the generated world; of a world that is a file, only bounds, start and goal."""
     if log.config.world in WORLDS:
         world = WORLDS[log.config.world](log.config.seed, log.config.difficulty)
         return apply_world_perturbation(world, log.config)
@@ -111,7 +111,7 @@ def _world(log: Log) -> World:
 
 
 def segment_of(scenario: Scenario, begin: int = 0) -> Segment:
-    """What a scenario's stack decides, from a decision on."""
+    """Return the segment of a scenario from a decision on."""
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
     beams = {info.name: beams_from_info(info) for info in infos}
     return Segment(begin, scenario.config, scenario.mission, beams)

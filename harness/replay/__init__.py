@@ -1,1 +1,1 @@
-"""What a log proves: replay, audit, and what other settings would have done."""
+"""Replay, audit, verification and forks of logs."""

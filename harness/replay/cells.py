@@ -1,7 +1,7 @@
-"""States of the single cells around a path, and distances between them, by slow code.
+"""States of the cells around a path, and distances between them, by simple code.
 
-It shares nothing with the costmap that decisions were made on, so that the audit and the check of
-reasons hold these against something else.
+It shares nothing with the costmap of the stack, so that the audit and the check of reasons are
+independent of what they check.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 SPACING = 0.25
-"""Of the points that a path is checked at, cells."""
+"""Spacing of the points at which a path is checked, cells."""
 
 SLIVER = 1e-7
-"""Of rounding: a face that lies on a bound is on neither side of it, m."""
+"""Tolerance for rounding, m: a face within it of a bound is on neither side."""
 
 SHELL = 512
-"""Cells that are looked at together, from each cell of a path."""
+"""Number of neighbours of each cell of a path that are read at once."""
 
 OUTSIDE = 3
-"""State of a cell that lies outside of the operating area: as good as occupied."""
+"""State of a cell outside the operating area; it blocks as an occupied one does."""
 
 NAMES = {FREE: "free", UNKNOWN: "unknown", OCCUPIED: "occupied", OUTSIDE: "outside"}
-"""Of the states, as reasons name them."""
+"""Names of the states in reasons."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Cells:
 
     Attributes:
         states: (nx, ny) or (nx, ny, nz).
-        corner: (2,) or (3,) least corner of the first one, m.
-        size: Edge of one, m.
+        corner: (2,) or (3,) lower corner of the first cell, m.
+        size: Edge of a cell, m.
     """
 
     states: NDArray[np.uint8]
@@ -53,27 +53,27 @@ class Cells:
 
     @property
     def axes(self) -> int:
-        """2 in the plane, 3 in space."""
+        """Number of axes: 2 for columns, 3 for cubes."""
         return self.states.ndim
 
     @property
     def occupied(self) -> Mask:
-        """Which are occupied, or as good as that."""
+        """Mask of cells that are occupied or outside the operating area."""
         occupied: Mask = (self.states == OCCUPIED) | (self.states == OUTSIDE)
         return occupied
 
     @property
     def not_free(self) -> Mask:
-        """Which are occupied, as good as that, or unknown."""
+        """Mask of cells that are occupied, outside or unknown."""
         not_free: Mask = self.states != FREE
         return not_free
 
     def wrong(self, unknown_blocks: bool) -> Mask:
-        """Which the body may not overlap."""
+        """Return the mask of cells that the body may not overlap."""
         return self.not_free if unknown_blocks else self.occupied
 
     def clearances(self, unknown_blocks: bool) -> Array:
-        """Distance of each centre to the nearest one that the body may not overlap, cells."""
+        """Return the distance of each cell to the nearest that the body may not overlap, cells."""
         from scipy import ndimage
 
         wrong = np.pad(self.wrong(unknown_blocks), 1, constant_values=True)
@@ -82,26 +82,23 @@ class Cells:
         return distances
 
     def of(self, points: Array) -> Integers:
-        """The cells (n, 2 or 3) that points (n, 3), m, lie in."""
+        """Return the cells (n, 2 or 3) that contain points (n, 3), m."""
         cells = np.floor((points[:, : self.axes] - self.corner) / self.size)
         return cells.astype(np.int64)
 
     def touched(self, path: Array) -> Integers:
-        """The cells of points of a path (n, 3), m, a quarter of a cell apart; each once."""
+        """Return the distinct cells of points a quarter of a cell apart along a path (n, 3), m."""
         return np.unique(self.of(densely(path, SPACING * self.size)), axis=0)
 
     def within(self, cells: Integers, wrong: Mask, reach: float) -> Mask:
-        """Whether a wrong cell's centre lies within a reach, cells, of each cell's centre, (n,)."""
+        """Return whether a wrong cell is within a reach, cells, of each cell, (n,)."""
         offsets, _ = ball(self.axes, reach)
         flat = wrong.ravel()
         near = [flat[self._indices(cell[None], offsets)].any() for cell in cells]
         return np.array(near, np.bool_)
 
     def least_distance(self, cells: Integers, wrong: Mask, reach: float) -> float:
-        """Least distance between the centre of one of some cells and that of a wrong one, cells.
-
-        At most the reach.
-        """
+        """Return the least distance of some cells to wrong ones, cells, at most the reach."""
         offsets, squares = ball(self.axes, reach)
         flat = wrong.ravel()
         for first in range(0, len(offsets), SHELL):
@@ -112,7 +109,7 @@ class Cells:
         return reach
 
     def near(self, cells: Integers, wrong: Mask, reach: float) -> Integers:
-        """The wrong cells (m, axes) whose centres lie within a reach, cells, of one of some."""
+        """Return the wrong cells (m, axes) within a reach, cells, of any of some cells."""
         offsets, _ = ball(self.axes, reach)
         seen = np.zeros(wrong.size, np.bool_)
         for cell in cells:
@@ -121,7 +118,7 @@ class Cells:
         return found
 
     def _indices(self, cells: Integers, offsets: Integers) -> Integers:
-        """Of each cell (n,) moved by each offset (m,), in the flat array: (n, m)."""
+        """Return the flat indices (n, m) of each cell (n,) plus each offset (m,)."""
         shape = self.states.shape
         strides = np.array([math.prod(shape[axis + 1 :]) for axis in range(self.axes)])
         here, there = (cells * strides).sum(axis=1), (offsets * strides).sum(axis=1)
@@ -131,9 +128,9 @@ class Cells:
 
 @lru_cache(maxsize=32)
 def ball(axes: int, reach: float) -> tuple[Integers, Integers]:
-    """Offsets (n, axes) to all cells whose centres lie within a reach, and their squares (n,).
+    """Return offsets (n, axes) of all cells within a reach, and their squares (n,), nearest first.
 
-    In cells, the nearest first.
+    All in cells.
     """
     steps = np.arange(-math.floor(reach), math.floor(reach) + 1)
     offsets = np.stack(np.meshgrid(*(axes * [steps])), axis=-1).reshape(-1, axes)
@@ -146,7 +143,7 @@ def ball(axes: int, reach: float) -> tuple[Integers, Integers]:
 def cells_around(
     voxel_map: Representation, path: Array, reach: float, config: Config, mission: Mission
 ) -> Cells:
-    """The cells within a reach, m, and two more, of a path (n, 3), m."""
+    """Return the cells within a reach, m, plus two cells, of a path (n, 3), m."""
     size, flat = voxel_map.resolution, mission.planar
     pad = reach + 3.0 * size
     low, high = path[:, :3].min(axis=0) - pad, path[:, :3].max(axis=0) + pad
@@ -155,7 +152,7 @@ def cells_around(
     first = np.floor(low / size + (0.0, 0.0, 0.75))
     end = np.ceil(high / size + (0.0, 0.0, 0.75))
     corner = (first - (0.0, 0.0, 0.75)) * size
-    # Its corners are those of cells, so a quarter of a cell inwards the same cells are meant.
+    # The corners are those of cells; a quarter of a cell inwards they select the same cells.
     states = states_in(
         voxel_map, corner + 0.25 * size, (end - (0.0, 0.0, 0.75)) * size - 0.25 * size
     )
@@ -167,9 +164,9 @@ def cells_around(
 def fenced(
     states: NDArray[np.uint8], corner: Array, size: float, config: Config, mission: Mission
 ) -> NDArray[np.uint8]:
-    """The states with `OUTSIDE` where a cell does not lie partly inside the operating area.
+    """Return the states with `OUTSIDE` where a cell does not overlap the operating area.
 
-    In height it must lie wholly between the altitudes of the configuration.
+    In height it must lie entirely between the altitude limits of the config.
     """
     states = states.copy()
     for axis in range(states.ndim):
@@ -186,7 +183,7 @@ def fenced(
 def columns(
     states: NDArray[np.uint8], bottom: float, size: float, mission: Mission
 ) -> NDArray[np.uint8]:
-    """What a walking body meets in each column (nx, ny)."""
+    """Return the worst state in each column (nx, ny) at the heights of a walking body."""
     lower = bottom + np.arange(states.shape[2]) * size  # edge of each layer
     inside = lower + size > mission.low[2] + SLIVER
     below = inside & (lower + size <= SLIVER)

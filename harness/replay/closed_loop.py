@@ -1,4 +1,4 @@
-"""Simulating a log's episode anew, from its seed, and comparing all that a log holds of it."""
+"""Closed-loop check: the episode of a log simulated again and compared with the log."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, differences, message_differences
 
 SAME = 1e-9
-"""Relative difference of a result's figures that are the same."""
+"""Relative difference up to which two figures of a result are equal."""
 
 INPUTS: tuple[type[Message], ...] = (pb.SensorInfo, pb.Sweep, pb.Pose, pb.Latency, pb.StackCommand)
 
 BEFORE_ALL = -1
-"""Number of the step that holds the sensors' tables."""
+"""Number of the step that holds the beam tables."""
 
 
 @dataclass(frozen=True)
 class MessageDifference:
-    """The first message of some kind that differs.
+    """First message of a kind that differs.
 
     Attributes:
-        stream: Its topic.
-        sequence: Of the decision that it belongs to; -1 of a sensor's table.
+        stream: Topic.
+        sequence: Number of its decision; -1 for a beam table.
         time_s: Simulated time.
-        differences: What differs in it, value by value.
+        differences: Differences in it, value by value.
     """
 
     stream: str
@@ -58,30 +58,30 @@ class MessageDifference:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """How an episode simulated anew compares with its recording.
+    """Comparison of an episode simulated again with its recording.
 
     Attributes:
         log: The log's path.
-        identical: All that was compared is the same: sensor tables, inputs, decisions, truth,
-            states, stream hashes, perturbation records, result, and the scene that the seed gives.
-        scene_from_seed: This version makes the same scene, mission and config from the seed; none
-            if world or robot is a file. What is simulated is the log's own scene in any case.
-        made_otherwise: What differs in them.
-        decisions: In the log.
-        simulated: Decisions of the new episode; of a log whose end is missing it may have more.
-        first_input: The first input that differs, if any.
-        first_record: The first message that differs of those that are no input and no decision.
-        first_difference: Sequence number of the first decision that differs, if any.
-        differences: What differs there, value by value.
-        result: Fields of the result that differ; not compared where the log's end is missing.
-        elsewhere: What the log was recorded with that is different here.
+        identical: Whether all is the same: beam tables, inputs, decisions, truth, states, stream
+            hashes, perturbation records, result, and the scene that the seed generates.
+        scene_from_seed: Whether this version generates the same scene, mission and config from the
+            seed; None if world or robot is a file. The simulated scene is always that of the log.
+        made_otherwise: Differences in them.
+        decisions: Number of decisions in the log.
+        simulated: Number of decisions of the new episode; more if the end of the log is missing.
+        first_input: First input that differs, if any.
+        first_record: First other message but decisions that differs, if any.
+        first_difference: Number of the first decision that differs, if any.
+        differences: Differences in it, value by value.
+        result: Fields of the result that differ; not compared if the end of the log is missing.
+        elsewhere: Fields of the recording machine and software that differ here.
         chain: Hash over the new decisions.
-        not_compared: Fields of decisions that the log's older format gave otherwise.
-        outcome: How the episode ended now.
-        recorded_outcome: How it ended then.
-        regenerated: Whether the log had left its sweeps out.
-        written: Where the new log lies, if it was kept.
-        wall_time_s: Time that it took.
+        not_compared: Fields of decisions whose meaning differs in the older format of the log.
+        outcome: Outcome of the new episode.
+        recorded_outcome: Outcome in the log.
+        regenerated: Whether the log lacks its sweeps.
+        written: Path of the new log, if it was kept.
+        wall_time_s: Wall time, s.
     """
 
     log: str
@@ -106,7 +106,7 @@ class ClosedLoop:
 
     @property
     def findings(self) -> list[Difference]:
-        """All that differs, in one list, each by its place in the log."""
+        """Return all differences in one list, each with its place in the log."""
         found = list(self.made_otherwise)
         for one in (self.first_input, self.first_record):
             if one is not None:
@@ -127,15 +127,15 @@ class ClosedLoop:
 def simulate_again(
     path: Path, allow_plugins: bool = False, written: Path | None = None
 ) -> ClosedLoop:
-    """Simulate a log's episode from its seed, config and scene; a forked one fork by fork.
+    """Simulate the episode of a log again from its seed, config and scene, fork by fork.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
-        written: Where to keep the new log; it is written in full.
+        written: Path to keep the new log at, in full.
 
     Raises:
-        InputError: No such log, or one that cannot be simulated.
+        InputError: There is no such log, or it cannot be simulated.
     """
     log = open_log(path, allow_plugins)
     if written is not None and written.resolve() == path.resolve():
@@ -172,7 +172,7 @@ def simulate_again(
 
 
 def _simulate(log: Log, target: Path, folder: Path) -> None:
-    """Write the episode anew: the first settings from the start, then each fork from its own."""
+    """Write the episode again: the first segment from the start, then each fork."""
     delays = _delays(log)
     forks = segments_of(log)[1:]
     steps = [folder / f"{number}.mcap" for number in range(len(forks))] + [target]
@@ -217,7 +217,7 @@ class RecordedAnswers:
 
 
 def _delays(log: Log) -> dict[int, float]:
-    """What each decision's latency was: it is an input, and a measured one never comes again."""
+    """Return the delay of each decision, s; delays are inputs, and measured ones do not recur."""
     return {
         message.sequence: message.delay_s
         for message in read_messages(log.path)
@@ -227,7 +227,7 @@ def _delays(log: Log) -> dict[int, float]:
 
 @dataclass
 class _Comparison:
-    """Where two logs part, as far as they were compared."""
+    """Differences between two logs, up to the first decision that differs."""
 
     decisions: int = 0
     first_input: MessageDifference | None = None
@@ -242,7 +242,7 @@ class _Comparison:
 
 @dataclass(frozen=True)
 class _Step:
-    """A decision, if one was made, and the other messages of its number by topic."""
+    """A decision, if there is one, and the other messages of its number by topic."""
 
     number: int
     decision: pb.Decision | None
@@ -250,7 +250,7 @@ class _Step:
 
 
 def _compare(log: Log, again: Log) -> _Comparison:
-    """Step by step, to the end of the log or to the first decision that differs."""
+    """Compare step by step, to the end of the log or to the first decision that differs."""
     found = _Comparison()
     thinned = log.record == "decisions"
     pairs = itertools.zip_longest(_steps(log.path), _steps(again.path))
@@ -276,7 +276,7 @@ def _compare(log: Log, again: Log) -> _Comparison:
 
 
 def _compare_others(found: _Comparison, old: _Step, new: _Step, thinned: bool) -> None:
-    """Note the first input and the first other message that differ."""
+    """Record the first input and the first other message that differ."""
     topics = [one for one in {**old.others, **new.others}]
     for topic in topics:
         one, other = old.others.get(topic, []), new.others.get(topic, [])
@@ -312,7 +312,7 @@ def _time_of(step: _Step, messages: list[Message]) -> float:
 
 
 def _steps(path: Path) -> Iterator[_Step]:
-    """Messages by the number of their decision, in file order; sensors' tables come first."""
+    """Yield the messages by decision in file order, after the beam tables."""
     for number, messages in itertools.groupby(read_messages(path), _number_of):
         decision = None
         others: dict[str, list[Message]] = {}
@@ -331,10 +331,10 @@ def _number_of(message: Message) -> int:
 
 
 def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
-    """Fields of the recorded result that the new one has otherwise; an older log has fewer."""
+    """Yield the fields of the recorded result that differ; an older log has fewer fields."""
     for name, now in again.result.items():
         then = log.result.get(name)
-        # The digest covers measured times, which no simulation gives again.
+        # The digest covers measured times, which no simulation reproduces.
         if name in ("record", CONTENT) or name in log.not_compared:
             continue
         if then is not None and not _same(then, now):
@@ -342,7 +342,7 @@ def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
 
 
 def _same(then: str, now: str) -> bool:
-    """Whether two texts are the same, or the same number to its ninth digit."""
+    """Return whether two texts are equal, or equal numbers to nine digits."""
     if then == now:
         return True
     try:

@@ -1,9 +1,8 @@
-"""Checks of a log against itself, without deciding or simulating anything again.
+"""Checks of a log for internal consistency, without deciding or simulating again.
 
-What a log says twice must be the same both times: its result follows from its decisions and truth,
-each link of the chain from the record that it seals, hashes from the inputs that they are of,
-delays and perturbation records from the config. This is cheap, a reading of the file, so the verbs
-that only read a log do it first.
+Redundant content must agree: the result follows from decisions and truth, each link of the chain
+from its record, hashes from their inputs, delays and perturbation records from the config. The
+checks only read the file, so verbs that read a log run them first.
 """
 
 from __future__ import annotations
@@ -32,44 +31,44 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, chain_hash
 
 SAME = 1e-9
-"""Relative difference of figures that are the same, summed in another order."""
+"""Relative difference up to which two figures, summed in different orders, are equal."""
 
 HALF_STEP_S = 0.005
-"""By which decisions may be off their period: half of the longest physics step, s."""
+"""Tolerance of the period of decisions, s: half of the longest physics step."""
 
 NUMBERED = ("poses", "latencies", "truths", "streams")
-"""Kinds of messages of which there is one for each decision."""
+"""Kinds of messages with one message per decision."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A log and its messages, as the checks take them.
+    """A log and its messages, the subject of the checks.
 
     Attributes:
-        log: The head.
-        content: The messages.
-        runs: Settings by stretch; one if the log was never forked.
+        log: Head of the log.
+        content: Messages of the log.
+        segments: Settings by segment; one if the log was never forked.
     """
 
     log: Log
     content: Content
-    runs: tuple[Segment, ...]
+    segments: tuple[Segment, ...]
 
-    def run_of(self, number: int) -> Segment:
-        """The settings that a decision was made with."""
-        return next(run for run in reversed(self.runs) if run.begin <= max(number, 0))
+    def segment_of(self, number: int) -> Segment:
+        """Return the settings of a decision."""
+        return next(one for one in reversed(self.segments) if one.begin <= max(number, 0))
 
     @property
     def incomplete(self) -> bool:
-        """Whether the log says that the episode broke off."""
+        """Whether the result says that the episode ended in an error."""
         return ends_in_error(self.log.result)
 
 
 def contradictions(log: Log, content: Content | None = None) -> list[Difference]:
-    """All that a log says in two ways which do not agree: as recorded, and as it follows.
+    """Return all contradictions in a log: what is recorded, and what follows from the rest.
 
     Args:
-        log: Its head.
+        log: Head of the log.
         content: Its messages, if they were read already.
 
     Raises:
@@ -79,17 +78,17 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
     altered = list(_digest(log, content))
     if not content.decisions:
         if ends_in_error(log.result):
-            return altered  # a stack can fail before its first decision
+            return altered  # a stack may fail before its first decision
         raise InputError(f"log '{log.path}': no decisions in it")
     subject = Subject(log, content, tuple(segments_of(log)))
     found = [*_format(subject), *_numbering(subject)]
-    if not found:  # the checks take the messages by number
+    if not found:  # the checks index the messages by number
         found = [one for check in CHECKS for one in check(subject)]
-    return found + altered  # the digest tells no place, so whatever else was found comes first
+    return found + altered  # the digest names no place, so it comes last
 
 
 def refuse_contradictions(log: Log, content: Content | None = None, hint: str = "") -> None:
-    """Raise an InputError that names the first contradiction in a log, and ends with a hint."""
+    """Raise an InputError with the first contradiction in a log, if any, and a hint."""
     found = contradictions(log, content)
     if found:
         one, more = found[0], f", and {len(found) - 1} more" if len(found) > 1 else ""
@@ -100,7 +99,7 @@ def refuse_contradictions(log: Log, content: Content | None = None, hint: str = 
 
 
 def _digest(log: Log, content: Content) -> Iterator[Difference]:
-    """The digest of all in the file is the result's; logs of formats before 5 may have none."""
+    """The digest of the file is that in the result; logs of formats before 5 may have none."""
     recorded = log.result.get(CONTENT)
     if not content.digest or (recorded is None and log.run["format_version"] not in WITH_REASONS):
         return
@@ -109,7 +108,7 @@ def _digest(log: Log, content: Content) -> Iterator[Difference]:
 
 
 def _format(subject: Subject) -> Iterator[Difference]:
-    """Formats before 5 have no predicate: under such a number replay would leave reasons out."""
+    """Decisions of formats before 5 have no predicate; with one, replay would skip the reasons."""
     version = subject.log.run["format_version"]
     if version not in WITH_REASONS and any(
         one.HasField("predicate") for one in subject.content.decisions
@@ -118,7 +117,7 @@ def _format(subject: Subject) -> Iterator[Difference]:
 
 
 def _numbering(subject: Subject) -> Iterator[Difference]:
-    """Decisions count from 0, and each has its pose, delay, truth and hashes at its time."""
+    """Decisions count from 0; each has pose, delay, truth and hashes of its number and time."""
     content, last_ns = subject.content, -1
     for number, decision in enumerate(content.decisions):
         name, now_ns = f"/decision[{number}]", decision.timestamp.ToNanoseconds()
@@ -132,14 +131,14 @@ def _numbering(subject: Subject) -> Iterator[Difference]:
     for kind in NUMBERED:
         messages: Sequence[pb.Truth] = getattr(content, kind)
         if kind in ("poses", "latencies") and not messages and not content.inputs:
-            continue  # a row of a study reads neither
+            continue  # not read for a row of a study
         yield from _stamps(kind, messages, stamps, subject.incomplete)
 
 
 def _stamps(
     kind: str, messages: Sequence[pb.Truth], stamps: list[tuple[int, int]], may_lead: bool
 ) -> Iterator[Difference]:
-    """Numbers and times of one kind; before an error there may be inputs of one decision more."""
+    """Numbers and times are those of the decisions; at an error inputs may lead by one."""
     found = [(one.sequence, one.timestamp.ToNanoseconds()) for one in messages]
     leads = may_lead and kind in ("poses", "latencies") and len(found) == len(stamps) + 1
     if len(found) != len(stamps) and not leads:
@@ -152,10 +151,10 @@ def _stamps(
 
 
 def _period(subject: Subject) -> Iterator[Difference]:
-    """Decisions follow each other in the period of the first sensor."""
+    """Decisions follow each other at the rate of the first sensor."""
     times = [one.timestamp.ToNanoseconds() * 1e-9 for one in subject.content.decisions]
     for number, (before, now) in enumerate(itertools.pairwise(times), 1):
-        period = subject.run_of(number - 1).period_s
+        period = subject.segment_of(number - 1).period_s
         if abs(now - before - period) > HALF_STEP_S:
             name = f"time between decisions {number - 1} and {number}"
             yield Difference(name, f"{now - before:.3f} s", f"{period:.3f} s")
@@ -180,7 +179,7 @@ def _chain(subject: Subject) -> Iterator[Difference]:
 
 
 def _figures(subject: Subject) -> Iterator[Difference]:
-    """Counts and figures of the result; a log that was recovered long ago has few of them."""
+    """Counts and figures of the result follow from the messages; an old recovered log has few."""
     result, content = subject.log.result, subject.content
     expected = {
         "decisions": float(len(content.decisions)),
@@ -188,7 +187,7 @@ def _figures(subject: Subject) -> Iterator[Difference]:
     }
     if _ends_at_decision(subject):
         last = content.truths[-1]
-        mission = subject.runs[-1].mission
+        mission = subject.segments[-1].mission
         expected["goal_distance_m"] = goal_distance(mission, np.array(last.position))
     for name, value in expected.items():
         recorded = result.get(name)
@@ -199,21 +198,21 @@ def _figures(subject: Subject) -> Iterator[Difference]:
 
 
 def _end_time(subject: Subject) -> Iterator[Difference]:
-    """An episode ends with its last decision, or in the physics before the next one."""
+    """The episode ends with its last decision, or before the next one."""
     last_s = subject.content.decisions[-1].timestamp.ToNanoseconds() * 1e-9
     recorded = subject.log.result.get("sim_time_s", "")
     if _ends_at_decision(subject):
         if not _is_number(recorded, last_s):
             yield Difference("result.sim_time_s", recorded, f"{last_s:.10g}")
         return
-    period = subject.runs[-1].period_s
+    period = subject.segments[-1].period_s
     end_s = _number(recorded)
     if end_s is None or not last_s - SAME <= end_s <= last_s + period + HALF_STEP_S:
         yield Difference("result.sim_time_s", recorded, f"{last_s:.6g} to {last_s + period:.6g}")
 
 
 def _outcome(subject: Subject) -> Iterator[Difference]:
-    """No decision before the last ends the episode; if the last does, the outcome is that."""
+    """Only the last decision may end the episode, with the recorded outcome."""
     content, result = subject.content, subject.log.result
     positions = [np.array(one.position) for one in content.truths]
     last = len(content.decisions) - 1
@@ -237,7 +236,7 @@ def _outcome(subject: Subject) -> Iterator[Difference]:
 
 
 def _contacts(subject: Subject) -> Iterator[Difference]:
-    """A contact ends the episode: there is none before the end, and one in a collision."""
+    """A contact ends the episode: there is none before, and at least one in a collision."""
     result, content = subject.log.result, subject.content
     for truth in content.truths:
         touched = truth.collisions + truth.hit_by_mover
@@ -265,9 +264,9 @@ def _cause(subject: Subject) -> Iterator[Difference]:
 
 
 def _geofence(subject: Subject) -> Iterator[Difference]:
-    """To leave it ends the episode, so every decision's truth is inside."""
+    """Leaving the geofence ends the episode, so every true position is inside."""
     for truth in subject.content.truths:
-        mission = subject.run_of(truth.sequence).mission
+        mission = subject.segment_of(truth.sequence).mission
         bounds = zip(mission.low, truth.position, mission.high, strict=False)
         if len(truth.position) != 3 or not all(low <= x <= high for low, x, high in bounds):
             place = ", ".join(f"{x:.2f}" for x in truth.position)
@@ -276,7 +275,7 @@ def _geofence(subject: Subject) -> Iterator[Difference]:
 
 
 def _inputs(subject: Subject) -> Iterator[Difference]:
-    """Each decision names the digest of its sweeps and pose, and repeats the pose."""
+    """Each decision repeats its pose and the digest of its inputs."""
     content = subject.content
     for decision, had in zip(content.decisions, content.inputs, strict=False):
         name = f"/decision[{decision.sequence}].input_digest"
@@ -292,12 +291,12 @@ def _inputs(subject: Subject) -> Iterator[Difference]:
 
 
 def _hashes(subject: Subject) -> Iterator[Difference]:
-    """The running hashes of the input streams are those of the logged inputs."""
+    """The running hashes follow from the logged inputs."""
     content = subject.content
-    older = subject.log.run["format_version"] == "3"  # whose first logs have longer hashes
+    older = subject.log.run["format_version"] == "3"  # its first logs have longer hashes
     for streams, had in zip(content.streams, content.inputs, strict=False):
         recorded = {one.name: one.hash for one in streams.streams}
-        expected_names = {f"sensor/{name}" for name in subject.run_of(streams.sequence).beams}
+        expected_names = {f"sensor/{name}" for name in subject.segment_of(streams.sequence).beams}
         for name in sorted({*expected_names, *own_streams(subject.log.config)}):
             one, other = recorded.get(name, "none"), had.hashes[name]
             if one != other and not (older and len(one) > len(other)):
@@ -306,11 +305,11 @@ def _hashes(subject: Subject) -> Iterator[Difference]:
 
 
 def _delays(subject: Subject) -> Iterator[Difference]:
-    """A modelled delay follows from the config, and each decision repeats its own."""
+    """A modelled delay follows from the config, and each decision repeats it."""
     content = subject.content
     for decision, latency in zip(content.decisions, content.latencies, strict=False):
         number = decision.sequence
-        config = subject.run_of(number).config.latency
+        config = subject.segment_of(number).config.latency
         if latency.mode != config.mode:
             yield Difference(f"/latency[{number}].mode", latency.mode, config.mode)
             return
@@ -324,12 +323,12 @@ def _delays(subject: Subject) -> Iterator[Difference]:
 
 
 def _perturbation(subject: Subject) -> Iterator[Difference]:
-    """Each decision's record of what was perturbed follows from the config, or there is none."""
+    """Perturbation records follow from the config; without a perturbation there is none."""
     records = {one.sequence: one for one in subject.content.perturbations}
     for decision in subject.content.decisions:
         number = decision.sequence
         place, record = f"/perturbation[{number}]", records.get(number)
-        perturbation = subject.run_of(number).config.perturbation
+        perturbation = subject.segment_of(number).config.perturbation
         if record is None or perturbation is None:
             if record is not None or perturbation is not None:
                 kinds = [one.kind if one else "none" for one in (record, perturbation)]
@@ -350,10 +349,10 @@ def _perturbation(subject: Subject) -> Iterator[Difference]:
 
 
 def _places(subject: Subject) -> Iterator[Difference]:
-    """The mission's start and goal are those of the resolved config."""
-    for run in subject.runs:
+    """Start and goal of the mission are those of the resolved config."""
+    for segment in subject.segments:
         for name in ("start", "goal"):
-            placed, mission = getattr(run.config, name), getattr(run.mission, name)
+            placed, mission = getattr(segment.config, name), getattr(segment.mission, name)
             if placed is not None and tuple(placed) != tuple(mission)[: len(placed)]:
                 yield Difference(f"config.{name}", str(placed), str(mission))
 
@@ -373,7 +372,7 @@ CHECKS: tuple[Callable[[Subject], Iterator[Difference]], ...] = (
     _geofence,
     _places,
 )
-"""Each on its own; the most telling first, because one line names the first that fails."""
+"""Independent checks, the most informative first: messages name the first that fails."""
 
 
 def _ends_at_decision(subject: Subject) -> bool:
@@ -381,19 +380,19 @@ def _ends_at_decision(subject: Subject) -> bool:
 
 
 def _limits(subject: Subject, number: int) -> Limits:
-    run = subject.run_of(number)
-    return Limits(run.config.episode, run.mission, run.period_s)
+    segment = subject.segment_of(number)
+    return Limits(segment.config.episode, segment.mission, segment.period_s)
 
 
 def _is_active(subject: Subject, number: int) -> bool:
-    run = subject.run_of(number)
-    rate = next(iter(run.beams.values())).rate  # as `harness.sim.perturb` has it
-    return (run.config.perturbation or UNPERTURBED).is_active(round(number / rate * 1e9))
+    segment = subject.segment_of(number)
+    rate = next(iter(segment.beams.values())).rate  # as in `harness.sim.perturb`
+    return (segment.config.perturbation or UNPERTURBED).is_active(round(number / rate * 1e9))
 
 
 def _added_delay(subject: Subject, number: int) -> float:
-    """What the perturbation adds to a decision's delay, s."""
-    perturbation = subject.run_of(number).config.perturbation or UNPERTURBED
+    """Return the delay that the perturbation adds to that of a decision, s."""
+    perturbation = subject.segment_of(number).config.perturbation or UNPERTURBED
     return perturbation.delay if _is_active(subject, number) else 0.0
 
 

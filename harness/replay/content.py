@@ -1,4 +1,4 @@
-"""A log's messages as the checks of the log against itself need them: one pass over the file."""
+"""Messages of a log for the checks of consistency, read in one pass."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 @dataclass(frozen=True)
 class InputRecord:
-    """What the messages before a decision amount to.
+    """Hashes of the inputs of one decision.
 
     Attributes:
-        digest: Of its sweeps and pose, as `Decision.input_digest` is made.
+        digest: Digest of sweeps and pose, computed as `Decision.input_digest`.
         hashes: Running hash of each input stream since the start, by stream.
-        sensors: Whose sweeps it had.
+        sensors: Sensors with a sweep.
     """
 
     digest: str
@@ -35,17 +35,17 @@ class InputRecord:
 
 @dataclass(frozen=True)
 class Content:
-    """A log's messages, each kind in file order; sweeps only as hashes.
+    """Messages of a log, each kind in file order; sweeps only as hashes.
 
     Attributes:
-        decisions: What was decided.
-        truths: Of the simulator.
-        streams: Running hashes as they are recorded.
-        perturbations: What was perturbed.
-        poses: As believed.
+        decisions: Decisions.
+        truths: Ground truth.
+        streams: Recorded running hashes.
+        perturbations: Records of perturbations.
+        poses: Estimated poses.
         latencies: Delays.
-        inputs: Of each decision; empty where the sweeps were not read.
-        digest: Of all in the file; empty if it was not made.
+        inputs: Hashes of the inputs of each decision; empty if the sweeps were not read.
+        digest: Digest of the whole file; empty if it was not computed.
     """
 
     decisions: list[pb.Decision] = field(default_factory=list)
@@ -58,7 +58,7 @@ class Content:
     digest: str = ""
 
     def add(self, message: Message) -> None:
-        """Append a message of a kind that is kept."""
+        """Append a message, unless it is of another kind."""
         if isinstance(message, pb.Decision):
             self.decisions.append(message)
         elif isinstance(message, pb.Truth):
@@ -74,7 +74,7 @@ class Content:
 
 
 def read_content(log: Log) -> Content:
-    """Read a log's messages.
+    """Read the messages of a log.
 
     Raises:
         InputError: The file breaks off or is damaged.
@@ -96,7 +96,7 @@ def read_content(log: Log) -> Content:
 
 
 class _Running:
-    """Hashes of inputs, message by message."""
+    """Running hashes of inputs."""
 
     def __init__(self, log: Log) -> None:
         self._log = log
@@ -123,7 +123,7 @@ class _Running:
         self._streams.update(topic_of(message)[1:], data)
 
     def close(self) -> InputRecord:
-        """What one decision had, and start with the next."""
+        """Return the hashes of the inputs of one decision, and start the next."""
         hashes = {one.name: one.hash for one in self._streams.message(0, 0).streams}
         digest = inputs_digest([*self._written, self._pose])
         record = InputRecord(digest, hashes, frozenset(self._arrived))

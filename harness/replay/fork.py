@@ -1,4 +1,4 @@
-"""Going on from one decision of a log with other settings: would they have saved the robot?"""
+"""Forks: the episode of a log resumed at a decision with other settings."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from wayproof.harness.user_code import plugin_digests
 from wayproof.planners import Trajectory
 
 FIXED = ("world", "robot", "seed", "start")
-"""Settings that the episode's beginning already followed from."""
+"""Settings that determine the beginning of an episode and cannot change at a fork."""
 
 
 @dataclass(frozen=True)
 class Past:
-    """What lies before a fork.
+    """State at a fork.
 
     Attributes:
-        navigator: The changed stack, with the recorded one's past.
-        trajectories: Committed before the fork, each after its arrival, ns.
-        decisions: Made before it.
-        truths: Of each of these.
-        state: Of the simulator at the fork; none at the first decision.
+        navigator: Stack with the new settings, in the state of the recorded one.
+        trajectories: Committed trajectories before the fork, each after its time of arrival, ns.
+        decisions: Decisions before it.
+        truths: Ground truth of each.
+        state: State of the simulator; None at the first decision.
     """
 
     navigator: Navigator
@@ -56,20 +56,20 @@ def fork(
     allow_plugins: bool = False,
     observe: Observer | None = None,
 ) -> Result:
-    """Simulate a log's episode from one decision on, with other settings.
+    """Simulate the episode of a log from one decision on with other settings.
 
-    The new log begins with the old one's inputs and decisions, so it replays like any other.
+    The new log begins with the inputs and decisions of the old one, so it replays like any other.
 
     Args:
         path: The log.
         at: Number of the first decision with the new settings.
-        settings: As `section.field=value`; with none, the episode ends as it did.
+        settings: Changes as `section.field=value`; with none, the episode ends as recorded.
         target: Name of the new log.
         allow_plugins: Whether code that its config names may be imported.
         observe: Called after each decision, for display.
 
     Raises:
-        InputError: No such log, decision or setting, or no state was kept there.
+        InputError: There is no such log, decision or setting, or no state was kept there.
     """
     log = open_log(path, allow_plugins)
     if target.resolve() == path.resolve():
@@ -87,20 +87,20 @@ def fork_with(
     delays: Mapping[int, float] | None = None,
     record: str | None = None,
 ) -> Result:
-    """Simulate a log's episode from one decision on, with another config.
+    """Simulate the episode of a log from one decision on with another config.
 
     Args:
         log: The log.
         at: Number of the first decision with the new config.
-        config: The new one.
+        config: New config.
         target: Name of the new log.
         observe: Called after each decision, for display.
-        delays: Of each decision, s, in place of measured ones.
-        record: What to keep in place of the config's `record`.
+        delays: Delay by decision, s, instead of measured ones.
+        record: Extent of the new log; by default the config's `record`.
 
     Raises:
-        InputError: A setting changes that the episode had begun with, there is no such decision, or
-            no state was kept there.
+        InputError: A changed setting determines the beginning of the episode, there is no such
+            decision, or no state was kept there.
     """
     if log.not_compared:
         raise InputError(
@@ -132,7 +132,7 @@ def fork_with(
 
 
 def live_through(log: Log, at: int, scenario: Scenario) -> Past:
-    """All stacks of a log, and one for a scenario, through every decision before the fork."""
+    """Run the stacks of a log, and that of a scenario, through all decisions before a fork."""
     stack = SegmentedStack([*segments_of(log), segment_of(scenario, at)])
     trajectories, decisions = [], []
     state, reached = None, False
@@ -164,7 +164,7 @@ def live_through(log: Log, at: int, scenario: Scenario) -> Past:
 
 
 def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> None:
-    """The forks so far and this one, all sensors' tables, and every message before it."""
+    """Write all forks, all beam tables, and every message before the fork."""
     runs = segments_of(log)
     for number, (run, after) in enumerate(zip(runs, [*runs[1:], None], strict=True), 1):
         told = {
@@ -190,7 +190,7 @@ def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> Non
 
 
 def fork_name(path: Path, at: int, config: Config) -> Path:
-    """Where a fork's log goes by default: beside the log that it is forked from."""
+    """Return the default path of the log of a fork, beside the log that it is forked from."""
     import hashlib
 
     digest = hashlib.sha256(to_json(config)).hexdigest()[:8]

@@ -1,4 +1,4 @@
-"""Recomputing all of a log that follows from the rest of it, and comparing bit by bit."""
+"""Replay: all that follows from the inputs of a log, computed again and compared bit by bit."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from wayproof.harness.stack.decision import Difference, differences
 
 @dataclass(frozen=True)
 class Replay:
-    """How a replay compares with its recording.
+    """Comparison of a replay with its recording.
 
     Attributes:
         log: The log's path.
-        identical: Every decision and the chain are the same bits, and all else that follows from
-            the log's content is what the log says.
-        decisions: Decisions in the log.
-        differing: Decisions that differ.
-        first_difference: Sequence number of the first of them; none if identical.
-        differences: What differs there, value by value.
-        contradictions: What else of the log does not follow from its content: result, times, cause,
+        identical: Whether every decision and the chain are equal bit by bit, and all else that
+            follows from the content of the log agrees with it.
+        decisions: Number of decisions in the log.
+        differing: Number of decisions that differ.
+        first_difference: Number of the first that differs; None if identical.
+        differences: Differences in it, value by value.
+        contradictions: Other content that does not follow from the rest: result, times, cause,
             hashes.
         chain: Hash over the recomputed decisions.
-        outcome: What the log says of the episode.
-        scope: What was recomputed, what only the closed loop shows, and what is a claim.
-        not_compared: Fields of decisions that the log's older format gave otherwise.
-        wall_time_s: Time that the replay took.
+        outcome: Recorded outcome.
+        scope: Parts that were recomputed, that need a new simulation, and that are claims.
+        not_compared: Fields of decisions whose meaning differs in the older format of the log.
+        wall_time_s: Wall time of the replay, s.
     """
 
     log: str
@@ -54,16 +54,16 @@ class Replay:
 def replay(
     path: Path, allow_plugins: bool = False, threads: int | None = None, with_cause: bool = True
 ) -> Replay:
-    """Recompute a log's decisions, and all else that follows from it.
+    """Recompute the decisions of a log, and all else that follows from its content.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
-        threads: In place of the log's own; no decision depends on them.
-        with_cause: Whether the cause of a failure is worked out again as well.
+        threads: Number of threads, on which no decision depends; by default that of the log.
+        with_cause: Whether to attribute the cause of a failure again, too.
 
     Raises:
-        InputError: The file is no finished log, holds no decision, or its sweeps were left out.
+        InputError: The file is no finished log, or has no decisions or no sweeps.
     """
     log = open_log(path, allow_plugins)
     if threads is not None:
@@ -103,7 +103,7 @@ def replay(
 
 
 def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
-    """Each record with what is decided on it now; a forked log changes its settings on the way.
+    """Yield each record with the recomputed decision, each segment with its own settings.
 
     Raises:
         InputError: The log is damaged, or cannot be recomputed.
@@ -114,11 +114,11 @@ def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
 
 
 def cause_differences(log: Log) -> list[Difference] | None:
-    """How the cause that a log states differs from the one that is worked out of it now.
+    """Return differences between the recorded cause of a failure and the one attributed now.
 
     Returns:
-        Nothing where the cause is the same; none where it is not worked out: the log states none,
-        or MuJoCo, whose geometry it needs, is not installed.
+        Differences, empty if the cause is the same; None if the log has no cause, or MuJoCo, which
+        measures the true geometry, is not installed.
 
     Raises:
         InputError: The log's scene cannot be compiled.

@@ -1,26 +1,24 @@
-"""What can be recomputed of a log, what only a new simulation shows, and what its author claims."""
+"""Scope of a replay: parts of a log that are recomputed, simulated, or mere claims."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from wayproof.harness.config import HASH_SEPARATOR
 from wayproof.harness.ending import BETWEEN_DECISIONS
 from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.result import ends_in_error, is_recovered
 
-OF_A_FILE = "@"
-"""In the name of a world or a robot that is a file: before the hash of its text."""
-
 
 @dataclass(frozen=True)
 class Scope:
-    """The parts of a log by what stands behind them.
+    """Parts of a log by how they can be checked.
 
     Attributes:
-        recomputed: What follows from the rest of the log and is compared with it.
-        simulation: What only the closed loop can show: to simulate the episode anew.
-        claims: What nobody can recompute, and only a signature protects.
+        recomputed: Parts that follow from the rest of the log.
+        simulation: Parts that only a new simulation can check.
+        claims: Parts that nobody can recompute; only a signature protects them.
     """
 
     recomputed: tuple[str, ...]
@@ -29,7 +27,7 @@ class Scope:
 
 
 def scope_of(log: Log, with_cause: bool) -> Scope:
-    """Sort the parts of a log.
+    """Sort the parts of a log by how they can be checked.
 
     Args:
         log: The log.
@@ -68,7 +66,7 @@ def _claims(log: Log) -> tuple[str, ...]:
     if any(run.config.latency.mode == "measured" for run in runs):
         claims.append("measured delays")
     for name, value in (("world", log.config.world), ("robot", log.config.robot)):
-        if OF_A_FILE in value:
+        if HASH_SEPARATOR in value:
             claims.append(f"{name} file {value}")
     if is_recovered(log.result):
         claims.append("that its end is missing")

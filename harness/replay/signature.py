@@ -1,6 +1,6 @@
-"""Ed25519 signatures of logs (RFC 8032): 64 bytes over the log's bytes, in a file beside it.
+"""Ed25519 signatures of logs (RFC 8032): 64 bytes, in a file beside the log.
 
-The format is the bare one, so that OpenSSL checks a signature without this package:
+The bare format lets OpenSSL check a signature without this package:
 `openssl pkeyutl -verify -pubin -inkey KEY.pub -rawin -in LOG -sigfile LOG.sig`.
 """
 
@@ -25,16 +25,16 @@ from cryptography.hazmat.primitives.hashes import SHA256, Hash
 from wayproof.harness.errors import InputError
 
 ENDING = ".sig"
-"""Of the signature's name, after the log's."""
+"""Suffix of the name of a signature, after that of the log."""
 
 PUBLIC_ENDING = ".pub"
-"""Of the public key's name, after the private key's."""
+"""Suffix of the name of a public key, after that of the private key."""
 
 SIZE = 64
-"""Of a signature, bytes."""
+"""Size of a signature, bytes."""
 
 LARGEST_KEY = 16_384
-"""Of a key's file, bytes."""
+"""Maximum size of a file with a key, bytes."""
 
 OPENSSH = b"-----BEGIN OPENSSH PRIVATE KEY-----"
 
@@ -45,10 +45,10 @@ def new_key(path: Path) -> Path:
     """Write a new private key, PEM, readable by its owner alone, and its public key beside it.
 
     Args:
-        path: Of the private key.
+        path: Path of the private key.
 
     Returns:
-        Where the public key is.
+        Path of the public key.
 
     Raises:
         InputError: One of the files exists, or cannot be written.
@@ -73,17 +73,17 @@ def new_key(path: Path) -> Path:
 def read_private_key(path: Path) -> Ed25519PrivateKey:
     """Read a private key as OpenSSL (PEM) or `ssh-keygen -t ed25519` writes it.
 
-    A PEM key under a passphrase asks for it on the terminal.
+    The passphrase of an encrypted PEM key is read from the terminal.
 
     Raises:
-        InputError: No such file, no such key, or a wrong passphrase.
+        InputError: There is no such file or key, or the passphrase is wrong.
     """
     data = _read_key(path)
     openssh = data.lstrip().startswith(OPENSSH)
     load = serialization.load_ssh_private_key if openssh else serialization.load_pem_private_key
     try:
         key = _parsed(path, "private", lambda: load(data, None))
-    except TypeError:  # cryptography's answer to a key under a passphrase
+    except TypeError:  # raised by cryptography for an encrypted key
         phrase = _passphrase(path)
         key = _parsed(path, "private", lambda: load(data, phrase))
     if not isinstance(key, Ed25519PrivateKey):
@@ -95,7 +95,7 @@ def read_public_key(path: Path) -> Ed25519PublicKey:
     """Read a public key as OpenSSL (PEM) or `ssh-keygen -t ed25519` (`ssh-ed25519 ...`) writes it.
 
     Raises:
-        InputError: No such file, or no such key.
+        InputError: There is no such file or key.
     """
     data = _read_key(path)
     if b"PRIVATE KEY" in data:
@@ -109,7 +109,7 @@ def read_public_key(path: Path) -> Ed25519PublicKey:
 
 
 def fingerprint(key: Ed25519PublicKey) -> str:
-    """SHA-256 of a public key as `ssh-keygen -l` prints it."""
+    """Return the SHA-256 of a public key as `ssh-keygen -l` prints it."""
     line = key.public_bytes(serialization.Encoding.OpenSSH, serialization.PublicFormat.OpenSSH)
     digest = Hash(SHA256())
     digest.update(base64.b64decode(line.split()[1]))
@@ -117,14 +117,14 @@ def fingerprint(key: Ed25519PublicKey) -> str:
 
 
 def signature_path(log: Path) -> Path:
-    """Where a log's signature is: beside it."""
+    """Return the path of the signature of a log, beside it."""
     return log.with_name(log.name + ENDING)
 
 
 def sign(log: Path, key: Ed25519PrivateKey) -> Path:
-    """Sign a log's bytes; returns where the signature is.
+    """Sign the bytes of a log; return the path of the signature.
 
-    The same key gives the same bytes, so signing twice changes nothing.
+    Signatures are deterministic, so signing twice with one key changes nothing.
 
     Raises:
         InputError: The log cannot be read, or has a signature by another key or of other bytes.
@@ -143,7 +143,7 @@ def sign(log: Path, key: Ed25519PrivateKey) -> Path:
 
 
 def fault_of_signature(log: Path, key: Ed25519PublicKey) -> str | None:
-    """Why a log's signature does not hold; none if it does."""
+    """Return why the signature of a log is invalid; None if it is valid."""
     path = signature_path(log)
     if not path.is_file():
         return f"no '{path.name}' beside the log"
@@ -188,7 +188,7 @@ def _read(path: Path) -> bytes:
 
 
 def _write_new(path: Path, data: bytes, mode: int) -> None:
-    """Write a file that does not exist yet."""
+    """Write a new file."""
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
     except FileExistsError:

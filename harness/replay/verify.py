@@ -1,8 +1,8 @@
-"""One verdict on a log: whether what it says follows from its inputs, its config and its seed.
+"""Verification of a log: does its content follow from its inputs, config and seed?
 
-What can be recomputed is recomputed: the log against itself, the decisions from the inputs, and
-the whole episode from the seed. Each step is costlier than the one before, and the first that finds
-something ends it. What no step can reach is listed as a claim of the log's author.
+Everything that can be recomputed is: the consistency of the log, the decisions from the inputs, and
+the whole episode from the seed. Each step costs more than the one before, and the first that finds
+a difference ends the verification. The rest is listed as claims of the author.
 """
 
 from __future__ import annotations
@@ -35,24 +35,25 @@ MISSING_SWEEPS = "left out of the log"
 
 @dataclass(frozen=True)
 class Verification:
-    """What `verify` found of one log.
+    """Result of the verification of one log.
 
     Attributes:
         log: The log's path.
-        verified: Nothing that was recomputed differs from what the log says.
-        whole: The log has the episode's end; one that was recovered, or that code which failed
-            broke off, has not, and says so.
-        failed: The step that found something; none if nothing was found.
-        findings: What it found, as recorded and as recomputed.
-        steps: That were gone through, in order.
-        scope: What was recomputed, what only a simulation would show, and what is a claim.
-        elsewhere: Fields of the log's run that are different here; they matter to a simulation.
-        violations: Of the audit; none if it was not reached. They tell of the robot, not the log.
-        decisions: In the log.
-        outcome: What the log says of the episode.
-        chain: Of its result.
-        signed_by: Fingerprint of the key that signed it, if one was given and its signature holds.
-        wall_time_s: Time that it took.
+        verified: Whether everything recomputed agrees with the log.
+        whole: Whether the log has the end of the episode; a recovered log, or one of failed code,
+            has not.
+        failed: Step that found a difference, or None.
+        findings: Differences, as recorded and as recomputed.
+        steps: Completed steps, in order.
+        scope: Parts that were recomputed, that need a new simulation, and that are claims.
+        elsewhere: Fields of the metadata `run` that differ here, which may affect a simulation.
+        violations: Number of violations in the audit; None if it was not reached. They concern the
+            robot, not the log.
+        decisions: Number of decisions in the log.
+        outcome: Recorded outcome.
+        chain: Recorded chain hash.
+        signed_by: Fingerprint of the given key if its signature is valid.
+        wall_time_s: Wall time, s.
     """
 
     log: str
@@ -77,13 +78,13 @@ def verify(
     simulate: bool = True,
     key: Ed25519PublicKey | None = None,
 ) -> Verification:
-    """Recompute all of a log that can be recomputed.
+    """Recompute everything in a log that can be recomputed.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
-        simulate: Whether to simulate the episode anew; without, truth and outcome may be claims.
-        key: The log must have a signature by this one beside it.
+        simulate: Whether to simulate the episode again; without it truth and outcome may be claims.
+        key: Key that must have signed the log.
 
     Raises:
         InputError: The file is no finished log, is damaged, or holds no decision.
@@ -113,7 +114,7 @@ def verify(
 
 
 class _Trial:
-    """The steps of one log's verification, and what they leave behind."""
+    """Steps of the verification of one log, and their findings."""
 
     def __init__(
         self, log: Log, allow_plugins: bool, simulate: bool, key: Ed25519PublicKey | None
@@ -128,19 +129,19 @@ class _Trial:
         self._with_cause = False
 
     def run(self) -> tuple[Step | None, list[Difference]]:
-        """Go through the steps until one finds something."""
+        """Run the steps until one finds a difference; return it and the differences."""
         for step, do in self._plan():
             self.steps.append(step)
             try:
                 findings = do()
-            except InputError as error:  # what was readable cannot be recomputed
+            except InputError as error:  # readable, but it cannot be recomputed
                 findings = [Difference(step, "recorded", str(error))]
             if findings:
                 return step, findings
         return None, []
 
     def scope(self) -> Scope:
-        """What stands behind the verdict."""
+        """Return the scope of the verdict."""
         known = scope_of(self._log, self._with_cause)
         if "simulation" not in self.steps:
             return known
@@ -153,7 +154,7 @@ class _Trial:
         if self._log.record == "full":
             yield "replay", self._replay
         if self._broke_off_in_code():
-            return  # what broke off the process once can break off this one
+            return  # code that ended one process may end this one
         if self._simulate or self._log.record == "decisions":
             yield "simulation", self._simulate_again
 
@@ -171,7 +172,7 @@ class _Trial:
         return [*_code_and_version(self._log), *contradictions(self._log)]
 
     def _replay(self) -> list[Difference]:
-        # A new simulation works the cause out again, too.
+        # A new simulation attributes the cause again, too.
         replayed = replay(self._log.path, self._plugins, with_cause=not self._simulate)
         self._with_cause = "cause" in replayed.scope.recomputed
         number = replayed.first_difference
@@ -200,19 +201,19 @@ class _Trial:
         return []
 
     def _audit(self, path: Path) -> None:
-        """Count what the audit finds: the log may be true and the robot unsafe."""
+        """Count the violations that the audit finds: the log may be true and the robot unsafe."""
         self.violations = len(audit(path, allow_plugins=self._plugins).violations)
 
 
 def _findings_of(again: ClosedLoop) -> list[Difference]:
-    """All that differs; at least one, or the comparison itself would be wrong."""
+    """Return all differences; there is at least one."""
     findings = again.findings
     assert findings, "a closed loop differs by nothing"
     return findings
 
 
 def _code_and_version(log: Log) -> list[Difference]:
-    """A log of this very code names the version that this code has."""
+    """A log recorded with the same code must name the same version."""
     here = this_machine()
     if log.run.get(CODE) != here[CODE] or log.run.get("wayproof") == here["wayproof"]:
         return []

@@ -1,4 +1,4 @@
-"""What other settings would have decided on the inputs of a log, decision by decision."""
+"""Decisions of changed settings on the inputs of a log, compared with the recorded ones."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from wayproof.harness.stack.decision import differences, path_of
 Array = NDArray[np.float64]
 
 SAME_PLACE = 0.01
-"""Trajectories that stay within this of one another at all times are the same to the robot, m."""
+"""Distance at equal times up to which two trajectories count as the same, m."""
 
 SPACING = 0.1
-"""Of the points at which two routes are compared, m."""
+"""Spacing of the points at which two routes are compared, m."""
 
 SENSED = ("world", "robot", "start", "sensors")
-"""Settings that change what is sensed, which a log's inputs cannot answer for."""
+"""Settings that change the sensed data, which the inputs of a log cannot show."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """One decision in short.
+    """Summary of one decision.
 
     Attributes:
-        action: What the robot does.
-        label: What stood in the way.
-        reason: Why, in words.
-        path_length_m: To the goal, 0 if there is no way.
+        action: Action.
+        label: Label.
+        reason: Reason, in words.
+        path_length_m: Length of the path to the goal; 0 without one.
     """
 
     action: str
@@ -48,16 +48,16 @@ class Answer:
 
 @dataclass(frozen=True)
 class Change:
-    """One decision that the changed settings make otherwise.
+    """A decision that differs with the changed settings.
 
     Attributes:
-        sequence: Its number.
+        sequence: Number of the decision.
         time_s: Simulated time.
-        recorded: What was decided.
-        changed: What is decided now.
-        departure_m: How far apart the two committed trajectories are, at most, at equal times.
-        route_difference_m: How far the new route to the goal leads from the old one, at most; none
-            if there is only one of them.
+        recorded: Recorded decision.
+        changed: Decision with the changed settings.
+        departure_m: Greatest distance between the two trajectories at equal times, m.
+        route_difference_m: Greatest distance between the two routes to the goal, m; None if there
+            is only one.
     """
 
     sequence: int
@@ -70,17 +70,17 @@ class Change:
 
 @dataclass(frozen=True)
 class WhatIf:
-    """What changed settings decide on a log's inputs.
+    """Comparison of the decisions of changed settings with those of a log.
 
     Attributes:
         log: The log's path.
-        settings: What was changed.
-        decisions: In the log.
-        faithful: The recorded settings still decide what is recorded, bit by bit.
-        changes: The decisions that change, in order.
-        actions: How many of them change the action.
-        first_action: Number of the first that does, if any.
-        wall_time_s: Time that it took.
+        settings: Changes.
+        decisions: Number of decisions in the log.
+        faithful: Whether the recorded settings still give the recorded decisions, bit by bit.
+        changes: Decisions that differ, in order.
+        actions: Number of those whose action differs.
+        first_action: Number of the first of these, if any.
+        wall_time_s: Wall time, s.
     """
 
     log: str
@@ -94,15 +94,15 @@ class WhatIf:
 
 
 def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) -> WhatIf:
-    """Decide again with other settings on each decision's recorded inputs and past.
+    """Decide again with changed settings, from the recorded inputs and state of each decision.
 
     Args:
         path: The log.
-        settings: As `section.field=value`.
+        settings: Changes as `section.field=value`.
         allow_plugins: Whether code that its config names may be imported.
 
     Raises:
-        InputError: No such log or setting, or one that changes what is sensed.
+        InputError: There is no such log or setting, or it changes the sensed data.
     """
     log = open_log(path, allow_plugins)
     changed = changed_config(log, settings)
@@ -134,10 +134,10 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
 
 
 def changed_config(log: Log, settings: Sequence[str]) -> Config:
-    """A log's config with other settings.
+    """Return the config of a log with changed settings.
 
     Raises:
-        InputError: Unknown or refused, or the log's settings already changed on the way.
+        InputError: A setting is unknown or refused, or the log was forked.
     """
     if log.fork is not None:
         raise InputError(
@@ -148,23 +148,19 @@ def changed_config(log: Log, settings: Sequence[str]) -> Config:
 
 
 def refuse_sensed(old: Config, new: Config, advice: str, names: Sequence[str] = SENSED) -> None:
-    """Refuse changes that the inputs of a log cannot answer for.
-
-    Raises:
-        InputError: One of the settings named differs.
-    """
+    """Raise an InputError if one of the named settings, which change the sensed data, differs."""
     for name in names:
         if getattr(old, name) != getattr(new, name):
             raise InputError(f"--set {name}: changes what is sensed; {advice}")
 
 
 def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:
-    """How a decision changes; none if the robot could not tell.
+    """Return the difference between two decisions; None if it makes none to the robot.
 
     Args:
-        old: As recorded.
-        new: By other settings.
-        flat: Whether the robot walks, so that heights mean nothing.
+        old: Recorded decision.
+        new: Decision with the changed settings.
+        flat: Whether the robot walks, so that heights do not count.
     """
     axes = 2 if flat else 3
     departure = _departure(old.trajectory, new.trajectory, axes)
@@ -198,7 +194,7 @@ def _departure(old: pb.Trajectory, new: pb.Trajectory, axes: int) -> float:
 
 
 def _places(trajectory: pb.Trajectory, times: Array, axes: int) -> Array:
-    """Where a trajectory is at simulated times (n,), ns: (n, axes) m."""
+    """Return the positions (n, axes), m, of a trajectory at simulated times (n,), ns."""
     path = path_of(trajectory.path)[:, :axes]
     samples = np.arange(len(trajectory.arc_length)) * trajectory.sample_period_s
     elapsed = (times - trajectory.start.ToNanoseconds()) * 1e-9
@@ -212,14 +208,14 @@ def _along(path: Array, arcs: Array) -> Array:
 
 
 def _route_difference(old: Array, new: Array) -> float:
-    """Greatest distance of a point of either route from the other one, m."""
-    dense = [_densely(route) for route in (old, new)]
+    """Return the greatest distance of a point of either route from the other one, m."""
+    dense = [_resampled(route) for route in (old, new)]
     gaps = np.linalg.norm(dense[0][:, None] - dense[1][None], axis=2)
     between = max(gaps.min(axis=0).max(), gaps.min(axis=1).max())
     # Two samplings of one line are up to half a spacing apart.
     return max(0.0, float(between) - 0.5 * SPACING)
 
 
-def _densely(route: Array) -> Array:
+def _resampled(route: Array) -> Array:
     total = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
     return _along(route, np.arange(0.0, total + SPACING, SPACING))

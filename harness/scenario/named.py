@@ -6,12 +6,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
+from wayproof.harness.config import HASH_SEPARATOR
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.models.robots.custom import RobotSpecError
 from wayproof.models.world_files import WorldFileError
-
-HASH_SEPARATOR = "@"
-"""Separator in `name@hash`, the identity of a world or robot from a file in a log's config."""
 
 Registered = TypeVar("Registered")
 Read = TypeVar("Read")

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from wayproof.harness.config import Config
+from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.scenario.named import HASH_SEPARATOR, find_named
+from wayproof.harness.scenario.named import find_named
 from wayproof.models.robots import ROBOTS, Robot, custom
 from wayproof.models.robots.custom import (
     CONTROLLERS,
