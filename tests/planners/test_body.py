@@ -59,7 +59,7 @@ def test_a_long_body_fits_lengthwise_where_its_disc_does_not(gap, name):
     assert np.all(np.abs(np.sin(poses[inside, 3])) < 0.5)
 
 
-def test_a_blocked_heading_is_told(gap):
+def test_a_blocked_heading_is_reported(gap):
     beside = point(gap, 32.5, 10.5)  # 0.3 m from the wall: along it is free, across is not
     goal = point(gap, 10.5, 30.5)
     assert plan(gap, beside, goal, PlannerConfig(), 1, heading=0.0).label == "start_blocked"

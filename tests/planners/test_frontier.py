@@ -7,7 +7,7 @@ NOWHERE = np.empty((0, 3))
 
 
 def space(free):
-    """A flat space of 10 cm cells, free where told."""
+    """A flat space of 10 cm cells, free where given."""
     field = np.where(free, 100, 0).astype(np.uint16)[:, :, None]
     return FreeSpace(field, np.zeros(3), 0.1, 4, np.zeros(101))
 

@@ -128,7 +128,7 @@ def test_an_unreachable_goal_ends_within_the_budget(name):
     assert 1 <= found.iterations <= ITERATIONS
 
 
-def test_blocked_ends_are_told_apart(maze):
+def test_blocked_ends_have_labels_of_their_own(maze):
     free, wall = point(maze, 5.5, 5.5), point(maze, 20.5, 5.5)
     far_above = point(maze, 5.5, 5.5, 90.0)
     assert plan(maze, wall, free, PlannerConfig(), seed=1).label == "start_blocked"

@@ -155,11 +155,11 @@ def test_replanning_every_tenth_second_does_not_jump(room, seed, recut):
     ("speed", "acceleration"), [(2.0, 0.0), (1.0, 3.0), (0.05, 0.0), (1.5, -4.0)]
 )
 def test_a_stop_is_the_one_that_ruckig_finds(speed, acceleration):
-    wanted, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
-    wanted.control_interface = ruckig.ControlInterface.Velocity
-    wanted.current_velocity, wanted.current_acceleration = [speed], [acceleration]
-    wanted.max_acceleration, wanted.max_jerk = [DRONE.acceleration], [DRONE.jerk]
-    ruckig.Ruckig(1).calculate(wanted, found)
+    request, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    request.control_interface = ruckig.ControlInterface.Velocity
+    request.current_velocity, request.current_acceleration = [speed], [acceleration]
+    request.max_acceleration, request.max_jerk = [DRONE.acceleration], [DRONE.jerk]
+    ruckig.Ruckig(1).calculate(request, found)
     (distance,), _, _ = found.at_time(found.duration)
     trajectory = stop_along(LINE, PathState(0, 3.0, speed, acceleration, 0.0), DRONE)
     assert stopping_distance(speed, acceleration, DRONE) == pytest.approx(distance)
@@ -247,7 +247,7 @@ def test_wrong_input_is_refused():
 @pytest.mark.parametrize("points", [1, 2, 9])
 @pytest.mark.parametrize("ordered", [True, False])
 @pytest.mark.parametrize("interpreted", [False, True])
-def test_setpoints_are_what_samples_tell_one_by_one(points, ordered, interpreted, monkeypatch):
+def test_setpoints_are_the_samples_one_by_one(points, ordered, interpreted, monkeypatch):
     """To the bit, before the begin and past the end too, and by the interpreter as compiled."""
     if interpreted:
         monkeypatch.setattr(jerk_limited, "sample", jerk_limited.sample.py_func)
@@ -258,13 +258,13 @@ def test_setpoints_are_what_samples_tell_one_by_one(points, ordered, interpreted
         begin = int(rng.integers(0, 5_000 * MS))
         way = follow_path(path, PathState(begin, 0.1, 0.3, 0.2, float(rng.normal())), DRONE, 1.5)
         times = begin + rng.integers(-300 * MS, round(way.duration_s * 1e9) + 300 * MS, 80)
-        asked = np.sort(times) if ordered else times
-        told = way.setpoints(asked)
-        samples = [way.at(time) for time in asked.tolist()]
+        at_ns = np.sort(times) if ordered else times
+        setpoints = way.setpoints(at_ns)
+        samples = [way.at(time) for time in at_ns.tolist()]
         fields = ("position", "velocity", "heading", "yaw_rate")
-        for name, field in zip(told._fields, fields, strict=True):
+        for name, field in zip(setpoints._fields, fields, strict=True):
             expected = np.array([getattr(sample, field) for sample in samples])
-            np.testing.assert_array_equal(getattr(told, name), expected)
+            np.testing.assert_array_equal(getattr(setpoints, name), expected)
 
 
 @pytest.mark.parametrize("interpreted", [False, True])

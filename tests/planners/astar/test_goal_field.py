@@ -50,8 +50,8 @@ def test_a_long_body_is_replanned_for_as_anew():
 
 
 @pytest.mark.parametrize("shape", [(60, 50, 1), (30, 26, 16)])
-@pytest.mark.parametrize("told", [False, True])
-def test_replanning_is_the_same_as_planning_anew(shape, told):
+@pytest.mark.parametrize("given", [False, True])
+def test_replanning_is_the_same_as_planning_anew(shape, given):
     rng = np.random.default_rng(7)
     space, boxes = make_space(np.zeros(shape, dtype=bool)), []
     depth = 0.5 if shape[2] == 1 else 8.5
@@ -62,7 +62,7 @@ def test_replanning_is_the_same_as_planning_anew(shape, told):
         start = point(space, 4.5 + 0.2 * step, shape[1] - 5.5, depth)
         if step % 5 == 4:  # a start or goal that is blocked must not make it miss a change
             start = point(space, -1.0, 0.0, depth)
-        again = kept.plan(space, start, seed=step + 1, changed=box if told else None)
+        again = kept.plan(space, start, seed=step + 1, changed=box if given else None)
         fresh = GoalField(goal, PlannerConfig()).plan(space, start, seed=step + 1)
         assert again.label == fresh.label
         if again.waypoints is None:

@@ -14,7 +14,7 @@ from wayproof.planners import (
 from wayproof.planners.astar.se2 import se2_path
 
 
-def test_plans_that_spare_distances_are_as_cheap_and_search_more_cells():
+def test_plans_with_few_reads_are_as_cheap_and_expand_more_cells():
     blocked = np.zeros((280, 260, 60), dtype=bool)
     rng = np.random.default_rng(2)
     for x, y in rng.integers(20, [230, 210], size=(16, 2)):
@@ -51,7 +51,7 @@ def slanted_lane() -> FreeSpace:
     return long_space(((off > 3.1) & (x < 45))[:, :, None])
 
 
-def test_where_no_heading_of_the_search_fits_others_are_drawn():
+def test_where_no_heading_of_the_search_fits_others_are_sampled():
     space = slanted_lane()
     start, goal = point(space, 16.0, 20.0 + 11.0 * math.tan(0.19)), point(space, 100.5, 30.5)
     assert space.pose_free(start, 0.19)

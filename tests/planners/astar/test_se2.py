@@ -35,7 +35,7 @@ def test_it_backs_out_of_a_dead_end(bend):
     assert np.abs(np.cos(inside[:, 3]) + 1.0).max() < 0.15  # tail first, where it cannot turn
 
 
-def test_no_way_and_no_node_are_told(bend):
+def test_without_a_way_or_a_node_there_is_no_path(bend):
     blocked = np.zeros((60, 30, 1), dtype=bool)
     blocked[30] = True
     space = long_space(blocked)

@@ -15,18 +15,20 @@ def test_a_box_is_free_where_all_its_cells_are():
         low, size = rng.uniform(0.5, shape - 1.0), rng.uniform(0.0, (4.0, 4.0, 2.0))
         corners = [tuple(space.origin + space.resolution * end) for end in (low, low + size)]
         reach = rng.uniform(0.0, 2.0)
-        told = free_box.box_free(space.grid, 2, *corners, reach * space.resolution)
+        all_free = free_box.box_free(space.grid, 2, *corners, reach * space.resolution)
         first = np.floor(low - (reach, reach, 0.0)).astype(int) - 1
         end = np.floor(low + size + (reach, reach, 0.0)).astype(int) + 2
         inside = (first >= 0).all() and (end <= shape).all()
         cells = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
-        assert told == (inside and bool((space.field[cells] > 2).all()))
-        assert free_box.box_free.py_func(space.grid, 2, *corners, reach * space.resolution) == told
-        free, seen = free + told, seen + inside
+        assert all_free == (inside and bool((space.field[cells] > 2).all()))
+        assert (
+            free_box.box_free.py_func(space.grid, 2, *corners, reach * space.resolution) == all_free
+        )
+        free, seen = free + all_free, seen + inside
     assert 20 < free < seen - 20
 
 
-def test_distances_tell_of_what_is_near_exactly():
+def test_a_distance_decides_exactly_about_cells_near_it():
     for value, threshold, squared in np.ndindex(60, 12, 12):
         beyond = math.sqrt(value) - math.sqrt(threshold) - math.sqrt(squared)
         assert free_box.all_above(value, threshold, squared) == (beyond > 1e-9)

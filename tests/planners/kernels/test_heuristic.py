@@ -8,24 +8,24 @@ from wayproof.planners.kernels import heuristic, lattice_cells, lattice_search
 
 
 @pytest.mark.parametrize(("seed", "factor"), [(5, 1), (6, 2), (7, 3)])
-def test_columns_tell_never_more_than_it_costs(seed, factor):
+def test_column_bounds_never_exceed_the_cost(seed, factor):
     _, grid, goal, start, costs = lattice_in_space(seed, factor)
     straight = {cell: heuristic.heuristic(grid, cell, start) for cell in costs}
     assert heuristic.bound_columns(grid, goal, start)
-    told = {cell: int(grid.column_bound[cell // grid.shape[2]]) for cell in costs}
-    assert all(told[cell] <= cost for cell, cost in costs.items())
-    assert sum(told[cell] > 1.2 * straight[cell] for cell in costs) > 0.4 * len(costs)
+    bound = {cell: int(grid.column_bound[cell // grid.shape[2]]) for cell in costs}
+    assert all(bound[cell] <= cost for cell, cost in costs.items())
+    assert sum(bound[cell] > 1.2 * straight[cell] for cell in costs) > 0.4 * len(costs)
     for cell in list(costs)[::9]:
         for offset, step in zip(
             grid.move_offsets.tolist(), grid.move_lengths.tolist(), strict=True
         ):
-            if cell + offset in costs:  # as A* asks for, no step gains more than it costs
+            if cell + offset in costs:  # consistent: no step gains more than it costs
                 both = sum(lattice_cells.rate_of(grid, at) for at in (cell, cell + offset))
-                assert told[cell] <= told[cell + offset] + step * both
+                assert bound[cell] <= bound[cell + offset] + step * both
 
 
 @pytest.mark.parametrize(("seed", "factor"), [(5, 1), (6, 2), (7, 3)])
-def test_a_search_drawn_by_columns_finds_the_same_way_and_looks_at_less(seed, factor):
+def test_a_search_with_column_bounds_finds_the_same_way_and_expands_less(seed, factor):
     space, straight, goal, start, costs = lattice_in_space(seed, factor)
     by_columns = opened(space, factor, start, goal)
     for grid in (straight, by_columns):
@@ -38,7 +38,7 @@ def test_a_search_drawn_by_columns_finds_the_same_way_and_looks_at_less(seed, fa
     assert by_columns.counters[2] < 0.7 * straight.counters[2]
 
 
-def test_columns_that_were_not_noted_decide_nothing():
+def test_columns_that_were_not_recorded_as_read_do_not_matter():
     space, grid, _, start, costs = lattice_in_space(5, 1)
     near = min(costs, key=lambda cell: abs(costs[cell] - 2000))
     assert heuristic.bound_columns(grid, near, start)

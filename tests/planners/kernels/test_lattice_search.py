@@ -20,7 +20,7 @@ def test_costs_to_go_are_those_of_a_naive_search(shape, factor, repairable):
     assert closed_costs(grid) == naive_costs(space, grid, free, goal)
 
 
-def test_a_search_drawn_to_a_target_costs_the_same_and_looks_at_less():
+def test_a_search_with_a_heuristic_costs_the_same_and_expands_less():
     space = random_space(5, (60, 60, 1))
     whole, free = free_lattice(space, 1)
     goal = free[10]
@@ -78,7 +78,7 @@ def test_compiled_lattice_kernels_equal_python():
     assert compiled.rate.tobytes() == python.rate.tobytes()
 
 
-def test_all_cells_of_all_cheapest_ways_are_closed_when_drawn_on():
+def test_all_cells_of_all_cheapest_ways_are_closed_with_a_new_target():
     space = random_space(5, (40, 40, 1))
     whole, free = free_lattice(space, 1)
     lattice.open_goal(whole, free[10])
@@ -123,14 +123,14 @@ def test_bounds_are_costs_to_go_up_to_a_limit():
     bounds = lattice_search.bounds_to_go(drawn, start, limit)
     python = lattice_search.bounds_to_go.py_func(drawn, start, limit)
     assert python.tobytes() == bounds.tobytes()
-    # Of what a search in all directions has closed as well, nothing else is told.
+    # No bound depends on the cells that a search in all directions closes beyond them.
     assert lattice_search.bounds_to_go(grid, start, limit).tobytes() == bounds.tobytes()
-    told = 0
+    exact_bounds = 0
     for (i, j), bound in np.ndenumerate(bounds.reshape(24, 25)):
         cell = ((i + 1) * 27 + j + 1) * 3 + 1
         x, y = abs(i + 1 - start // 81), abs(j + 1 - start // 3 % 27)
         least = 16 * (12 * max(x, y) + 5 * min(x, y))
         reached = grid.state[cell] == lattice_cells.CLOSED and exact[cell] + least <= limit
         assert bound == (exact[cell] if reached else max(limit - least, 0)) // 2
-        told += reached
-    assert 50 < told < len(free)
+        exact_bounds += reached
+    assert 50 < exact_bounds < len(free)

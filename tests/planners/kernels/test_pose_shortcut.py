@@ -13,11 +13,11 @@ from wayproof.planners.kernels import (
 
 
 @pytest.mark.parametrize("python", [False, True])
-def test_cheaper_is_the_sum_of_the_sweeps(python):
+def test_is_cheaper_is_the_sum_of_the_sweeps(python):
     cheaper = pose_shortcut.is_cheaper.py_func if python else pose_shortcut.is_cheaper
     rng = np.random.default_rng(13)
     space = long_space(rng.random((60, 60, 1)) < 0.003)
-    grid, discs, told = space.grid, space.shape, []
+    grid, discs, verdicts = space.grid, space.shape, []
     size = np.array(space.field.shape[:2]) * space.resolution
     for k in range(100 if python else 600):
         places = space.origin[:2] + rng.uniform(0.2, 0.8, (3, 2)) * size
@@ -33,9 +33,9 @@ def test_cheaper_is_the_sum_of_the_sweeps(python):
         cost = sum(sweep_cost.sweep_cost(grid, discs, 2.0, tuple(a), tuple(b)) for a, b in edges)
         length = sum(math.dist(a[:3], b[:3]) for a, b in itertools.pairwise(poses[: end + 1]))
         for than in (cost - 1e-6, cost + 1e-6, cost + 0.1, length + 0.3):
-            told.append(cheaper(grid, discs, 2.0, poses[: end + 1], than))
-            assert told[-1] == (cost < than)
-    assert 10 < sum(told) < len(told) - 10
+            verdicts.append(cheaper(grid, discs, 2.0, poses[: end + 1], than))
+            assert verdicts[-1] == (cost < than)
+    assert 10 < sum(verdicts) < len(verdicts) - 10
 
 
 def test_compiled_pose_kernels_equal_python():

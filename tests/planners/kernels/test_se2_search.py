@@ -69,9 +69,9 @@ def test_cells_lie_between_the_nodes(run):
             np.minimum(np.where(p < 0, p % 1, p), n - 1)
             for p, n in zip(places, nodes.shape, strict=True)
         ]
-        told = RegularGridInterpolator([*map(np.arange, nodes.shape)], nodes.astype(float))
+        interpolated = RegularGridInterpolator([*map(np.arange, nodes.shape)], nodes.astype(float))
         there = np.stack(np.meshgrid(*inner, indexing="ij"), axis=-1)
-        assert np.abs(cells - told(there) * factor).max() <= 1.0
+        assert np.abs(cells - interpolated(there) * factor).max() <= 1.0
 
 
 def test_compiled_search_equals_python():

@@ -122,11 +122,11 @@ def test_a_walk_is_the_one_that_looks_out_for_corners_and_borders():
                 ends[1, 2] = ends[0, 2]
             a, b = (tuple(end.tolist()) for end in ends)
             for threshold in (0, 3):
-                told = segment.walk_anywhere(space.grid, threshold, a, b)
-                assert segment.walk_anywhere.py_func(space.grid, threshold, a, b) == told
-                assert segment.walk(space.grid, threshold, a, b) == told
-                assert segment.walk.py_func(space.grid, threshold, a, b) == told
-                walked += told[0] == 1.0 and a != b
+                walk = segment.walk_anywhere(space.grid, threshold, a, b)
+                assert segment.walk_anywhere.py_func(space.grid, threshold, a, b) == walk
+                assert segment.walk(space.grid, threshold, a, b) == walk
+                assert segment.walk.py_func(space.grid, threshold, a, b) == walk
+                walked += walk[0] == 1.0 and a != b
     assert 100 < walked < 15000
 
 

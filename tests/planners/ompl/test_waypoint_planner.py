@@ -122,6 +122,6 @@ def test_no_waypoints_and_blocked_ones_are_no_path(file, kind, wall):
         ("Elsewhere", "added a path with its end at (3.550, 2.450, 1.550), expected (2.550, "),
     ],
 )
-def test_what_is_no_path_is_told(file, kind, said):
+def test_an_invalid_path_is_reported(file, kind, said):
     with pytest.raises(UserCodeError, match=re.escape(f"planner '{file}:{kind}' {said}")):
         planned(file, kind, space_of(SOLID))
