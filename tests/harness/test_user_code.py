@@ -38,7 +38,7 @@ from wayproof.planners.astar.grid_astar import GridAStar
 
 
 class Late(GridAStar):
-    """Fails at the second time that it is asked."""
+    """Fails at its second plan."""
 
     calls = 0
 
@@ -143,13 +143,13 @@ def run(capsys, name, log, *options):
 
 def ended(capsys, path, name, said, *options):
     """Run to the error; its log."""
-    code, told = run(capsys, name, path, *options)
-    assert (code, told["outcome"]) == (1, "error")
-    assert told["reason"].startswith(f"planner '{name}' {said}")
-    assert told["reason"].endswith(f"at decision {told['decisions']}")
-    assert told["decisions"] > 0
+    code, result = run(capsys, name, path, *options)
+    assert (code, result["outcome"]) == (1, "error")
+    assert result["reason"].startswith(f"planner '{name}' {said}")
+    assert result["reason"].endswith(f"at decision {result['decisions']}")
+    assert result["decisions"] > 0
     log = open_log(path, allow_plugins=True)
-    assert log.result["reason"] == told["reason"]
+    assert log.result["reason"] == result["reason"]
     assert not list(path.parent.glob("*.partial"))
     return log
 
@@ -218,10 +218,10 @@ def test_what_a_planner_answers_is_checked(file, kind, said):
 
 def test_a_planner_that_cannot_be_made_leaves_a_log_without_decisions(capsys, tmp_path, file):
     path = tmp_path / "log.mcap"
-    code, told = run(capsys, f"{file}:Unmade", path)
-    assert (code, told["outcome"], told["decisions"]) == (1, "error", 0)
-    assert "raised RuntimeError: not today" in told["reason"]
-    assert told["reason"].endswith("at decision 0")
+    code, result = run(capsys, f"{file}:Unmade", path)
+    assert (code, result["outcome"], result["decisions"]) == (1, "error", 0)
+    assert "raised RuntimeError: not today" in result["reason"]
+    assert result["reason"].endswith("at decision 0")
     assert main(["explain", str(path), "--allow-plugins"]) == 0
     assert "RuntimeError: not today" in capsys.readouterr().out
     assert main(["replay", str(path), "--allow-plugins"]) == 2

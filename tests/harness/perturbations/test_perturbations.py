@@ -183,10 +183,10 @@ def test_a_displaced_sensor_is_cast_from_where_it_truly_sits():
     position, R = np.array([0.3, 0.1, 0.2]), rotation_matrices(quaternion([0, 1, 1], 0.6)[None])[0]
     base, turned = np.array([1.0, 2.0, 3.0]), quaternion([2, 0, 1], 0.9)
     R_world_base = rotation_matrices(turned[None])[0]
-    told = base + R_world_base @ position, R_world_base @ R
-    true = told[0] + told[1] @ displacement.position, told[1] @ displacement.R
+    stated = base + R_world_base @ position, R_world_base @ R
+    true = stated[0] + stated[1] @ displacement.position, stated[1] @ displacement.R
 
-    site, matrix = told[0].copy(), told[1].ravel().copy()
+    site, matrix = stated[0].copy(), stated[1].ravel().copy()
     displacement.move_site(site, matrix)
     np.testing.assert_allclose(site, true[0], atol=1e-12)
     np.testing.assert_allclose(matrix.reshape(3, 3), true[1], atol=1e-12)

@@ -45,10 +45,10 @@ def test_an_input_error_stays_as_it_is():
 def test_a_fault_of_the_stack_is_no_bad_input(monkeypatch, kind):
     step = Navigator.step
 
-    def fails_at_the_third(navigator, inputs):
+    def fails_at_the_third(navigator, inputs, **settings):
         if inputs.sequence == 2:
             raise kind("planted")
-        return step(navigator, inputs)
+        return step(navigator, inputs, **settings)
 
     monkeypatch.setattr(Navigator, "step", fails_at_the_third)
     with pytest.raises(kind, match="planted") as caught:
@@ -61,7 +61,7 @@ def test_a_fault_of_the_stack_ends_the_command_with_a_traceback_and_code_1():
         "import sys\n"
         "from wayproof.harness.cli.main import main\n"
         "from wayproof.harness.stack.pipeline import Navigator\n"
-        "def step(*_): raise TypeError('planted')\n"
+        "def step(*_, **__): raise TypeError('planted')\n"
         "Navigator.step = step\n"
         f"sys.exit(main(['replay', {SMALL_LOG!r}]))"
     )

@@ -112,13 +112,13 @@ def test_a_controller_of_ones_own(capsys, tmp_path, monkeypatch):
     spec = SPEC.replace('"trot"', '"standing_hound:Standing"\nmotion = "ground"\nstance = 0.31')
     spec = spec.replace('feet = ["toe_vl", "toe_vr", "toe_hl", "toe_hr"]\n', "")
     robot = write(tmp_path / "robot", spec)
-    told = run(capsys, robot, tmp_path / "logs", *GOAL, "--set", "episode.time_limit=1")
-    assert told["outcome"] == "timeout"
+    result = run(capsys, robot, tmp_path / "logs", *GOAL, "--set", "episode.time_limit=1")
+    assert result["outcome"] == "timeout"
     shutil.rmtree(tmp_path / "robot")
-    assert main(["replay", told["log"]]) == 2
+    assert main(["replay", result["log"]]) == 2
     refused = capsys.readouterr().err
     assert "names the controller 'standing_hound:Standing', which is code outside" in refused
-    assert main(["replay", told["log"], "--allow-plugins", "--closed-loop"]) == 0
+    assert main(["replay", result["log"], "--allow-plugins", "--closed-loop"]) == 0
 
 
 BAD = [
@@ -176,7 +176,7 @@ def test_robots_that_pip_brings(capsys, tmp_path, name, package):
     if find_spec(package) is None:  # not importorskip: its own imports may be missing
         pytest.skip(f"{package} is not installed")
     goal = ["--start", "3,3", "--goal", "4.5,3"]
-    told = run(capsys, str(EXAMPLES / f"{name}.toml"), tmp_path, *goal)
-    assert told["outcome"] == "success"
-    assert told["collisions"] == 0
-    assert " file=" not in open_log(Path(told["log"])).scene
+    result = run(capsys, str(EXAMPLES / f"{name}.toml"), tmp_path, *goal)
+    assert result["outcome"] == "success"
+    assert result["collisions"] == 0
+    assert " file=" not in open_log(Path(result["log"])).scene

@@ -10,7 +10,7 @@ from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold
 
 LIMITS = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)
 AHEAD = np.array([[1.0, 3.0, 1.0], [2.0, 3.0, 1.0]])
-CELL, REACH = 0.1, 10  # m; cells that the field tells distances over
+CELL, REACH = 0.1, 10  # m; maximum distance of the field, cells
 
 
 def space(*blocked):

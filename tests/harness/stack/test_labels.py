@@ -90,9 +90,9 @@ def test_classes_are_logged_and_voted_and_replayed(recorded):
 
 def test_off_changes_no_byte_of_a_sweep_and_no_decision(recorded):
     off, on = run(recorded), run(recorded, "sensors.semantics=true")
-    without, told = sweeps(off), sweeps(on)
-    assert len(without) == len(told) > 20
-    for one, other in zip(without, told, strict=True):
+    without, labelled = sweeps(off), sweeps(on)
+    assert len(without) == len(labelled) > 20
+    for one, other in zip(without, labelled, strict=True):
         assert not one.classes
         other.ClearField("classes")
         assert one.SerializeToString() == other.SerializeToString()

@@ -77,7 +77,7 @@ def content(command, state):
 
 
 def count_plans(monkeypatch):
-    """How often each plan of a global path was made, by what was asked for."""
+    """Number of times that each plan of a global path was made, by its query."""
     counts = Counter()
 
     def counted(space, start, goal, config, seed, heading):
