@@ -1,4 +1,4 @@
-"""The one numba decorator of this package.
+"""The numba decorator of this package.
 
 Kernels that call each other live in one file: numba's cache does not notice when a callee in
 another file changes. `error_model="numpy"` keeps divisions free of exception branches; there is

@@ -1,4 +1,4 @@
-"""What would make a model's sensors see wrongly, said before the episode starts."""
+"""Model checks: mistakes that would make sensors see wrongly, found before an episode starts."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.sensors.devices import Mount
 from wayproof.models.solids import distance_to, holds
 
-OLDEST_MUJOCO = (4, 0)
-"""Before, rays missed bodies whose frame of inertia is turned."""
+MIN_MUJOCO_VERSION = (4, 0)
+"""Oldest supported version: in earlier ones rays miss bodies with a turned frame of inertia."""
 
-NEAREST = 0.05
-"""What a sensor without a minimum range is to measure at least, m."""
+DEFAULT_MIN_RANGE = 0.05
+"""Minimum range assumed for a sensor without one, m."""
 
-NAMED = 3
-"""So many offenders are named; the others are counted."""
+MAX_NAMED = 3
+"""Maximum number of offenders that are named; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,8 @@ class _View:
 
 def _old_mujoco(version: str) -> Iterator[Finding]:
     numbers = tuple(int(number) for number in re.findall(r"\d+", version)[:2])
-    if numbers < OLDEST_MUJOCO:
-        expected = ".".join(map(str, OLDEST_MUJOCO))
+    if numbers < MIN_MUJOCO_VERSION:
+        expected = ".".join(map(str, MIN_MUJOCO_VERSION))
         text = f"mujoco: got {version}, expected {expected} or newer: earlier ones miss rays"
         yield Finding("error", text)
 
@@ -172,7 +172,7 @@ def _own_body_seen(view: _View, base: int) -> Iterator[Finding]:
 
 def _near_clip(model: mujoco.MjModel, mounts: Sequence[Mount]) -> Iterator[Finding]:
     clip = float(model.vis.map.znear * model.stat.extent)
-    nearest = {mount.name: mount.device.minimum_range or NEAREST for mount in mounts}
+    nearest = {mount.name: mount.device.minimum_range or DEFAULT_MIN_RANGE for mount in mounts}
     blind = [name for name, distance in nearest.items() if clip > distance]
     if blind:
         least = min(nearest[name] for name in blind)
@@ -212,5 +212,5 @@ def _names(model: mujoco.MjModel, geoms: Iterable[int]) -> str:
 
 
 def _listed(names: list[str]) -> str:
-    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return ", ".join(f"'{name}'" for name in names[:NAMED]) + rest
+    rest = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+    return ", ".join(f"'{name}'" for name in names[:MAX_NAMED]) + rest

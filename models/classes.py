@@ -1,4 +1,4 @@
-"""What the geoms of a scene stand for."""
+"""Semantic classes of geoms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CLASSES = (
     "door",
     "robot",
 )
-"""Names of the classes; a class is its place among them."""
+"""Names of the classes; the number of a class is its index."""
 
 UNKNOWN_CLASS = CLASSES.index("unknown")
 

@@ -1,4 +1,4 @@
-"""The error of a robot's pose estimate: dead reckoning, localization against a map, and jitter.
+"""Model of pose-estimate errors: dead reckoning, localization against a map, and white noise.
 
 A model of an estimator, not an estimator: from true motion it makes the error that such an
 estimator would have, and beside it the covariance that the estimator would state, which follows
@@ -17,15 +17,15 @@ from wayproof.models.arrays import Array
 from wayproof.models.poses import Trail
 from wayproof.models.random_streams import stream
 
-QUANTUM = 1e-6
-"""Errors are told in whole micrometres and microradians."""
+ERROR_STEP = 1e-6
+"""Step of the errors, m and rad."""
 
 X, Y, Z, HEADING, SCALE, TURN_SCALE = range(6)
 """Components of the dead-reckoning covariance."""
 
 
-DRAWN_TOGETHER = 128
-"""Estimates of which the random numbers come from one generator: to make one takes 30 us."""
+DRAW_BLOCK = 128
+"""Number of estimates whose random numbers come from one generator, which takes 30 us to make."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ class Odometry:
     def error(self) -> PoseError:
         """Of the newest estimate, in whole quanta."""
         parts = zip(self._reckoned.tolist(), self._bounded, self._jitter, strict=True)
-        x, y, z, heading = (QUANTUM * round((a + b + c) / QUANTUM) for a, b, c in parts)
+        x, y, z, heading = (ERROR_STEP * round((a + b + c) / ERROR_STEP) for a, b, c in parts)
         return PoseError((x, y, z), heading)
 
     @property
@@ -255,10 +255,10 @@ class Odometry:
 
     def _draws(self) -> list[list[float]]:  # (3, 4)
         """Walk, bounded error and jitter by row; all drawn, so that none shifts another's."""
-        block, row = divmod(self._sequence, DRAWN_TOGETHER)
+        block, row = divmod(self._sequence, DRAW_BLOCK)
         if block != self._block:
             self._block, rng = block, stream(self._seed, "odometry", block)
-            drawn = rng.standard_normal((DRAWN_TOGETHER, 3, 4))
+            drawn = rng.standard_normal((DRAW_BLOCK, 3, 4))
             self._drawn: list[list[list[float]]] = drawn.tolist()
         return self._drawn[row]
 

@@ -1,4 +1,4 @@
-"""Poses over a short while: a trail of samples, and what lies between them.
+"""Trails of poses, and interpolation between their samples.
 
 Nothing here needs the simulator. Sums, products, quotients and square roots only, which IEEE 754
 rounds alike everywhere: a replay finds the same bits.

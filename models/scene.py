@@ -1,4 +1,4 @@
-"""A world and a robot compiled into one MuJoCo model."""
+"""Scenes: a world and a robot compiled into one MuJoCo model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Single geoms: how far they are along a ray, and whether a point is inside."""
+"""Single geoms: distance along a ray, and whether a point is inside."""
 
 from __future__ import annotations
 
@@ -73,17 +73,17 @@ _HOLDS: dict[int, Inside] = {
     int(Geoms.mjGEOM_CYLINDER): lambda p, s: bool(np.hypot(p[0], p[1]) < s[0] and abs(p[2]) < s[1]),
     int(Geoms.mjGEOM_BOX): lambda p, s: bool((np.abs(p) < s).all()),
 }
-"""Whether a point (3,) in the geom's frame is inside, by shape and size (3,)."""
+"""Tests by shape whether a point (3,) in the geom's frame is inside, given the size (3,)."""
 
-SKEW = np.array([[0.48, 0.6, 0.64], [-0.64, 0.48, 0.6], [0.6, -0.64, -0.48]])
-"""Directions along no axis, so that they rarely meet an edge."""
+SKEW_DIRECTIONS = np.array([[0.48, 0.6, 0.64], [-0.64, 0.48, 0.6], [0.6, -0.64, -0.48]])
+"""Directions along no axis, which rarely meet an edge."""
 
 
 def _holds_mesh(
     model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: NDArray[np.float64]
 ) -> bool:
     """A ray from inside a closed surface crosses it an odd number of times; most of three."""
-    return sum(_crossings(model, data, geom, point, ray) % 2 for ray in SKEW) >= 2
+    return sum(_crossings(model, data, geom, point, ray) % 2 for ray in SKEW_DIRECTIONS) >= 2
 
 
 def _crossings(

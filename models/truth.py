@@ -1,4 +1,4 @@
-"""What the simulator knows and the navigation stack does not: for scoring alone."""
+"""Ground truth for scoring: contacts and clearance, which the navigation stack does not get."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from wayproof.models._jit import kernel
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
 REST_SPEED = 0.05
-"""Slower than this a robot is at rest, m/s."""
+"""Speed below which a robot is at rest, m/s."""
 
 CLEARANCE_REACH = 2.0
-"""Clearances are measured up to here, m: one of this length is a bound."""
+"""Maximum clearance that is measured, m; one of this length is a lower bound."""
 
 REST_WINDOW = 0.2
-"""Time over which its speed is taken, s."""
+"""Time over which the speed at rest is averaged, s."""
 
 
 class Truth:

@@ -10,7 +10,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.classes import CLASSES
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import ROBOT_GROUP
-from wayproof.models.worlds.traffic import AWAY
+from wayproof.models.worlds.traffic import ABSENT_POSITION
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class TrueSpace:
         for mover in truth.movers:
             mocap = int(self._model.body(mover.name).mocapid[0])
             here = present and mover.present
-            self._data.mocap_pos[mocap] = mover.position if here else AWAY
+            self._data.mocap_pos[mocap] = mover.position if here else ABSENT_POSITION
             self._data.mocap_quat[mocap] = mover.quaternion
         mujoco.mj_kinematics(self._model, self._data)
 

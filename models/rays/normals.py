@@ -1,4 +1,4 @@
-"""Which way a surface faces where a ray has met it."""
+"""Surface normals where rays hit."""
 
 from __future__ import annotations
 
@@ -92,4 +92,4 @@ OUTWARD: dict[int, Callable[[Array, Array], Array]] = {
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): _cylinder,
     int(mujoco.mjtGeom.mjGEOM_BOX): _box,
 }
-"""By MuJoCo's `mjtGeom`: a vector out of the geom at points p (n, 3) in its frame, any length."""
+"""Outward vectors by MuJoCo's `mjtGeom`, of any length, at points p (n, 3) in the geom's frame."""

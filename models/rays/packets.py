@@ -1,4 +1,4 @@
-"""Packets of rays, and where they meet boxes and triangles.
+"""Packets of rays, and their intersection with boxes and triangles.
 
 A packet is eight rays that are handled as one vector: eight neighbours of a sweep mostly visit the
 same nodes, and a triangle's constants are loaded once for all of them. A ray that a packet carries

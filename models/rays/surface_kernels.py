@@ -23,10 +23,10 @@ from wayproof.models.rays.packets import (
 from wayproof.models.rays.tree import DEEPEST
 
 STACK_SIZE = 2 * DEEPEST
-"""Nodes that wait during a walk: of the tree in the world and of one asset's."""
+"""Maximum number of nodes that wait during a walk: of the world's tree and of one asset's."""
 
 NO_GEOM = np.iinfo(np.int32).max
-"""Stands for no geom: an id above any geom's."""
+"""Sentinel for no geom: an id above any geom's."""
 
 
 class Soup(NamedTuple):

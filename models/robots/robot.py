@@ -1,4 +1,4 @@
-"""What every robot is to the rest: a spec, an MJCF, and a controller behind one call."""
+"""Interface of a robot: a spec, an MJCF, and a controller behind one call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From true distances to what a device reports."""
+"""Measurement: reports of a device from true distances."""
 
 from __future__ import annotations
 

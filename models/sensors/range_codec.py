@@ -1,4 +1,4 @@
-"""Ranges as differences along each row of a sweep, low bytes before high: zstd packs that well."""
+"""Codec of ranges: differences along each row of a sweep, low bytes before high, for zstd."""
 
 from __future__ import annotations
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from wayproof.models.world_files.images import png_size, read_image
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Part
-from wayproof.models.world_files.reading import MOST_HEIGHTS, WorldFileError, check_file
+from wayproof.models.world_files.reading import MAX_HEIGHTS, WorldFileError, check_file
 
-DEPTH = 0.5
-"""Of the ground below the least height, m."""
+GROUND_DEPTH = 0.5
+"""Depth of the ground below the lowest height, m."""
 
 FLAT = 1e-9
 
@@ -31,8 +31,8 @@ def read_heights(path: Path, options: ImportOptions) -> Found:
         heights = _array(path)
     else:
         size = png_size(path)
-        if size is not None and size[0] * size[1] > MOST_HEIGHTS:
-            what = f"{size[0]} x {size[1]} heights, expected at most {MOST_HEIGHTS}"
+        if size is not None and size[0] * size[1] > MAX_HEIGHTS:
+            what = f"{size[0]} x {size[1]} heights, expected at most {MAX_HEIGHTS}"
             raise WorldFileError(path, what)
         image = read_image(path)
         scale = options.height / np.iinfo(image.dtype).max
@@ -42,7 +42,7 @@ def read_heights(path: Path, options: ImportOptions) -> Found:
         raise WorldFileError(path, f"{heights.shape} heights that rise by {rise:g} m: no field")
     half = [(n - 1) * options.resolution / 2.0 for n in heights.shape[::-1]]
     part = Part(
-        "heights", (*half, rise, DEPTH), (half[0], half[1], low), kind="floor",
+        "heights", (*half, rise, GROUND_DEPTH), (half[0], half[1], low), kind="floor",
         heights=(heights - low) / rise,
     )  # fmt: skip
     return Found(parts=[part])
@@ -56,9 +56,9 @@ def _array(path: Path) -> NDArray[np.float64]:  # (ny, nx)
         raise WorldFileError(path, f"no array ({' '.join(str(error).split())[:100]})") from None
     if not isinstance(array, np.ndarray):
         raise WorldFileError(path, "an archive, expected one array")
-    if array.ndim != 2 or array.dtype.kind not in "fiu" or array.size > MOST_HEIGHTS:
+    if array.ndim != 2 or array.dtype.kind not in "fiu" or array.size > MAX_HEIGHTS:
         raise WorldFileError(
-            path, f"{array.dtype} {array.shape}, expected (ny, nx) numbers, at most {MOST_HEIGHTS}"
+            path, f"{array.dtype} {array.shape}, expected (ny, nx) numbers, at most {MAX_HEIGHTS}"
         )
     if not np.isfinite(array).all():
         raise WorldFileError(path, "a height that is not finite")

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from wayproof.models.world_files.reading import WorldFileError, check_file
 
-MOST_PIXELS = 2**26
-"""Of one image: 8192 x 8192."""
+MAX_PIXELS = 2**26
+"""Maximum number of pixels of an image: 8192 x 8192."""
 
-HEADER = struct.Struct(">8s4s4sII")
-"""Of a PNG: signature, length and name of its first chunk, width, height."""
+PNG_HEADER = struct.Struct(">8s4s4sII")
+"""Layout of a PNG's head: signature, length and name of its first chunk, width, height."""
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -37,8 +37,8 @@ def read_image(path: Path) -> Image:
 
 
 def _check_size(path: Path, width: int, height: int) -> None:
-    if not 0 < width * height <= MOST_PIXELS:
-        raise WorldFileError(path, f"{width} x {height} pixels, expected 1 to {MOST_PIXELS}")
+    if not 0 < width * height <= MAX_PIXELS:
+        raise WorldFileError(path, f"{width} x {height} pixels, expected 1 to {MAX_PIXELS}")
 
 
 def _pgm(path: Path) -> Image:
@@ -84,10 +84,10 @@ def _pgm(path: Path) -> Image:
 def png_size(path: Path) -> tuple[int, int] | None:
     """Width and height that a PNG's header says, before anything is unpacked; none of others."""
     with path.open("rb") as file:
-        head = file.read(HEADER.size)
-    if len(head) < HEADER.size or not head.startswith(SIGNATURE):
+        head = file.read(PNG_HEADER.size)
+    if len(head) < PNG_HEADER.size or not head.startswith(SIGNATURE):
         return None
-    _, _, _, width, height = HEADER.unpack(head)
+    _, _, _, width, height = PNG_HEADER.unpack(head)
     return width, height
 
 

@@ -1,4 +1,4 @@
-"""From a file that others made to a world file."""
+"""Import of worlds: from another tool's file to a world file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from wayproof.models.world_files.sdf import read_sdf
 from wayproof.models.world_files.solids import solid_of
 from wayproof.models.world_files.tables import read_table
 from wayproof.models.world_files.voxel_maps import read_voxel_map
-from wayproof.models.world_files.world_file import FLOOR, FileWorld, world_of, world_text
+from wayproof.models.world_files.world_file import FLOOR_KIND, FileWorld, world_of, world_text
 from wayproof.models.worlds.solvability import RESOLUTION, free_cells, label_regions
 from wayproof.models.worlds.world import World
 
@@ -41,27 +41,27 @@ FORMATS: dict[str, Reader] = {
     ".npy": read_heights,
     ".png": read_heights,
 }
-"""Ending of a file's name -> what reads it."""
+"""Readers by the ending of a file's name."""
 
 BORDER = 1.0
-"""Of the operating area beyond what stands in it, where a file tells none, m."""
+"""Border of the operating area around the solids, where a file gives no area, m."""
 
-BELOW = 0.5
-"""How far the operating area goes below the floor, m."""
+AREA_DEPTH = 0.5
+"""Depth of the operating area below the floor, m."""
 
 HEADROOM = 1.0
 """Above the highest thing, m; and at least this area's height is `LEAST_TOP`."""
 
 LEAST_TOP = 3.0
 
-ROOM = 0.75
-"""Distance that chosen starts and goals keep from everything, m: the generated worlds' own."""
+END_CLEARANCE = 0.75
+"""Clearance of chosen starts and goals from every solid, m, as in the generated worlds."""
 
 MOST_FACES, MOST_AREA = 5000, 4_000_000
 """Triangles, and cells of the area, up to which ends are chosen: else it would take minutes."""
 
-BAND = (0.03, 1.6)
-"""Height band that is kept free there, m: both robots'."""
+END_BAND = (0.03, 1.6)
+"""Height band that is clear above chosen starts and goals, m: both robots'."""
 
 
 def import_world(
@@ -109,7 +109,7 @@ def complete(found: Found) -> Ends:
         if point is not None:
             low, high = np.minimum(low, point), np.maximum(high, point)
     if found.low is None:
-        found.low = (float(low[0]) - BORDER, float(low[1]) - BORDER, -BELOW)
+        found.low = (float(low[0]) - BORDER, float(low[1]) - BORDER, -AREA_DEPTH)
     if found.high is None:
         top = max(LEAST_TOP, float(high[2]) + HEADROOM)
         found.high = (float(high[0]) + BORDER, float(high[1]) + BORDER, top)
@@ -137,14 +137,15 @@ def _chosen_ends(found: Found, low: Vector3, high: Vector3) -> tuple[Vector3, Ve
         )
     middle = [(a + b) / 2.0 for a, b in zip(low, high, strict=True)]
     place: Vector3 = (middle[0], middle[1], 0.0)
-    solids = tuple(solid_of(part) for part in found.parts if part.kind != FLOOR)
-    free = free_cells(World("area", 0, low, high, solids, place, 0.0, place), ROOM, BAND)
-    rim = int(np.ceil(ROOM / RESOLUTION))
+    solids = tuple(solid_of(part) for part in found.parts if part.kind != FLOOR_KIND)
+    area = World("area", 0, low, high, solids, place, 0.0, place)
+    free = free_cells(area, END_CLEARANCE, END_BAND)
+    rim = int(np.ceil(END_CLEARANCE / RESOLUTION))
     free[:rim] = free[-rim:] = free[:, :rim] = free[:, -rim:] = False
     labels = label_regions(free)
     sizes = np.bincount(labels.ravel())[1:]
     if not len(sizes):
-        what = f"no space {ROOM:g} m from everything: give --start and --goal"
+        what = f"no space {END_CLEARANCE:g} m from everything: give --start and --goal"
         raise WorldFileError(found.source, what)
     cells = np.argwhere(labels == 1 + int(np.argmax(sizes)))
     order = cells.sum(axis=1)

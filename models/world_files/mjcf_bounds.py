@@ -1,4 +1,4 @@
-"""What a few bytes of MJCF may ask of MuJoCo: bounded by the numbers written, before it compiles.
+"""Bounds on what an MJCF demands of MuJoCo, checked from its numbers before it compiles.
 
 MJCF allocates on one number's word (`nuser_geom`, `nrow`, `width`), multiplies (`replicate`), and
 repeats (`iterations`). MuJoCo takes any such number, and 10,000 bodies take it half a minute.
@@ -10,19 +10,19 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from wayproof.models.world_files.reading import MOST_HEIGHTS, MOST_SOLIDS, WorldFileError
+from wayproof.models.world_files.reading import MAX_HEIGHTS, MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
-MOST_BODIES = 4000
-"""Of one scene, copies among them: the time to compile grows with the square."""
+MAX_BODIES = 4000
+"""Maximum number of bodies in a scene with copies; compile time grows with its square."""
 
-MOST_COPIES = 2000
-"""Of elements, by `replicate`, over all its nesting."""
+MAX_COPIES = 2000
+"""Maximum number of copies of elements by `replicate`, over all nesting."""
 
-MOST_PIXELS = 2**25
-"""Of all textures of a scene, six sides of a cube counted each."""
+MAX_TEXTURE_PIXELS = 2**25
+"""Maximum number of pixels of all textures of a scene; the six sides of a cube count each."""
 
-GREATEST = {
+MAX_VALUES = {
     **dict.fromkeys(
         ("nuser_body", "nuser_jnt", "nuser_geom", "nuser_site", "nuser_cam", "nuser_tendon",
          "nuser_actuator", "nuser_sensor"), 100
@@ -41,21 +41,21 @@ GREATEST = {
     "maxhullvert": 10_000,
     "octree_maxdepth": 10,
 }  # fmt: skip
-"""Greatest value of an attribute, on whichever element it stands."""
+"""Maximum value of each attribute, on any element."""
 
-MOST_MEMORY = 2**28
-"""Of `<size memory>`, bytes."""
+MAX_MEMORY = 2**28
+"""Maximum of `<size memory>`, bytes."""
 
 UNITS: dict[str, float] = {unit: 2 ** (10 * power) for power, unit in enumerate("KMGTPE", 1)}
 
-GRIDS = {
+MAX_PRODUCTS = {
     ("flexcomp", "count"): 1000,
     ("composite", "count"): 1000,
 }
-"""Element and attribute -> greatest product of its numbers."""
+"""Maximum product of an attribute's numbers, by element and attribute."""
 
-MOST_STEPS = 100
-"""Of a mesh that MuJoCo makes itself, along each of its two directions."""
+MAX_MESH_STEPS = 100
+"""Maximum number of steps of a generated mesh in each of its two directions."""
 
 SIDES = {"2d": 1, "cube": 6, "skybox": 6}
 
@@ -79,18 +79,18 @@ class Bounds:
             WorldFileError: Naming the element, what it asks for and the bound.
         """
         for name, text in element.attributes.items():
-            if name in GREATEST:
-                _hold(path, element, name, _number(path, element, name, text), GREATEST[name])
-            product = GRIDS.get((element.tag, name))
+            if name in MAX_VALUES:
+                _hold(path, element, name, _number(path, element, name, text), MAX_VALUES[name])
+            product = MAX_PRODUCTS.get((element.tag, name))
             if product is not None:
                 numbers = _numbers(path, element, name, text)
                 _hold(path, element, name, math.prod(max(one, 1.0) for one in numbers), product)
         if element.tag == "mesh" and "builtin" in element.attributes:
             steps = _numbers(path, element, "params", element.attributes.get("params", ""))
-            _hold(path, element, "params", max(steps, default=0.0), MOST_STEPS)
+            _hold(path, element, "params", max(steps, default=0.0), MAX_MESH_STEPS)
         if element.tag == "size" and "memory" in element.attributes:
             text = element.attributes["memory"]
-            _hold(path, element, "memory", _memory(path, element, text), MOST_MEMORY)
+            _hold(path, element, "memory", _memory(path, element, text), MAX_MEMORY)
         if element.tag == "texture":
             self.add_pixels(path, element, *_sizes(path, element, "width", "height"))
         if element.tag == "hfield":
@@ -98,7 +98,7 @@ class Bounds:
         if element.tag == "numeric":
             (size,) = _sizes(path, element, "size")
             self._numbers += max(size, 0.0)
-            _hold(path, element, "size", self._numbers, MOST_SOLIDS)
+            _hold(path, element, "size", self._numbers, MAX_SOLIDS)
 
     def add_pixels(self, path: Path, element: Element, width: float, height: float) -> None:
         """Count the pixels of a texture, as written or of the picture that it names.
@@ -108,7 +108,7 @@ class Bounds:
         """
         sides = SIDES.get(element.attributes.get("type", "cube"), 6)
         self._pixels += sides * max(width, 0.0) * max(height, 0.0)
-        _hold(path, element, "pixels of all textures", self._pixels, MOST_PIXELS)
+        _hold(path, element, "pixels of all textures", self._pixels, MAX_TEXTURE_PIXELS)
 
     def add_heights(self, path: Path, element: Element, rows: float, columns: float) -> None:
         """Count the heights of a field, as written or of the picture that it names.
@@ -117,7 +117,7 @@ class Bounds:
             WorldFileError: All fields together have too many.
         """
         self._heights += max(rows, 0.0) * max(columns, 0.0)
-        _hold(path, element, "heights of all fields", self._heights, MOST_HEIGHTS)
+        _hold(path, element, "heights of all fields", self._heights, MAX_HEIGHTS)
 
 
 def copies(path: Path, element: Element) -> float:

@@ -1,4 +1,4 @@
-"""The files of an MJCF scene, before MuJoCo opens any of them.
+"""Files of an MJCF scene, checked before MuJoCo opens any of them.
 
 All that a scene names, and all that its includes and attached models name, has to lie in its folder
 or below, be a plain file of a bounded size, and load no code. What they ask for is counted over all
@@ -12,23 +12,23 @@ from pathlib import Path
 
 from wayproof.models.world_files.images import png_size
 from wayproof.models.world_files.mjcf_bounds import (
-    MOST_BODIES,
-    MOST_COPIES,
+    MAX_BODIES,
+    MAX_COPIES,
     Bounds,
     check_total,
     copies,
 )
-from wayproof.models.world_files.reading import MOST_BYTES, MOST_SOLIDS, WorldFileError, beside
+from wayproof.models.world_files.reading import MAX_BYTES, MAX_SOLIDS, WorldFileError, beside
 from wayproof.models.world_files.xml_tree import Element, read_xml
 
 CODE = ("plugin", "extension")
 FOLDERS = ("assetdir", "meshdir", "texturedir")
-NAMES_MODEL = ("include", "model")
-"""Elements whose file is MJCF of its own."""
+MODEL_ELEMENTS = ("include", "model")
+"""Elements that name another MJCF file."""
 
 MOST_NESTED = 20
-MOST_FILES = 200
-"""Of MJCF in one scene, each counted as often as it is named."""
+MAX_MODEL_FILES = 200
+"""Maximum number of MJCF files in a scene, counted at every mention."""
 
 
 def check_scene(top: Path) -> None:
@@ -73,8 +73,8 @@ class _Scene:
         if len(opened) >= MOST_NESTED or path in opened:
             what = f"<include> or <model> of '{path.name}': in a circle, or too deep"
             raise WorldFileError(self._top, what)
-        if self._files > MOST_FILES:
-            raise WorldFileError(self._top, f"names more than {MOST_FILES} files of MJCF")
+        if self._files > MAX_MODEL_FILES:
+            raise WorldFileError(self._top, f"names more than {MAX_MODEL_FILES} files of MJCF")
         tree = read_xml(path)
         elements = list(_walk(tree))
         folders = {
@@ -102,9 +102,9 @@ class _Scene:
         for child in element.children:
             own.add(self._total(path, child, models, opened))
         total = own.repeated(copies(path, element))
-        check_total(path, element, "copies", total.copied, MOST_COPIES)
-        check_total(path, element, "bodies", total.bodies, MOST_BODIES)
-        check_total(path, element, "geoms", total.geoms, MOST_SOLIDS)
+        check_total(path, element, "copies", total.copied, MAX_COPIES)
+        check_total(path, element, "bodies", total.bodies, MAX_BODIES)
+        check_total(path, element, "geoms", total.geoms, MAX_SOLIDS)
         return total
 
     def _check_element(self, path: Path, element: Element, folders: set[str]) -> None:
@@ -130,7 +130,7 @@ class _Scene:
                 raise WorldFileError(
                     path, f"<{element.tag}>: '{name}' is no plain file", element.line
                 )
-            if element.tag not in NAMES_MODEL:
+            if element.tag not in MODEL_ELEMENTS:
                 self._check_asset(path, element, file)
 
     def _check_asset(self, path: Path, element: Element, file: Path) -> None:
@@ -139,7 +139,7 @@ class _Scene:
             return
         self._assets.add(known)
         self._bytes += file.stat().st_size
-        check_total(path, element, "bytes of all assets", self._bytes, MOST_BYTES)
+        check_total(path, element, "bytes of all assets", self._bytes, MAX_BYTES)
         size = png_size(file)
         if size is not None and element.tag == "hfield":
             self._bounds.add_heights(path, element, *size)

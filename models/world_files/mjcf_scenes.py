@@ -1,4 +1,4 @@
-"""MuJoCo's own scenes (`.xml`, `.mjcf`): every solid geom where the scene starts, at rest for good.
+"""MuJoCo scenes (`.xml`, `.mjcf`): every solid geom at its starting pose, made static.
 
 Includes, attached models and assets are those in the scene's folder or below; what would load code
 or ask for more memory than a scene needs is refused.
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from wayproof.models.world_files.mjcf_files import check_scene
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Mesh, Part, Shape, quaternion_of, vector
-from wayproof.models.world_files.reading import MOST_SOLIDS, WorldFileError
+from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
-CUSTOM = "wayproof_"
-"""Before the names of what a world file tells besides its geoms."""
+CUSTOM_PREFIX = "wayproof_"
+"""Prefix of the names in `<custom>` that hold the mission of a world file."""
 
 Geoms = mujoco.mjtGeom
 
@@ -32,12 +32,12 @@ SHAPES: dict[int, tuple[Shape, int]] = {
     int(Geoms.mjGEOM_SPHERE): ("sphere", 1),
     int(Geoms.mjGEOM_ELLIPSOID): ("ellipsoid", 3),
 }
-"""Geom type -> shape, and how many lengths it has."""
+"""Shape and number of lengths of each geom type."""
 
 FLAT = 1e-9
 
 NOT_COMPILED = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
-"""What MuJoCo raises for a scene that it does not take."""
+"""Exceptions that MuJoCo raises for a scene that does not compile."""
 
 
 def read_mjcf(path: Path, options: ImportOptions) -> Found:
@@ -58,7 +58,7 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
 def is_world_file(tree: Element) -> bool:
     """Whether a scene tells what a mission needs, as `wayproof import` writes it."""
     custom = [child for part in tree.all("custom") for child in part.all("text")]
-    return any(child.attributes.get("name") == f"{CUSTOM}format" for child in custom)
+    return any(child.attributes.get("name") == f"{CUSTOM_PREFIX}format" for child in custom)
 
 
 def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
@@ -76,8 +76,8 @@ def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
     solid = (model.geom_contype | model.geom_conaffinity) != 0
     if not solid.any():
         solid[:] = True
-    if solid.sum() > MOST_SOLIDS:
-        raise WorldFileError(path, f"{solid.sum()} geoms, expected at most {MOST_SOLIDS}")
+    if solid.sum() > MAX_SOLIDS:
+        raise WorldFileError(path, f"{solid.sum()} geoms, expected at most {MAX_SOLIDS}")
     found = Found(notes=list(_left_out(model, solid)))
     for geom in np.flatnonzero(solid).tolist():
         if model.geom_type[geom] == Geoms.mjGEOM_PLANE:
@@ -173,13 +173,13 @@ def _take_custom(model: mujoco.MjModel, found: Found) -> None:
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, n)
         texts[name] = bytes(model.text_data[first : first + size - 1]).decode()
     for name in ("goal", "low", "high"):
-        if len(numbers.get(CUSTOM + name, ())) == 3:
-            setattr(found, name, vector(numbers[CUSTOM + name]))
-    start = numbers.get(f"{CUSTOM}start", np.empty(0))
+        if len(numbers.get(CUSTOM_PREFIX + name, ())) == 3:
+            setattr(found, name, vector(numbers[CUSTOM_PREFIX + name]))
+    start = numbers.get(f"{CUSTOM_PREFIX}start", np.empty(0))
     if len(start) == 4:
         found.start, found.start_heading = vector(start[:3]), float(start[3])
-    route = numbers.get(f"{CUSTOM}route_length", np.zeros(1))
+    route = numbers.get(f"{CUSTOM_PREFIX}route_length", np.zeros(1))
     found.route_length = float(route[0]) or None
-    found.format = texts.get(f"{CUSTOM}format", "")
-    found.protocol = texts.get(f"{CUSTOM}protocol", "")
-    found.source = texts.get(f"{CUSTOM}source", "")
+    found.format = texts.get(f"{CUSTOM_PREFIX}format", "")
+    found.protocol = texts.get(f"{CUSTOM_PREFIX}protocol", "")
+    found.source = texts.get(f"{CUSTOM_PREFIX}source", "")

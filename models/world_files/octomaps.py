@@ -12,11 +12,11 @@ import numpy as np
 
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import vector
-from wayproof.models.world_files.reading import MOST_CELLS, WorldFileError, check_file
+from wayproof.models.world_files.reading import MAX_CELLS, WorldFileError, check_file
 from wayproof.models.world_files.voxel_maps import cell_boxes
 
-MOST_BYTES = 8 * 2**20
-"""Of one file: two bytes of it may stand for eight cells in memory."""
+MAX_OCTOMAP_BYTES = 8 * 2**20
+"""Maximum size of a file, bytes: two of them may stand for eight cells in memory."""
 
 MOST_LEAVES = 2_000_000
 
@@ -29,7 +29,7 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     Raises:
         WorldFileError: No pyoctomap, no binary OctoMap, or one of more cells than allowed.
     """
-    check_file(path, MOST_BYTES)
+    check_file(path, MAX_OCTOMAP_BYTES)
     with path.open("rb") as file:
         if not file.readline().startswith(HEADER):
             raise WorldFileError(path, f"expected a file that begins with '{HEADER.decode()}'", 1)
@@ -55,9 +55,9 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     first = np.rint((table[:, :3] - table[:, 3:] / 2.0) / cell).astype(np.int64)
     sides = np.rint(table[:, 3] / cell).astype(np.int64)
     low, high = first.min(axis=0), (first + sides[:, None]).max(axis=0)
-    if np.prod((high - low).astype(np.float64)) > MOST_CELLS:
+    if np.prod((high - low).astype(np.float64)) > MAX_CELLS:
         shape = " x ".join(map(str, (high - low).tolist()))
-        raise WorldFileError(path, f"{shape} cells, expected at most {MOST_CELLS}")
+        raise WorldFileError(path, f"{shape} cells, expected at most {MAX_CELLS}")
     occupied = np.zeros(tuple(high - low), np.bool_)
     for (i, j, k), side in zip((first - low).tolist(), sides.tolist(), strict=True):
         occupied[i : i + side, j : j + side, k : k + side] = True

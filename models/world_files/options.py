@@ -1,4 +1,4 @@
-"""What an importer is told besides the file, and what it gives back."""
+"""Options of an import, and its result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an importer finds: solid parts with a pose in the world, whatever file they come from."""
+"""Parts: solids with a pose in the world, as every importer returns them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Quaternion = tuple[float, float, float, float]
 SIZES: dict[str, int] = {
     "box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "ellipsoid": 3, "mesh": 0, "heights": 4,
 }  # fmt: skip
-"""How many lengths each shape has."""
+"""Number of lengths of each shape."""
 
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 

@@ -1,20 +1,20 @@
-"""Reading files that others wrote: sizes are bounded, and what cannot be read is named."""
+"""Reading of foreign files: bounded sizes, and errors that name the place."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-MOST_BYTES = 256 * 2**20
-"""Of one file: larger ones are refused before they are read."""
+MAX_BYTES = 256 * 2**20
+"""Maximum size of a file, bytes, checked before it is read."""
 
-MOST_CELLS = 2**28
-"""Of one grid, for the same reason."""
+MAX_CELLS = 2**28
+"""Maximum number of cells of a grid."""
 
-MOST_HEIGHTS = 2**21
-"""Of one world, which holds each as a number in text."""
+MAX_HEIGHTS = 2**21
+"""Maximum number of heights in a world, which holds each as a number in text."""
 
-MOST_SOLIDS = 200_000
-"""Of one world: beyond this a scene takes minutes to compile."""
+MAX_SOLIDS = 200_000
+"""Maximum number of solids in a world; more take minutes to compile."""
 
 
 class WorldFileError(ValueError):
@@ -26,7 +26,7 @@ class WorldFileError(ValueError):
         super().__init__(f"{place}: {what}")
 
 
-def check_file(path: Path, most: int = MOST_BYTES) -> None:
+def check_file(path: Path, most: int = MAX_BYTES) -> None:
     """Refuse a path that is no file, an empty file and a huge one.
 
     Raises:
@@ -41,7 +41,7 @@ def check_file(path: Path, most: int = MOST_BYTES) -> None:
         raise WorldFileError(path, f"{size} bytes, expected at most {most}")
 
 
-def read_text(path: Path, most: int = MOST_BYTES) -> str:
+def read_text(path: Path, most: int = MAX_BYTES) -> str:
     """A whole text file.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Gazebo's worlds (`.world`, `.sdf`): what collides in them, as one static scene.
+"""Gazebo worlds (`.world`, `.sdf`): their collision shapes as one static scene.
 
 Source: the SDFormat specification, versions 1.4 to 1.11. A `<state>` is where Gazebo saved its
 models; it holds the poses that count.
@@ -14,18 +14,18 @@ import numpy as np
 from wayproof.models.world_files.meshes import mesh_parts
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Part, moved
-from wayproof.models.world_files.reading import MOST_SOLIDS, WorldFileError, beside
+from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError, beside
 from wayproof.models.world_files.sdf_frames import ORIGIN, Frames, Placement, numbers
 from wayproof.models.world_files.xml_tree import Element, read_xml
 
-ALWAYS_KNOWN = ("ground_plane", "sun")
+BUILT_IN_MODELS = ("ground_plane", "sun")
 """Models that every Gazebo has: the floor, which every world here has too, and a light."""
 
-MOST_NESTED = 20
-"""Includes within includes: more are a circle."""
+MAX_NESTED = 20
+"""Maximum depth of includes; deeper ones are a cycle."""
 
-MOST_INCLUDED = 2000
-"""Files included, each as often as it is: two includes of one in each of 20 are a million."""
+MAX_INCLUDED = 2000
+"""Maximum number of included files, counted at every mention."""
 
 FLAT = 1e-9
 
@@ -103,8 +103,8 @@ class _Reading:
                 raise WorldFileError(path, f"<{shape.tag}>: expected one geometry", shape.line)
             for part in self._shape(path, geometry.children[0], at):
                 self.found.parts.append(moved(part, at.position, at.R))
-            if len(self.found.parts) > MOST_SOLIDS:
-                raise WorldFileError(path, f"more than {MOST_SOLIDS} shapes", shape.line)
+            if len(self.found.parts) > MAX_SOLIDS:
+                raise WorldFileError(path, f"more than {MAX_SOLIDS} shapes", shape.line)
 
     def _shape(self, path: Path, shape: Element, placed: Placement) -> Iterator[Part]:
         if shape.tag == "empty":
@@ -139,7 +139,7 @@ class _Reading:
     def _include(self, path: Path, include: Element, placed: Placement) -> None:
         uri = include.first("uri")
         name = "" if uri is None else _local(uri.text)
-        if name in ALWAYS_KNOWN:
+        if name in BUILT_IN_MODELS:
             return
         file = beside(path, name)
         file = file / "model.sdf" if file.is_dir() else file
@@ -150,13 +150,13 @@ class _Reading:
                 return
             what = f"<include>: no model '{name}' beside it; expected --skip-missing to go without"
             raise WorldFileError(path, what, include.line)
-        if include.first("placement_frame") is not None or self._depth >= MOST_NESTED:
-            what = f"<include>: with a placement frame, or more than {MOST_NESTED} deep"
+        if include.first("placement_frame") is not None or self._depth >= MAX_NESTED:
+            what = f"<include>: with a placement frame, or more than {MAX_NESTED} deep"
             raise WorldFileError(path, what, include.line)
         self._depth += 1
         self._included += 1
-        if self._included > MOST_INCLUDED:
-            raise WorldFileError(path, f"<include>: more than {MOST_INCLUDED}", include.line)
+        if self._included > MAX_INCLUDED:
+            raise WorldFileError(path, f"<include>: more than {MAX_INCLUDED}", include.line)
         model = read_xml(file).first("model")
         if model is None:
             raise WorldFileError(file, "expected <sdf> with one <model>", 1)
@@ -241,4 +241,4 @@ SHAPES: dict[str, Callable[[Path, Element], Part]] = {
     "sphere": _sphere,
     "ellipsoid": _ellipsoid,
 }
-"""Geometry -> the part that it is, in its own frame."""
+"""Readers of a geometry as a part in its own frame, by element."""

@@ -1,4 +1,4 @@
-"""Poses in SDF: each is told relative to a frame, and frames are told relative to each other."""
+"""Poses in SDF, each relative to a frame, and frames relative to one another."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from wayproof.models.world_files.parts import turned_by
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
-FRAMED = ("link", "frame", "model", "include")
-"""Elements whose name is that of a frame in the model or world that they stand in."""
+FRAME_ELEMENTS = ("link", "frame", "model", "include")
+"""Elements whose name is a frame of the model or world that holds them."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Frames:
         self._framed = {
             child.attributes["name"]: child
             for child in scope.children
-            if child.tag in FRAMED and "name" in child.attributes
+            if child.tag in FRAME_ELEMENTS and "name" in child.attributes
         }
         self._known: dict[str, Placement] = {"": ORIGIN, "world": ORIGIN, "__model__": ORIGIN}
         self._asked: list[str] = []

@@ -1,4 +1,4 @@
-"""The solid that a part is to everything that asks for distances."""
+"""Solids of parts, for distance queries."""
 
 from __future__ import annotations
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Part
-from wayproof.models.world_files.reading import MOST_SOLIDS, WorldFileError, read_text
+from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError, read_text
 
 COLUMNS = 11
 
-FAR = 500.0
-"""Beyond this, m, lie spheres that the published fields have put away."""
+MAX_OFFSET = 500.0
+"""Distance beyond which the published fields have put spheres away, m."""
 
 
 def read_table(path: Path, options: ImportOptions) -> Found:
@@ -29,12 +29,12 @@ def read_table(path: Path, options: ImportOptions) -> Found:
     for number, row in enumerate(csv.reader(read_text(path).splitlines()), start=1):
         if row:
             found.parts.append(_sphere(path, number, row))
-        if len(found.parts) > MOST_SOLIDS:
-            raise WorldFileError(path, f"more than {MOST_SOLIDS} obstacles", number)
-    away = [part for part in found.parts if max(map(abs, part.position)) > FAR]
+        if len(found.parts) > MAX_SOLIDS:
+            raise WorldFileError(path, f"more than {MAX_SOLIDS} obstacles", number)
+    away = [part for part in found.parts if max(map(abs, part.position)) > MAX_OFFSET]
     if away:
         found.parts = [part for part in found.parts if part not in away]
-        found.notes.append(f"{len(away)} spheres more than {FAR:g} m away: left out")
+        found.notes.append(f"{len(away)} spheres more than {MAX_OFFSET:g} m away: left out")
     return found
 
 

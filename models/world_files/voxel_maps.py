@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Part, moved, turned_by, vector
-from wayproof.models.world_files.reading import MOST_CELLS, MOST_SOLIDS, WorldFileError, read_text
+from wayproof.models.world_files.reading import MAX_CELLS, MAX_SOLIDS, WorldFileError, read_text
 
-LONGEST_HEAD = 200
-"""Characters among which the first line ends."""
+MAX_HEAD = 200
+"""Maximum length of the first line, characters."""
 
 
 def read_voxels(path: Path) -> NDArray[np.bool_]:  # (nx, ny, nz)
@@ -26,13 +26,13 @@ def read_voxels(path: Path) -> NDArray[np.bool_]:  # (nx, ny, nz)
         WorldFileError: Naming the line that is no cell of the map.
     """
     text = read_text(path)
-    first = text[:LONGEST_HEAD].partition("\n")[0]
+    first = text[:MAX_HEAD].partition("\n")[0]
     head = first.split()
     if len(head) != 4 or head[0] != "voxel" or not all(word.isdecimal() for word in head[1:]):
         raise WorldFileError(path, f"got '{first[:60]}', expected 'voxel X Y Z'", 1)
     shape = tuple(int(word) for word in head[1:])
-    if min(shape) < 1 or shape[0] * shape[1] * shape[2] > MOST_CELLS:
-        raise WorldFileError(path, f"{shape} cells, expected 1 to {MOST_CELLS}", 1)
+    if min(shape) < 1 or shape[0] * shape[1] * shape[2] > MAX_CELLS:
+        raise WorldFileError(path, f"{shape} cells, expected 1 to {MAX_CELLS}", 1)
     occupied = np.zeros(shape, np.bool_)
     lines = io.StringIO(text)
     next(lines)
@@ -72,8 +72,8 @@ def merged_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:  # (n, 2, 3)
             x = i + _run(np.asarray(left[i:, j:y, k:z].all(axis=(1, 2))))
             left[i:x, j:y, k:z] = False
             boxes.append(((i, j, k), (x, y, z)))
-            if len(boxes) > MOST_SOLIDS:
-                raise TooMany(f"more than {MOST_SOLIDS} boxes")
+            if len(boxes) > MAX_SOLIDS:
+                raise TooMany(f"more than {MAX_SOLIDS} boxes")
     return np.array(boxes, np.int64).reshape(-1, 2, 3)
 
 

@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.models.world_files.mjcf_scenes import CUSTOM, found_in, is_world_file
+from wayproof.models.world_files.mjcf_scenes import CUSTOM_PREFIX, found_in, is_world_file
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.parts import UPRIGHT, Part
 from wayproof.models.world_files.reading import WorldFileError, read_text
@@ -30,19 +30,19 @@ from wayproof.models.worlds.solids import FRICTION, Box
 from wayproof.models.worlds.world import World
 
 FORMAT = "1"
-"""Of world files; raised when those of the version before no longer read."""
+"""Version of the format; raised when files of the version before no longer read."""
 
-FLOOR = "floor"
-"""Kind of what may be stepped on."""
+FLOOR_KIND = "floor"
+"""Kind of a geom that may be stepped on."""
 
-DIGITS = 16
-"""Of the hash in a world's name."""
+HASH_DIGITS = 16
+"""Number of hex digits of the hash in a world's name."""
 
 TAGS = {
     "mujoco", "compiler", "option", "visual", "map", "size", "custom", "numeric", "text", "asset",
     "mesh", "hfield", "worldbody", "light", "geom",
 }  # fmt: skip
-"""All that a world file may hold: nothing that names another file or loads code."""
+"""Elements that a world file may hold: none names another file or loads code."""
 
 _FILE = """\
 <mujoco model={name}>
@@ -84,7 +84,7 @@ class FileWorld(World):
     @property
     def identity(self) -> str:
         """Name and hash of the text, as a log tells them."""
-        return f"{self.name}@{hashlib.sha256(self.text.encode()).hexdigest()[:DIGITS]}"
+        return f"{self.name}@{hashlib.sha256(self.text.encode()).hexdigest()[:HASH_DIGITS]}"
 
     def mjcf(self) -> str:
         """The file's own text."""
@@ -140,11 +140,13 @@ def world_of(text: str, path: Path | str = "world") -> FileWorld:
     if ends is None or found.format != FORMAT:
         raise WorldFileError(path, f"world file of format '{found.format}', expected '{FORMAT}'")
     solids = [(part, solid_of(part)) for part in found.parts]
-    slabs = tuple(solid for part, solid in solids if part.kind == FLOOR and isinstance(solid, Box))
+    slabs = tuple(
+        solid for part, solid in solids if part.kind == FLOOR_KIND and isinstance(solid, Box)
+    )
     try:
         return FileWorld(
             name=model.names.split(b"\0")[0].decode(), seed=0, low=ends.low, high=ends.high,
-            solids=tuple(solid for part, solid in solids if part.kind != FLOOR),
+            solids=tuple(solid for part, solid in solids if part.kind != FLOOR_KIND),
             start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
             floor=None if found.plane or not slabs else slabs, route_length=found.route_length,
             text=text, source=found.source, protocol=found.protocol,
@@ -164,7 +166,7 @@ def world_text(found: Found, ends: Ends, name: str) -> str:
     centre = [(a + b) / 2.0 for a, b in zip(ends.low[:2], ends.high[:2], strict=True)]
     named = list(zip(part_names(found.parts), found.parts, strict=True))
     geoms = [_geom(name, part) for name, part in named]
-    if found.plane or all(part.kind != FLOOR for part in found.parts):
+    if found.plane or all(part.kind != FLOOR_KIND for part in found.parts):
         geoms.insert(0, _floor(centre, ends))
     return _FILE.format(
         name=quoteattr(name),
@@ -195,12 +197,12 @@ def _custom(found: Found, ends: Ends) -> list[str]:
         "route_length": [found.route_length or 0.0],
     }
     lines = [
-        f'    <numeric name="{CUSTOM}{name}" data="{_numbers(data)}"/>'
+        f'    <numeric name="{CUSTOM_PREFIX}{name}" data="{_numbers(data)}"/>'
         for name, data in values.items()
     ]
     texts = {"format": FORMAT, "source": found.source, "protocol": found.protocol}
     return lines + [
-        f'    <text name="{CUSTOM}{name}" data={quoteattr(text)}/>'
+        f'    <text name="{CUSTOM_PREFIX}{name}" data={quoteattr(text)}/>'
         for name, text in texts.items()
         if text
     ]
@@ -225,7 +227,7 @@ def _asset(name: str, part: Part) -> list[str]:
 def _floor(centre: list[float], ends: Ends) -> str:
     half = [(b - a) / 2.0 for a, b in zip(ends.low[:2], ends.high[:2], strict=True)]
     place = f'type="plane" pos="{_numbers(centre)} 0" size="{_numbers(half)} 0.05"'
-    return _geom_of(FLOOR, place, FLOOR)
+    return _geom_of(FLOOR_KIND, place, FLOOR_KIND)
 
 
 def _geom(name: str, part: Part) -> str:

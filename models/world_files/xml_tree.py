@@ -1,4 +1,4 @@
-"""XML from strangers: no document types, so no entities, and bounded depth and size."""
+"""XML from untrusted files: no document types or entities, bounded depth and size."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ from wayproof.models.worlds.layout import (
     Group,
     Rectangle,
     heading_towards,
+    opposite_ends,
     room_walls,
     slabs_around,
     with_groups,
@@ -23,20 +24,20 @@ from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (17.0, 12.0, 3.0)
-END = 1.4
-"""Start and goal keep this from the outside of the fence, m."""
+END_DISTANCE = 1.4
+"""Distance of start and goal from the outside of the fence, m."""
 
-TUBE = 0.03
+TUBE_RADIUS = 0.03
 """Radius of a scaffold's tube, m: 48.3 mm tubes with their couplers."""
 
-DECK = 1.9
+DECK_HEIGHT = 1.9
 """Height of a scaffold's deck, m: a drone of the lower band and a quadruped pass below."""
 
-PIECES = (4, 18)
-"""At difficulty 0 and 1; what would close a way is left out."""
+PIECE_COUNTS = (4, 18)
+"""Number of pieces at difficulty 0 and 1; those that would close a way are left out."""
 
-STEP = 0.03
-"""Rise of a stair and thickness of a plank, m: what a quadruped steps over."""
+STEP_HEIGHT = 0.03
+"""Rise of a stair and thickness of a plank, m: a quadruped steps over it."""
 
 
 def construction(seed: int, difficulty: float = 0.5) -> World:
@@ -55,9 +56,7 @@ def construction(seed: int, difficulty: float = 0.5) -> World:
 
 
 def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = (
-        (x, round(rng.uniform(LOW[1] + END, HIGH[1] - END), 3), 0.0) for x in (END, HIGH[0] - END)
-    )
+    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=END_DISTANCE)
     holes = _holes(rng, (start, goal))
     unguarded = 2.0 * difficulty - 1.0  # share
     guards = [bar for hole in holes if rng.uniform() >= unguarded for bar in _barrier(hole)]
@@ -72,7 +71,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
         goal=goal,
         floor=slabs_around(LOW, HIGH, holes),
     )
-    count = round(PIECES[0] + difficulty * (PIECES[1] - PIECES[0]))
+    count = round(PIECE_COUNTS[0] + difficulty * (PIECE_COUNTS[1] - PIECE_COUNTS[0]))
 
     def pieces() -> Iterator[Iterator[Group]]:
         for number in range(count):
@@ -109,7 +108,7 @@ def _barrier(hole: Rectangle) -> Group:
     """Posts at the corners of a hole and two rails on each side."""
     (x0, y0), (x1, y1) = hole
     corners = [(round(x, 3), round(y, 3)) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
-    posts = [Cylinder((*at, 0.0), (*at, 1.0), TUBE, "barrier") for at in corners]
+    posts = [Cylinder((*at, 0.0), (*at, 1.0), TUBE_RADIUS, "barrier") for at in corners]
     rails = [
         Capsule((*tail, height), (*head, height), 0.02, "barrier")
         for tail, head in zip(corners, corners[1:] + corners[:1], strict=True)
@@ -136,17 +135,21 @@ def _scaffold(rng: np.random.Generator, x: float, y: float) -> Group:
         return round(x + a, 3), round(y + b, 3), z
 
     posts = [
-        Cylinder(at(i, j, 0.0), at(i, j, 2.9), TUBE, "pole")
+        Cylinder(at(i, j, 0.0), at(i, j, 2.9), TUBE_RADIUS, "pole")
         for i in (-length, 0.0, length)
         for j in (-width / 2, width / 2)
     ]
     ledgers = [
-        Capsule(at(-length, j, z), at(length, j, z), TUBE, "bar")
+        Capsule(at(-length, j, z), at(length, j, z), TUBE_RADIUS, "bar")
         for j in (-width / 2, width / 2)
-        for z in (DECK - 0.1, 2.8)
+        for z in (DECK_HEIGHT - 0.1, 2.8)
     ]
-    brace = Capsule(at(-length, -width / 2, 0.1), at(0.0, -width / 2, DECK - 0.1), 0.02, "bar")
-    low, high = sorted((at(-length, -width / 2, DECK), at(length, width / 2, DECK + 0.05)))
+    brace = Capsule(
+        at(-length, -width / 2, 0.1), at(0.0, -width / 2, DECK_HEIGHT - 0.1), 0.02, "bar"
+    )
+    low, high = sorted(
+        (at(-length, -width / 2, DECK_HEIGHT), at(length, width / 2, DECK_HEIGHT + 0.05))
+    )
     return (*posts, *ledgers, brace, Box.between(low, high, "structure"))
 
 
@@ -167,7 +170,11 @@ def _ramp(rng: np.random.Generator, x: float, y: float) -> Group:
 def _stairs(rng: np.random.Generator, x: float, y: float) -> Group:
     """Five steps, each as high as a quadruped steps over."""
     return tuple(
-        Box.between((x + 0.3 * i, y - 0.5, i * STEP), (x + 1.5, y + 0.5, (i + 1) * STEP), "step")
+        Box.between(
+            (x + 0.3 * i, y - 0.5, i * STEP_HEIGHT),
+            (x + 1.5, y + 0.5, (i + 1) * STEP_HEIGHT),
+            "step",
+        )
         for i in range(5)
     )
 

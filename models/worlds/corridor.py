@@ -1,4 +1,4 @@
-"""A bent corridor with a few crates: nowhere to go but on, and little room to do so."""
+"""A bent corridor with a few crates and little room to turn."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
-LENGTH = 16.0
-"""Along the centre line, from end wall to end wall, m."""
+CORRIDOR_LENGTH = 16.0
+"""Length of the centre line from end wall to end wall, m."""
 
-END = 1.1
-"""Start and goal keep this from the end walls, m."""
+END_DISTANCE = 1.1
+"""Distance of start and goal from the end walls, m."""
 
 
 def corridor(seed: int, difficulty: float = 0.5) -> World:
@@ -49,9 +49,12 @@ def _one_bend(rng: np.random.Generator, seed: int, width: float) -> World:
     """East, then north: what one solid block leaves of a rectangular room."""
     first = rng.uniform(6.0, 10.0)
     inner = WALL_THICKNESS
-    east, north = inner + first + width / 2, inner + LENGTH - first + width / 2
+    east, north = inner + first + width / 2, inner + CORRIDOR_LENGTH - first + width / 2
     blocks = [_block((inner, inner + width), (east - width, north))]
-    start, goal = (inner + END, inner + width / 2), (east - width / 2, north - END)
+    start, goal = (
+        (inner + END_DISTANCE, inner + width / 2),
+        (east - width / 2, north - END_DISTANCE),
+    )
     return _shell(rng, seed, (east, north), blocks, start, goal)
 
 
@@ -60,13 +63,18 @@ def _two_bends(rng: np.random.Generator, seed: int, width: float) -> World:
     first, second = rng.uniform(4.5, 6.5), rng.uniform(4.0, 5.0)
     inner = WALL_THICKNESS
     corner_x, corner_y = inner + first, inner + width / 2 + second  # of the centre line
-    east, north = corner_x + LENGTH - first - second, corner_y + width / 2
+    east, north = corner_x + CORRIDOR_LENGTH - first - second, corner_y + width / 2
     blocks = [
         _block((inner, inner + width), (corner_x - width / 2, north)),
         _block((corner_x + width / 2, inner), (east, north - width)),
     ]
     return _shell(
-        rng, seed, (east, north), blocks, (inner + END, inner + width / 2), (east - END, corner_y)
+        rng,
+        seed,
+        (east, north),
+        blocks,
+        (inner + END_DISTANCE, inner + width / 2),
+        (east - END_DISTANCE, corner_y),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.layout import heading_towards, room_walls, with_crates
+from wayproof.models.worlds.layout import heading_towards, opposite_ends, room_walls, with_crates
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.pedestrians import FORKLIFT, PERSON
 from wayproof.models.worlds.solvability import first_solvable
@@ -13,18 +13,18 @@ from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (17.0, 11.0, 3.0)
-END = 1.4
-"""Start and goal keep this from the outside of the walls, m."""
+END_DISTANCE = 1.4
+"""Distance of start and goal from the outside of the walls, m."""
 
 LANES = (4.2, 12.8)
-"""Between the first and the last lane in x, m."""
+"""First and last x of the lanes, m."""
 
 MOVERS = (2, 8)
 SPEEDS = ((0.3, 0.7), (0.7, 1.5))
-"""Least and greatest, at difficulty 0 and 1, m/s; people walk at up to 1.5."""
+"""Lowest and highest speed of the movers at difficulty 0 and 1, m/s; people walk at up to 1.5."""
 
-FORKLIFTS = 0.25
-"""Share of the movers."""
+FORKLIFT_SHARE = 0.25
+"""Share of forklifts among the movers."""
 
 
 def crossing(seed: int, difficulty: float = 0.5) -> World:
@@ -40,9 +40,7 @@ def crossing(seed: int, difficulty: float = 0.5) -> World:
 
 
 def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = (
-        (x, round(rng.uniform(LOW[1] + 2.5, HIGH[1] - 2.5), 3), 0.0) for x in (END, HIGH[0] - END)
-    )
+    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=2.5)
     count = round(MOVERS[0] + difficulty * (MOVERS[1] - MOVERS[0]))
     lanes = np.linspace(*LANES, count) + rng.uniform(-0.3, 0.3, count)
     hall = World(
@@ -62,7 +60,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
 def _mover(rng: np.random.Generator, number: int, x: float, difficulty: float) -> Mover:
     slow, fast = (a + difficulty * (b - a) for a, b in zip(*SPEEDS, strict=True))
     speed = round(rng.uniform(slow, fast), 3)
-    drives = bool(rng.uniform() < FORKLIFTS)
+    drives = bool(rng.uniform() < FORKLIFT_SHARE)
     margin = 2.0 if drives else 0.7
     route = ((round(x, 3), margin, 0.0), (round(x, 3), HIGH[1] - margin, 0.0))
     if rng.integers(2):

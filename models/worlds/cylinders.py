@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, heading_towards, room_walls
+from wayproof.models.worlds.layout import (
+    WALL_HEIGHT,
+    WALL_THICKNESS,
+    heading_towards,
+    opposite_ends,
+    room_walls,
+)
 from wayproof.models.worlds.solids import Cylinder
 from wayproof.models.worlds.solvability import first_solvable, passage_radius
 from wayproof.models.worlds.world import World
@@ -21,18 +27,18 @@ LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (16.0, 10.0, 3.0)
 CELL = 0.4
 RADIUS = 0.2
-FILLED = (0.10, 0.34)
+FILLED_SHARE = (0.10, 0.34)
 """Share of the cells filled at random, at difficulty 0 and 1; BARN takes 0.15 to 0.30."""
 
 BIRTH, DEATH = 5, 1
 """A cell with at least 5 filled neighbours of 8 is filled, one with at most 1 is emptied."""
 
 SMOOTHINGS = (1, 3)
-MARGIN = 0.12
-"""The way left open is wider than the passage by this on either side, m."""
+WAY_MARGIN = 0.12
+"""Excess of the open way over the passage on either side, m."""
 
-END = 1.3
-"""Start and goal keep this from the walls, m."""
+END_DISTANCE = 1.3
+"""Distance of start and goal from the walls, m."""
 
 
 def cylinders(seed: int, difficulty: float = 0.5) -> World:
@@ -48,15 +54,15 @@ def cylinders(seed: int, difficulty: float = 0.5) -> World:
 
 
 def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = (
-        (x, round(rng.uniform(LOW[1] + END, HIGH[1] - END), 3), 0.0) for x in (END, HIGH[0] - END)
-    )
-    share = FILLED[0] + difficulty * (FILLED[1] - FILLED[0])
+    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=END_DISTANCE)
+    share = FILLED_SHARE[0] + difficulty * (FILLED_SHARE[1] - FILLED_SHARE[0])
     centres = _filled_cells(rng, share)
     way = _way(rng, start, goal)
     away = np.linalg.norm(centres[:, None] - way[None], axis=2).min(axis=1)
     ends = np.linalg.norm(centres[:, None] - np.array([start, goal])[None, :, :2], axis=2)
-    keep = (away > passage_radius(difficulty) + RADIUS + MARGIN) & (ends.min(axis=1) > END)
+    keep = (away > passage_radius(difficulty) + RADIUS + WAY_MARGIN) & (
+        ends.min(axis=1) > END_DISTANCE
+    )
     return World(
         name="cylinders",
         seed=seed,
@@ -90,6 +96,6 @@ def _filled_cells(rng: np.random.Generator, share: float) -> NDArray[np.float64]
 def _way(rng: np.random.Generator, start: Vector3, goal: Vector3) -> NDArray[np.float64]:  # (n, 2)
     """Points 0.1 m apart along a polyline from start to goal through two points between."""
     x = np.linspace(start[0], goal[0], 4)
-    y = [start[1], *rng.uniform(LOW[1] + END, HIGH[1] - END, 2), goal[1]]
+    y = [start[1], *rng.uniform(LOW[1] + END_DISTANCE, HIGH[1] - END_DISTANCE, 2), goal[1]]
     along = np.linspace(x[0], x[-1], round(10 * (x[-1] - x[0])))
     return np.column_stack([along, np.interp(along, x, y)])

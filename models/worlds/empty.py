@@ -1,4 +1,4 @@
-"""A square room with nothing in it: what a stack costs when there is nothing to decide."""
+"""An empty square room, to measure what a stack costs without obstacles."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from wayproof.models.worlds.world import World
 
 SIDE = 12.0
 LEAST_DISTANCE = 6.0
-WALL_MARGIN = 1.2
-"""Start and goal keep this from the outside of the walls, m: 1 m from their inside."""
+END_DISTANCE = 1.2
+"""Distance of start and goal from the outside of the walls, m: 1 m from their inside."""
 
 
 def empty(seed: int, difficulty: float = 0.5) -> World:
@@ -26,7 +26,7 @@ def empty(seed: int, difficulty: float = 0.5) -> World:
 def _draft(rng: np.random.Generator, seed: int) -> World:
     low, high = (0.0, 0.0, -0.5), (SIDE, SIDE, 3.0)
     while True:
-        start, goal = np.round(rng.uniform(WALL_MARGIN, SIDE - WALL_MARGIN, (2, 2)), 3).tolist()
+        start, goal = np.round(rng.uniform(END_DISTANCE, SIDE - END_DISTANCE, (2, 2)), 3).tolist()
         if np.hypot(goal[0] - start[0], goal[1] - start[1]) >= LEAST_DISTANCE:
             break
     return World(

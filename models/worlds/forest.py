@@ -12,6 +12,7 @@ from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
     heading_towards,
+    opposite_ends,
     room_walls,
     with_groups,
 )
@@ -21,16 +22,16 @@ from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (17.0, 12.0, 3.0)
-END = 1.4
-"""Start and goal keep this from the outside of the hedge, m."""
+END_DISTANCE = 1.4
+"""Distance of start and goal from the outside of the hedge, m."""
 
 TRUNKS = (12, 44)
-BUSHES = (2, 8)
-"""At difficulty 0 and 1; what fits nowhere is left out."""
+BUSH_COUNTS = (2, 8)
+"""Number of bushes at difficulty 0 and 1; those that fit nowhere are left out."""
 
 TRUNK_HEIGHT = 3.4
-BRANCHES = 3
-"""A tree has up to so many, at a share that grows with the difficulty."""
+MAX_BRANCHES = 3
+"""Maximum number of branches of a tree; their share grows with the difficulty."""
 
 
 def forest(seed: int, difficulty: float = 0.5) -> World:
@@ -47,9 +48,7 @@ def forest(seed: int, difficulty: float = 0.5) -> World:
 
 
 def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = (
-        (x, round(rng.uniform(LOW[1] + END, HIGH[1] - END), 3), 0.0) for x in (END, HIGH[0] - END)
-    )
+    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=END_DISTANCE)
     clearing = World(
         name="forest",
         seed=seed,
@@ -60,7 +59,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
     )
-    trunks, bushes = (round(a + difficulty * (b - a)) for a, b in (TRUNKS, BUSHES))
+    trunks, bushes = (round(a + difficulty * (b - a)) for a, b in (TRUNKS, BUSH_COUNTS))
 
     def growth() -> Iterator[Iterator[Group]]:
         for _ in range(trunks):
@@ -82,7 +81,7 @@ def _tree(rng: np.random.Generator, difficulty: float) -> Group:
 
     trunk = Cylinder(at(0.0), at(TRUNK_HEIGHT), radius, "trunk")
     branches = []
-    for _ in range(int(rng.binomial(BRANCHES, 0.2 + 0.5 * difficulty))):
+    for _ in range(int(rng.binomial(MAX_BRANCHES, 0.2 + 0.5 * difficulty))):
         root = at(rng.uniform(0.7, 2.4))
         length, turn, rise = rng.uniform(0.4, 0.9), rng.uniform(0.0, 2 * pi), rng.uniform(0.0, 0.6)
         step = np.multiply(length, (cos(turn), sin(turn), rise))

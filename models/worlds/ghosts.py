@@ -1,11 +1,11 @@
-"""A hall in which things appear and vanish: what a map keeps of them are ghosts."""
+"""A hall in which things appear and vanish, which leaves ghosts in a map."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.layout import heading_towards, room_walls
+from wayproof.models.worlds.layout import heading_towards, opposite_ends, room_walls
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.solvability import first_solvable
@@ -13,18 +13,18 @@ from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (16.0, 9.0, 3.0)
-END = 1.4
-"""Start and goal keep this from the outside of the walls, m."""
+END_DISTANCE = 1.4
+"""Distance of start and goal from the outside of the walls, m."""
 
-CLEAR = 1.9
-"""No thing appears nearer to start or goal than this, from its middle, m."""
+END_CLEARANCE = 1.9
+"""Minimum distance of a thing's middle from start and goal, m."""
 
 THINGS = (2, 12)
-STAYS = (3.0, 12.0)
-"""Least and greatest, s; half of the things are there from the beginning."""
+STAY_TIMES = (3.0, 12.0)
+"""Shortest and longest stay of a thing, s; half of the things are there from the beginning."""
 
-LAST = 14.0
-"""No thing appears later, s."""
+LAST_APPEARANCE = 14.0
+"""Latest time at which a thing appears, s."""
 
 
 def ghosts(seed: int, difficulty: float = 0.5) -> World:
@@ -40,9 +40,7 @@ def ghosts(seed: int, difficulty: float = 0.5) -> World:
 
 
 def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = (
-        (x, round(rng.uniform(LOW[1] + 2.5, HIGH[1] - 2.5), 3), 0.0) for x in (END, HIGH[0] - END)
-    )
+    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=2.5)
     count = round(THINGS[0] + difficulty * (THINGS[1] - THINGS[0]))
     return World(
         name="ghosts",
@@ -62,17 +60,17 @@ def _thing(rng: np.random.Generator, number: int, start: Vector3, goal: Vector3)
     while True:
         middle = ends[0] + rng.uniform(0.1, 0.9) * (ends[1] - ends[0])
         middle[1] = np.clip(middle[1] + rng.normal(0.0, 1.5), LOW[1] + 1.0, HIGH[1] - 1.0)
-        if np.linalg.norm(ends - middle, axis=1).min() >= CLEAR:
+        if np.linalg.norm(ends - middle, axis=1).min() >= END_CLEARANCE:
             break
     half_z = round(rng.uniform(0.5, 1.3), 3)
     half = (round(rng.uniform(0.1, 0.3), 3), round(rng.uniform(0.3, 0.9), 3), half_z)
     yaw = round(rng.uniform(-1.0, 1.0), 3)
-    appears = 0.0 if number % 2 else round(rng.uniform(1.0, LAST), 1)
+    appears = 0.0 if number % 2 else round(rng.uniform(1.0, LAST_APPEARANCE), 1)
     x, y = np.round(middle, 3).tolist()
     return Mover(
         f"ghost_{number}",
         (Box((0.0, 0.0, half_z), half, yaw, "ghost"),),
         ((x, y, 0.0),),
         appears=appears,
-        vanishes=round(appears + rng.uniform(*STAYS), 1),
+        vanishes=round(appears + rng.uniform(*STAY_TIMES), 1),
     )

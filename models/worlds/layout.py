@@ -1,4 +1,4 @@
-"""What worlds are laid out with: outer walls, crates that seal nothing, a heading, a mirror."""
+"""Building blocks of layouts: outer walls, crates that block no way, headings, mirroring."""
 
 from __future__ import annotations
 
@@ -25,32 +25,46 @@ from wayproof.models.worlds.world import World
 WALL_HEIGHT = 3.0
 WALL_THICKNESS = 0.2
 LOW_HEIGHT = 0.05
-"""A crate of this height is stepped over by a quadruped, m."""
+"""Height of a crate that a quadruped steps over, m."""
 
 LOW_SHARE, TALL_SHARE = 0.25, 0.25
 END_CLEARANCE = 0.95
-"""No crate comes nearer to start or goal, m."""
+"""Minimum distance of crates from start and goal, m."""
 
 REACHABLE_SHARE = 0.95
-"""Crates leave at least this share of the passable floor in one piece with the start."""
+"""Minimum share of the passable floor that crates leave connected with the start."""
 
 FLOOR_THICKNESS = 0.3
-"""Of a floor of slabs, m."""
+"""Thickness of a floor of slabs, m."""
 
 Group = tuple[Solid, ...]
 Rectangle = tuple[tuple[float, float], tuple[float, float]]
 
 ALL_HEIGHTS = (-100.0, 100.0)
-"""A band that holds everything, m."""
+"""Height band that holds everything, m."""
 
-COVER = 0.15
+COVER_SPACING = 0.15
 """Half the distance between the circles that cover a long bar, m."""
 
 PLACEMENTS = 200
-"""Places tried for one crate."""
+"""Number of places tried for one crate."""
 
 FEW_PLACEMENTS = 30
-"""Places tried for one of many things."""
+"""Number of places tried for one of many things."""
+
+
+def opposite_ends(
+    rng: np.random.Generator, low: Vector3, high: Vector3, inset: float, side_inset: float
+) -> tuple[Vector3, Vector3]:
+    """Draw start and goal, `inset` from either end of an area along x, `side_inset` from its sides.
+
+    Lengths in m; the area begins at x = 0.
+    """
+    start, goal = (
+        (x, round(rng.uniform(low[1] + side_inset, high[1] - side_inset), 3), 0.0)
+        for x in (inset, high[0] - inset)
+    )
+    return start, goal
 
 
 def room_walls(low: Vector3, high: Vector3, kind: str = "wall") -> tuple[Box, ...]:
@@ -192,9 +206,9 @@ def _cover(solid: Solid) -> tuple[NDArray[np.float64], float]:
     """Middles (k, 2) and the radius of circles that together cover a footprint, m."""
     if isinstance(solid, Cylinder | Capsule):
         axis = np.array([solid.tail[:2], solid.head[:2]])
-        count = int(np.linalg.norm(axis[1] - axis[0]) / (2 * COVER)) + 1
+        count = int(np.linalg.norm(axis[1] - axis[0]) / (2 * COVER_SPACING)) + 1
         shares = (np.arange(count)[:, None] + 0.5) / count
-        return axis[0] + shares * (axis[1] - axis[0]), solid.radius + COVER
+        return axis[0] + shares * (axis[1] - axis[0]), solid.radius + COVER_SPACING
     if isinstance(solid, Box) and solid.upright:
         return np.array([solid.centre[:2]]), float(np.hypot(*solid.half_extents[:2]))
     low, high = np.array(solid.low[:2]), np.array(solid.high[:2])

@@ -1,4 +1,4 @@
-"""What a solid stands for: its class and its colour in pictures."""
+"""Materials of solids: semantic class and colour."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ KINDS = {
     "door": Kind("door", "0.50 0.33 0.22 1"),
     "ghost": Kind("unknown", "0.60 0.55 0.80 1"),
 }
-"""Kinds that worlds are made of; any other name is allowed and means nothing known."""
+"""Materials by the kind of solid; any other kind is allowed and of unknown class."""
 
 UNKNOWN = Kind("unknown", "0.6 0.6 0.6 1")
 

@@ -20,8 +20,8 @@ WIDEST, NARROWEST = 2.6, 2.1
 """Distance from wall to wall, middle to middle, at difficulty 0 and 1, m."""
 
 THICKNESS = 0.15
-LONGEST_WAY = 15.0
-"""Goals lie no farther from the start along the passages, m."""
+MAX_WAY_LENGTH = 15.0
+"""Maximum length of the way from start to goal along the passages, m."""
 
 
 def maze(seed: int, difficulty: float = 0.5) -> World:
@@ -45,7 +45,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
     low: Vector3 = (0.0, 0.0, -0.5)
     high = tuple(round(2 * origin + n * pitch, 3) for n in (COLUMNS, ROWS))
     first = (int(rng.integers(2)) * (COLUMNS - 1), int(rng.integers(ROWS)))
-    last = _far_cell(open_sides, first, int(LONGEST_WAY / pitch))
+    last = _far_cell(open_sides, first, int(MAX_WAY_LENGTH / pitch))
     start, goal = (
         (round(origin + (i + 0.5) * pitch, 3), round(origin + (j + 0.5) * pitch, 3), 0.0)
         for i, j in (first, last)

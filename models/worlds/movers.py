@@ -1,4 +1,4 @@
-"""Things that move by themselves, come and go: a body, a route and a timetable each."""
+"""Movers: a body, a route and a timetable each."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import NamedTuple
 from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.solids import Solid
 
-STANDS_OFF = 0.8
-"""How near people let a robot come that is in their way before they stop, m; assumed."""
+STAND_OFF = 0.8
+"""Distance at which people stop for a robot in their way, m; assumed."""
 
-ASIDE = 0.3
-"""What passes a mover farther aside than this, between their sides, is not in its way, m."""
+ASIDE_DISTANCE = 0.3
+"""Gap beside a mover beyond which a body is not in its way, m."""
 
 
 class Place(NamedTuple):
@@ -56,7 +56,7 @@ class Mover:
     begin: float = 0.0
     returns: bool = True
     backs_up: bool = False
-    stands_off: float = STANDS_OFF
+    stands_off: float = STAND_OFF
     appears: float = 0.0
     vanishes: float = inf
 

@@ -24,22 +24,22 @@ from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (16.0, 12.4, 3.0)
-ROOMS = 3
-"""On either side of the hallway."""
+ROOM_COUNT = 3
+"""Number of rooms on either side of the hallway."""
 
 HALLWAY = (2.4, 2.0)
-DOOR = (1.9, 1.6)
-"""Widths at difficulty 0 and 1, m."""
+DOOR_WIDTHS = (1.9, 1.6)
+"""Width of doors at difficulty 0 and 1, m."""
 
 DOOR_HEIGHT = 2.2
 THICKNESS = 0.12
-FURNITURE = (4, 20)
-"""Pieces at difficulty 0 and 1; what would close a way is left out."""
+FURNITURE_COUNTS = (4, 20)
+"""Number of pieces at difficulty 0 and 1; those that would close a way are left out."""
 
-END = 1.3
-"""Start and goal keep this from the walls of their room, m."""
+END_DISTANCE = 1.3
+"""Distance of start and goal from the walls of their room, m."""
 
-LEG = 0.025
+TABLE_LEG_RADIUS = 0.025
 """Radius of a table's leg, m."""
 
 
@@ -57,7 +57,7 @@ def office(seed: int, difficulty: float = 0.5) -> World:
 
 
 def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    hallway, door = (a + difficulty * (b - a) for a, b in (HALLWAY, DOOR))
+    hallway, door = (a + difficulty * (b - a) for a, b in (HALLWAY, DOOR_WIDTHS))
     middle = (LOW[1] + HIGH[1]) / 2 + rng.uniform(-0.3, 0.3)
     sides = (middle - hallway / 2, middle + hallway / 2)  # of the hallway, in y
     walls: list[Box] = []
@@ -65,7 +65,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
     for south in (True, False):
         cuts = _cuts(rng)
         walls += _partitions(rng, cuts, sides, south, door)
-        room = int(rng.integers(2)) if not ends else ROOMS - 1  # the goal's at the far end
+        room = int(rng.integers(2)) if not ends else ROOM_COUNT - 1  # the goal's at the far end
         ends.append(_end(rng, cuts[room : room + 2], sides, south))
     if rng.integers(2):
         ends.reverse()
@@ -80,7 +80,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
     )
-    count = round(FURNITURE[0] + difficulty * (FURNITURE[1] - FURNITURE[0]))
+    count = round(FURNITURE_COUNTS[0] + difficulty * (FURNITURE_COUNTS[1] - FURNITURE_COUNTS[0]))
 
     def furniture() -> Iterator[Iterator[Group]]:
         for _ in range(count):
@@ -92,8 +92,8 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
 
 def _cuts(rng: np.random.Generator) -> list[float]:
     """Where the rooms of one side begin and end, in x."""
-    even = np.linspace(LOW[0] + WALL_THICKNESS, HIGH[0] - WALL_THICKNESS, ROOMS + 1)
-    even[1:-1] += rng.uniform(-0.6, 0.6, ROOMS - 1)
+    even = np.linspace(LOW[0] + WALL_THICKNESS, HIGH[0] - WALL_THICKNESS, ROOM_COUNT + 1)
+    even[1:-1] += rng.uniform(-0.6, 0.6, ROOM_COUNT - 1)
     return [round(float(x), 3) for x in even]
 
 
@@ -144,8 +144,8 @@ def _end(
     rng: np.random.Generator, room: list[float], sides: tuple[float, float], south: bool
 ) -> Vector3:
     y = (LOW[1] + WALL_THICKNESS, sides[0]) if south else (sides[1], HIGH[1] - WALL_THICKNESS)
-    x0, x1 = room[0] + END, room[1] - END
-    place = rng.uniform((x0, y[0] + END), (x1, y[1] - END))
+    x0, x1 = room[0] + END_DISTANCE, room[1] - END_DISTANCE
+    place = rng.uniform((x0, y[0] + END_DISTANCE), (x1, y[1] - END_DISTANCE))
     return round(float(place[0]), 3), round(float(place[1]), 3), 0.0
 
 
@@ -172,9 +172,9 @@ def _on_legs(
     board = Box((x, y, height - thickness / 2), (half_x, half_y, thickness / 2), yaw, "furniture")
     legs = []
     for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
-        along, across = a * (half_x - 2 * LEG), b * (half_y - 2 * LEG)
+        along, across = a * (half_x - 2 * TABLE_LEG_RADIUS), b * (half_y - 2 * TABLE_LEG_RADIUS)
         place = (round(x + c * along - s * across, 3), round(y + s * along + c * across, 3))
-        legs.append(Cylinder((*place, 0.0), (*place, bottom), LEG, "furniture"))
+        legs.append(Cylinder((*place, 0.0), (*place, bottom), TABLE_LEG_RADIUS, "furniture"))
     return (board, *legs)
 
 

@@ -1,4 +1,4 @@
-"""People and vehicles, and how to send them across the way through any world."""
+"""Pedestrians and vehicles that cross the way through a world."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.movers import STANDS_OFF, Mover
+from wayproof.models.worlds.movers import STAND_OFF, Mover
 from wayproof.models.worlds.solids import Box, Capsule, Solid
 from wayproof.models.worlds.solvability import (
     GROUND_BAND,
@@ -21,7 +21,7 @@ from wayproof.models.worlds.solvability import (
 from wayproof.models.worlds.world import World
 
 PERSON: tuple[Solid, ...] = (Capsule((0.0, 0.0, 0.25), (0.0, 0.0, 1.5), 0.25, "person"),)
-"""1.75 m high, 0.5 m wide."""
+"""Solids of a person, 1.75 m high and 0.5 m wide."""
 
 FORKLIFT: tuple[Solid, ...] = (
     Box.between((-0.9, -0.5, 0.05), (0.5, 0.5, 1.1), "vehicle"),
@@ -29,23 +29,23 @@ FORKLIFT: tuple[Solid, ...] = (
     Box.between((0.6, -0.35, 0.05), (1.4, -0.2, 0.12), "vehicle"),
     Box.between((0.6, 0.2, 0.05), (1.4, 0.35, 0.12), "vehicle"),
 )
-"""Body, mast and two forks just above the floor."""
+"""Solids of a forklift: body, mast and two forks just above the floor."""
 
 PERSON_BAND = (0.03, 1.75)
-ELBOW_ROOM = 0.35
-"""Radius that a person's way is free of, m."""
+WALK_CLEARANCE = 0.35
+"""Radius that is free along a person's way, m."""
 
 SHORTEST_WAY, LONGEST_WAY = 2.0, 8.0
 """Of a passer-by, m."""
 
 END_DISTANCE = 1.5
-"""No passer-by comes nearer to start or goal, m."""
+"""Minimum distance of pedestrians from start and goal, m."""
 
 TRIES = 60
 
 
 def with_traffic(
-    world: World, count: int, speed: float, seed: int, stands_off: float = STANDS_OFF
+    world: World, count: int, speed: float, seed: int, stands_off: float = STAND_OFF
 ) -> World:
     """Add up to `count` people who walk to and fro across the shortest way.
 
@@ -66,7 +66,7 @@ def with_traffic(
     way = shortest_path(world, radius, *GROUND_BAND, world.start, world.goal)
     if way is None:
         raise ValueError(f"world '{world.name}': no way from start to goal to walk across")
-    free = free_cells(world, ELBOW_ROOM, PERSON_BAND)
+    free = free_cells(world, WALK_CLEARANCE, PERSON_BAND)
     taken = {mover.name for mover in world.movers}
     people: list[Mover] = []
     for _ in range(TRIES * count):

@@ -15,8 +15,8 @@ from wayproof.models.worlds.solids import Box
 
 Range = tuple[float, float]
 
-AISLE = 1.8
-"""Least width of an aisle or cross-aisle, m."""
+MIN_AISLE_WIDTH = 1.8
+"""Minimum width of an aisle or cross-aisle, m."""
 
 WIDEST_CROSS_AISLE = 2.4
 DEPTHS = (0.8, 1.0)
@@ -24,15 +24,15 @@ HEIGHTS = (2.2, 2.8)
 SHORTEST, LONGEST = 1.2, 4.0
 """Least length between cross-aisles and greatest length of one shelf, m."""
 
-LEG = 0.10
+LOWEST_BOARD = 0.10
 """Height of a rack's lowest board above the floor, and thickness of its end frames, m."""
 
-BOARD = 0.05
+BOARD_THICKNESS = 0.05
 """Thickness of a board, m."""
 
 BEAM_UNDERSIDES = (1.0, 1.1)
 BEAM_TOP = 1.3
-"""Of a beam, m: a quadruped passes below, and a drone has 1.2 m above it and below 2.5 m."""
+"""Top of a beam, m: a quadruped passes below, and a drone has 1.2 m above it and below 2.5 m."""
 
 
 def shelf_rows(rng: np.random.Generator, along: Range, across: Range, walled: bool) -> list[Box]:
@@ -55,11 +55,11 @@ def shelf_rows(rng: np.random.Generator, along: Range, across: Range, walled: bo
 
 
 def _rows(rng: np.random.Generator, across: Range, walled: bool) -> list[Range]:
-    outer = AISLE if walled else 0.0
+    outer = MIN_AISLE_WIDTH if walled else 0.0
     depth = rng.uniform(*DEPTHS)
     room = across[1] - across[0] - 2.0 * outer
-    count = min(int(rng.integers(2, 5)), int((room + AISLE) / (depth + AISLE)))
-    least = np.array([outer] + [AISLE] * (count - 1) + [outer])
+    count = min(int(rng.integers(2, 5)), int((room + MIN_AISLE_WIDTH) / (depth + MIN_AISLE_WIDTH)))
+    least = np.array([outer] + [MIN_AISLE_WIDTH] * (count - 1) + [outer])
     gaps = _stretched(rng, least, across[1] - across[0] - count * depth)
     begins = across[0] + np.cumsum(gaps[:-1]) + depth * np.arange(count)
     return [(float(begin), float(begin + depth)) for begin in begins]
@@ -67,7 +67,7 @@ def _rows(rng: np.random.Generator, across: Range, walled: bool) -> list[Range]:
 
 def _shelves(rng: np.random.Generator, along: Range, cross_aisles: int) -> list[Range]:
     """Where the shelves of one row begin and end."""
-    widths = rng.uniform(AISLE, WIDEST_CROSS_AISLE, cross_aisles)
+    widths = rng.uniform(MIN_AISLE_WIDTH, WIDEST_CROSS_AISLE, cross_aisles)
     least = np.full(cross_aisles + 1, SHORTEST)
     lengths = _stretched(rng, least, along[1] - along[0] - float(widths.sum()))
     shelves: list[Range] = []
@@ -94,7 +94,7 @@ def _shelf(rng: np.random.Generator, along: Range, across: Range) -> list[Box]:
     if kind == "solid":
         return [_box(along, across, (0.0, height))]
     if kind == "legs":
-        return _rack(along, across, LEG, height)
+        return _rack(along, across, LOWEST_BOARD, height)
     base, recess = rng.uniform(0.6, 0.8), rng.uniform(0.1, 0.2)
     narrower = (across[0] + recess, across[1] - recess)
     return [_box(along, narrower, (0.0, base)), *_rack(along, across, base, height)]
@@ -102,14 +102,16 @@ def _shelf(rng: np.random.Generator, along: Range, across: Range) -> list[Box]:
 
 def _rack(along: Range, across: Range, lowest: float, height: float) -> list[Box]:
     """Boards from `lowest` to `height`, some 0.8 m apart, between two end frames."""
-    foot = 0.0 if lowest == LEG else lowest
+    foot = 0.0 if lowest == LOWEST_BOARD else lowest
     frames = [
         _box(side, across, (foot, height))
-        for side in ((along[0], along[0] + LEG), (along[1] - LEG, along[1]))
+        for side in ((along[0], along[0] + LOWEST_BOARD), (along[1] - LOWEST_BOARD, along[1]))
     ]
-    between = (along[0] + LEG, along[1] - LEG)
-    levels = np.linspace(lowest, height - BOARD, round((height - lowest) / 0.8) + 1).tolist()
-    return frames + [_box(between, across, (level, level + BOARD)) for level in levels]
+    between = (along[0] + LOWEST_BOARD, along[1] - LOWEST_BOARD)
+    levels = np.linspace(
+        lowest, height - BOARD_THICKNESS, round((height - lowest) / 0.8) + 1
+    ).tolist()
+    return frames + [_box(between, across, (level, level + BOARD_THICKNESS)) for level in levels]
 
 
 def _beams(rng: np.random.Generator, along: Range, rows: list[Range]) -> list[Box]:

@@ -1,4 +1,4 @@
-"""Can a body of this size get from here to there, in truth? And how short is the way?
+"""Solvability: whether a body can get from start to goal in truth, and the shortest way.
 
 The truth is the world's solids, not a map of them: each grid cell knows the distance from its
 centre to the nearest solid that stands in the body's height band. What moves is left out.
@@ -23,14 +23,15 @@ RESOLUTION = 0.05
 """Side of a cell, m."""
 
 REFERENCE_RADIUS = 0.75
-"""Up to a difficulty of 0.5 every world lets a disc of this radius through, m: a quadruped of
-0.45 m, a margin of 0.1 m, and the two cells of 10 cm that a map may round away."""
+"""Radius of a disc that every world lets through up to a difficulty of 0.5, m: a quadruped of 0.45
+m, a margin of 0.1 m, and the two cells of 10 cm that a map may round away."""
 
 TIGHTEST_RADIUS = 0.6
-"""At a difficulty of 1, m: the same body and margin; a map of 10 cm may close what is open."""
+"""Radius of a disc that every world lets through at difficulty 1, m: the same body and margin; a
+map of 10 cm may close the gap."""
 
 GROUND_BAND = (0.03, 0.5)
-"""Height band of the reference quadruped, m: between what it steps over and its back."""
+"""Height band of the reference quadruped, m: from what it steps over to its back."""
 
 AIR_BANDS = ((0.8, 1.6), (1.3, 2.2))
 """Altitude bands of which the reference drone needs one, m."""
@@ -38,7 +39,7 @@ AIR_BANDS = ((0.8, 1.6), (1.3, 2.2))
 ATTEMPTS = 100
 
 LOWEST_FLIGHT = 0.2
-"""A body whose height band begins below this needs floor under it, m."""
+"""Lower end of a height band below which a body needs floor under it, m."""
 
 _EIGHT_CONNECTED = np.ones((3, 3), np.bool_)
 

@@ -1,4 +1,4 @@
-"""Moves what moves: the timetable of a world's movers, played step by step in a simulation."""
+"""Traffic: the movers of a world, moved step by step in a simulation."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.worlds.movers import ASIDE, Mover, Place
+from wayproof.models.worlds.movers import ASIDE_DISTANCE, Mover, Place
 
-AWAY = (0.0, 0.0, -1000.0)
-"""Where a mover is that does not exist now, m: out of every sensor's and body's reach."""
+ABSENT_POSITION = (0.0, 0.0, -1000.0)
+"""Position of an absent mover, m: out of every sensor's and body's reach."""
 
 
 class MoverState(NamedTuple):
@@ -35,8 +35,8 @@ class MoverState(NamedTuple):
 class Traffic:
     """The movers of one simulation; their state is whole nanoseconds, so that it repeats exactly.
 
-    A mover stands still while a robot is in its way: ahead of it, within `ASIDE` of the width of
-    both, and nearer than `Mover.stands_off`. It appears only where no robot is that near.
+    A mover stands still while a robot is in its way: ahead of it, within `ASIDE_DISTANCE` of the
+    width of both, and nearer than `Mover.stands_off`. It appears only where no robot is that near.
     """
 
     def __init__(
@@ -73,7 +73,9 @@ class Traffic:
         """Put every mover where it is now; one that does not exist, away."""
         for number, mover in enumerate(self._movers):
             place = mover.place(self.moving_ns[number])
-            data.mocap_pos[self._mocap[number]] = place.position if self.present[number] else AWAY
+            data.mocap_pos[self._mocap[number]] = (
+                place.position if self.present[number] else ABSENT_POSITION
+            )
             data.mocap_quat[self._mocap[number]] = _quaternion(place.yaw)
 
     def state(self) -> dict[str, NDArray[np.int64]]:
@@ -118,7 +120,9 @@ class Traffic:
         ahead, aside = c * dx + s * dy, abs(c * dy - s * dx)
         gap = ahead - mover.size[0] - self._radius
         return (
-            ahead > 0.0 and gap < mover.stands_off and aside < mover.size[1] + self._radius + ASIDE
+            ahead > 0.0
+            and gap < mover.stands_off
+            and aside < mover.size[1] + self._radius + ASIDE_DISTANCE
         )
 
 

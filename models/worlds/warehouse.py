@@ -15,7 +15,7 @@ from wayproof.models.worlds.layout import (
     room_walls,
     with_crates,
 )
-from wayproof.models.worlds.shelves import AISLE, shelf_rows
+from wayproof.models.worlds.shelves import MIN_AISLE_WIDTH, shelf_rows
 from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
@@ -24,12 +24,12 @@ LOW: Vector3 = (0.0, 0.0, -0.5)
 HIGH: Vector3 = (20.0, 14.0, 3.0)
 
 SHELVES_END = 16.6
-"""The goal's end of the hall begins here, m along x."""
+"""End of the shelves and begin of the goal's end of the hall, m along x."""
 
 START_REGION = ((1.2, 1.2), (3.0, 12.8))
 GOAL_REGION = ((17.6, 1.2), (18.8, 12.8))
-DISTANCE = (12.0, 17.0)
-"""Straight line from start to goal, m."""
+END_TO_END = (12.0, 17.0)
+"""Straight distance from start to goal, m."""
 
 
 def warehouse(seed: int, difficulty: float = 0.5) -> World:
@@ -55,7 +55,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
         solids=(
             *room_walls(LOW, HIGH),
             *_partition(rng, partition_x),
-            *_storage(rng, partition_x + AISLE + 0.2),
+            *_storage(rng, partition_x + MIN_AISLE_WIDTH + 0.2),
         ),
         start=start,
         start_heading=heading_towards(rng, start, goal),
@@ -71,7 +71,7 @@ def _ends(rng: np.random.Generator) -> tuple[Vector3, Vector3]:
     while True:
         start = np.round(rng.uniform(*START_REGION), 3).tolist()
         goal = np.round(rng.uniform(*GOAL_REGION), 3).tolist()
-        if DISTANCE[0] <= np.hypot(goal[0] - start[0], goal[1] - start[1]) <= DISTANCE[1]:
+        if END_TO_END[0] <= np.hypot(goal[0] - start[0], goal[1] - start[1]) <= END_TO_END[1]:
             return (*start, 0.0), (*goal, 0.0)
 
 

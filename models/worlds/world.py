@@ -1,4 +1,4 @@
-"""A world is a floor, solids, and two places: truth that the simulator and the metrics share."""
+"""Worlds: a floor, solids, start and goal; ground truth for simulator and metrics."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from wayproof.models.worlds import (
     World,
     with_traffic,
 )
-from wayproof.models.worlds.movers import ASIDE
+from wayproof.models.worlds.movers import ASIDE_DISTANCE
 from wayproof.models.worlds.pedestrians import PERSON
 from wayproof.models.worlds.solvability import GROUND_BAND, shortest_path
 
@@ -114,7 +114,7 @@ def test_who_looks_stops_before_a_robot_and_who_does_not_goes_on():
 
 
 def test_what_is_aside_or_behind_is_not_in_the_way():
-    aside = Stage(walker(), robot=(2.0 + 0.36 + 0.25 + ASIDE + 0.01, 1.0, 1.0))
+    aside = Stage(walker(), robot=(2.0 + 0.36 + 0.25 + ASIDE_DISTANCE + 0.01, 1.0, 1.0))
     aside.run(2.0)
     assert aside.position()[1] == pytest.approx(2.0)
     behind = Stage(walker(begin=1.0), robot=(2.0, 0.0, 1.0))

@@ -2,11 +2,11 @@
 
 from wayproof.models.robots.custom.robot import CONTROLLERS, CustomRobot, logged_robot, read_robot
 from wayproof.models.robots.custom.source import RobotSpecError
-from wayproof.models.robots.custom.spec_file import PLUGIN, SpecFile, parse_spec
+from wayproof.models.robots.custom.spec_file import CLASS_SEPARATOR, SpecFile, parse_spec
 
 __all__ = [
+    "CLASS_SEPARATOR",
     "CONTROLLERS",
-    "PLUGIN",
     "CustomRobot",
     "RobotSpecError",
     "SpecFile",

@@ -1,4 +1,4 @@
-"""A four-legged robot of the usual layout, brought into the form that the trot controller knows.
+"""Quadrupeds of the usual layout, rewritten for the trot controller.
 
 Each leg is a hip that turns about x, then thigh and calf about y, and a foot. The MJCF is written
 anew: links in the order of `LEGS`, joint axes along +x and +y, and zero angles where thigh and calf
@@ -34,11 +34,11 @@ from wayproof.models.robots.quadruped.parameters import JOINTS, LEGS, standing_j
 
 Objects = mujoco.mjtObj
 
-ASKEW = 0.01
-"""A joint axis may be off x or y by so much, rad."""
+MAX_AXIS_TILT = 0.01
+"""Maximum angle of a joint axis off x or y, rad."""
 
-UNEQUAL = 0.01
-"""Legs may differ from mirror images by so much, m."""
+MAX_ASYMMETRY = 0.01
+"""Maximum difference of a leg from its mirror image, m."""
 
 
 class Leg(NamedTuple):
@@ -164,7 +164,7 @@ def _trace(source: Source, leg: str, foot: str) -> Leg:
 
 def _sign(source: Source, joint: int, along: int) -> float:
     axis = source.turn(source.data.xaxis[joint])
-    if abs(axis[along]) < np.cos(ASKEW):
+    if abs(axis[along]) < np.cos(MAX_AXIS_TILT):
         text = ", ".join(f"{value:.3f}" for value in axis)
         name = source.model.joint(joint).name
         raise RobotSpecError(
@@ -256,7 +256,7 @@ def _check_places(legs: list[Leg], origin: Array) -> None:
         )  # fmt: skip
     spread = float(np.ptp(shapes, axis=0).max())
     lift = float(np.abs(np.array(shapes)[:, 3:5]).max())
-    if spread > UNEQUAL or lift > UNEQUAL:
+    if spread > MAX_ASYMMETRY or lift > MAX_ASYMMETRY:
         raise RobotSpecError(f"legs differ by {max(spread, lift):.3f} m, expected mirror images")
     if not np.array(shapes)[:, 5:].min() > 0.0:
         raise RobotSpecError("legs: a link or a foot without length, expected above 0 m")

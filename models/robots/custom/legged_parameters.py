@@ -1,4 +1,4 @@
-"""What the trot controller is tuned by, for a robot of another size, read off a compiled model."""
+"""Parameters of the trot controller for a quadruped of any size, from its compiled model."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from wayproof.models.robots.quadruped.parameters import (
     standing_joints,
 )
 
-STANCE = 0.65
-"""Share of the stretched leg that it stands on; the gait was tuned at this."""
+STANCE_SHARE = 0.65
+"""Height of the stance as a share of the stretched leg, at which the gait was tuned."""
 
 TUNED_LEG, TUNED_MASS, TUNED_FOOT = 0.426, 15.02, 0.502
 """Of the robot that gait and gains were tuned on: stretched leg, m, body and `foot_mass`, kg."""
 
 GRAVITY = 9.81
 
-NO_SPEED = 1e6
-"""No-load speed of a motor whose torque never falls off, rad/s."""
+UNLIMITED_SPEED = 1e6
+"""No-load speed of a motor without a torque curve, rad/s."""
 
 
 def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Parameters:
@@ -45,9 +45,9 @@ def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Par
     geometry = _geometry(model, prefix)
     mass = float(model.body_subtreemass[model.body(prefix + "base").id])
     leg = geometry.thigh_length + geometry.calf_length
-    height = spec.stance or round(STANCE * leg + geometry.foot_radius, 3)
+    height = spec.stance or round(STANCE_SHARE * leg + geometry.foot_radius, 3)
     torque = [float(model.actuator(f"{prefix}FL_{joint}").ctrlrange[1]) for joint in JOINTS]
-    speed = spec.joints.speed or (NO_SPEED, NO_SPEED, NO_SPEED)
+    speed = spec.joints.speed or (UNLIMITED_SPEED, UNLIMITED_SPEED, UNLIMITED_SPEED)
     try:
         standing = standing_joints(geometry, height)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""A robot with a controller of the user's own: its MJCF keeps its names, joints and actuators."""
+"""Robots with the user's own controller; the MJCF keeps its names, joints and actuators."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot of the user's own, behind the same interface as ours."""
+"""Robots of the user's own, behind the interface of the built-in ones."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from wayproof.models.robots.custom.rotorcraft import (
     rotorcraft_parameters,
 )
 from wayproof.models.robots.custom.source import RobotSpecError, Source, find_mjcf, open_source
-from wayproof.models.robots.custom.spec_file import PLUGIN, SpecFile, parse_spec
+from wayproof.models.robots.custom.spec_file import CLASS_SEPARATOR, SpecFile, parse_spec
 from wayproof.models.robots.quadrotor import QuadrotorController
 from wayproof.models.robots.quadruped import QuadrupedController
 from wayproof.models.robots.robot import Controller, RobotSpec
 
-MOST_BYTES = 2**20
-"""Of a spec file."""
+MAX_SPEC_BYTES = 2**20
+"""Maximum size of a spec file, bytes."""
 
 START_ALTITUDE = 1.0
-"""Of what flies, m."""
+"""Altitude at which a flying robot starts, m."""
 
-DIGITS = 12
-"""Of the hash in a robot's name."""
+HASH_DIGITS = 12
+"""Number of hex digits of the hash in a robot's name."""
 
 
 class Kind(NamedTuple):
@@ -101,7 +101,7 @@ class CustomRobot:
     def identity(self) -> str:
         """Name and a hash of the spec and the MJCF."""
         both = f"{self.text}\0{self.mjcf_text}".encode()
-        return f"{self.file.name}@{hashlib.sha256(both).hexdigest()[:DIGITS]}"
+        return f"{self.file.name}@{hashlib.sha256(both).hexdigest()[:HASH_DIGITS]}"
 
     @property
     def spec(self) -> RobotSpec:
@@ -160,8 +160,8 @@ def read_robot(path: Path) -> CustomRobot:
     """
     if not path.is_file():
         raise RobotSpecError("no such file")
-    if path.stat().st_size > MOST_BYTES:
-        raise RobotSpecError(f"{path.stat().st_size} bytes, expected at most {MOST_BYTES}")
+    if path.stat().st_size > MAX_SPEC_BYTES:
+        raise RobotSpecError(f"{path.stat().st_size} bytes, expected at most {MAX_SPEC_BYTES}")
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -191,7 +191,7 @@ def logged_robot(text: str, scene: str, prefix: str) -> CustomRobot:
 
 def _parse(text: str) -> SpecFile:
     spec = parse_spec(text)
-    if spec.controller not in CONTROLLERS and PLUGIN not in spec.controller:
+    if spec.controller not in CONTROLLERS and CLASS_SEPARATOR not in spec.controller:
         known = ", ".join([*CONTROLLERS, "module:Class", "FILE.py:Class"])
         raise RobotSpecError(f"controller: unknown '{spec.controller}' (available: {known})")
     kind = CONTROLLERS.get(spec.controller)

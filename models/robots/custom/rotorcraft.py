@@ -1,4 +1,4 @@
-"""A craft with four rotors in an X, brought into the form that the geometric controller knows.
+"""Rotorcraft with four rotors in an X, rewritten for the geometric controller.
 
 It becomes one rigid body whose origin is its centre of mass; rotors are made of the spec's numbers,
 because an MJCF has no thrust limits, reaction torques or lags of its own that could be trusted.
@@ -26,17 +26,17 @@ from wayproof.models.robots.custom.writing import (
     sensor_sites,
     surface,
 )
-from wayproof.models.robots.quadrotor.model import DISC, ROTORS, rotor_motor
+from wayproof.models.robots.quadrotor.model import ROTOR_THICKNESS, ROTORS, rotor_motor
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Parameters
 
-UNEQUAL = 0.05
-"""Rotors may be off a rectangle about the centre of mass by this share of their distance."""
+MAX_ROTOR_ASYMMETRY = 0.05
+"""Maximum distance of a rotor off the rectangle about the centre of mass, as a share of its own."""
 
-LAG_LEFT = 0.014
-"""What of the rotors' lag is left after its inversion, s: that of the craft gains were tuned on."""
+RESIDUAL_LAG = 0.014
+"""Rotor lag that remains after its inversion, s: that of the craft the gains were tuned on."""
 
-LEAST_LIFT = 1.3
-"""Largest thrust by weight below which there is nothing to steer with."""
+MIN_THRUST_TO_WEIGHT = 1.3
+"""Minimum ratio of largest thrust to weight that leaves thrust to steer with."""
 
 
 def rotorcraft_mjcf(source: Source, spec: SpecFile) -> str:
@@ -54,11 +54,11 @@ def rotorcraft_mjcf(source: Source, spec: SpecFile) -> str:
     trunk = inertial(source, bodies, origin)
     places = [_place(source, name) - origin for name in spec.rotors]
     arm_x, arm_y = _arms(places)
-    if 4.0 * spec.rotor.thrust < LEAST_LIFT * mass * GRAVITY:
+    if 4.0 * spec.rotor.thrust < MIN_THRUST_TO_WEIGHT * mass * GRAVITY:
         weight = mass * GRAVITY
         raise RobotSpecError(
             f"rotor.thrust: four of {spec.rotor.thrust:g} N lift {weight:.3g} N, expected "
-            f"{LEAST_LIFT} times the weight"
+            f"{MIN_THRUST_TO_WEIGHT} times the weight"
         )
     assets = Assets()
     moving = sorted({int(source.model.body_weldid[body]) for body in bodies})
@@ -94,7 +94,7 @@ def rotorcraft_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) ->
     gains = Gains()
     if spec.rotor is None:
         raise RobotSpecError("rotor: got none, expected it for the controller 'geometric'")
-    lead = max(gains.lag_lead, 1.0 - LAG_LEFT / spec.rotor.lag)
+    lead = max(gains.lag_lead, 1.0 - RESIDUAL_LAG / spec.rotor.lag)
     airframe = _airframe(spec, float(model.body_mass[base]), (xx, yy, zz), arm_x, arm_y)
     return Parameters(airframe=airframe, gains=gains._replace(lag_lead=lead))
 
@@ -150,7 +150,7 @@ def _arms(places: list[Array]) -> tuple[float, float]:
     arm_x, arm_y = (float(np.abs(np.array(places)[:, i]).mean()) for i in (0, 1))
     for (name, x, y, _), place in zip(ROTORS, places, strict=True):
         off = hypot(place[0] - x * arm_x, place[1] - y * arm_y)
-        if off > UNEQUAL * hypot(arm_x, arm_y):
+        if off > MAX_ROTOR_ASYMMETRY * hypot(arm_x, arm_y):
             raise RobotSpecError(
                 f"rotors: the {name.replace('_', ' ')} one is at ({place[0]:.4f}, {place[1]:.4f}) "
                 "from the centre of mass, expected an X: rear right, rear left, front left, front "
@@ -161,7 +161,7 @@ def _arms(places: list[Array]) -> tuple[float, float]:
 
 def _rotor(airframe: Airframe, name: str, x: int, y: int, spin: int, height: float) -> str:
     at = numbers((x * airframe.arm_x, y * airframe.arm_y, height))
-    thickness = min(DISC, 0.2 * airframe.rotor_radius)
+    thickness = min(ROTOR_THICKNESS, 0.2 * airframe.rotor_radius)
     size = numbers((airframe.rotor_radius, thickness / 2.0))
     return (
         f'<geom name="{name}_disc" type="cylinder" size="{size}" pos="{at}"/>'

@@ -1,4 +1,4 @@
-"""The user's MJCF: found, checked to stay in its folder, compiled, and looked at at rest."""
+"""The user's MJCF: found, checked to stay in its folder, compiled and posed at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot's spec file: TOML that says of an MJCF what the MJCF cannot say."""
+"""Spec files of robots: TOML with the facts that an MJCF cannot hold."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import msgspec
 from wayproof.models.robots.custom.source import RobotSpecError
 from wayproof.models.sensors.devices import DEVICES, Mount
 
-PLUGIN = ":"
-"""In a controller's name: `module:Class` of the user's own."""
+CLASS_SEPARATOR = ":"
+"""Separator in the name of the user's own controller, `module:Class`."""
 
 Vector = tuple[float, float, float]
 Four = tuple[str, str, str, str]

@@ -1,4 +1,4 @@
-"""Parts of a robot's MJCF, written anew from what MuJoCo compiled: no files, no classes."""
+"""Writing of a robot's MJCF from a compiled model: no files, no classes."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ SHAPES = {
     int(Geoms.mjGEOM_ELLIPSOID): ("ellipsoid", 3),
     int(Geoms.mjGEOM_BOX): ("box", 3),
 }
-"""Geom type -> its name, and how many lengths it has."""
+"""Name and number of lengths of each geom type."""
 
-DIRECTIONS = 200
-"""A mesh, whose hull is what collides, is kept as its farthest points in so many directions."""
+HULL_DIRECTIONS = 200
+"""Number of directions whose farthest points stand for a mesh's convex hull."""
 
 HEAD = f"""<compiler angle="radian" autolimits="true"/>
   <default>
     <geom group="{ROBOT_GROUP}" contype="0" conaffinity="1" condim="3" mass="0"/>
   </default>"""
-"""Robot geoms meet the world (contype 1) but not one another."""
+"""Head of the MJCF: robot geoms meet the world (contype 1) but not one another."""
 
 
 def numbers(values: Iterable[float]) -> str:
@@ -64,10 +64,10 @@ def farthest(points: Array) -> Array:  # (m, 3)
     return np.asarray(points[np.unique(np.argmax(points @ ball().T, axis=0))])
 
 
-def ball() -> Array:  # (DIRECTIONS, 3)
+def ball() -> Array:  # (HULL_DIRECTIONS, 3)
     """Unit vectors spread evenly."""
-    n = np.arange(DIRECTIONS)
-    z = 1.0 - (2.0 * n + 1.0) / DIRECTIONS
+    n = np.arange(HULL_DIRECTIONS)
+    z = 1.0 - (2.0 * n + 1.0) / HULL_DIRECTIONS
     angle, ring = n * np.pi * (3.0 - np.sqrt(5.0)), np.sqrt(1.0 - z * z)
     return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1)
 

@@ -1,4 +1,4 @@
-"""The quadrotor's controller: setpoint, smooth reference, attitude, rotor thrusts."""
+"""Controller of the quadrotor: setpoint, smooth reference, attitude, rotor thrusts."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ MEMORY = np.dtype(
     ],
     align=True,
 )
-"""The controller's whole state, carried from tick to tick."""
+"""State of the controller, kept from tick to tick."""
 
 
 @kernel

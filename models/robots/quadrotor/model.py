@@ -1,4 +1,4 @@
-"""The quadrotor as MJCF, from primitive shapes."""
+"""MJCF of the quadrotor, from primitive shapes."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ ROTORS = (
     ("front_left", 1, 1, -1),
     ("front_right", 1, -1, 1),
 )
-"""Name, sign of x, sign of y, sign of the reaction torque, in the order of every rotor array."""
+"""Name, sign of x, sign of y and sign of the reaction torque, in the order of every rotor array."""
 
 TOP, BOTTOM = 0.10, -0.10
 """Of the lidar and of the skids in the body frame, m."""
 
-DISC = 0.02
+ROTOR_THICKNESS = 0.02
 """Thickness of the space that a rotor sweeps, m."""
 
 
 def circumscribed_radius(airframe: Airframe) -> float:
     """Of a sphere about the base origin that holds rotors, lidar and skids; up to a centimetre."""
     blade_tip = hypot(airframe.arm_x, airframe.arm_y) + airframe.rotor_radius
-    return ceil(100.0 * hypot(blade_tip, DISC)) / 100.0
+    return ceil(100.0 * hypot(blade_tip, ROTOR_THICKNESS)) / 100.0
 
 
 def quadrotor_mjcf(airframe: Airframe) -> str:
@@ -65,7 +65,7 @@ def quadrotor_mjcf(airframe: Airframe) -> str:
 
 def _arm(airframe: Airframe, name: str, x: int, y: int) -> str:
     at = f"{x * airframe.arm_x} {y * airframe.arm_y} 0"
-    disc = f"{airframe.rotor_radius} {DISC / 2}"
+    disc = f"{airframe.rotor_radius} {ROTOR_THICKNESS / 2}"
     return f"""
       <geom name="{name}_arm" type="capsule" size="0.01" fromto="0 0 0 {at}"/>
       <geom name="{name}_disc" type="cylinder" size="{disc}" pos="{at}"/>

@@ -1,4 +1,4 @@
-"""Every number of the quadrotor, named and with where it comes from.
+"""Parameters of the quadrotor, each with its source.
 
 NamedTuples of floats rather than dataclasses, because numba kernels take them as they are.
 """
@@ -10,7 +10,7 @@ from typing import NamedTuple
 GRAVITY = 9.81
 
 AIR_DENSITY = 1.225
-"""At sea level in the standard atmosphere, kg/m^3."""
+"""Density of air at sea level in the standard atmosphere, kg/m^3."""
 
 
 class Airframe(NamedTuple):

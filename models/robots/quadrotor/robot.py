@@ -1,4 +1,4 @@
-"""The registry entry: spec, MJCF and controller of the drone."""
+"""Registry entry of the drone: spec, MJCF and controller."""
 
 from __future__ import annotations
 

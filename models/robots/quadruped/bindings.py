@@ -1,4 +1,4 @@
-"""Where the robot's joints, motors and sensors lie in a compiled model."""
+"""Addresses of the robot's joints, motors and sensors in a compiled model."""
 
 from __future__ import annotations
 

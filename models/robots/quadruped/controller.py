@@ -1,4 +1,4 @@
-"""The quadruped's controller: setpoint, velocity command, gait, forces, torques."""
+"""Controller of the quadruped: setpoint, velocity command, gait, forces, torques."""
 
 from __future__ import annotations
 

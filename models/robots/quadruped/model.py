@@ -1,4 +1,4 @@
-"""The body as MJCF, from primitive shapes and published figures.
+"""MJCF of the quadruped, from primitive shapes and published figures.
 
 Source of every mass, centre of mass, inertia, offset, range and limit: Unitree's public
 go2_description URDF (numbers only; front left leg, the others are mirrored). Not from there, and
@@ -70,10 +70,11 @@ CALF_RANGE = (-2.7227, -0.83776)
 
 JOINT_DYNAMICS = 'damping="0.1" frictionloss="0.2" armature="0.01"'
 FOOT_CONTACT = 'friction="0 0 0" solmix="1000" solref="0.01 1"'
-"""Stiffness is the foot's; friction is the ground's, as a contact takes the greater of the two."""
+"""Contact parameters of a foot; friction is the ground's, as a contact takes the greater of the
+two."""
 
 TOUCH_MARGIN = 0.006
-"""The touch site is this much larger than the foot, so that it holds every contact point, m."""
+"""Excess of the touch site's radius over the foot's, so that it holds every contact point, m."""
 
 LIDAR_SITE = (0.15, 0.0, 0.12)
 

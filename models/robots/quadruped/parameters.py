@@ -1,4 +1,4 @@
-"""Every number of the quadruped, named and with where it comes from.
+"""Parameters of the quadruped, each with its source.
 
 NamedTuples of floats rather than dataclasses, because numba kernels take them as they are.
 """
@@ -9,10 +9,10 @@ from math import acos, atan2, cos, sin
 from typing import NamedTuple
 
 LEGS = ("FL", "FR", "RL", "RR")
-"""Front left, front right, rear left, rear right: the order of every array with a leg axis."""
+"""Names of the legs, front left to rear right, in the order of every array with a leg axis."""
 
 JOINTS = ("hip", "thigh", "calf")
-"""Abduction about x, then two pitch joints about y: the order within a leg."""
+"""Names of a leg's joints in order: abduction about x, then two pitch joints about y."""
 
 
 class Geometry(NamedTuple):

@@ -1,4 +1,4 @@
-"""The robot as one rigid body, read off the compiled model's mass matrix."""
+"""Composite rigid body of the robot, from the compiled model's mass matrix."""
 
 from __future__ import annotations
 

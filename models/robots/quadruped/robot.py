@@ -1,4 +1,4 @@
-"""The registry entry: spec, MJCF and controller of the quadruped."""
+"""Registry entry of the quadruped: spec, MJCF and controller."""
 
 from __future__ import annotations
 

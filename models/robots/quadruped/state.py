@@ -1,4 +1,4 @@
-"""The controller's two records: what it sees in a tick, and what it remembers between ticks.
+"""Records of the controller: the observation of a tick, and the memory between ticks.
 
 numpy records, because numba reads and writes their fields by name, and because the bytes of
 `MEMORY` are the whole state of the controller. Kernels that are called at every physics step take
@@ -28,7 +28,7 @@ OBSERVATION = np.dtype(
     ],
     align=True,
 )
-"""Rewritten every tick from the joint state."""
+"""Record of the observed state, rewritten every tick from the joints."""
 
 MEMORY = np.dtype(
     [
@@ -52,7 +52,7 @@ MEMORY = np.dtype(
     ],
     align=True,
 )
-"""Carried from tick to tick."""
+"""Record of the controller's state, kept from tick to tick."""
 
 
 def record(dtype: np.dtype[Any]) -> tuple[Any, NDArray[Any]]:

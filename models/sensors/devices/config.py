@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 OWN = "own"
-"""Stands for the device that the robot's spec mounts."""
+"""Name that stands for the device that the robot's spec mounts."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Livox Mid-360: a small lidar that sees the whole circle with a pattern that does not repeat."""
+"""Livox Mid-360: a small lidar with a full circle of view and a non-repetitive pattern."""
 
 import math
 

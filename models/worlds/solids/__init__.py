@@ -1,4 +1,4 @@
-"""What worlds are made of: shapes that know their exact distance and their MJCF."""
+"""Solids of worlds: shapes with exact distances and MJCF."""
 
 from wayproof.models.worlds.solids.box import Box
 from wayproof.models.worlds.solids.round import Capsule, Cylinder, Sphere

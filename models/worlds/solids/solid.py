@@ -1,4 +1,4 @@
-"""What every solid can do, and how a geom is written."""
+"""Interface of solids, and the writing of their geoms."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from wayproof.models.worlds.materials import class_of, colour_of
 Band = tuple[float, float]
 
 FRICTION = 0.8
-"""Sliding friction, assumed: rubber on dry concrete."""
+"""Coefficient of sliding friction, assumed: rubber on dry concrete."""
 
 DECIMALS = 4
-"""Generated lengths are whole tenths of a millimetre: corners are whole millimetres, halves not."""
+"""Decimals of generated lengths in m: corners are whole millimetres, halves need one more."""
 
 
 class Solid(Protocol):

@@ -18,8 +18,8 @@ from wayproof.models.worlds.solids.solid import (
 )
 from wayproof.models.worlds.solids.triangles import distance_to_triangles
 
-FLAT = 1e-3
-"""Height that MuJoCo is told of a height field without relief, which must have some, m."""
+MIN_RELIEF = 1e-3
+"""Height passed to MuJoCo for a height field without relief, m."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class HeightField(Bounded):
         relief = float(z.max() - z.min())
         shares = ((z - z.min()) / (relief or 1.0)).T[::-1]
         (width, depth), (nx, ny) = self._half_extents(), z.shape
-        size = numbers([width, depth, relief or FLAT, self.base])
+        size = numbers([width, depth, relief or MIN_RELIEF, self.base])
         elevation = " ".join(f"{share:.9g}" for share in shares.ravel())
         return (
             f'    <hfield name="{name}" nrow="{ny}" ncol="{nx}" size="{size}" '

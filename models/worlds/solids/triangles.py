@@ -11,7 +11,7 @@ BOX_FACES = np.array(
         (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
     ]
 )  # fmt: skip
-"""Triangles (12, 3) of a box whose corners are counted with x slowest and z fastest."""
+"""Triangles (12, 3) of a box whose corners are numbered with x slowest and z fastest."""
 
 
 def distance_to_triangles(
