@@ -82,9 +82,9 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
     flown.optimistic(1).begin_search()
     if labels:
         layer = SemanticLayer(config.resolution, 1, memory_mib=1)
-        told = np.zeros(2, np.uint8)
+        classes = np.zeros(2, np.uint8)
         moments = np.zeros(2, np.int32)
-        layer.integrate_sweep((0.5, 0.5, 0.5), beams, ranges_mm, (0.1, 1.0), told, moments)
+        layer.integrate_sweep((0.5, 0.5, 0.5), beams, ranges_mm, (0.1, 1.0), classes, moments)
         layer.votes_at([[0.5, 0.5, 0.5]])
         margined = ClassMargins(tiny, layer, {0: 0.1})
         Costmap(costs, margined, low, high, "ground", radius=0.1, height=0.5, step_height=0.15)

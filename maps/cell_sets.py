@@ -71,7 +71,7 @@ def as_set(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def member(part: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether cells (n, 3) are in a set (m, 3): (n,)."""
+    """Return whether cells (n, 3) are in a set (m, 3): (n,)."""
     places = np.empty(len(cells), np.int64)
     kernels.find_indices(part, cells, places)
     return places >= 0

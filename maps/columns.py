@@ -1,4 +1,4 @@
-"""What every map answers of its cells: the bits of the columns in a box, and what changed."""
+"""Columns of cells as bits, and windows of them: the part of a map that a costmap reads."""
 
 from __future__ import annotations
 
@@ -12,17 +12,20 @@ from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, ROUNDING, cell_box, finite_
 from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.states import FREE, OCCUPIED
 
-WORD_BITS = 64  # cells in a word
+WORD_BITS = 64
+"""Cells in a word."""
+
 MAX_CELLS = 200_000_000
+"""Maximum number of cells of a window."""
 
 Columns = tuple[slice, slice]
 """A box of columns, along their first two axes."""
 
 
 class ColumnMap(Protocol):
-    """What is asked of a map: the bits of its columns, and where they changed.
+    """The bits of a map's columns, and where they changed.
 
-    A map that derives from it need not tell how to bring columns up to date.
+    A map that derives from it need not define `keep_out` and `rewrite_columns`.
     """
 
     resolution: float
@@ -30,10 +33,13 @@ class ColumnMap(Protocol):
     def columns(
         self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The occupied and the free cells of a box, each (nx, ny, words): z = 64 word + bit."""
+        """Return the occupied and the free cells of a box, each (nx, ny, words).
+
+        Bit k of word w is the cell 64 w + k along z.
+        """
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Boxes (k, 6) of cells whose states changed since a stamp (0: all), and a new stamp."""
+        """Return boxes (k, 6) of cells that changed since a stamp (0: all), and a new stamp."""
 
     def keep_out(
         self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
@@ -57,8 +63,8 @@ class ColumnMap(Protocol):
 
         Args:
             low_cell: Least cell of the window.
-            boxes: (k, 6) where, as `changed` tells.
-            occupied: (nx, ny, words) what `columns` told before; brought up to date.
+            boxes: (k, 6) cells that changed, as `changed` returns them.
+            occupied: (nx, ny, words) bits as `columns` returned them before; brought up to date.
             free: (nx, ny, words) likewise.
         """
         nx, ny, words = occupied.shape
@@ -90,7 +96,7 @@ class Window:
 
     @classmethod
     def covering(cls, low: ArrayLike, high: ArrayLike, resolution: float) -> Self:
-        """The least window that holds a box.
+        """Return the least window that holds a box.
 
         Args:
             low: (3,) least corner, m, world.
@@ -127,12 +133,12 @@ class Window:
         return -self.first[2]
 
     def layers(self, first: int, end: int) -> Window:
-        """The part of the window from one layer up to another."""
+        """Return the part of the window from one layer up to another."""
         x, y, z = self.first
         return Window(self.resolution, (x, y, z + first), (*self.shape[:2], end - first))
 
     def touched_by(self, boxes: NDArray[np.int64]) -> tuple[NDArray[np.int64], Columns | None]:
-        """Those of some boxes of the map's cells that hold any of the window's, and where.
+        """Return those of some boxes that meet the window, and where they meet it.
 
         Args:
             boxes: (k, 6) first cell and one past the last: x, y, z, x, y, z.
@@ -162,7 +168,7 @@ def region_of_interest(
 
 
 def layer_bits(first: int, end: int, layers: int) -> NDArray[np.uint64]:
-    """Words (words,) of a column of `layers` cells, whose set bits are the cells first to end."""
+    """Return the words (words,) of a column of `layers` cells with bits first to end set."""
     words = -(-layers // WORD_BITS)
     cells = np.arange(words * WORD_BITS)
     bits = np.packbits((first <= cells) & (cells < end), bitorder="little")
@@ -175,13 +181,13 @@ def pack(cells: NDArray[np.bool_]) -> NDArray[np.uint64]:
 
 
 def unpack(words: NDArray[np.uint64], cells: int) -> NDArray[np.uint8]:
-    """The first bits (nx, ny, cells) of columns (nx, ny, words), each 0 or 1."""
+    """Unpack the first bits (nx, ny, cells) of columns (nx, ny, words), each 0 or 1."""
     content = np.ascontiguousarray(words, "<u8").view(np.uint8)
     return np.unpackbits(content, axis=2, count=cells, bitorder="little")
 
 
 def states_in(source: ColumnMap, low: ArrayLike, high: ArrayLike) -> NDArray[np.uint8]:
-    """The states (nx, ny, nz) of the cells whose centres lie in a box, corners (3,) m, world."""
+    """Return the states (nx, ny, nz) of the cells with centres in a box, corners (3,) m, world."""
     first, end = cell_box(low, high, source.resolution)
     nx, ny, nz = (int(cells) for cells in end - first)
     x, y, z = (int(cell) for cell in first)

@@ -25,7 +25,8 @@ SPLIT = 134217729.0  # 2^27 + 1
 HALF_PI = (1.5707963267948966, 6.123233995736766e-17)
 LN_2 = (0.6931471805599453, 2.3190468138462996e-17)
 SQRT_HALF = 0.7071067811865476
-MOST_ANGLE = 1e6  # rad; beyond, HALF_PI is not long enough
+MAX_ANGLE = 1e6
+"""Greatest angle, rad; beyond, HALF_PI has too few digits."""
 
 
 def sines_cosines(angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -34,8 +35,8 @@ def sines_cosines(angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDA
     Raises:
         ValueError: An angle is not finite, or of a million or more.
     """
-    if not (np.abs(angles) < MOST_ANGLE).all():
-        raise ValueError(f"angles: got {angles}, expected each below {MOST_ANGLE:g} rad")
+    if not (np.abs(angles) < MAX_ANGLE).all():
+        raise ValueError(f"angles: got {angles}, expected each below {MAX_ANGLE:g} rad")
     sines, cosines = np.empty(len(angles)), np.empty(len(angles))
     _fill_sines_cosines(np.ascontiguousarray(angles, np.float64), sines, cosines)
     return sines, cosines
@@ -52,15 +53,15 @@ def tangent(angle: float) -> float:
     Raises:
         ValueError: As of `sines_cosines`.
     """
-    if not abs(angle) < MOST_ANGLE:
-        raise ValueError(f"angle: got {angle:g}, expected below {MOST_ANGLE:g} rad")
+    if not abs(angle) < MAX_ANGLE:
+        raise ValueError(f"angle: got {angle:g}, expected below {MAX_ANGLE:g} rad")
     return float(_tangent(float(angle)))
 
 
 def arc_tangent(y: float, x: float) -> float:
     """Angle of the direction (x, y) from the x axis, in [-pi, pi], rad.
 
-    As in C, the sign of a zero tells the side that it was reached from.
+    As in C, the sign of a zero is that of the side from which it was reached.
     """
     return float(_arc_tangent(float(y), float(x)))
 

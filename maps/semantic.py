@@ -1,4 +1,4 @@
-"""What things are: votes for classes, cell by cell."""
+"""The semantic layer: votes for classes, cell by cell."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class SemanticLayer:
 
     A labelled point is one vote in its cell, and a cell's label is the class with the most votes;
     of equally many, the least one. Where a sensor mistakes each class for each other equally often,
-    that is the class of maximum likelihood. Votes do not fade: what a thing is does not depend on
-    when it was seen, and whether it is still there is for the map to say. After something else has
-    taken a place, its votes have to outnumber the old ones first.
+    that is the class of maximum likelihood. Votes do not decay: the class of an object does not
+    depend on when it was seen, and whether it is still there is a matter of the map. Votes of an
+    object that takes another's place have to outnumber the old ones first.
 
     Once the memory is full, votes in cells that have none yet are lost, and counted in `lost`;
     those in known cells still count. A count stays at 2^32 - 1.
@@ -105,10 +105,10 @@ class SemanticLayer:
             directions: (n, 3) unit vectors, world.
             ranges_mm: (n,) measured ranges, mm.
             limits: Nearest and farthest return that counts, m.
-            labels: (n,) class of what each beam met; 255: not known.
+            labels: (n,) class of the surface that each beam hit; 255: unknown.
             moments: (n,) index of each beam's origin, if there are several.
 
-        The beams are those that a map has taken in: only what could be mistaken is checked again.
+        The beams are those of a sweep that a map has integrated: they are not checked again.
 
         Raises:
             ValueError: The arrays differ in length, or a label is not one of the classes. No vote
@@ -149,17 +149,17 @@ class SemanticLayer:
         labels: NDArray[np.uint8] = np.where(rows >= 0, self._winners[rows], UNLABELLED)
         return labels.astype(np.uint8)
 
-    def labelled(self, wanted: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        """The cells (k, 3) whose label is one of those wanted (classes,), and their labels (k,)."""
+    def labelled(self, classes: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+        """Return the cells (k, 3) labelled with any of some classes, and their labels (k,)."""
         labels = self._winners[: self._used]
-        rows = np.flatnonzero(wanted[labels])
+        rows = np.flatnonzero(classes[labels])
         return self._cells[rows], labels[rows]
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Where labels changed since an earlier call, a box of cells for each sweep.
+        """Return where labels changed since an earlier call, a box of cells for each sweep.
 
         Args:
-            since: What that call returned as `now`; 0 for all.
+            since: Stamp that an earlier call returned as `now`; 0 for all.
 
         Returns:
             Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), and `now`.

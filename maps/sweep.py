@@ -1,4 +1,4 @@
-"""A sweep of beams: what it demands, and what became of it."""
+"""A sweep of beams: its arguments checked, and its statistics."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from wayproof.maps.kernels import beams
 
 @dataclass(frozen=True)
 class SweepStatistics:
-    """What became of a sweep.
+    """Beams of a sweep by fate.
 
     Attributes:
-        hits: Beams that met a surface.
+        hits: Beams that hit a surface.
         clears: Beams without a return within the range limit; they only clear.
         dropped: Beams without information.
         too_near: Beams below the minimum range; ignored.

@@ -66,7 +66,7 @@ class FreeSpace:
         self._check(field)
         grid = Grid(
             np.ascontiguousarray(field),
-            _unread_blocks(field) if lazy is None else lazy.looked_at,
+            _unread_blocks(field) if lazy is None else lazy.read_blocks,
             np.array(self.origin, dtype=np.float64),
             float(self.resolution),
             np.array(self.cost_by_distance, dtype=np.float64),
@@ -132,7 +132,7 @@ class FreeSpace:
         lazy = self._lazy
         if lazy is None:
             return search()
-        lazy.note_missed()
+        lazy.latch_stale_reads()
         while True:
             found = search()
             if not lazy.catch_up():

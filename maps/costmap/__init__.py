@@ -1,1 +1,1 @@
-"""The costmap: what of a map a body meets, how far it is from it, and at what cost."""
+"""The costmap: a map projected for one body, distances to its obstacles, and costs."""

@@ -1,4 +1,4 @@
-"""More distance to some things than to others: balls around their cells."""
+"""Class margins: extra distance to objects of some classes, as balls around their cells."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from wayproof.maps.representation import Representation
 from wayproof.maps.semantic import SemanticLayer
 from wayproof.maps.states import OCCUPIED
 
-ROUNDING = 1e-6  # of a squared cell
+ROUNDING = 1e-6
+"""Part of a squared cell by which rounding may miss a whole number."""
 
 
 class ClassMargins(ColumnMap):
-    """A map, and what of it a body has to keep out of besides.
+    """A map with margins around the objects of some classes.
 
-    That is all that lies within m, centre to centre, of an occupied cell that the layer labels with
-    a class of margin m. A costmap takes it for obstacles, but neither for something to stand on nor
-    for an end of a hole: the map itself stays as it is.
+    Cells within m, centre to centre, of an occupied cell that the layer labels with a class of
+    margin m are blocked for a costmap. They are neither ground to stand on nor the end of a hole:
+    the map itself stays as it is.
 
     Attributes:
         resolution: Edge of a cell, m.
@@ -32,11 +33,11 @@ class ClassMargins(ColumnMap):
     def __init__(
         self, a_map: Representation, layer: SemanticLayer, margins: Mapping[int, float]
     ) -> None:
-        """Look at a map through its labels.
+        """Lay margins around the labelled cells of a map.
 
         Args:
             a_map: The map.
-            layer: What its cells are.
+            layer: Classes of its cells.
             margins: Extra distance by class, m.
 
         Raises:
@@ -55,10 +56,10 @@ class ClassMargins(ColumnMap):
             cells = margin / self.resolution
             self._squared[name] = math.floor(cells * cells + ROUNDING)
         self._reach = math.isqrt(max(int(self._squared.max()), 0))
-        self._stamps = [(0, 0)]  # of the map and of the layer, by the stamp that was told
+        self._stamps = [(0, 0)]  # of the map and of the layer, by the stamp that was returned
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Where states may have changed since an earlier call, as `VoxelMap.changed` tells it."""
+        """Return where states may have changed since a stamp, as `VoxelMap.changed` does."""
         of_map, of_layer = self._stamps[since]
         boxes, now = self._map.changed(of_map)
         labels, then = self._layer.changed(of_layer)
@@ -72,7 +73,7 @@ class ClassMargins(ColumnMap):
     def columns(
         self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The occupied and the free cells of a box: those of the map, as they are."""
+        """Return the occupied and the free cells of a box: those of the map, as they are."""
         return self._map.columns(low_cell, shape)
 
     def keep_out(

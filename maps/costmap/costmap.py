@@ -1,4 +1,4 @@
-"""The costmap of one body: what it may enter, how far it is from what it may not, and the cost."""
+"""The costmap of one body: states of its cells, distances to obstacles, and costs."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from wayproof.maps.states import FREE, OCCUPIED
 T = TypeVar("T")
 
 INSCRIBED_COST = 252.0
-"""Cost at the edge of what is forbidden; Nav2 keeps 253 and 254 for what is inside."""
+"""Cost at the edge of forbidden space; Nav2 reserves 253 and 254 for its inside."""
 
 COST_STEPS = 2.0**20
-"""Costs are whole multiples of one over this."""
+"""Steps to one unit of cost: costs are whole multiples of one step."""
 
 MOTIONS = ("ground", "air")
 
@@ -36,12 +36,10 @@ class Costmap:
     """Distances and cost for one body over a window of a voxel map.
 
     On the ground the map is projected to a plane (nz = 1), see `Ground`; in the air it is used as
-    it is, between floor and ceiling, and the body is a ball. What lies outside the window is
-    blocked.
+    it is, between floor and ceiling, and the body is a ball. Space outside the window is blocked.
 
-    An update asks the map what changed since the last one, and works on that alone. The arrays hold
-    until the next update. Who looks at few places only can have distances worked out there alone:
-    see `Distances`.
+    An update processes only the cells that changed since the last one. The arrays hold until the
+    next update. Distances can be computed only where they are read: see `Distances`.
 
     Attributes:
         config: The settings.
@@ -50,9 +48,9 @@ class Costmap:
         shape: (nx, ny, nz) cells; nz is 1 on the ground.
         margin: Localization margin of the last update, m.
         inflation_radius: Body's radius, margin and half a cell's diagonal, m.
-        clearances: The distances as they are kept, up to the greatest reach that was ever needed.
+        clearances: The distances, up to the greatest reach that was ever needed.
         collision_distance_sq: A cell is forbidden where its squared distance is at most this.
-        truncation: Greatest squared distance that is told, cells^2.
+        truncation: Greatest squared distance in use, cells^2; farther cells have it too.
         cost_table: (truncation + 1,) float64, cost by squared distance; inf where forbidden.
     """
 
@@ -80,7 +78,7 @@ class Costmap:
             motion: `ground` or `air`.
             radius: Of the body's disc (ground) or ball (air), m.
             height: Of the body's back above the floor, m; ground only.
-            step_height: What the body can step on, m above the floor; ground only.
+            step_height: Greatest height that the body can step on, m above the floor; ground only.
             floor: Lowest altitude that any of the body may be at, m, world; air only.
             ceiling: Highest altitude that any of the body may be at, m, world; air only.
             threads: Threads that share the work; the result does not depend on them.
@@ -117,11 +115,11 @@ class Costmap:
 
         Args:
             margin: Localization margin that is added to the body's radius, m.
-            whole: Whether all distances are worked out now, and not when somebody looks at them.
+            whole: Whether all distances are computed now rather than when they are read.
 
         Raises:
-            ValueError: The margin is negative or not finite, or the distances that it asks for are
-                longer than 181 cells.
+            ValueError: The margin is negative or not finite, or needs distances of more than 181
+                cells.
         """
         reach = self.clearances.reach if margin == self.margin else self._set_margin(margin)
         cells = self._cells
@@ -136,8 +134,8 @@ class Costmap:
     def resolve(self, decide: Callable[[], T]) -> T:
         """Decide on up-to-date distances: again, until none that was read is out of date.
 
-        Most of a window in space is never read, and what is never read is never worked out: whole
-        episodes of the drone take 8 % less processor time at 10 cm, and 25 % less at 5 cm.
+        Most of a window in space is never read, and is then never computed: whole episodes of the
+        drone take 8 % less processor time at 10 cm, and 25 % less at 5 cm.
 
         Args:
             decide: Reads distances of this costmap and keeps nothing; may be called several times.
@@ -183,7 +181,7 @@ class Costmap:
         return self.clearances.to_obstacles(self.truncation).whole()
 
     def field(self) -> NDArray[np.uint16]:
-        """The distances that the policy commits to, (nx, ny, nz).
+        """Return the squared distances that decide under the unknown policy, (nx, ny, nz).
 
         Under `forbid` those to anything not known to be free, otherwise those to obstacles.
         """
@@ -191,22 +189,26 @@ class Costmap:
 
     @property
     def known_free(self) -> Distances:
-        """`clearance`, where somebody looks."""
+        """`clearance`, computed where it is read."""
         return self.clearances.to_not_free(self.truncation)
 
     @property
     def traversable(self) -> Distances:
-        """`field()`, where somebody looks."""
+        """`field()`, computed where it is read."""
         if self.config.unknown_policy == "forbid":
             return self.known_free
         return self.clearances.to_obstacles(self.truncation)
 
     def optimistic(self, edge: int) -> Distances:
-        """Distances to obstacles, where not all is known within `edge` at most that, cells^2."""
+        """Distances to obstacles, at most `edge` where something within it is unknown, cells^2.
+
+        The freespace assumption (Koenig & Likhachev 2005, "Fast replanning for navigation in
+        unknown terrain"), with unknown space as costly as the edge of an obstacle.
+        """
         return self.clearances.optimistic(edge, self.truncation)
 
     def clearance_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Distance from points (n, 3), m, world, to what the policy fears: (n,) m.
+        """Return the distances of points (n, 3), m, world, to blocked cells: (n,) m.
 
         Interpolated between cell centres, at most the square root of `truncation` cells; 0 outside.
 
@@ -216,7 +218,7 @@ class Costmap:
         return self._interpolate(points)[0]
 
     def gradient_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Gradient of `clearance_at` at points (n, 3), m, world: (n, 3) m/m.
+        """Return the gradients of `clearance_at` at points (n, 3), m, world: (n, 3) m/m.
 
         It is that of the trilinear interpolation itself; 0 along an axis of one cell, and outside.
 
@@ -247,7 +249,7 @@ class Costmap:
         return clearances
 
     def _set_margin(self, margin: float) -> int:
-        """Work out the forbidden distance and the costs; return the reach that they need, cells."""
+        """Compute the collision distance and the costs; return the reach that they need, cells."""
         if not 0.0 <= margin < math.inf:
             raise ValueError(f"margin: got {margin:g}, expected 0 m or more")
         radius, flat = self.radius + margin, self.motion == "ground"

@@ -29,11 +29,11 @@ BLOCK_ROWS = 8
 CACHE_LINE = 64  # bytes
 
 PLANE_US, BLOCK_US = 1.0, 0.5
-"""About what it takes to look for changes in a plane, and to recompute a block, microseconds."""
+"""About, to find the changes of a plane and to recompute a block, microseconds."""
 
 
 ALL_ONES = (1 << 64) - 1
-"""Flips of cells that are told as not blocked."""
+"""Flips of words whose set bits are the cells that are not blocked."""
 
 
 class CellUpdate(NamedTuple):
@@ -41,9 +41,9 @@ class CellUpdate(NamedTuple):
 
     Attributes:
         cells: For each field (kx, ky, words): bit k of word w is cell 64 w + k along z.
-        flips: For each field `ALL_ONES` where the bits tell what is not blocked, else 0.
-        corner: Where their first column lies in the window, along x and y.
-        planes: Which of them may have changed, along x: the first, and one past the last.
+        flips: For each field `ALL_ONES` where the bits are the cells not blocked, else 0.
+        corner: Place of their first column in the window, along x and y.
+        planes: First and one past the last of them that may have changed, along x.
         rows: The same along y; both count from the corner.
     """
 
@@ -55,7 +55,7 @@ class CellUpdate(NamedTuple):
 
 
 NO_UPDATE = CellUpdate((np.zeros((1, 1, 1), np.uint64),), (0,), (0, 0), (0, 0), (0, 0))
-"""Where no cells are new."""
+"""An update without new cells."""
 
 
 def boxes(blocked: Sequence[NDArray[np.uint64]], x0: int = 0, y0: int = 0) -> CellUpdate:
@@ -72,15 +72,15 @@ class DistanceField:
     Huttenlocher 2012, "Distance transforms of sampled functions"); truncated, a pass looks only
     `reach` cells around and works on whole rows at once. The distances within planes of constant x
     are kept, so that an update recomputes only the blocks of rows that a changed column can reach:
-    wherever it is not stale, the result is the same as of a new field. What lies outside the window
-    is blocked, except along an axis of one cell, which is no axis.
+    wherever it is not stale, the result is the same as of a new field. Space outside the window is
+    blocked, except along an axis of one cell, which is no axis.
 
-    New cells can be taken over now and worked out later, where somebody asks: see `take_over` and
-    `bring_up_to_date`.
+    New cells can be taken over now, and distances computed later where they are needed: see
+    `take_over` and `bring_up_to_date`.
 
     Attributes:
         shape: (nx, ny, nz) cells.
-        reach: Greatest distance that is told, cells.
+        reach: Truncation of the distances, cells.
         squared: (nx, ny, nz) uint16, squared distances in cells, wherever they are not stale.
             Others only read it.
         team: Threads that share the work.
@@ -96,7 +96,7 @@ class DistanceField:
 
         Args:
             shape: (nx, ny, nz) cells.
-            reach: Greatest distance that is told, cells.
+            reach: Truncation of the distances, cells.
             team: Threads that share the work; None for the caller's alone. The result does not
                 depend on them.
 
@@ -156,9 +156,9 @@ class DistanceField:
         """
         update_together([self], boxes([blocked], x0, y0))
 
-    def bring_up_to_date(self, wanted: NDArray[np.bool_] | None = None) -> None:
-        """Work out the distances of some blocks (blocks, nx) where they are stale, or of all."""
-        bring_up_to_date([self], wanted)
+    def bring_up_to_date(self, blocks: NDArray[np.bool_] | None = None) -> None:
+        """Compute the distances of some blocks (blocks, nx) where they are stale, or of all."""
+        bring_up_to_date([self], blocks)
 
     def check(self, update: CellUpdate, number: int) -> None:
         """Refuse new cells that are not all within the window.
@@ -176,14 +176,14 @@ class DistanceField:
                 f"{update.rows}, expected within {(nx, ny, words)}"
             )
 
-    def sections_needed(self, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """The outdated blocks of sections (blocks, nx) that wanted blocks of the field rest on."""
-        needed = np.empty_like(wanted)
-        find_needed(wanted, self.pending, self.reach, needed)
+    def sections_needed(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return the outdated sections (blocks, nx) that blocks of the field depend on."""
+        needed = np.empty_like(blocks)
+        find_needed(blocks, self.pending, self.reach, needed)
         return needed
 
     def find_stale(self) -> None:
-        """Note which blocks the cells taken over may change."""
+        """Mark the blocks as stale that the cells taken over may change."""
         reached = np.empty(self.shape[0], np.uint16)
         least_bound, farthest = self._sections.least_bound, self._field.farthest
         edt_changes.find_stale(self.reach, farthest, least_bound, self.stale, reached)
@@ -225,8 +225,8 @@ class DistanceField:
             scratch,
         )
 
-    def update_rows(self, queue: Queue, wanted: NDArray[np.bool_]) -> None:
-        """Recompute the wanted blocks that are stale.
+    def update_rows(self, queue: Queue, blocks: NDArray[np.bool_]) -> None:
+        """Recompute blocks (blocks, nx) where they are stale.
 
         One of the threads that take rows of blocks from the queue.
         """
@@ -236,7 +236,7 @@ class DistanceField:
             limits=np.empty(edt_field.PLANES, np.uint16),
         )
         edt_field.update_field(
-            queue, self.team.size, wanted, self._layout, self._sections, self._field, scratch
+            queue, self.team.size, blocks, self._layout, self._sections, self._field, scratch
         )
 
 
@@ -278,19 +278,19 @@ def take_over(fields: Sequence[DistanceField], update: CellUpdate, whole: bool =
 
 
 def bring_up_to_date(
-    fields: Sequence[DistanceField], wanted: NDArray[np.bool_] | None = None
+    fields: Sequence[DistanceField], blocks: NDArray[np.bool_] | None = None
 ) -> None:
-    """Work out the distances of fields of one window where they are stale.
+    """Compute the distances of fields of one window where they are stale.
 
     Args:
         fields: All of one shape; the first one's team shares the work.
-        wanted: (blocks, nx) which blocks alone; None for all.
+        blocks: (blocks, nx) which of them; None for all.
     """
-    stale = [field.stale if wanted is None else field.stale & wanted for field in fields]
+    stale = [field.stale if blocks is None else field.stale & blocks for field in fields]
     counts = [int(np.count_nonzero(blocks)) for blocks in stale]
     if not any(counts):
         return
-    _bring_sections_up_to_date(fields, stale, whole=wanted is None)
+    _bring_sections_up_to_date(fields, stale, whole=blocks is None)
     _in_turn(
         fields,
         lambda field, number, queue: field.update_rows(queue, stale[number]),
@@ -301,7 +301,7 @@ def bring_up_to_date(
 def _bring_sections_up_to_date(
     fields: Sequence[DistanceField], stale: Sequence[NDArray[np.bool_]], whole: bool
 ) -> None:
-    """Work out the distances within planes that stale blocks rest on, or all that are outdated."""
+    """Compute the distances within planes that stale blocks depend on, or all outdated ones."""
     needed = [
         field.pending if whole else field.sections_needed(blocks)
         for field, blocks in zip(fields, stale, strict=True)
@@ -335,8 +335,8 @@ def _in_turn(
 
     Args:
         fields: Of one window.
-        work: What to do for a field, of this number, with its queue.
-        us: About what it takes one thread, microseconds.
+        work: Called with a field, its number and its queue.
+        us: About the time that it takes one thread, microseconds.
     """
     queues = [new_queue() for _ in fields]
 

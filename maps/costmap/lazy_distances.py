@@ -1,4 +1,4 @@
-"""Squared distances that are worked out where somebody looks, and nowhere else."""
+"""Lazy distances: squared distances that are computed where they are read, and nowhere else."""
 
 from __future__ import annotations
 
@@ -24,64 +24,65 @@ Blocks = NDArray[np.bool_]
 Words = NDArray[np.uint64]
 
 ROUNDS = 2
-"""Who still looks at something stale after so many rounds has everything brought up to date."""
+"""Rounds of a decision after which all distances are brought up to date."""
 
 AROUND = 2, 16
 """Blocks and planes beside where the last search looked, brought up to date for the next one: of
 60 searches in `warehouse` at 5 cm 28 looked at something stale with 0 and 0, 13 with these."""
 
-PRESUME_US = 0.15
-"""About what it takes to presume a block, microseconds."""
+OPTIMISTIC_US = 0.15
+"""About, to compute a block of optimistic distances, microseconds."""
 
 
 class Source(Protocol):
-    """What holds squared distances and knows which of them are out of date."""
+    """Squared distances with a record of which of them are out of date."""
 
     squared: Cells
     stale: Blocks
 
-    def bring_up_to_date(self, wanted: Blocks | None = None) -> None:
-        """Work out the distances of some blocks, or of all."""
+    def bring_up_to_date(self, blocks: Blocks | None = None) -> None:
+        """Compute the distances of some blocks, or of all."""
 
 
 class Reader:
-    """Where somebody looked at what a source holds.
+    """The blocks of a source that were read.
 
     Attributes:
-        looked_at: (blocks, nx) as `Distances` tells it.
-        searched: (blocks, nx) likewise.
-        missed: Whether something was looked at while it was stale, and has been worked out since.
+        read_blocks: (blocks, nx) as of `Distances`.
+        searched: (blocks, nx) as of `Distances`.
+        missed: Whether a block was read while it was stale, and has been computed since.
     """
 
     def __init__(self, source: Source) -> None:
-        """Nobody has looked yet."""
+        """Start without any block read."""
         self._source = source
-        self.looked_at = np.zeros_like(source.stale)
+        self.read_blocks = np.zeros_like(source.stale)
         self.searched = np.zeros_like(source.stale)
         self.missed = False
 
     def outdated(self) -> bool:
-        """Whether any of what was looked at is stale."""
-        return bool(((self.looked_at | self.searched) & self._source.stale).any())
+        """Whether any block that was read is stale."""
+        return bool(((self.read_blocks | self.searched) & self._source.stale).any())
 
 
 class Distances:
-    """The squared distances of a window, for one who says where it looks.
+    """The squared distances of a window, for a reader that marks what it reads.
 
-    A reader works with `cells` as they are and notes where it looked. Then it calls `catch_up`: if
-    any of that was stale, it has been worked out by now and the reader begins anew. So what is told
-    at last rests on up-to-date distances alone, and most of a window is never worked out.
+    A reader works with `cells` as they are and marks the blocks that it reads. Then it calls
+    `catch_up`: if any of these was stale, it is computed then, and the reader starts over. So the
+    final result rests on up-to-date distances alone, and most of a window is never computed.
 
-    Who reads a part of what another reads, and begins anew by itself, works out what the other may
-    have looked at before: see `note_missed`. They hold until the next update of the window.
+    A nested reader that starts over by itself refreshes blocks that its caller has already read;
+    the caller must start over as well: see `latch_stale_reads`. All hold until the next update of
+    the window.
 
     Attributes:
         cells: (nx, ny, nz) uint16, squared distances in cells, wherever they are not stale.
-        looked_at: (blocks, nx) where cells were looked at: cell (i, j, k) lies in
-            [j // BLOCK_ROWS, i]. A reader sets it.
-        searched: (blocks, nx) the same, for who looks all around, but not at every update.
-        reader: Who looked there.
-        spent_s: Wall time that working out took since `begin`, for the record alone.
+        read_blocks: (blocks, nx) blocks that were read: cell (i, j, k) lies in
+            [j // BLOCK_ROWS, i]. The reader sets them.
+        searched: (blocks, nx) the same of a search, which does not run at every update.
+        reader: The same blocks as a record.
+        spent_s: Wall time of the computations since `begin`, s, for the record alone.
     """
 
     def __init__(
@@ -91,14 +92,14 @@ class Distances:
         readers: list[Reader] | None = None,
         searched_before: Blocks | None = None,
     ) -> None:
-        """Tell what a source holds.
+        """Read a source.
 
         Args:
             source: Of one window.
-            shape: (nx, ny, nz) of the array that is told.
+            shape: (nx, ny, nz) of `cells`.
             readers: Of all distances of the window, to which this one adds its own; None where
                 there are no others.
-            searched_before: (blocks, nx) where the last search in any of them looked.
+            searched_before: (blocks, nx) blocks that the last search in any of them read.
         """
         self._source = source
         self.reader = Reader(source)
@@ -108,36 +109,35 @@ class Distances:
             searched_before = np.zeros_like(source.stale)
         self._searched_before = searched_before
         self.cells = source.squared.reshape(shape)
-        self.looked_at, self.searched = self.reader.looked_at, self.reader.searched
+        self.read_blocks, self.searched = self.reader.read_blocks, self.reader.searched
         self.spent_s = 0.0
         self._rounds = 0
 
     def begin(self) -> None:
-        """Bring up to date what was looked at of late, and forget who looked where."""
-        if self.looked_at.any():
-            self._source.bring_up_to_date(self.looked_at)
-        self.looked_at[:] = False
+        """Bring up to date the blocks read since the last call, and forget that they were read."""
+        if self.read_blocks.any():
+            self._source.bring_up_to_date(self.read_blocks)
+        self.read_blocks[:] = False
         self.searched[:] = False
         self.reader.missed, self.spent_s, self._rounds = False, 0.0, 0
 
     def outdated(self) -> bool:
-        """Whether any of what was looked at is stale."""
+        """Whether any block that was read is stale."""
         return self.reader.outdated()
 
-    def note_missed(self) -> None:
-        """Note who looked at something stale so far, here and in all distances of the window.
+    def latch_stale_reads(self) -> None:
+        """Latch stale reads so far, here and in all distances of the window.
 
-        To be called before a part of a reader's work that catches up by itself, and done before
-        anything is worked out: afterwards nothing tells that it was stale.
+        To be called before a nested reader refreshes blocks, after which no trace of it is left.
         """
         for reader in self._readers:
             reader.missed |= reader.outdated()
 
     def begin_search(self) -> bool:
-        """Bring up to date where the last search looked: this one will look there, too.
+        """Bring up to date the blocks that the last search read: this one will read them, too.
 
         Returns:
-            Whether the search may begin; not if it rests on something outdated already.
+            Whether the search may begin; not if what was read before it is outdated.
         """
         if self.outdated():
             return False
@@ -145,30 +145,30 @@ class Distances:
         if self._searched_before.any():
             around = np.empty_like(self.searched)
             dilate(self._searched_before, *AROUND, around)
-        self._work_out(around)
+        self._compute(around)
         return True
 
     def catch_up(self) -> bool:
-        """Bring up to date what was looked at; whether any of it was stale."""
+        """Bring up to date the blocks that were read; return whether any was stale."""
         if not self.outdated():
             return False
         self._rounds += 1
         known = self.reader.missed
-        wanted = self.looked_at | self.searched
-        self._work_out(wanted if self._rounds <= ROUNDS else None)
+        read = self.read_blocks | self.searched
+        self._compute(read if self._rounds <= ROUNDS else None)
         self.reader.missed = known  # the reader begins anew
         return True
 
     def whole(self) -> Cells:
-        """All of them, up to date."""
+        """Return all of them, up to date."""
         if self._source.stale.any():
-            self._work_out(None)
+            self._compute(None)
         return self.cells
 
-    def _work_out(self, wanted: Blocks | None) -> None:
+    def _compute(self, blocks: Blocks | None) -> None:
         began = time.perf_counter()
-        self.note_missed()
-        self._source.bring_up_to_date(wanted)
+        self.latch_stale_reads()
+        self._source.bring_up_to_date(blocks)
         self.spent_s += time.perf_counter() - began
 
 
@@ -181,13 +181,13 @@ class OptimisticDistances:
     """
 
     def __init__(self, field: DistanceField, other: DistanceField, edge: int, most: int) -> None:
-        """Presume from two fields of one window.
+        """Combine two fields of one window.
 
         Args:
-            field: What is told.
-            other: What bounds it where less than the edge; at an edge of 0 it does not matter.
+            field: The distances.
+            other: Distances that bound them where less than the edge; unused at an edge of 0.
             edge: Squared distance, cells^2.
-            most: Greatest squared distance that is told, cells^2.
+            most: Greatest squared distance, cells^2; farther cells have it too.
         """
         self._fields = field, other
         self.squared = np.empty(field.shape, np.uint16)
@@ -195,49 +195,49 @@ class OptimisticDistances:
         self.limit(edge, most)
 
     def limit(self, edge: int, most: int) -> None:
-        """Presume with these limits from now on: all of it anew, from the fields as they are."""
+        """Set the limits, and compute all of it from the fields as they are."""
         self._limits = edge, most
         field, other = self._fields
         np.logical_or(field.stale, other.stale, out=self.stale)
         self._compute(np.ones_like(self.stale))
 
     def note_stale(self) -> None:
-        """Note what is out of date because one of the fields is."""
+        """Mark as stale all that is stale in one of the fields."""
         for field in self._fields:
             self.stale |= field.stale
 
-    def bring_up_to_date(self, wanted: Blocks | None = None) -> None:
-        """Work them out in some blocks, or in all."""
-        blocks = self.stale.copy() if wanted is None else self.stale & wanted
-        if blocks.any():
-            bring_up_to_date(self._fields, blocks)
-            self._compute(blocks)
-            self.stale &= ~blocks
+    def bring_up_to_date(self, blocks: Blocks | None = None) -> None:
+        """Compute them in some blocks, or in all."""
+        chosen = self.stale.copy() if blocks is None else self.stale & blocks
+        if chosen.any():
+            bring_up_to_date(self._fields, chosen)
+            self._compute(chosen)
+            self.stale &= ~chosen
 
     def _compute(self, blocks: Blocks) -> None:
-        """From the fields as they are."""
+        """Compute blocks from the fields as they are."""
         shape, team = self._fields[0].shape, self._fields[0].team
-        told, others = (field.squared.reshape(-1) for field in self._fields)
+        own, others = (field.squared.reshape(-1) for field in self._fields)
         flat = self.squared.reshape(-1)
 
         def work(_: int, part: tuple[int, int]) -> None:
-            write_optimistic(part, shape, BLOCK_ROWS, blocks, told, others, self._limits, flat)
+            write_optimistic(part, shape, BLOCK_ROWS, blocks, own, others, self._limits, flat)
 
-        item_us = PRESUME_US * np.count_nonzero(blocks) / len(blocks)
+        item_us = OPTIMISTIC_US * np.count_nonzero(blocks) / len(blocks)
         team.parallel_for(work, len(blocks), item_us=item_us)
 
 
 class Clearances:
-    """Distances of one window to what is not free and to obstacles, and what is presumed of them.
+    """Distances of one window to cells that are not free and to obstacles, plain and optimistic.
 
     Attributes:
-        reach: Greatest distance that can be told, cells.
+        reach: Truncation of the distances, cells.
     """
 
     def __init__(
         self, rows: tuple[int, int, int], shape: tuple[int, int, int], reach: int, team: ThreadTeam
     ) -> None:
-        """Tell the distances of a window (nx, ny, nz), laid out in rows of a shape, as that one."""
+        """Keep the distances of a window (nx, ny, nz), laid out in rows of another shape."""
         self.reach = reach
         self._shape = shape
         self._fields = DistanceField(rows, reach, team), DistanceField(rows, reach, team)
@@ -246,7 +246,7 @@ class Clearances:
         self._searched_before = np.zeros_like(self._fields[0].stale)
         self._plain = [self._distances(field) for field in self._fields]
         self._optimistic: dict[tuple[int, int, int], tuple[OptimisticDistances, Distances]] = {}
-        self._asked_for: set[tuple[int, int, int]] = set()
+        self._in_use: set[tuple[int, int, int]] = set()
 
     def take_over(
         self, free: Words, occupied: Words, x: slice, y: slice, whole: bool = True
@@ -254,10 +254,10 @@ class Clearances:
         """Take over a box of the columns (nx, ny, words) of the window.
 
         Args:
-            free: Which cells are, bit by bit.
-            occupied: Which are.
-            x: First and one past the last of the box.
-            y: The same.
+            free: (nx, ny, words) bits of free cells.
+            occupied: (nx, ny, words) bits of occupied cells.
+            x: First and one past the last plane of the box.
+            y: The same along y.
             whole: Whether `begin` will bring all up to date.
         """
         box = (x.start, x.stop), (y.start, y.stop)
@@ -266,36 +266,36 @@ class Clearances:
             optimistic.note_stale()
 
     def begin(self, whole: bool) -> None:
-        """Bring up to date both distances, or only what was looked at of late.
+        """Bring up to date both distances, or only the blocks read since the last call.
 
-        What nobody asked for since the last time is presumed no more.
+        Optimistic distances that were not used since then are dropped.
         """
         if whole:
             bring_up_to_date(self._fields)
         searched = np.logical_or.reduce([distances.searched for distances in self._all])
         if searched.any():
             self._searched_before[:] = searched
-        self._optimistic = {asked: self._optimistic[asked] for asked in sorted(self._asked_for)}
+        self._optimistic = {key: self._optimistic[key] for key in sorted(self._in_use)}
         self._all = [*(one for _, one in self._optimistic.values()), *self._plain]
         self._readers[:] = [distances.reader for distances in self._all]
-        self._asked_for.clear()
+        self._in_use.clear()
         for distances in self._all:
             distances.begin()
 
     def to_not_free(self, most: int) -> Distances:
-        """To the nearest cell that is not free, at most a squared distance, cells^2."""
-        return self._told(0, 0, most)
+        """Return those to the nearest cell that is not free, at most a squared one, cells^2."""
+        return self._distances_to(0, 0, most)
 
     def to_obstacles(self, most: int) -> Distances:
-        """To the nearest cell that is occupied, at most a squared distance, cells^2."""
-        return self._told(1, 0, most)
+        """Return those to the nearest occupied cell, at most a squared one, cells^2."""
+        return self._distances_to(1, 0, most)
 
     def optimistic(self, edge: int, most: int) -> Distances:
-        """To obstacles, where something not free is nearer than an edge at most that, cells^2."""
-        return self._told(1, edge, most)
+        """Return those to obstacles, at most an edge where a cell not free is nearer, cells^2."""
+        return self._distances_to(1, edge, most)
 
     def catch_up(self) -> bool:
-        """Bring everything up to date where somebody looked; whether any of it was stale then."""
+        """Bring up to date all blocks that were read; return whether any was stale when read."""
         outdated = [distances for distances in self._all if distances.outdated()]
         missed = any(reader.missed for reader in self._readers)
         for distances in outdated:
@@ -306,22 +306,22 @@ class Clearances:
 
     @property
     def spent_s(self) -> float:
-        """Wall time that working out took since `begin`, for the record alone."""
+        """Wall time of the computations since `begin`, s, for the record alone."""
         return sum(distances.spent_s for distances in self._all)
 
-    def _told(self, kind: int, edge: int, most: int) -> Distances:
+    def _distances_to(self, kind: int, edge: int, most: int) -> Distances:
         if edge == 0 and most >= self.reach * self.reach:
             return self._plain[kind]
-        asked = kind, edge, most
-        if asked not in self._optimistic:
-            self._optimistic[asked] = self._compute(*asked)
-        self._asked_for.add(asked)
-        return self._optimistic[asked][1]
+        key = kind, edge, most
+        if key not in self._optimistic:
+            self._optimistic[key] = self._make(*key)
+        self._in_use.add(key)
+        return self._optimistic[key][1]
 
-    def _compute(self, kind: int, edge: int, most: int) -> tuple[OptimisticDistances, Distances]:
-        """Distances that nobody asked for since the last update, with these limits; or new ones."""
-        kept = (asked for asked in self._optimistic if asked[0] == kind)
-        idle = min((asked for asked in kept if asked not in self._asked_for), default=None)
+    def _make(self, kind: int, edge: int, most: int) -> tuple[OptimisticDistances, Distances]:
+        """Give distances that are not in use these limits, or make new ones."""
+        kept = (key for key in self._optimistic if key[0] == kind)
+        idle = min((key for key in kept if key not in self._in_use), default=None)
         if idle is None:
             optimistic = OptimisticDistances(self._fields[kind], self._fields[1 - kind], edge, most)
             return optimistic, self._distances(optimistic)

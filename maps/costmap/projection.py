@@ -1,4 +1,4 @@
-"""What of a map one body meets: the cells of its altitudes, or the columns that it walks over."""
+"""Projections of a map for one body: the cells of its altitudes, or the columns it walks over."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from wayproof.maps.columns import WORD_BITS, ColumnMap, Columns, Window, layer_b
 from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.kernels import labels
 
-ROUNDING = 1e-6  # of a cell
+ROUNDING = 1e-6
+"""Part of a cell by which rounding may miss a whole number."""
 
 
 class Projection:
@@ -31,7 +32,7 @@ class Projection:
     rows: tuple[int, int, int]
 
     def __init__(self, window: Window) -> None:
-        """Start with nothing known."""
+        """Start with all cells unknown."""
         self._window = window
         nx, ny, layers = window.shape
         self._words = -(-layers // WORD_BITS)
@@ -41,7 +42,7 @@ class Projection:
         self.free = np.zeros_like(self.occupied)
 
     def read(self, voxel_map: ColumnMap) -> Columns | None:
-        """Take over what changed in the map since the last time.
+        """Take over the cells of a map that changed since the last time.
 
         Returns:
             The columns of words that it may have changed; None if there are none.
@@ -60,8 +61,8 @@ class Projection:
         shape = x.stop - x.start, y.stop - y.start, self._words
         return (first_x + x.start, first_y + y.start, first_z), shape
 
-    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
-        """Take over a box of the columns held, and what to keep out of besides, if there is any."""
+    def _take(self, blocked: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
+        """Take over a box of the columns held, and of cells to keep out of, if there are any."""
         raise NotImplementedError
 
 
@@ -94,10 +95,10 @@ class Airspace(Projection):
         super().__init__(window.layers(first, end))
         self.occupied, self.free = self._held  # as they are
 
-    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
-        if grown is not None:
-            self.occupied[x, y] |= grown
-            self.free[x, y] &= ~grown
+    def _take(self, blocked: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
+        if blocked is not None:
+            self.occupied[x, y] |= blocked
+            self.free[x, y] &= ~blocked
         return x, y
 
 
@@ -106,7 +107,7 @@ class Ground(Projection):
 
     A column is occupied if something stands between the step height and the body's height, or if a
     beam went through where the floor should be; it is free if all of that band is free and a floor
-    was seen below; else unknown. What hangs above the body does not matter.
+    was seen below; else unknown. Obstacles above the body do not count.
     """
 
     def __init__(self, window: Window, height: float, step_height: float) -> None:
@@ -115,7 +116,7 @@ class Ground(Projection):
         Args:
             window: The cells of the map that count.
             height: Of the body's back above the floor, m.
-            step_height: What the body can step on, m above the floor.
+            step_height: Greatest height that the body can step on, m above the floor.
 
         Raises:
             ValueError: The body does not fit the window.
@@ -132,7 +133,7 @@ class Ground(Projection):
         )
         super().__init__(window.layers(0, end))
 
-    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
+    def _take(self, blocked: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         kernels.project_columns(
             self._held[0],
             self._held[1],
@@ -142,10 +143,10 @@ class Ground(Projection):
             self.occupied[:, 0],
             self.free[:, 0],
         )
-        if grown is not None:
-            first = np.full(grown.shape[:2], self._first, np.int16)
+        if blocked is not None:
+            first = np.full(blocked.shape[:2], self._first, np.int16)
             labels.block_columns(
-                grown,
+                blocked,
                 first,
                 self._layers,
                 x.start,

@@ -1,4 +1,4 @@
-"""What of a map a walking body meets where the ground rises and falls."""
+"""The projection of a map for a walking body where the ground rises and falls."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from wayproof.maps.elementary import tangent
 from wayproof.maps.kernels import labels
 from wayproof.maps.kernels import terrain as kernels
 
-BASELINE = 8  # cells: over less, a slope drowns in the height of a cell
-SLOPE_STEPS = 1 << 20  # tangents are whole multiples of one over this
+BASELINE = 8
+"""Distance over which a slope is measured, cells: over less it drowns in a cell's height."""
+
+SLOPE_STEPS = 1 << 20
+"""Steps to a tangent of 1: tangents are whole multiples of one step."""
 
 
 class Terrain(Projection):
@@ -28,7 +31,7 @@ class Terrain(Projection):
 
     Heights are whole cells. A ramp of at most `max_slope` that is seen is never refused; to make
     sure of that, a step of up to one cell more than `step_height` may pass for a ramp. So steps are
-    told from ramps only where cells are no larger than the step that matters.
+    distinguished from ramps only where cells are no larger than the step in question.
 
     Attributes:
         ground: (nx, ny) layer of the window that the body stands on.
@@ -41,7 +44,7 @@ class Terrain(Projection):
         Args:
             window: The cells of the map that count.
             height: Of the body's back above the ground, m.
-            step_height: What the body can step on, m above the ground.
+            step_height: Greatest height that the body can step on, m above the ground.
             max_slope: Steepest ramp, rad.
 
         Raises:
@@ -58,7 +61,7 @@ class Terrain(Projection):
         self.ground = np.full((nx, ny), floor, np.int16)
         self.seen = np.zeros((nx, ny), np.bool_)
 
-    def _take(self, grown: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
+    def _take(self, blocked: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         new = np.zeros((2, *self.occupied[:, 0].shape), np.uint64)
         kernels.project_terrain(
             self._held[0],
@@ -70,8 +73,8 @@ class Terrain(Projection):
             new[0],
             new[1],
         )
-        if grown is not None:
-            self._grown[x, y] = grown
+        if blocked is not None:
+            self._grown[x, y] = blocked
             _, foot, tall = self._body
             feet = (self.ground + foot).astype(np.int16)
             labels.block_columns(self._grown, feet, tall - foot, 0, 0, new[0], new[1])
@@ -84,7 +87,7 @@ class Terrain(Projection):
 
 
 def walked(window: Window, height: float, step_height: float, max_slope: float) -> Projection:
-    """What a body that walks meets: a flat floor if it climbs no ramps, else the terrain.
+    """Make the projection for a walking body: flat ground if it climbs no ramps, else terrain.
 
     Raises:
         ValueError: The body does not fit the window.
@@ -101,7 +104,7 @@ def rises(step: float, max_slope: float) -> NDArray[np.int64]:
     a column, so it counts from one's near side to the other's far side.
 
     Args:
-        step: What the body can step on, cells.
+        step: Greatest height that the body can step on, cells.
         max_slope: Steepest ramp, rad.
 
     Returns:
@@ -109,8 +112,8 @@ def rises(step: float, max_slope: float) -> NDArray[np.int64]:
     """
     slope = round(tangent(max_slope) * SLOPE_STEPS) / SLOPE_STEPS
     distances = np.arange(BASELINE + 1.0)
-    told = []
+    limits = []
     for length in (1.0, math.sqrt(2.0)):
         heights = np.maximum(step + slope * length * distances, slope * length * (distances + 1))
-        told.append(np.ceil(heights - ROUNDING))
-    return np.array(told).astype(np.int64)
+        limits.append(np.ceil(heights - ROUNDING))
+    return np.array(limits).astype(np.int64)

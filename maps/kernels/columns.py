@@ -75,7 +75,7 @@ def project_columns(
         for word in range(part_y[0] // WORD_BITS, (part_y[1] - 1) // WORD_BITS + 1):
             first = max(part_y[0], word * WORD_BITS)
             end = min(part_y[1], (word + 1) * WORD_BITS)
-            looked_at = held = clear = nothing  # a bit for each column
+            read_blocks = held = clear = nothing  # a bit for each column
             bit = one << np.uint64(first % WORD_BITS)
             for y in range(first, end):
                 blocking = standing = closed = nothing
@@ -84,14 +84,14 @@ def project_columns(
                     blocking |= (occupied[x, y, w] & band[w]) | (free[x, y, w] & below[w])
                     standing |= occupied[x, y, w] & footing[w]
                     closed |= band[w] & ~free[x, y, w]
-                looked_at |= bit
+                read_blocks |= bit
                 if blocking != nothing:
                     held |= bit
                 elif standing != nothing and closed == nothing:
                     clear |= bit
                 bit <<= one
-            occupied_columns[x, word] = (occupied_columns[x, word] & ~looked_at) | held
-            free_columns[x, word] = (free_columns[x, word] & ~looked_at) | clear
+            occupied_columns[x, word] = (occupied_columns[x, word] & ~read_blocks) | held
+            free_columns[x, word] = (free_columns[x, word] & ~read_blocks) | clear
 
 
 @kernel

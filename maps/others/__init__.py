@@ -1,1 +1,1 @@
-"""Other representations behind the same interface, and what they share."""
+"""Rival representations behind the interface of the voxel map."""

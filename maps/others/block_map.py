@@ -1,4 +1,4 @@
-"""What the representations in blocks have in common: decay, queries, changes and the version."""
+"""Base of the maps stored in blocks: decay, queries, changes and the version."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 
 class BlockMap(Representation):
-    """What a representation that keeps its cells in `Blocks` does whatever these hold.
+    """A map that stores its cells in `Blocks`.
 
     One layer holds the evidence of each cell, of which decay takes; where it is 0 the cell is
     unknown. Decay follows the schedule and the law of VoxelMap, tick by tick for all blocks.
@@ -38,7 +38,7 @@ class BlockMap(Representation):
     """
 
     evidence: str  # the layer that decay takes of
-    told: tuple[str, ...]  # layers that make up the version
+    content: tuple[str, ...]  # layers that the version covers
 
     def __init__(
         self,
@@ -115,7 +115,7 @@ class BlockMap(Representation):
         return np.where(inside & (slots >= 0), self._blocks.observed_ns[slots], -1)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
+        """Return where states changed since a stamp, as `VoxelMap.changed` does."""
         return self._blocks.changed_boxes(since), self._stamp
 
     def counts(self) -> dict[str, int]:
@@ -128,7 +128,7 @@ class BlockMap(Representation):
 
     def version(self) -> str:
         """Digest of the content and the tick, 32 hex digits: equal content, equal version."""
-        total = self._blocks.digest_layers(self.told, self._team)
+        total = self._blocks.digest_layers(self.content, self._team)
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
         head = struct.pack("<dq", self.resolution, ticks) + self._units()
         return hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16).hexdigest()
@@ -138,15 +138,15 @@ class BlockMap(Representation):
         return self._blocks.nbytes
 
     def _ends_of(self, sweep: Sweep) -> BeamEndpoints:
-        """Where the beams of a sweep end."""
+        """Return the endpoints of a sweep's beams."""
         return BeamEndpoints.of_sweep(sweep)
 
     def _trace(self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int) -> int:
-        """Tell the cells between sub-cells (k, 3) and the ends; return how many were told."""
+        """Update the cells along rays from sub-cells (k, 3); return how many were updated."""
         raise NotImplementedError
 
     def _units(self) -> bytes:
-        """What else the content means, for the version."""
+        """Return the units of the content, as bytes for the version."""
         raise NotImplementedError
 
     def _held_cells(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -162,10 +162,10 @@ class BlockMap(Representation):
         raise NotImplementedError
 
     def _forget(self, slots: NDArray[np.int64]) -> None:
-        """Clear what else is held of cells of blocks (k,) that became unknown."""
+        """Clear the other layers of cells of blocks (k,) that became unknown."""
 
     def _fade(self, rest: NDArray[np.int8], spared: NDArray[np.int8]) -> None:
-        """Replace the evidence of all blocks, and give up those that are all unknown."""
+        """Replace the evidence of all blocks, and release those that are all unknown."""
         blocks, live = self._blocks, self._blocks.live()
         evidence, fresh = blocks.layers[self.evidence], blocks.layers["fresh"]
         changed, forgotten, alive = (np.zeros(len(live), np.bool_) for _ in range(3))

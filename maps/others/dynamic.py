@@ -1,4 +1,4 @@
-"""A voxel map for worlds with traffic: what moves is seen at once, left at once, and foretold."""
+"""A voxel map for dynamic scenes: moving objects are detected, cleared and predicted."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
 
 BRICK_SHAPE = (16, 16, 1)  # columns and words
 RECENT_NS = 100_000_000
-"""Where a thing is now is told by the cells hit within this time: a sweep or two of each sensor."""
+"""Age of hits that show where an object is now, ns: a sweep or two of each sensor."""
 
 AROUND = np.stack(np.meshgrid(*[range(-2, 3)] * 3, indexing="ij"), axis=-1).reshape(1, -1, 3)
-"""From a cell to those near it: with at most one cell between them, as in a cluster."""
+"""Offsets from a cell to those near it: at most one cell between them, as in a cluster."""
 
 BEYOND = 1e-6  # m: past a cell's face, so that the next ray starts in the next cell
 
 
 @dataclass(frozen=True)
 class Sightings:
-    """Cells in confident space in which something was met: the short-term evidence.
+    """Ever-free cells in which something was hit: the short-term evidence.
 
     Attributes:
         cells: (m, 3) in lexical order.
-        since_ns: (m,) when something was first met.
-        hit_ns: (m,) when it was last hit.
+        since_ns: (m,) time of the first hit, ns.
+        hit_ns: (m,) time of the last hit, ns.
         crossings: (m,) sweeps that crossed it since it was last hit.
-        moves: (m,) whether it was ever of a thing that moves.
+        moves: (m,) whether it was ever part of a moving object.
     """
 
     cells: NDArray[np.int64]
@@ -55,7 +55,7 @@ class Sightings:
     moves: NDArray[np.bool_]
 
     def part(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Sightings:
-        """Those chosen by a mask, or in another order."""
+        """Return those chosen by a mask or by indices."""
         return Sightings(
             self.cells[chosen],
             self.since_ns[chosen],
@@ -66,11 +66,11 @@ class Sightings:
 
 
 class Overlay(NamedTuple):
-    """How the map differs from its lasting evidence; each a set of cells (n, 3).
+    """Differences of the map from its static evidence; each a set of cells (n, 3).
 
     Attributes:
-        claimed: Occupied: something moving is there, or will be.
-        vacated: Free, where the lasting evidence still says occupied.
+        claimed: Occupied: a moving object is there, or is predicted to be.
+        vacated: Free, where the static evidence is still occupied.
     """
 
     claimed: NDArray[np.int64]
@@ -78,20 +78,20 @@ class Overlay(NamedTuple):
 
 
 class DynamicMap(VoxelMap):
-    """A voxel map with evidence of two time scales, and a look ahead.
+    """A voxel map with evidence on two time scales, and a prediction.
 
-    The lasting evidence is that of `VoxelMap`, update for update. On top, each cell that was
-    confidently free for `dynamic_after` (see `EverFreeSpace`) and is hit is *dynamic*: occupied
-    with that hit, and free again once `vacated_after` sweeps in a row cross it. The clamp, which
-    keeps a wall from flickering, makes a voxel map slower at both. A dynamic cell that is not left
-    for `static_after` is one of the lasting ones from then on.
+    The static evidence is that of `VoxelMap`, update for update. On top, each cell that was
+    ever-free for `burn_in` (see `EverFreeSpace`) and is hit is *dynamic*: occupied with that hit,
+    and free again once `free_after_misses` sweeps in a row cross it. The clamp, which keeps a wall
+    from flickering, makes a voxel map slower at both. A dynamic cell that is not left for
+    `static_after` is a static one from then on.
 
     Dynamic cells that touch are a cluster, and clusters of successive sweeps are matched by place.
-    Each moves on at constant velocity, and the cells that it comes through within `look_ahead` are
-    told as occupied. So only surfaces that were seen are foretold; a hidden back is not.
+    Each moves on at constant velocity, and the cells that it crosses within `prediction_horizon`
+    are occupied. So only surfaces that were seen are predicted; a hidden back is not.
 
-    `state_at`, `columns`, `changed`, `version` and what follows from them tell all of this;
-    `probability_at` and a saved file hold the lasting evidence alone.
+    `state_at`, `columns`, `changed`, `version` and all that derives from them include all of this;
+    `probability_at` and a saved file hold the static evidence alone.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class DynamicMap(VoxelMap):
         self._overlay_changes = ChangeLog()  # by brick
         self._period_ns = round(config.dynamic.burn_in * 1e9)
         self._period = 0
-        self._seen = 0  # stamp up to which the confident space knows the map
+        self._seen = 0  # stamp up to which the ever-free space follows the map
         self._now_ns = 0
 
     def integrate(
@@ -123,7 +123,7 @@ class DynamicMap(VoxelMap):
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
     ) -> SweepStatistics:
-        """Take in one sweep as `VoxelMap.integrate` does, and follow what moves in it."""
+        """Take in one sweep as `VoxelMap.integrate` does, and track what moves in it."""
         sweep = prepare_sweep(
             origins,
             moments,
@@ -146,7 +146,7 @@ class DynamicMap(VoxelMap):
         met = as_set(hits[self._ever_free.record_hits(hits)])
         self._sightings = self._retire(self._meet(met, crossed))
         self._close_period()
-        self._foretell()
+        self._predict()
         return statistics
 
     def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
@@ -161,7 +161,7 @@ class DynamicMap(VoxelMap):
     def columns(
         self, low_cell: ArrayLike, shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The states of a window of cells, a bit each, as `VoxelMap.columns` tells them."""
+        """The states of a window of cells, a bit each, as `VoxelMap.columns` returns them."""
         occupied, free = super().columns(low_cell, shape)
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
         self._lay_over((x, y, z), occupied, free)
@@ -180,7 +180,7 @@ class DynamicMap(VoxelMap):
         self._lay_over(low_cell, occupied, free)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Where states changed since an earlier call, as `VoxelMap.changed` tells it."""
+        """Return where states changed since a stamp, as `VoxelMap.changed` does."""
         boxes, now = super().changed(since)
         keys = self._overlay_changes.after(since)
         if keys is None:
@@ -227,17 +227,17 @@ class DynamicMap(VoxelMap):
         """Number of free and of occupied cells by the name of their state."""
         counts = super().counts()
         middles = centres(as_set(np.concatenate(self._overlay)), self.resolution)
-        lasting, told = super().state_at(middles), self.state_at(middles)
+        static, states = super().state_at(middles), self.state_at(middles)
         for state in (FREE, OCCUPIED):
-            more = np.count_nonzero(told == state) - np.count_nonzero(lasting == state)
+            more = np.count_nonzero(states == state) - np.count_nonzero(static == state)
             counts[STATE_NAMES[state]] += int(more)
         return counts
 
     def version(self) -> str:
         """Digest of the content, 32 hex digits: the same sweeps and ticks give the same one.
 
-        It binds the lasting evidence, the confident space, the dynamic cells, what is followed, and
-        what is foretold.
+        It covers the static evidence, the ever-free space, the dynamic cells, the tracks, and the
+        predicted cells.
         """
         whole = hashlib.blake2b(super().version().encode(), digest_size=16)
         whole.update(self._ever_free.digest().to_bytes(16, "little"))
@@ -252,11 +252,11 @@ class DynamicMap(VoxelMap):
         return whole.hexdigest()
 
     def memory_bytes(self) -> int:
-        """Bytes of the bricks in use, of the masks of a sweep, and of the confident space."""
+        """Return the bytes of the bricks in use, the masks of a sweep and the ever-free space."""
         return super().memory_bytes() + self._ever_free.nbytes
 
     def dynamic_centres(self) -> NDArray[np.float64]:
-        """Centres of the cells in which something moving is now, (n, 3) m, world, in order."""
+        """Return the centres (n, 3) of the cells that moving objects occupy now, m, world."""
         sightings = self._sightings
         left = sightings.crossings >= self.config.dynamic.free_after_misses
         return centres(sightings.cells[sightings.moves & ~left], self.resolution)
@@ -267,23 +267,23 @@ class DynamicMap(VoxelMap):
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
     ) -> None:
-        """Lay what moved away and what may come over the states of a window of cells."""
+        """Lay vacated and claimed cells over the states of a window of cells."""
         kernels.move_bits(low_cell, self._overlay.vacated, True, occupied, free)
         kernels.move_bits(low_cell, self._overlay.claimed, False, free, occupied)
 
     def _evidence(self) -> NDArray[np.float64]:
-        """Of the cells that something was met in: a sweep that crosses one lowers it."""
+        """Return the evidence of the sighted cells (m,): a sweep that crosses one lowers it."""
         return self.probability_at(centres(self._sightings.cells, self.resolution))
 
     def _read_free(self, keys: NDArray[np.int64]) -> NDArray[np.uint64]:
-        """The free cells (k, 256) of bricks (k, 3) by the lasting evidence."""
+        """Return the free cells (k, 256) of bricks (k, 3) by the static evidence."""
         free = np.empty((len(keys), BRICK_SHAPE[0] * BRICK_SHAPE[1]), np.uint64)
         for i, corner in enumerate(brick_cells(keys)):
             free[i] = super().columns(corner, BRICK_SHAPE)[1].reshape(-1)
         return free
 
     def _learn_free(self) -> None:
-        """Bring the confident space up to date with what changed in the lasting evidence."""
+        """Bring the ever-free space up to date with changes of the static evidence."""
         boxes, now = super().changed(self._seen)
         keys = brick_of(boxes[:, :3])
         if np.any(boxes[:, 3] - boxes[:, 0] > BRICK_SHAPE[0]):  # all of space
@@ -292,7 +292,7 @@ class DynamicMap(VoxelMap):
         self._seen = now
 
     def _meet(self, met: NDArray[np.int64], crossed: NDArray[np.bool_]) -> Sightings:
-        """Take in the confident cells (n, 3) that were hit, and which known ones were crossed."""
+        """Take in the ever-free cells (n, 3) that were hit, and which known ones were crossed."""
         known = self._sightings
         places = np.empty(len(met), np.int64)
         kernels.find_indices(known.cells, met, places)
@@ -311,13 +311,13 @@ class DynamicMap(VoxelMap):
         return Sightings(cells, since, hit, crossings, moves).part(order)
 
     def _retire(self, sightings: Sightings) -> Sightings:
-        """Leave to the lasting evidence what stayed, and what has been left and is free by it."""
+        """Drop sightings that stayed, and those left that are free by the static evidence."""
         left = sightings.crossings >= self.config.dynamic.free_after_misses
-        lasting = super().state_at(centres(sightings.cells, self.resolution))
+        static = super().state_at(centres(sightings.cells, self.resolution))
         age_ns = self._now_ns - sightings.since_ns
         old = age_ns >= round(self.config.dynamic.static_after * 1e9)
-        done = (left & (lasting == FREE)) | (old & ~(left & (lasting == OCCUPIED)))
-        kept, surfaces = sightings.part(~done), sightings.cells[done & (lasting != FREE)]
+        done = (left & (static == FREE)) | (old & ~(left & (static == OCCUPIED)))
+        kept, surfaces = sightings.part(~done), sightings.cells[done & (static != FREE)]
         self._ever_free.remove(surfaces, kept.cells)
         return kept
 
@@ -328,22 +328,22 @@ class DynamicMap(VoxelMap):
             self._ever_free.close_period(self._read_free)
 
     def _is_loose(self, cells: NDArray[np.int64]) -> bool:
-        """Whether most of the cells (k, 3) lie apart from what stays.
+        """Return whether most of the cells (k, 3) lie apart from static surfaces.
 
-        A surface that beams meet here and there for the first time is a part of what is known
-        beside it; of a thing on the floor only the lowest cells are near anything.
+        A surface that beams hit here and there for the first time lies beside a known part of it;
+        of an object on the floor only the lowest cells are near anything.
         """
         near = (cells[:, None] + AROUND).reshape(-1, 3)
-        lasting = super().state_at(centres(near, self.resolution)) == OCCUPIED
-        lasting &= ~member(self._sightings.cells, near)
-        attached = lasting.reshape(len(cells), -1).any(axis=1)
+        static = super().state_at(centres(near, self.resolution)) == OCCUPIED
+        static &= ~member(self._sightings.cells, near)
+        attached = static.reshape(len(cells), -1).any(axis=1)
         return 2 * int(np.count_nonzero(attached)) < len(cells)
 
-    def _foretell(self) -> None:
-        """Move the clusters on, and note where that changed what the map tells."""
+    def _predict(self) -> None:
+        """Predict the clusters, and log where that changed states of the map."""
         sightings = self._sightings
         left = sightings.crossings >= self.config.dynamic.free_after_misses
-        # Not what a thing hides of the way that it came: that would hold it back.
+        # Without the cells behind an object, which it hides: they would hold its centroid back.
         recent = ~left & (self._now_ns - sightings.hit_ns <= RECENT_NS)
         moving, ahead = self._traffic.follow(sightings.cells[recent], self._now_ns, self._is_loose)
         moves = sightings.moves | member(as_set(moving), sightings.cells)

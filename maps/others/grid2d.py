@@ -1,4 +1,4 @@
-"""A flat grid of log-odds: what a robot on a flat floor would use, blind to height."""
+"""A flat grid of log-odds, as is usual for robots on a flat floor: blind to height."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Grid2D(BlockMap):
     wins over free. Returns from above and below the band raise nothing.
 
     A cell stands for its whole column: occupied, all of it above the floor is occupied; free, all
-    of it is free, and in both cases the floor is taken to be there. So nothing tells an obstacle in
-    the band from one that can be passed below, and what is above the band, a hole in the floor, or
-    what stands lower than the beams that cross a cell, is not seen.
+    of it is free, and in both cases the floor is taken to be there. So an
+    obstacle in the band cannot be passed below, and things above the band, holes in the floor, and
+    things lower than the beams that cross a cell are not seen.
 
     Steps, clamps and decay are those of VoxelMap, in the same whole units.
 
@@ -42,7 +42,7 @@ class Grid2D(BlockMap):
     """
 
     evidence = "log_odds"
-    told = ("log_odds",)
+    content = ("log_odds",)
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class Grid2D(BlockMap):
         self._band = 2 * (bottom + beams.FLOOR_SUBCELLS), 2 * (top + beams.FLOOR_SUBCELLS)
 
     def mark_free_sphere(self, centre: ArrayLike, radius: float, time_ns: int) -> None:
-        """Refuse: a body in a ball of free space flies, and the grid knows no heights.
+        """Refuse: a body in a ball of free space flies, and the grid has no heights.
 
         Raises:
             ValueError: Always.
@@ -97,10 +97,10 @@ class Grid2D(BlockMap):
     def columns(
         self, low_cell: ArrayLike, shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The states of a window of cells, a bit each, as `VoxelMap.columns` tells them.
+        """The states of a window of cells, a bit each, as `VoxelMap.columns` returns them.
 
         Raises:
-            ValueError: The window does not hold the floor's layer: heights are asked for.
+            ValueError: The window does not hold the floor's layer.
         """
         nx, ny, words = shape
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
@@ -215,19 +215,19 @@ class Grid2D(BlockMap):
         keys = np.stack([x + tile[0], y + tile[1], np.zeros_like(x)], axis=1)
         slots = blocks.reserve(keys, self._stamp).slots
         touched, slots = touched[slots >= 0], slots[slots >= 0]  # the others found no room
-        told = tiles[touched]
+        updates = tiles[touched]
         before = blocks.layers["log_odds"][slots].astype(np.int64)
         if spare:
-            told[before > 0] = 0
-        steps = np.where(told & kernels.HIT > 0, self.units.hit, -self.units.miss)
+            updates[before > 0] = 0
+        steps = np.where(updates & kernels.HIT > 0, self.units.hit, -self.units.miss)
         after = np.clip(before + steps, self.units.low, self.units.high)
-        after = np.where(told > 0, after, before)
+        after = np.where(updates > 0, after, before)
         blocks.layers["log_odds"][slots] = after
-        blocks.layers["fresh"][slots] |= told > 0
+        blocks.layers["fresh"][slots] |= updates > 0
         blocks.observed_ns[slots] = np.maximum(blocks.observed_ns[slots], time_ns)
         blocks.dirty[slots[(after != before).any(axis=1)]] = True
         blocks.stamps[slots[(np.sign(after) != np.sign(before)).any(axis=1)]] = self._stamp
 
 
-def _no_heights(asked: str) -> str:
-    return f"map.kind: got 'grid2d' for {asked}, expected a kind that knows heights, as 'voxel'"
+def _no_heights(use: str) -> str:
+    return f"map.kind: got 'grid2d' for {use}, expected a kind with heights, such as 'voxel'"

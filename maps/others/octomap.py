@@ -1,4 +1,4 @@
-"""OctoMap behind the interface of VoxelMap, by its Python binding: the peer to compare with."""
+"""OctoMap behind the interface of the voxel map, by its Python binding: a peer to compare with."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from wayproof.maps.voxel.endpoints import BeamRanges
 from wayproof.maps.voxel.log_odds import states_of
 
 UNITS = 1000
-"""Log-odds are told in thousandths; OctoMap holds them as single precision floats."""
+"""Units to one of log-odds; OctoMap holds them as single precision floats."""
 
 TREE_DEPTH = 16
 HALF_TREE = 1 << (TREE_DEPTH - 1)
@@ -41,8 +41,8 @@ class OctoMap(Representation):
     """A map of log-odds in an octree (Hornung et al. 2013, "OctoMap", Autonomous Robots 34).
 
     Sweeps go through OctoMap's own `insertPointCloud`: as in VoxelMap, each cell is updated once a
-    sweep and occupied wins over free. What differs: a beam that grazes a surface erases what others
-    of the surface did not hit; a beam without a return leaves its last cell as it was; and of a
+    sweep and occupied wins over free. Differences: a beam that grazes a surface erases cells of
+    it that others did not hit; a beam without a return leaves its last cell as it was; and of a
     rolling sweep the beams of each origin are a sweep of their own.
 
     Leaves are never merged: that is faster, and trees of equal content are then of equal form.
@@ -64,8 +64,7 @@ class OctoMap(Representation):
         """Make an unknown map of all that beams reach: threads and the corners are ignored.
 
         Raises:
-            ValueError: pyoctomap is not installed, or decay is asked for, which OctoMap does not
-                have.
+            ValueError: pyoctomap is not installed, or the half-life is not 0: OctoMap has no decay.
         """
         refuse_unsupported(type(self), config)
         self.config = config
@@ -88,7 +87,7 @@ class OctoMap(Representation):
         """Take in one sweep, as `VoxelMap.integrate` does.
 
         Returns:
-            What became of the beams; `cells_updated` is 0, for OctoMap does not tell.
+            Statistics of the sweep; `cells_updated` is 0, as OctoMap does not report it.
 
         Raises:
             ValueError: As there; or the beams leave the tree.
@@ -103,20 +102,20 @@ class OctoMap(Representation):
             self.config.minimum_range,
             self.resolution,
         )
-        lengths, sources = BeamRanges.of_sweep(sweep), sweep.sources
-        starts, told = sweep.origins[sources], lengths.told
+        ranges, sources = BeamRanges.of_sweep(sweep), sweep.sources
+        starts, informative = sweep.origins[sources], ranges.informative
         self._check_reach(sweep.origins, range_limit)
         self.advance(time_ns)
         # OctoMap clears toward a point beyond its maximum range, up to that range.
-        far = np.where(lengths.returned, lengths.metres, 2.0 * range_limit)
+        far = np.where(ranges.returned, ranges.metres, 2.0 * range_limit)
         points = starts + sweep.directions * far[:, None]
-        for moment in np.unique(sources[told]):
-            own = self._in_tree(points[told & (sources == moment)])
+        for moment in np.unique(sources[informative]):
+            own = self._in_tree(points[informative & (sources == moment)])
             start = self._in_tree(sweep.origins[moment])
             self._tree.insertPointCloud(own, start, range_limit, True, DISCRETIZE)
-        ends = starts + sweep.directions * lengths.metres[:, None]
-        self._note(starts[told], ends[told], time_ns)
-        return SweepStatistics(*lengths.count, 0)
+        ends = starts + sweep.directions * ranges.metres[:, None]
+        self._note(starts[informative], ends[informative], time_ns)
+        return SweepStatistics(*ranges.count, 0)
 
     def mark(self, cells: CellMask, state: int, time_ns: int) -> None:
         """Lower cells by one miss, or raise them by one hit, as `VoxelMap.mark` does."""
@@ -155,7 +154,7 @@ class OctoMap(Representation):
     def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
         """When the blocks of points (n, 3), m, world, were last observed: (n,) ns; -1 never.
 
-        OctoMap does not know. It is noted here, for each block of 16 x 16 x 16 cells that a beam
+        OctoMap does not store it. It is noted here for each block of 16 x 16 x 16 cells that a beam
         was in at one of its steps of half a block.
         """
         blocks = _names(cells_at(points, self.resolution)[0] // BLOCK)
@@ -218,16 +217,16 @@ class OctoMap(Representation):
     def _values_at(self, points: ArrayLike) -> NDArray[np.int16]:
         """Log-odds at points (n, 3), m, world: (n,) thousandths, 0 where unknown."""
         names, values = self._leaves()
-        wanted = _names(cells_at(points, self.resolution)[0])
+        names_at = _names(cells_at(points, self.resolution)[0])
         if len(names) == 0:
-            return np.zeros(len(wanted), np.int16)
-        places = np.searchsorted(names, wanted).clip(max=len(names) - 1)
-        return np.where(names[places] == wanted, values[places], np.int16(0))
+            return np.zeros(len(names_at), np.int16)
+        places = np.searchsorted(names, names_at).clip(max=len(names) - 1)
+        return np.where(names[places] == names_at, values[places], np.int16(0))
 
     def _leaves(self) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
         """Names (k,) of the tree's cells in order, and their log-odds (k,) in thousandths.
 
-        The binding knows no faster way to more than one cell than the file that it would write.
+        The binding has no faster way to more than one cell than the file that it would write.
         """
         if self._read_at != len(self._boxes):
             written = self._tree.write()

@@ -1,4 +1,4 @@
-"""Where moving things will be: clusters of cells, followed from sweep to sweep."""
+"""Tracking and prediction of moving objects: clusters of cells, matched from sweep to sweep."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ POINTS = 1 << POINT_BITS
 SECOND_NS = 1_000_000_000
 
 MIN_CELLS = 3
-"""Fewer cells are followed, but may be noise, so that nothing is foretold of them."""
+"""Minimum number of cells of a cluster whose motion is predicted: fewer may be noise."""
 
 MAX_EXTENT = 4.0
-"""Whatever is longer does not move as a whole: a wall seen with an error of the pose, m."""
+"""Maximum extent of a moving object, m: what is longer is a wall seen with an error of the pose."""
 
 TOP_SPEED = 5.0
-"""Two clusters farther apart than this allows are two things, m/s: a running person, a forklift."""
+"""Maximum speed of an object, m/s, which bounds the matching: a running person, a forklift."""
 
 MEMORY_NS = SECOND_NS // 2
-"""The velocity is that over this time; a thing that was not met for as long is forgotten."""
+"""Time over which a velocity is measured, and after which an unseen object is forgotten, ns."""
 
 MIN_SIGHTINGS = 3
 MIN_TRAVEL = 2 * POINTS
 """A centroid that came less far may be at rest: as more of a surface comes into view, it wanders.
 
-Slower things than these do not leave their cells within a look-ahead of 0.2 s either.
+Slower things than these do not leave their cells within a horizon of 0.2 s either.
 """
 
 NO_CELLS = np.empty((0, 3), np.int64)
 
 Point = tuple[int, int, int]
-Judge = Callable[[NDArray[np.int64]], bool]
+IsLoose = Callable[[NDArray[np.int64]], bool]
 
 
 @dataclass(frozen=True)
@@ -91,28 +91,28 @@ class Traffic:
 
     Attributes:
         resolution: Edge of a cell, m.
-        look_ahead_ns: How far ahead to tell, ns.
+        horizon_ns: Time for which motion is predicted, ns.
         tracks: In the order of their numbers.
     """
 
     resolution: float
-    look_ahead_ns: int
+    horizon_ns: int
     tracks: tuple[Track, ...] = ()
     _next: int = field(default=0, repr=False)
 
     def follow(
-        self, cells: NDArray[np.int64], time_ns: int, is_loose: Judge = lambda _: True
+        self, cells: NDArray[np.int64], time_ns: int, is_loose: IsLoose = lambda _: True
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Take in the cells that things are in now, and tell of those that move.
+        """Match the cells that objects occupy now, and predict those that move.
 
         Args:
             cells: (m, 3) a set, in lexical order.
             time_ns: Simulated time, not before that of the last call, ns.
-            is_loose: Whether a cluster (k, 3) stands apart from what is known to stay.
+            is_loose: Whether a cluster (k, 3) stands apart from static surfaces.
 
         Returns:
-            The cells (k, 3) of clusters that move, and the cells (n, 3) on their way from now to
-            the end of the look-ahead, of which some may be told twice.
+            The cells (k, 3) of clusters that move, and the cells (n, 3) on their way up to the
+            horizon, of which some may be repeated.
         """
         clusters = clusters_of(cells)
         centroids = [_centroid(cluster) for cluster in clusters]
@@ -135,7 +135,7 @@ class Traffic:
             likely = matched[i].moves and len(cluster) >= MIN_CELLS and small
             if likely and is_loose(cluster):
                 moving.append(cluster)
-                ways.append(way_ahead(cluster, matched[i].shift(self.look_ahead_ns)))
+                ways.append(way_ahead(cluster, matched[i].shift(self.horizon_ns)))
         return np.concatenate(moving), np.concatenate(ways)
 
     def _match(self, centroids: list[Point], time_ns: int) -> dict[int, Track]:

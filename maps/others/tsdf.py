@@ -24,7 +24,7 @@ NO_GUARD = -1
 class TsdfMap(BlockMap):
     """Cells over all space, each with the signed distance to the nearest surface and a weight.
 
-    Each sweep gives each cell one distance, at most 4 cells long, that is averaged with what is
+    Each sweep gives each cell one distance, at most 4 cells long, that is averaged with the one
     held by weight (Curless & Levoy 1996, "A volumetric method for building complex models from
     range images"). Beams are merged by the cell that they end in and clear all of their way, and
     the weight falls off behind a surface (Oleynikova et al. 2017, "Voxblox"). All is counted in
@@ -42,7 +42,7 @@ class TsdfMap(BlockMap):
     """
 
     evidence = "weight"
-    told = ("distance", "weight")
+    content = ("distance", "weight")
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class TsdfMap(BlockMap):
     def columns(
         self, low_cell: ArrayLike, shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The states of a window of cells, a bit each, as `VoxelMap.columns` tells them."""
+        """The states of a window of cells, a bit each, as `VoxelMap.columns` returns them."""
         occupied, free = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
         low = np.array(np.ravel(low_cell), np.int64)
         if occupied.size:
@@ -122,7 +122,7 @@ class TsdfMap(BlockMap):
     def memory_bytes(self) -> int:
         """Bytes of the blocks in use and of the scores of a sweep.
 
-        Of the scores the system holds only those that a sweep ever told.
+        The system commits memory only for scores that a sweep ever wrote.
         """
         return super().memory_bytes() + self._scores.nbytes
 
@@ -169,7 +169,7 @@ class TsdfMap(BlockMap):
     def _held_at(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.int16], NDArray[np.int8]]:
         """Distances and weights (n,) of cells (n, 3); 0 where nothing is held."""
         slots, places = self._blocks.locate(cells)
-        distances, weights = (self._blocks.layers[n][slots, places] for n in self.told)
+        distances, weights = (self._blocks.layers[n][slots, places] for n in self.content)
         distances[slots < 0] = weights[slots < 0] = 0
         return distances, weights
 
@@ -211,7 +211,7 @@ class TsdfMap(BlockMap):
         touched: NDArray[np.bool_],  # (blocks,)
         time_ns: int,
     ) -> int:
-        """Average the scores into the cells; return the number of cells that were told."""
+        """Average the scores into the cells; return the number of cells updated."""
         blocks = self._blocks
         self._stamp += 1
         places = np.flatnonzero(touched)

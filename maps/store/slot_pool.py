@@ -22,7 +22,7 @@ MAX_LOGGED = 1 << 16
 """Maximum number of keys that a change log remembers."""
 
 EVERYWHERE = np.array([[-(1 << 40)] * 3 + [1 << 40] * 3])
-"""One box of cells (1, 6) that holds all of space: the change log no longer knows better."""
+"""One box of cells (1, 6) that holds all of space, where the change log is incomplete."""
 
 MODULUS = 1 << 128
 

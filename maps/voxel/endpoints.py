@@ -1,4 +1,4 @@
-"""Where the beams of a sweep end, in whole sub-cells: 1/512 of a cell."""
+"""Endpoints of the beams of a sweep, in whole sub-cells: 1/512 of a cell."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from wayproof.maps.sweep import Sweep, SweepStatistics
 
 @dataclass(frozen=True)
 class BeamRanges:
-    """How far the beams of a sweep went, and which of them met something.
+    """Lengths of the beams of a sweep, and which of them hit a surface.
 
     Attributes:
-        told: (n,) whether each tells anything: it was neither dropped nor too near.
-        returned: (n,) whether each met a surface.
-        metres: (n,) to that surface, or up to where a beam without return clears.
-        count: Of all beams by their fate: returned, cleared, dropped, too near.
+        informative: (n,) whether each is evidence: it was neither dropped nor too near.
+        returned: (n,) whether each hit a surface.
+        metres: (n,) distance to that surface, or range up to which a beam without return clears.
+        count: Number of beams by fate: returned, cleared, dropped, too near.
     """
 
-    told: NDArray[np.bool_]
+    informative: NDArray[np.bool_]
     returned: NDArray[np.bool_]
     metres: NDArray[np.float64]
     count: tuple[int, int, int, int]
 
     @classmethod
     def of_sweep(cls, sweep: Sweep) -> Self:
-        """Find them.
+        """Classify the beams of a sweep.
 
         Raises:
             ValueError: A direction is not of unit length.
@@ -45,24 +45,24 @@ class BeamRanges:
         millimetres = sweep.ranges_mm.astype(np.int64)
         dropped = millimetres == beams.DROPPED_MM
         near = (millimetres < nearest) & ~dropped
-        told = ~(dropped | near)
-        cleared = told & ((millimetres > farthest) | (millimetres == beams.NO_RETURN_MM))
-        returned = told & ~cleared
+        informative = ~(dropped | near)
+        cleared = informative & ((millimetres > farthest) | (millimetres == beams.NO_RETURN_MM))
+        returned = informative & ~cleared
         fates = returned, cleared, dropped, near
         hits, clears, lost, ignored = (int(np.count_nonzero(fate)) for fate in fates)
         metres = np.where(cleared, farthest, millimetres) / 1000.0
-        return cls(told, returned, metres, (hits, clears, lost, ignored))
+        return cls(informative, returned, metres, (hits, clears, lost, ignored))
 
 
 @dataclass(frozen=True)
 class BeamEndpoints:
-    """What the beams of a sweep tell: those that were dropped or too near tell nothing.
+    """Endpoints of the informative beams of a sweep.
 
     Attributes:
         points: (k, 3) sub-cells that they end in.
         moments: (k,) index of the origin of each.
-        returned: (k,) whether each met a surface; else it only clears.
-        count: Of all beams by their fate: returned, cleared, dropped, too near.
+        returned: (k,) whether each hit a surface; else it only clears.
+        count: Number of beams by fate: returned, cleared, dropped, too near.
     """
 
     points: NDArray[np.int64]
@@ -72,25 +72,25 @@ class BeamEndpoints:
 
     @classmethod
     def of_sweep(cls, sweep: Sweep) -> Self:
-        """Find the ends.
+        """Find the endpoints of a sweep.
 
         Raises:
             ValueError: A direction is not of unit length.
         """
-        lengths = BeamRanges.of_sweep(sweep)
-        told, sources = lengths.told, sweep.sources
-        reached = sweep.origins[sources[told]]
-        reached = reached + sweep.directions[told] * lengths.metres[told, None]
+        ranges = BeamRanges.of_sweep(sweep)
+        informative, sources = ranges.informative, sweep.sources
+        reached = sweep.origins[sources[informative]]
+        reached = reached + sweep.directions[informative] * ranges.metres[informative, None]
         places = np.floor(reached * (beams.SUBCELLS / sweep.resolution)).astype(np.int64)
         return cls(
             places + np.array([0, 0, beams.FLOOR_SUBCELLS]),
-            sources[told].astype(np.int64),
-            lengths.returned[told],
-            lengths.count,
+            sources[informative].astype(np.int64),
+            ranges.returned[informative],
+            ranges.count,
         )
 
     def merged(self) -> BeamEndpoints:
-        """One beam for all that leave one origin and end in one cell, to the mean of their ends.
+        """Merge beams from one origin into one cell to one beam, to the mean of their endpoints.
 
         Those with a return stay apart from those without (the merged integrator of Oleynikova et
         al. 2017, "Voxblox", IV-B).
@@ -114,5 +114,5 @@ class BeamEndpoints:
         return BeamEndpoints(points, self.moments[first], self.returned[first], self.count)
 
     def statistics(self, cells_updated: int) -> SweepStatistics:
-        """What became of the sweep."""
+        """Return the statistics of the sweep."""
         return SweepStatistics(*self.count, cells_updated)

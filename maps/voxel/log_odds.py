@@ -1,4 +1,4 @@
-"""The log-odds of a cell in whole units, and how they fade."""
+"""Log-odds in whole units, and their decay."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from wayproof.maps.kernels import decay as kernels
 from wayproof.maps.kernels.update import LogOddsSteps
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
-MAX_UNITS = 127  # units that an int8 holds on either side of 0
+MAX_UNITS = 127
+"""Greatest magnitude of log-odds that an int8 holds, units."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,8 @@ class LogOddsModel:
 
     Attributes:
         units: Units to one of log-odds.
-        hit: What a return adds.
-        miss: What a crossing takes.
+        hit: Log-odds that a return adds.
+        miss: Log-odds that a crossing takes.
         low: Lower clamp.
         high: Upper clamp.
     """
@@ -65,7 +66,7 @@ class LogOddsModel:
         return LogOddsSteps(self.hit, self.miss, self.low, self.high)
 
     def probability(self, units: NDArray[np.int8] | int) -> NDArray[np.float64]:
-        """Probability of occupancy that log-odds in units stand for."""
+        """Return the probability of occupancy of log-odds in units."""
         odds = exponentials(np.asarray(units, np.float64) / self.units)
         return np.asarray(odds / (1.0 + odds))
 
@@ -77,7 +78,7 @@ def states_of(log_odds: NDArray[np.integer]) -> NDArray[np.uint8]:
 
 
 def decay_per_tick(config: MapConfig) -> NDArray[np.uint64]:
-    """(128,) what a decay tick takes from each magnitude, in 2^-40 units.
+    """Return the loss of each magnitude (128,) at a decay tick, in 2^-40 units.
 
     That is v (1 - 2^(-period / half-life)); nothing if the half-life is 0.
     """

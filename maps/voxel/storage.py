@@ -1,4 +1,4 @@
-"""A map in a file: one header, one record for each brick, one checksum."""
+"""The file of a voxel map: one header, one record for each brick, one checksum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cells that a sweep or a shape marks, in a dense window of columns."""
+"""Rasterization of sweeps and shapes: masks of the cells to update, in a window of columns."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class UpdateMask:
 
 
 Cell = tuple[int, int, int]
-"""Of few numbers plain ones: an array of them takes ten times as long."""
+"""Indices of a cell as plain numbers: an array of three takes ten times as long."""
 
 
 class Frame(NamedTuple):
@@ -80,10 +80,10 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class SweepEndpoints:
-    """Where the beams of a sweep end.
+    """Endpoints of the beams of a sweep.
 
     Attributes:
-        ends: Of those that tell anything, as the kernels pack them; used again for each sweep.
+        ends: Endpoints of informative beams as the kernels pack them; reused for each sweep.
         parts: [stripe][part] first and one past the last of those that are listed.
         counts: Beams by fate.
         box: Least and greatest cell of all beams within the bounds.
@@ -128,7 +128,7 @@ class SweepRasterizer:
         return sum(mask.nbytes for mask in masks)
 
     def endpoints(self, sweep: Sweep) -> SweepEndpoints:
-        """Find where the beams end; nothing is marked.
+        """Find the endpoints of a sweep; nothing is marked.
 
         Raises:
             ValueError: A direction is not of unit length, or the beams span too much space.
@@ -190,7 +190,7 @@ class SweepRasterizer:
 
         Args:
             sweep: The beams.
-            endpoints: Where they end.
+            endpoints: Their endpoints.
             guard: Whether a beam that ends in the floor's layer spares that layer.
         """
         (x, y, z), shape = endpoints.frame.corner, endpoints.frame.shape
@@ -292,7 +292,7 @@ class SweepRasterizer:
             self._flags = np.zeros(columns, np.uint8)
 
     def _collect(self, frame: Frame) -> UpdateMask:
-        """Merge what the threads marked, and list the bricks that hold any."""
+        """Merge the marks of the threads, and list the bricks that hold any."""
         nx, ny, words = shape = frame.shape
         touched = np.zeros((nx // bricks.EDGE, ny // bricks.EDGE, words), np.bool_)
 

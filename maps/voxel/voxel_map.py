@@ -1,4 +1,4 @@
-"""An unbounded voxel map of log-odds: exact in integers, three states, decay and a version."""
+"""The voxel map: log-odds in integers over unbounded space, with decay and a version."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from wayproof.maps.voxel.bricks import Bricks
 from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
 from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds
 
-UPDATE_US, FADE_US = 5.0, 9.0  # about, a brick
+UPDATE_US, FADE_US = 5.0, 9.0
+"""About, to update and to decay a brick, microseconds."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class VoxelMap(Representation):
     unbounded map, one by one.
 
     Cells are held in bricks of 16 x 16 x 64, made where something is observed and given up once all
-    of it is forgotten, or when the memory is full: see `Bricks`. What is not held is unknown.
+    of it is forgotten, or when the memory is full: see `Bricks`. All other cells are unknown.
 
     Attributes:
         config: The settings.
@@ -81,8 +82,8 @@ class VoxelMap(Representation):
             threads: Number of threads that share the work of a sweep.
             low: (3,) least corner of the region of interest, m, world; None for all space.
             high: (3,) greatest corner, m, world. The region is the least box of cells that covers
-                both. Of a beam only the cells in it are looked at, and what is outside stays
-                unknown: that saves the time and the memory of all that does not matter.
+                both. Beams update only the cells in it; outside, all stays unknown, which
+                saves time and memory.
 
         Raises:
             ValueError: Not 1 to 64 threads, only one corner, or a region that is empty, not finite
@@ -114,7 +115,7 @@ class VoxelMap(Representation):
         """Take in one sweep: each cell is updated once, and occupied wins over free.
 
         Cells before a return decrease and its own cell increases; a beam without return (65535, or
-        beyond `range_limit`) decreases every cell up to the limit; a dropped one (0) tells nothing.
+        beyond `range_limit`) decreases every cell up to the limit; a dropped one (0) has no effect.
         Beams that end in the same cell count as one. With the surface guard, a beam that ends in
         the floor's layer does not decrease that layer: at grazing angles it would take away the
         floor that it is about to hit. Decay ticks due are applied first.
@@ -154,7 +155,7 @@ class VoxelMap(Representation):
 
         Args:
             cells: Which of them.
-            state: What they are to become: free or occupied.
+            state: Target state: free or occupied.
             time_ns: Simulated time, ns.
 
         Raises:
@@ -174,8 +175,8 @@ class VoxelMap(Representation):
     def exempt_from_decay(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Exempt the cells whose centres lie in a box from the next decay tick.
 
-        For what a standing body's sensors cannot see, under it and around it. Nothing is learnt
-        about these cells either.
+        For cells that a standing body's sensors cannot see, under it and around it. Their log-odds
+        do not change.
 
         Args:
             low: (3,) least corner, m, world.
@@ -203,7 +204,7 @@ class VoxelMap(Representation):
         The schedule is fixed: one tick at each multiple of the decay period since time 0. A tick
         leaves what was updated since the one before, and moves the rest toward unknown by the
         half-life. A brick is touched only at ticks that change one of its states; all others are
-        made up for when it is updated or asked. A time before the latest does nothing.
+        brought up to date when they are updated or read. A time before the latest does nothing.
 
         Args:
             time_ns: Simulated time, ns.
@@ -273,8 +274,9 @@ class VoxelMap(Representation):
 
         Args:
             low_cell: Least cell of the window.
-            boxes: (k, 6) where, as `changed` tells; columns of bricks above and below are included.
-            occupied: (nx, ny, words) what `columns` told before; brought up to date.
+            boxes: (k, 6) cells that changed, as `changed` returns them; whole columns of
+                bricks above and below are written.
+            occupied: (nx, ny, words) bits as `columns` returned them before; brought up to date.
             free: (nx, ny, words) likewise.
         """
         self._bricks.rewrite_columns(low_cell, boxes, occupied, free, self._team)
@@ -283,12 +285,12 @@ class VoxelMap(Representation):
         """Where states changed since an earlier call.
 
         Args:
-            since: What that call returned as `now`; 0 for everything that is held.
+            since: Stamp that an earlier call returned as `now`; 0 for all that is held.
 
         Returns:
             Boxes of cells (k, 6) as [x0, y0, z0, x1, y1, z1), one for each brick, and `now`. A box
-            may also hold a state that changed and changed back. One box of all space is told if
-            since then more bricks were given up than are remembered (65536).
+            may also hold a state that changed and changed back. One box of all space if
+            since then more bricks were released than are remembered (65536).
         """
         return self._bricks.changed_boxes(since), self._stamp
 
@@ -335,8 +337,8 @@ class VoxelMap(Representation):
     def version(self) -> str:
         """Digest of the content, 32 hex digits: the same sweeps and ticks give the same one.
 
-        Of each brick it holds what the last update or change of a state left, and at which tick;
-        what decay made of it since follows from the number of ticks, which is in as well.
+        It covers each brick as the last update or change of a state left it, and at which tick; the
+        decay since then follows from the number of ticks, which is covered as well.
         """
         total = self._bricks.digest_cells(self._team)
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
@@ -370,7 +372,7 @@ class VoxelMap(Representation):
             path: Of the file.
             threads: Number of threads that share the work of a sweep.
             low: (3,) least corner of the region in which sweeps to come are looked at, m, world;
-                None for all space. What the file holds is kept wherever it lies.
+                None for all space. The content of the file is kept wherever it lies.
             high: (3,) greatest corner, m, world.
 
         Raises:

@@ -142,7 +142,7 @@ def test_a_search_over_a_lattice_records_all_that_it_reads(factor):
 
         first = search()
         lattice.record_reads(first, lazy)
-        looked = lazy.distances.searched | lazy.distances.looked_at
+        looked = lazy.distances.searched | lazy.distances.read_blocks
         others = ~looked.T[:, np.arange(43) // BLOCK_ROWS]  # (nx, ny)
         source.squared[others] = 0
         second = search()

@@ -43,7 +43,7 @@ def test_wherever_a_reader_caught_up_the_distances_are_true(threads, most):
         looked = [rng.random(SHAPE[:2]) < 0.02 for _ in told]
         for distances, places in zip(told, looked, strict=True):
             for i, j in np.argwhere(places):
-                distances.looked_at[j // BLOCK_ROWS, i] = True
+                distances.read_blocks[j // BLOCK_ROWS, i] = True
         clearances.catch_up()
         assert not clearances.catch_up()
         for distances, places, true in zip(told, looked, truth, strict=True):
@@ -64,22 +64,22 @@ def stale_field():
 
 def test_a_reader_begins_anew_only_where_something_was_stale():
     distances = Distances(stale_field(), SHAPE)
-    distances.looked_at[0, 0] = True
+    distances.read_blocks[0, 0] = True
     assert not distances.catch_up()
     assert distances.cells[20, 15, 6] > 0  # nobody looked
-    distances.looked_at[15 // BLOCK_ROWS, 20] = True
+    distances.read_blocks[15 // BLOCK_ROWS, 20] = True
     assert distances.catch_up()
     assert distances.cells[20, 15, 6] == 0
     assert not distances.catch_up()
 
 
-def test_what_was_looked_at_is_up_to_date_the_next_time():
+def test_what_was_read_blocks_is_up_to_date_the_next_time():
     field = stale_field()
     distances = Distances(field, SHAPE)
-    distances.looked_at[15 // BLOCK_ROWS, 20] = True
+    distances.read_blocks[15 // BLOCK_ROWS, 20] = True
     distances.begin()
     assert distances.cells[20, 15, 6] == 0
-    assert not distances.looked_at.any()
+    assert not distances.read_blocks.any()
 
 
 def window_with_news(searched=None):
@@ -132,7 +132,7 @@ def test_who_goes_on_looking_elsewhere_has_everything_brought_up_to_date():
     distances = Distances(field, SHAPE)
     stale = np.argwhere(field.stale)
     for n in range(ROUNDS + 1):
-        distances.looked_at[tuple(stale[n])] = True
+        distances.read_blocks[tuple(stale[n])] = True
         assert field.stale.any()
         assert distances.catch_up()
     assert not field.stale.any()
@@ -140,7 +140,7 @@ def test_who_goes_on_looking_elsewhere_has_everything_brought_up_to_date():
 
 def search(distances):
     """One that looks everywhere until nothing is stale, as a plan does."""
-    distances.note_missed()
+    distances.latch_stale_reads()
     while True:
         if distances.begin_search():
             distances.searched[:] = True
@@ -160,7 +160,7 @@ def test_what_was_read_while_it_was_stale_is_read_anew_whoever_worked_it_out_sin
         getattr(clearances, name)(*limits.get(name, (REACH**2,))) for name in (kind, other)
     )
     block = 15 // BLOCK_ROWS, 20
-    reader.looked_at[block] = True
+    reader.read_blocks[block] = True
     assert reader.outdated()
     clearances._searched_before[block] = True
     work_out(worker)
