@@ -1,4 +1,4 @@
-"""Why an episode failed: one cause, worked out from its log and the simulator's truth."""
+"""Attribution of failures: one cause, from the log of an episode and its ground truth."""
 
 from wayproof.harness.attribution.case import Case, Moment, read_case
 from wayproof.harness.attribution.finding import CAUSES, Finding

@@ -1,4 +1,4 @@
-"""The cause of an episode that has just failed, from its log before the result is written."""
+"""Attribution at the end of an episode, before its result is written."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from wayproof.harness.scenario.scenario import Scenario
 
 
 def with_cause(result: Result, scenario: Scenario, log: LogWriter) -> Result:
-    """Add the cause of a failure; a success has none, nor has an `error` of simulator or code.
+    """Return the result with the cause of a failure; successes and errors have none.
 
     Args:
-        result: The episode's, from its first decision on.
-        scenario: What was run.
-        log: Its log, in full, without a result yet.
+        result: Result of the episode.
+        scenario: Scenario of the episode.
+        log: Its full log, without a result yet.
 
     Raises:
         OSError: The log cannot be written or read.
@@ -37,7 +37,7 @@ def with_cause(result: Result, scenario: Scenario, log: LogWriter) -> Result:
     case = Case(
         config=scenario.config,
         mission=scenario.mission,
-        runs=(segment_of(scenario),),
+        segments=(segment_of(scenario),),
         outcome=result.outcome,
         reason=result.reason,
         end_s=result.sim_time_s,

@@ -1,4 +1,4 @@
-"""An episode as its causes are worked out from: what was sensed and decided, and what was true."""
+"""Data for the attribution of one episode: inputs, decisions and ground truth."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Moment:
-    """One decision with its inputs, and the truth at that time."""
+    """One decision with its inputs and the ground truth."""
 
     pose: pb.Pose
     sweeps: tuple[pb.Sweep, ...]
@@ -41,7 +41,7 @@ class Moment:
 
     @property
     def inputs(self) -> Inputs:
-        """What the decision was made on."""
+        """Inputs of the decision."""
         return inputs_from_messages(self.pose, list(self.sweeps))
 
     @property
@@ -51,23 +51,23 @@ class Moment:
 
     @property
     def true_position(self) -> Array:  # (3,)
-        """Of the base, m."""
+        """True position of the base, m."""
         return np.array(self.truth.position)
 
     @property
     def error(self) -> Array:  # (3,)
-        """Believed less true position, m."""
+        """Estimated less true position, m."""
         return np.array(self.pose.position) - self.true_position
 
     @property
     def turn(self) -> float:
-        """Believed less true heading, rad."""
+        """Estimated less true heading, rad."""
         turned = yaw_of(self.pose.quaternion) - yaw_of(self.truth.quaternion)
         return (turned + math.pi) % (2.0 * math.pi) - math.pi
 
     @property
     def effect_ns(self) -> int:
-        """When the robot began to follow its trajectory, unless it was discarded."""
+        """Time from which the robot follows the trajectory, unless it is discarded, ns."""
         start = self.decision.trajectory.start.ToNanoseconds()
         return max(start, self.time_ns + round(self.latency.delay_s * 1e9))
 
@@ -78,19 +78,19 @@ class Case:
 
     Attributes:
         config: Settings.
-        mission: What the stack was told.
-        runs: Its stacks, in order; one if the log was never forked.
-        outcome: How it ended.
-        reason: In words.
-        end_s: When, in simulated time.
-        contact: What ended it, if something was touched.
-        moments: Every decision.
-        space: The truth.
+        mission: Mission of the stack.
+        segments: Segments, in order; one if the log was never forked.
+        outcome: Outcome.
+        reason: Reason of the outcome, in words.
+        end_s: Simulated time of the end, s.
+        contact: Contact that ended it, if any.
+        moments: All decisions.
+        space: True geometry.
     """
 
     config: Config
     mission: Mission
-    runs: tuple[Segment, ...]
+    segments: tuple[Segment, ...]
     outcome: str
     reason: str
     end_s: float
@@ -100,11 +100,11 @@ class Case:
 
     @property
     def axes(self) -> int:
-        """In how many axes the robot moves: 2 on the ground."""
+        """Number of axes of motion: 2 on the ground, 3 in the air."""
         return self.mission.axes
 
     def followed(self, time_ns: int) -> pb.Trajectory | None:
-        """The trajectory that the robot followed at a time; none before the first took effect."""
+        """Return the trajectory that the robot followed at a time; None before the first."""
         begun = [
             one.decision.trajectory
             for one in self.moments
@@ -113,17 +113,18 @@ class Case:
         return begun[-1] if begun else None
 
     def as_of(self, number: int) -> Case:
-        """The case with the settings and the mission that a decision was made with."""
-        runs = tuple(run for run in self.runs if run.begin <= number)
-        return replace(self, config=runs[-1].config, mission=runs[-1].mission, runs=runs)
+        """Return the case with the settings and the mission of a decision."""
+        segments = tuple(one for one in self.segments if one.begin <= number)
+        last = segments[-1]
+        return replace(self, config=last.config, mission=last.mission, segments=segments)
 
     def beams_at(self, number: int) -> Mapping[str, Beams]:
-        """The sensors of a decision's sweeps, by name."""
-        return [run.beams for run in self.runs if run.begin <= number][-1]
+        """Return the beam geometry of a decision, by sensor name."""
+        return [one.beams for one in self.segments if one.begin <= number][-1]
 
     def navigator_at(self, number: int) -> Navigator:
-        """The stack's map and costmap as they were for one decision."""
-        stack = SegmentedStack(self.as_of(number).runs)
+        """Return a stack with the map and costmap of one decision."""
+        stack = SegmentedStack(self.as_of(number).segments)
         for moment in self.moments[: number + 1]:
             stack.watch(moment.inputs)
         navigator = stack.navigator
@@ -132,10 +133,10 @@ class Case:
 
 
 def read_case(log: Log) -> Case:
-    """A log as a case.
+    """Read a log as a case.
 
     Raises:
-        InputError: It holds no sweeps or no truth, or its scene cannot be compiled.
+        InputError: It has no sweeps or no truth, or its scene cannot be compiled.
     """
     log.check_sweeps()
     moments = tuple(moments_of(read_messages(log.path)))
@@ -149,7 +150,7 @@ def read_case(log: Log) -> Case:
     return Case(
         config=log.config,
         mission=log.mission,
-        runs=tuple(segments_of(log)),
+        segments=tuple(segments_of(log)),
         outcome=log.result["outcome"],
         reason=log.result.get("reason", ""),
         end_s=float(log.result.get("sim_time_s", moments[-1].time_ns * 1e-9)),
@@ -160,7 +161,7 @@ def read_case(log: Log) -> Case:
 
 
 def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
-    """Group a log's messages by decision."""
+    """Group the messages of a log by decision."""
     sweeps: list[pb.Sweep] = []
     pose, latency, decision = pb.Pose(), pb.Latency(), pb.Decision()
     for message in messages:
@@ -178,19 +179,19 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
 
 
 def yaw_of(quaternion: Sequence[float]) -> float:
-    """Heading of an orientation w x y z, rad."""
+    """Return the heading of an orientation w x y z, rad."""
     w, x, y, z = quaternion
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 LAG = 0.5
-"""A trajectory begins where the body should be by now: so far behind it still is on its way, m."""
+"""Distance that a body may lag behind the start of a trajectory, m."""
 
 
 def off_path(trajectory: pb.Trajectory, believed: Array, axes: int) -> tuple[float, Array]:
-    """How far a believed position (3,) is from a trajectory's path, m, and its nearest point.
+    """Return the distance of an estimated position (3,) from a path, m, and the nearest point.
 
-    What the body lags behind the path's begin, in its direction, does not count.
+    A lag behind the start of the path, in its direction, does not count.
     """
     path = path_of(trajectory.path)
     if axes == 2:

@@ -1,8 +1,8 @@
-"""The cause of a contact: what the map held of the place, and who had left the plan.
+"""Cause of a contact, from the map at its place and the path of the body.
 
-Each test is a question to measured facts and answers with its evidence, or not at all. The first
-that answers names the cause, so their order matters: what moved in, or came through too late,
-explains the state of the map, and not the other way round.
+Each test takes measured facts and returns its evidence, or None. The first test with evidence names
+the cause, so their order matters: an obstacle that moved in, or a decision that came too late,
+explains the state of the map, not the reverse.
 """
 
 from __future__ import annotations
@@ -26,57 +26,56 @@ from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 Array = NDArray[np.float64]
 
 ABOUT_CELLS = 2
-"""The map is asked this many cells about a contact."""
+"""Radius of the part of the map around a contact that is examined, cells."""
 
 OWN_REACH = 0.3
-"""An occupied cell this far from a contact, pose error apart, may still stand for what was
-touched, m: ranges, attitude and calibration each have a share in it."""
+"""Greatest distance of an occupied cell that represents the touched obstacle, pose error apart, m:
+ranges, attitude and calibration all contribute."""
 
 LEAST_NOTICE = 0.5
-"""What stands in the way only this long before a contact was not there to be seen, s."""
+"""Time before a contact within which a new obstacle could not be seen, s."""
 
 UNDER_WAY = ("follow", "slow", "explore")
-"""Actions whose trajectories keep clear of all that is mapped."""
+"""Actions whose trajectories avoid all mapped obstacles."""
 
 SET_OUT = 0.3
-"""Within this of its begin a trajectory may lead out of the inflation, m."""
+"""Length at its start along which a trajectory may lead out of the inflation, m."""
 
 BLIND = 1.0
-"""A robot that takes in nothing within this distance beyond its body cannot see its way, m."""
+"""Distance beyond the body below which a robot without returns is blind to its path, m."""
 
 LATE = 0.01
-"""A delay beyond the expected one that counts, s."""
+"""Excess over the expected delay that counts as late, s."""
 
 
 @dataclass(frozen=True)
 class ContactFacts:
-    """What is known of one contact; places in the world frame, m.
+    """Facts of one contact; positions in the world frame, m.
 
     Attributes:
-        name: Of what was touched.
-        time_s: When.
-        decision: The last decision after which the robot could still have come to rest before.
-        decision_s: When that was.
-        there_when_decided: Whether what was touched stood there at that decision, and before the
-            sweep that it was made on.
-        there_when_observed: Whether it stood there when the map last looked.
-        observed_s: When the map last looked at the place; negative if never.
-        away: Distance of the place of contact from the body then, m.
-        free: Cells about the contact, outside of what was touched, that were mapped free.
-        unknown: Likewise unknown.
-        own: Occupied cells that stand for what was touched.
+        name: Name of the touched obstacle.
+        time_s: Simulated time of the contact, s.
+        decision: Last decision after which the robot could still have stopped before the contact.
+        decision_s: Simulated time of that decision, s.
+        there_when_decided: Whether the obstacle was there at that decision and before its sweep.
+        there_when_observed: Whether it was there when the map last observed the place.
+        observed_s: Simulated time of that observation, s; negative if there is none.
+        away: Distance of the place of contact from the body at that time, m.
+        free: Number of cells around the contact, outside the obstacle, that were mapped free.
+        unknown: Number of those mapped unknown.
+        own: Number of occupied cells that represent the obstacle.
         nearest_own: Distance of the nearest of them from the contact, m.
-        off_path: Distance of the believed body from the path that it followed, m.
+        off_path: Distance of the estimated position from the path that it followed, m.
         planned_clearance: True clearance of a body on that path, m.
-        pose_error: Believed less true position when it was touched, m.
+        pose_error: Estimated less true position at the contact, m.
         margin: Localization margin, m.
-        usual: What a usual one would be, m, see `usual_margin`.
-        pose: Its error from a second before the last chance on.
-        ranges: What the sensors reported against the truth.
-        disregarded: By how much the trajectory that was chosen at the last chance, or after it,
-            comes nearer to what the map then held than body and margin allow, m.
-        late: The earliest decision that kept clear of the place and would have been in time
-            with the expected delay, but was not: its number, its delay and the expected one.
+        usual: A usual localization margin, m, see `usual_margin`.
+        pose: Error of the pose, from one second before that decision on.
+        ranges: Reported ranges against the true ones.
+        disregarded: By how much a trajectory chosen at that decision or later comes nearer to
+            mapped obstacles than body and margin allow, m.
+        late: Earliest decision that avoids the place and would have been in time with the expected
+            delay, but was not: its number, its delay and the expected one.
     """
 
     name: str
@@ -103,12 +102,12 @@ class ContactFacts:
 
 
 def localization(facts: ContactFacts) -> str | None:
-    """The pose was farther off than the margin covers."""
+    """The pose error exceeds what the margin covers."""
     return str(facts.pose) if facts.pose.beyond > 0.0 else None
 
 
 def perception(facts: ContactFacts) -> str | None:
-    """Echoes were lost or wrong, or dropped, so that space stayed free in which something came."""
+    """Returns were lost, wrong or dropped, so that occupied space stayed free in the map."""
     if facts.ranges.lied:
         return str(facts.ranges)
     blind = facts.ranges.blind
@@ -121,7 +120,7 @@ def perception(facts: ContactFacts) -> str | None:
 
 
 def latency(facts: ContactFacts) -> str | None:
-    """A decision that kept clear was made in time, but took effect too late."""
+    """A decision that avoids the obstacle was made in time, but took effect too late."""
     if facts.ranges.withheld >= 0.5:
         return f"{facts.ranges.withheld:.0%} of the decisions were made without a new sweep"
     if facts.late is None:
@@ -134,7 +133,7 @@ def latency(facts: ContactFacts) -> str | None:
 
 
 def moved_obstacle(facts: ContactFacts) -> str | None:
-    """It was not there yet when the robot decided to go, or when the map last looked."""
+    """The obstacle was not there yet at the decision, or when the map last observed the place."""
     if not facts.there_when_decided:
         return (
             f"{facts.name} was not at the place of contact at {facts.decision_s:.1f} s, "
@@ -149,7 +148,7 @@ def moved_obstacle(facts: ContactFacts) -> str | None:
 
 
 def tracking(facts: ContactFacts) -> str | None:
-    """The body had left a path on which it would have kept clear, by more than that was short."""
+    """The body had left a path on which it would have avoided the obstacle."""
     beyond, short = facts.off_path - facts.usual, facts.usual - facts.planned_clearance
     least = max(0.5 * facts.usual, 0.02)
     if beyond <= max(short, 0.0) or facts.planned_clearance < least:
@@ -161,7 +160,7 @@ def tracking(facts: ContactFacts) -> str | None:
 
 
 def disregarded_obstacle(facts: ContactFacts) -> str | None:
-    """The map held it, and the stack chose a trajectory through it."""
+    """The obstacle was mapped, and the stack chose a trajectory through it."""
     if not facts.own or facts.disregarded <= 0.0:
         return None
     return (
@@ -171,7 +170,7 @@ def disregarded_obstacle(facts: ContactFacts) -> str | None:
 
 
 def unseen_obstacle(facts: ContactFacts) -> str | None:
-    """It stood in unknown space, which the robot was let into."""
+    """The obstacle was in unknown space, which the policy lets the robot enter."""
     if facts.own or facts.unknown <= facts.free:
         return None
     return (
@@ -181,7 +180,7 @@ def unseen_obstacle(facts: ContactFacts) -> str | None:
 
 
 def missed_obstacle(facts: ContactFacts) -> str | None:
-    """It stood there, and the map said free."""
+    """The obstacle was there, and the map says free."""
     if facts.own:
         return None
     return (
@@ -191,7 +190,7 @@ def missed_obstacle(facts: ContactFacts) -> str | None:
 
 
 def margin_too_small(facts: ContactFacts) -> str | None:
-    """It was mapped, and the robot came nearer than the map's errors allow."""
+    """The obstacle was mapped, and the robot came nearer than the errors of the map allow."""
     return (
         f"{facts.name} was mapped ({facts.own} cells, the nearest {facts.nearest_own:.2f} m from "
         f"the contact), the pose was {facts.pose_error:.2f} m off, and the margin was "
@@ -210,11 +209,11 @@ TESTS: dict[str, Callable[[ContactFacts], str | None]] = {
     "missed_obstacle": missed_obstacle,
     "margin_too_small": margin_too_small,
 }
-"""In the order in which they are asked."""
+"""Tests in their order, by cause."""
 
 
 def cause_of_contact(case: Case, contact: Contact, time_s: float) -> Finding:
-    """Why something was touched at a time."""
+    """Attribute a contact at a time, s."""
     facts = contact_facts(case, contact, time_s)
     for cause, test in TESTS.items():
         evidence = test(facts)
@@ -224,7 +223,7 @@ def cause_of_contact(case: Case, contact: Contact, time_s: float) -> Finding:
 
 
 def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
-    """Measure all that the tests ask for."""
+    """Measure the facts for the tests."""
     last = _last_before(case, time_s)
     place = np.array(contact.position)
     number = _last_chance(case, place, time_s)
@@ -233,7 +232,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
     size = navigator.map.resolution
     believed = place + moment.error
     observed_s = float(navigator.map.observed_ns_at(believed[None])[0]) * 1e-9
-    since = case.moments[max(number - 1, 0) : number + 1]  # a sweep takes as long as that
+    since = case.moments[max(number - 1, 0) : number + 1]  # a sweep takes that long
     free, unknown, own = _mapped(case, navigator, contact, moment)
     off, planned = _planned(case, contact, last, time_s)
     return ContactFacts(
@@ -262,16 +261,16 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
 
 
 def _stretch(case: Case, number: int, time_s: float) -> range:
-    """Decisions from a second before one on, up to a time."""
+    """Return the decisions from one second before a decision up to a time."""
     begin_s = case.moments[number].time_ns * 1e-9 - 1.0
     end = _before(case, time_s)
     return range(min(_before(case, begin_s), end), end + 1)
 
 
 def _disregarded(case: Case, navigator: Navigator, moment: Moment) -> float:
-    """By how much a decision's trajectory comes too near to occupied cells of its map, m.
+    """Return by how much a trajectory comes too near to occupied cells of its map, m.
 
-    Stopping and getting out of the inflation begin inside of it, so they do not count.
+    Stops and recoveries start inside the inflation and do not count.
     """
     if moment.decision.action not in UNDER_WAY:
         return 0.0
@@ -289,7 +288,7 @@ def _disregarded(case: Case, navigator: Navigator, moment: Moment) -> float:
 
 
 def stopping_room(case: Case, moment: Moment, delay: float) -> float:
-    """Way that the body takes to come to rest if a decision to do so takes effect after a delay, m.
+    """Return the stopping distance of the body, m, if a stop takes effect after a delay, s.
 
     v t + v^2 / 2 a, and v a / 2 j for building up the deceleration a with the jerk j.
     """
@@ -299,13 +298,13 @@ def stopping_room(case: Case, moment: Moment, delay: float) -> float:
 
 
 def _room(case: Case, moment: Moment, place: Array) -> float:
-    """Way from the body to a place, m."""
+    """Return the distance from the body to a place, m."""
     gap = float(np.linalg.norm((place - moment.true_position)[: case.axes]))
     return max(gap - case.mission.radius, 0.0)
 
 
 def _last_chance(case: Case, place: Array, time_s: float) -> int:
-    """Number of the last decision after which the body could have come to rest before a place."""
+    """Return the number of the last decision after which the body could stop before a place."""
     expected = case.config.latency.expected
     latest = _before(case, time_s - expected - LEAST_NOTICE)
     for number in range(latest, -1, -1):
@@ -320,7 +319,7 @@ def _last_before(case: Case, time_s: float) -> Moment:
 
 
 def _before(case: Case, time_s: float) -> int:
-    """Number of the last decision at or before a time; the first if there is none."""
+    """Return the number of the last decision at or before a time; 0 if there is none."""
     return max((k for k, one in enumerate(case.moments) if one.time_ns * 1e-9 <= time_s), default=0)
 
 
@@ -329,7 +328,7 @@ def _nearest(case: Case, time_s: float) -> Moment:
 
 
 def _stood(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
-    """Whether what was touched was at the place of contact at a moment."""
+    """Return whether the touched obstacle was at the place of contact at a moment."""
     case.space.place_movers(moment.truth)
     return case.space.distance_to(np.array(contact.position), contact.name) <= within
 
@@ -337,7 +336,7 @@ def _stood(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
 def _mapped(
     case: Case, navigator: Navigator, contact: Contact, moment: Moment
 ) -> tuple[int, int, Array]:
-    """Free and unknown cells before a contact, and distances (n,) of its own occupied ones."""
+    """Return numbers of free and unknown cells at a contact, and distances (n,) of own cells."""
     size = navigator.map.resolution
     place = np.array(contact.position) + moment.error
     reach = OWN_REACH + float(np.linalg.norm(moment.error))
@@ -361,7 +360,7 @@ def _mapped(
 
 
 def _planned(case: Case, contact: Contact, last: Moment, time_s: float) -> tuple[float, float]:
-    """How far off its path the body was, and the clearance that a body on it would have had."""
+    """Return the distance of the body from its path, and the clearance of a body on it, m."""
     trajectory = case.followed(round(time_s * 1e9))
     if trajectory is None:
         return 0.0, 0.0
@@ -374,7 +373,7 @@ def _planned(case: Case, contact: Contact, last: Moment, time_s: float) -> tuple
 
 
 def _late(case: Case, contact: Contact, number: int) -> tuple[int, float, float] | None:
-    """The first decision that would have been in time; only the last second or so can matter."""
+    """Return the first decision of about the last second that would have been in time."""
     expected, place = case.config.latency.expected, np.array(contact.position)
     for moment in case.moments[number:]:
         delay = moment.latency.delay_s
@@ -387,7 +386,7 @@ def _late(case: Case, contact: Contact, number: int) -> tuple[int, float, float]
 
 
 def _passes_by(case: Case, contact: Contact, moment: Moment) -> bool:
-    """Whether a body on a decision's trajectory would truly have kept clear of what was touched."""
+    """Return whether a body on the trajectory of a decision truly avoids the obstacle."""
     believed = np.array(contact.position) + moment.error
     _, nearest = off_path(moment.decision.trajectory, believed, case.axes)
     if case.axes == 2:

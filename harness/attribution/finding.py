@@ -1,4 +1,4 @@
-"""What a cause is, and the evidence for it."""
+"""Causes of failures, and findings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CAUSES = (
     "stack_broken",
     "unexplained",
 )
-"""Every cause; docs/causes.md says what each means."""
+"""All causes; docs/causes.md defines each."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class Finding:
     Attributes:
         cause: One of `CAUSES`.
         evidence: In words, with cells, distances and times.
-        decision: Number of the last decision that could have done otherwise.
-        place: (x, y, z) where it happened, world, m.
+        decision: Number of the last decision that could have prevented the failure.
+        place: (x, y, z) of the failure, world, m.
     """
 
     cause: str

@@ -1,4 +1,4 @@
-"""Occupied cells of a map that nothing stands in: what moved on, and ghosts."""
+"""Occupied cells of a map that are truly free: ghosts, and traces of movers."""
 
 from __future__ import annotations
 
@@ -20,15 +20,14 @@ from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import OCCUPIED
 
 GHOST_CELLS = 1.5
-"""An occupied cell farther than this from anything true, pose error apart, is a ghost."""
+"""Distance from anything true beyond which an occupied cell is a ghost, pose error apart, cells."""
 
 JUST_NOW = 1.0
-"""What left so long ago may still be in a map that unlearns as fast as it should, s: by default the
-surest cell takes nine sweeps."""
+"""Time for which a map may still hold what has left, s: the surest cell takes nine sweeps."""
 
 
 def ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
-    """Of the last map: its ghosts, and which ways it has without these or without what moves."""
+    """Return ghosts of the last map, and whether it has a path without them or without movers."""
     costmap, number = navigator.costmap, len(case.moments) - 1
     last, occupied = case.moments[-1], costmap.state == OCCUPIED
     case.space.place_movers(last.truth)
@@ -45,7 +44,7 @@ def ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
 
 
 def without_movers(case: Case, navigator: Navigator, number: int) -> bool:
-    """Whether a decision's map has a way without what moves there, or stood there just before."""
+    """Return whether the map of a decision has a path without present and recent movers."""
     size, moment = navigator.costmap.resolution, case.moments[number]
     if not moment.truth.movers:
         return False
@@ -56,14 +55,14 @@ def without_movers(case: Case, navigator: Navigator, number: int) -> bool:
 
 
 def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cells:
-    """Cells that may stand for some true ones, as far off as cells and the pose's error make."""
+    """Return cells that may represent true ones, within cell size and pose error."""
     size = navigator.costmap.resolution
     near: Cells = _to_nearest(cells, size) <= GHOST_CELLS * size + np.linalg.norm(moment.error)
     return near
 
 
 def _opens(case: Case, navigator: Navigator, occupied: Cells, moment: Moment) -> bool:
-    """Whether some occupied cells leave a way from where a decision believed the robot to be."""
+    """Return whether some occupied cells leave a path from the estimated position to the goal."""
     costmap, (goal, reach) = navigator.costmap, goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
     gaps = clearances(occupied, costmap.resolution)
@@ -71,7 +70,7 @@ def _opens(case: Case, navigator: Navigator, occupied: Cells, moment: Moment) ->
 
 
 def _swept(case: Case, navigator: Navigator, number: int) -> Cells:
-    """Where anything that moves is at a decision, or was just before it; cells of the costmap."""
+    """Return the cells of the costmap with movers at a decision or just before."""
     since_ns = case.moments[number].time_ns - round(JUST_NOW * 1e9)
     swept = np.zeros(navigator.costmap.shape, np.bool_)
     for moment in case.moments[: number + 1]:
@@ -82,7 +81,7 @@ def _swept(case: Case, navigator: Navigator, number: int) -> Cells:
 
 
 def _to_nearest(occupied: Cells, size: float) -> Array:
-    """Distance to the nearest cell that is occupied, the grid's edge apart, m."""
+    """Return the distance to the nearest occupied cell, the edge of the grid excluded, m."""
     from scipy import ndimage
 
     if not occupied.any():
@@ -103,6 +102,6 @@ def _nearest_cell(
 
 
 def goal_of(case: Case, navigator: Navigator) -> tuple[tuple[int, ...], int]:
-    """The goal's cell, and the cells about it that count as it."""
+    """Return the cell of the goal, and the radius around it that counts as the goal, cells."""
     reach = max(1, round(case.config.episode.goal_tolerance / navigator.costmap.resolution))
     return cell_of(navigator, np.array(case.mission.goal)), reach

@@ -1,4 +1,4 @@
-"""Whether a body finds a way through cells: distances and connected regions of a grid."""
+"""Paths of a body through a grid: distances and connected regions."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ HALF_OF_THE_NEIGHBOURS = [
 ]
 
 DETOUR = {2: 1.0824, 3: 1.1283}
-"""How much longer than the straight way one along a grid's edges and diagonals may be, by axes."""
+"""Greatest ratio of a path along edges and diagonals to the straight line, by axes."""
 
 STEPS = 8
-"""Halvings in the search for the widest passage: a 256th of its first span."""
+"""Bisections in the search for the widest passage, to 1/256 of the initial interval."""
 
 
 def clearances(occupied: Cells, size: float) -> Array:
-    """Distance from each cell's centre to the nearest occupied or outer cell's, m."""
+    """Return the distance of each cell to the nearest occupied or outer cell, m."""
     walls = tuple((1, 1) if cells > 1 else (0, 0) for cells in occupied.shape)
     padded = np.pad(occupied, walls, constant_values=True)
     inner = tuple(slice(a, -b if b else None) for a, b in walls)
@@ -37,14 +37,14 @@ def clearances(occupied: Cells, size: float) -> Array:
 
 
 def joined(free: Cells, start: tuple[int, ...], goal: tuple[int, ...], reach: int) -> bool:
-    """Whether free cells join the surroundings of two cells, `reach` cells about each."""
+    """Return whether free cells connect the surroundings, `reach` cells wide, of two cells."""
     labels, _ = ndimage.label(free, np.ones((3,) * free.ndim))
     near = [set(np.unique(labels[_about(cell, reach)])) - {0} for cell in (start, goal)]
     return bool(near[0] & near[1])
 
 
 def widest(distances: Array, start: tuple[int, ...], goal: tuple[int, ...], reach: int) -> float:
-    """Radius of the fattest body that gets from cell to cell, m; 0 if none does."""
+    """Return the radius of the widest body that gets from cell to cell, m; 0 if none does."""
     low, high = 0.0, float(distances.max())
     for _ in range(STEPS):
         middle = 0.5 * (low + high)
@@ -56,10 +56,10 @@ def widest(distances: Array, start: tuple[int, ...], goal: tuple[int, ...], reac
 
 
 def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) -> Array:
-    """Length of the shortest way from each cell to a cell's surroundings, m; inf if none leads.
+    """Return the shortest path length from each cell to the surroundings of a cell, m, or inf.
 
-    Along a grid's edges and diagonals, so up to 8 % longer than the shortest way in a plane and
-    13 % in space: divide by `DETOUR` for what no way can be shorter than.
+    Paths follow edges and diagonals, so they are up to 8 % longer than the shortest one in a plane
+    and 13 % in space: divide by `DETOUR` for a lower bound.
     """
     nodes = np.full(free.shape, -1)
     nodes[free] = np.arange(int(free.sum()))
@@ -75,7 +75,7 @@ def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) 
 
 
 def _graph(free: Cells, nodes: NDArray[np.int64], size: float) -> sparse.csr_matrix:
-    """Edges between neighbouring free cells, in m."""
+    """Return the graph of neighbouring free cells; weights in m."""
     tails, heads, lengths = [], [], []
     for step in HALF_OF_THE_NEIGHBOURS:
         pairs = zip(step, free.shape, strict=True)
@@ -91,9 +91,9 @@ def _graph(free: Cells, nodes: NDArray[np.int64], size: float) -> sparse.csr_mat
 
 
 def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Cells:
-    """What truly stands in each cell of a costmap, with the movers where they were placed.
+    """Return the true occupancy of the cells of a costmap, with the movers as placed.
 
-    With `moving` only these movers count, and neither what stays nor the floor.
+    With `moving` only the movers count.
     """
     costmap, mission, size = navigator.costmap, case.mission, navigator.map.resolution
     if not mission.planar:
@@ -115,16 +115,16 @@ def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Ce
 
 
 def cell_of(navigator: Navigator, point: Array) -> tuple[int, ...]:
-    """The costmap's cell of a point (3,), clipped to it; on the ground in its one layer."""
+    """Return the cell of a costmap at a point (3,), clipped to it; on the ground in its layer."""
     costmap = navigator.costmap
     cell = np.floor((point - costmap.origin) / costmap.resolution).astype(int)
     return tuple(np.clip(cell, 0, np.array(costmap.shape) - 1).tolist())
 
 
 def holes_in_floor(case: Case, navigator: Navigator) -> Cells:
-    """Whether the map holds something under the floor z = 0 for free: that forbids a column.
+    """Return columns that are forbidden because the map has a free cell below the floor z = 0.
 
-    Nowhere in the air, nor where floors may slope: there the floor is none of z = 0.
+    None in the air, or where floors may slope.
     """
     costmap = navigator.costmap
     if costmap.motion == "air" or case.config.costmap.max_slope > 0.0:

@@ -1,4 +1,4 @@
-"""How wrong the pose was, against what the localization margin is made for."""
+"""Error of the pose, compared with what the localization margin covers."""
 
 from __future__ import annotations
 
@@ -12,23 +12,22 @@ from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 from wayproof.maps import CostmapConfig
 
 REACH = 1.0
-"""Where no place is in question, an error of the heading counts at this distance, m."""
+"""Distance at which a heading error counts if there is no place, m."""
 
 
 @dataclass(frozen=True)
 class PoseFacts:
-    """The pose's error over a stretch of decisions.
+    """Error of the pose over a range of decisions.
 
     Attributes:
-        error: Believed less true position where it exceeded what it was covered for the most, m.
-        turn: Of the heading there, rad.
-        covered: What a usual margin covers there, m, see `usual_margin`, and two of the stated
-            standard deviations of the heading at the distance in question.
-        first: Number of the first decision of the whole episode with an error that is not covered;
-            -1 if it always was.
-        beyond: By how much the error exceeded that in the stretch, at most, m; not above 0 if it
-            was covered.
-        at_end: Error of the position at the end, m.
+        error: Position error where it exceeds the covered error most, m.
+        turn: Heading error there, rad.
+        covered: Covered error there, m: a usual margin, see `usual_margin`, plus two stated
+            standard deviations of the heading at the distance of the place.
+        first: Number of the first decision of the episode with an error that is not covered; -1 if
+            there is none.
+        beyond: Greatest excess over the covered error in the range, m; at most 0 if it is covered.
+        at_end: Position error at the end, m.
     """
 
     error: float = 0.0
@@ -39,7 +38,7 @@ class PoseFacts:
     at_end: float = 0.0
 
     def __str__(self) -> str:
-        """In words."""
+        """Return the error in words."""
         turned = f" and {abs(self.turn):.2f} rad" if abs(self.turn) > 0.02 else ""
         return (
             f"the pose was {self.error:.2f} m{turned} off, and the margin covers "
@@ -48,7 +47,7 @@ class PoseFacts:
 
 
 def pose_facts(case: Case, numbers: Sequence[int], place: np.ndarray | None = None) -> PoseFacts:
-    """Measure the error over some decisions, for what is at a place (3,) if one is in question."""
+    """Measure the error over some decisions, at a place (3,) if there is one."""
     beyond = [_beyond(case, case.moments[k], place) for k in numbers]
     worst = case.moments[numbers[int(np.argmax(beyond))]]
     first = next((k for k, one in enumerate(case.moments) if _beyond(case, one, None) > 0.0), -1)
@@ -64,16 +63,16 @@ def pose_facts(case: Case, numbers: Sequence[int], place: np.ndarray | None = No
 
 
 def usual_margin(case: Case, moment: Moment) -> float:
-    """A decision's localization margin, with the default in place of a smaller setting, m.
+    """Return the localization margin of a decision, at least that of the default settings, m.
 
-    An error that a usual margin covers is no fault of the pose or the body where less was set.
+    An error that a usual margin covers is no fault of the pose or the body if less was set.
     """
     short = CostmapConfig().localization_margin - case.config.costmap.localization_margin
     return moment.decision.localization_margin_m + max(short, 0.0)
 
 
 def error_of(case: Case, moment: Moment) -> float:
-    """Believed less true position in the axes of motion, m."""
+    """Return the position error in the axes of motion, m."""
     return float(np.linalg.norm(moment.error[: case.axes]))
 
 
@@ -84,7 +83,7 @@ def _beyond(case: Case, moment: Moment, place: np.ndarray | None) -> float:
 
 
 def _reach(case: Case, moment: Moment, place: np.ndarray | None) -> float:
-    """Distance at which an error of the heading counts, m."""
+    """Return the distance at which a heading error counts, m."""
     if place is None:
         return REACH
     return float(np.linalg.norm((place - moment.true_position)[: case.axes]))

@@ -1,4 +1,4 @@
-"""From an episode to its cause: a contact has one, and so has not arriving."""
+"""Attribution of an episode: of its contact, or of its failure to arrive."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from wayproof.harness.result import Contact
 
 @dataclass(frozen=True)
 class NearMiss:
-    """A time at which the robot was nearer to something than half its margin.
+    """Moment at which the robot was nearer to something than half its margin.
 
     Attributes:
-        decision: Number of the decision at that time.
-        time_s: When.
-        clearance_m: True, from the body.
-        finding: Why.
+        decision: Number of the decision.
+        time_s: Simulated time, s.
+        clearance_m: True clearance of the body, m.
+        finding: Its cause.
     """
 
     decision: int
@@ -31,7 +31,7 @@ class NearMiss:
 
 
 def find_cause(case: Case) -> Finding | None:
-    """The one cause of a failure; none of a success, nor of an error of simulator or log."""
+    """Return the cause of a failure; None for a success or an error."""
     if case.outcome in ("success", "error"):
         return None
     contact = case.contact
@@ -43,11 +43,11 @@ def find_cause(case: Case) -> Finding | None:
 
 
 def near_misses(case: Case, most: int = 5) -> list[NearMiss]:
-    """Nearest moments of runs of moments nearer than half the margin, the one of a contact apart.
+    """Return near misses, the nearest moment of each, without that of a contact.
 
     Args:
         case: The episode.
-        most: Only so many are looked into, the nearest ones.
+        most: Maximum number, the nearest ones.
     """
     runs: list[list[Moment]] = [[]]
     for moment in case.moments:
@@ -63,7 +63,7 @@ def near_misses(case: Case, most: int = 5) -> list[NearMiss]:
 
 
 def nearest_contact(case: Case, moment: Moment) -> Contact:
-    """What was nearest to the robot at a moment, as if it had been touched."""
+    """Return a contact with what was nearest to the robot at a moment."""
     case.space.place_movers(moment.truth)
     case.space.place_robot(moment.true_position, np.array(moment.truth.quaternion))
     place, name = case.space.body_contact()

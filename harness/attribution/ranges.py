@@ -1,7 +1,7 @@
-"""What the sensors reported against what they should have: beams cast anew in the true scene.
+"""Reported ranges compared with ranges cast in the true scene.
 
-Sweeps from all over the episode and from its end are cast from where the body truly was. A range
-that differs by more than the device's own noise is off; one that is missing is lost.
+Sweeps from the whole episode and from its end are cast from the true poses. A range that differs by
+more than the noise of the device is off; one that is missing is lost.
 """
 
 from __future__ import annotations
@@ -21,43 +21,43 @@ from wayproof.models.sensors.devices import DEVICES, Device, RangeNoise
 Array = NDArray[np.float64]
 
 SWEEPS = 16
-"""Moments that are looked at over the whole episode, and again over its end."""
+"""Number of moments sampled over the whole episode, and again over its end."""
 
 END_S = 3.0
-"""The end of an episode, s."""
+"""Duration of the end of an episode, s."""
 
 BEAMS = 1500
-"""Of one sweep that are cast anew, evenly spread."""
+"""Number of beams of a sweep that are cast, evenly spread."""
 
 SIGMAS = 4.0
 TOLERANCE = 0.03
-"""A range is off if it differs by more than so many standard deviations and this, m."""
+"""Tolerance of a range beyond its standard deviations, m."""
 
 DEPTH_SLANT = 2.0
-"""A depth camera's least range lies farther out along slanted beams, at most by this factor."""
+"""Greatest ratio of range to depth along slanted beams of a depth camera."""
 
 FAR = 0.95
-"""Beyond this share of a device's range its echoes may be lost."""
+"""Fraction of the range of a device beyond which returns may be lost."""
 
 LOST = 0.005
 OFF = 0.1
-"""Shares of lost and of wrong ranges beyond which the ranges lied."""
+"""Fraction of lost or wrong ranges beyond which the sensor is at fault."""
 
 ASSUMED = RangeNoise(sigma=0.03, sigma_proportional=0.01, dropout=0.05)
-"""Of a device that nothing is known of."""
+"""Noise of an unknown device."""
 
 
 @dataclass(frozen=True)
 class RangeFacts:
-    """How the reported ranges compare with those that the true scene gives.
+    """Comparison of reported ranges with true ones.
 
     Attributes:
-        beams: That should have had an echo and were compared.
-        lost: Share of them without one, less the device's own dropout.
-        off: Share of the echoes that differ by more than the device's noise explains.
+        beams: Number of compared beams that should have a return.
+        lost: Fraction of them without one, less the dropout of the device.
+        off: Fraction of returns that differ by more than the noise of the device.
         bias: Median of reported less true range, m.
         blind: Distance below which the map drops every return, m.
-        withheld: Share of the moments at which no sweep of the first sensor arrived.
+        withheld: Fraction of moments without a sweep of the first sensor.
     """
 
     beams: int = 0
@@ -69,7 +69,7 @@ class RangeFacts:
 
     @property
     def lied(self) -> bool:
-        """Whether more echoes are lost or wrong than the device's own errors explain."""
+        """Whether more returns are lost or wrong than the errors of the device explain."""
         return self.lost > LOST or self.off > OFF
 
     def __str__(self) -> str:
@@ -127,7 +127,7 @@ def range_facts(case: Case, until: int) -> RangeFacts:
 
 
 def device_of(case: Case, sensor: str) -> Device | None:
-    """What measured a sensor's sweeps; none if it is not known."""
+    """Return the device of a sensor; None if it is unknown."""
     named = getattr(case.config.sensors, sensor, "")
     if named in DEVICES:
         return DEVICES[named]
@@ -138,7 +138,7 @@ def device_of(case: Case, sensor: str) -> Device | None:
 
 
 def _chosen(case: Case, until: int) -> list[int]:
-    """Moments with sweeps, of the whole time and of its end."""
+    """Return moments with sweeps, of the whole episode and of its end."""
     swept = [k for k in range(until + 1) if case.moments[k].sweeps]
     end_ns = case.moments[until].time_ns - round(END_S * 1e9)
     ending = [k for k in swept if case.moments[k].time_ns >= end_ns]
@@ -153,7 +153,7 @@ def _evenly(count: int, most: int) -> list[int]:
 def _compare(
     case: Case, moment: Moment, beams: Beams, sweep: SweepInput, device: Device | None
 ) -> tuple[Array, Array]:
-    """True distances (n,) of beams that should have an echo, and the reported ones, nan if lost."""
+    """Return true and reported ranges (n,) of beams that should have a return, nan if lost."""
     placed = beams.place(sweep, _true_pose(moment), moment.pose.sequence)
     stride = max(1, len(placed.ranges_mm) // BEAMS)
     some = slice(int(moment.pose.sequence) % stride, None, stride)
@@ -167,14 +167,14 @@ def _compare(
     grazing = device is not None and device.noise.grazing > 0.0
     inside = (true > nearest + TOLERANCE) & (true < FAR * beams.range)
     silent = (ranges == DROPPED) | (ranges == NO_RETURN)
-    if grazing:  # which echoes are lost at grazing angles is the device's own affair
+    if grazing:  # the device itself loses returns at grazing angles
         inside &= ~silent
     reported = np.where(silent, np.nan, ranges / MILLIMETRES)
     return true[inside], reported[inside]
 
 
 def _true_pose(moment: Moment) -> Pose:
-    """Where the body truly was, and its way there as it was believed, moved by the error now."""
+    """Return the true pose, with the estimated history shifted by the current error."""
     pose = moment.inputs.pose
     position, quaternion = moment.true_position, np.array(moment.truth.quaternion)
     trail = pose.trail

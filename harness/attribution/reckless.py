@@ -1,4 +1,4 @@
-"""Stacks that disregard their maps: what a failure of the stack itself looks like."""
+"""Stacks that disregard their maps, as examples of failures of the stack itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wayproof.planners import Disc, PathState, follow_path
 
 
 class Reckless(Navigator):
-    """A stack that goes straight for its goal, whatever its map holds."""
+    """Stack that goes straight to its goal, whatever the map holds."""
 
     def _decide(self, planner_input: PlannerInput) -> FootprintDecision:
         decided = super()._decide(planner_input)
@@ -30,7 +30,7 @@ class Reckless(Navigator):
                 given.limits.speed,
             )
         straight = self._straight
-        # It claims that all of it is admitted, which an audit finds false wherever it is not.
+        # It claims that the whole path is free, which an audit finds false where it is not.
         reason = Reason("path_to_goal", path_m=arc_length(straight.path))
         command = Command("follow", reason, "none", straight, straight.path)
         state = replace(decided.state, trajectory=straight, global_path=straight.path)
@@ -38,7 +38,7 @@ class Reckless(Navigator):
 
 
 class PointSpaces(FreeSpaceBuilder):
-    """Free space for a body without extent."""
+    """Free space of a point body."""
 
     def _threshold(self, circumscribed: bool) -> int:
         return 1
@@ -52,6 +52,6 @@ class PointSpaces(FreeSpaceBuilder):
 
 
 class Uninflated(Navigator):
-    """A stack that takes its body for a point, though it knows its radius."""
+    """Stack that plans for a point, although it knows the radius of its body."""
 
     SPACES = PointSpaces

@@ -1,10 +1,9 @@
-"""The cause of not arriving: whether there was a way in truth, in the map, and for the planner.
+"""Cause of a failure to arrive: was there a path in truth, in the map, and for the planner?
 
-The tests are asked in order, each a question to measured facts, and the first that answers names
-the cause. What would have to change first comes first: a goal that nobody could reach, decisions
-that never took effect, a pose and ranges that lied; only then what follows from them, the map and
-the body. The planner is named where a way lay open to it, and what no test explains is
-unexplained.
+Each test takes measured facts and returns its evidence, or None; the first with evidence names the
+cause. Root causes come first: a goal out of reach, decisions that never took effect, wrong poses
+and ranges; then their consequences, the map and the body. The planner is the cause where a path was
+open to it; what no test explains is `unexplained`.
 """
 
 from __future__ import annotations
@@ -23,47 +22,47 @@ from wayproof.harness.attribution.ways import NO_PATH, MapWays, TrueWays, map_wa
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 
 HALF = 0.5
-"""A share of the last decisions that decides."""
+"""Fraction of the last decisions that is decisive."""
 
 FEW = 0.1
-"""A share of the last decisions that matters."""
+"""Fraction of the last decisions that matters."""
 
 STAYED = 0.3
-"""Less movement than this is none, m."""
+"""Distance up to which a robot counts as standing still, m."""
 
 PROGRESS = 0.5
-"""More of the way than this covered over the last decisions is progress, m."""
+"""Path length covered over the last decisions that counts as progress, m."""
 
 DOUBT = 0.1
-"""By so much at least a margin has to grow with the pose's doubt to be what closes a way, m."""
+"""Growth of the margin with the uncertainty of the pose, from which on it may close a path, m."""
 
 
 @dataclass(frozen=True)
 class StandstillFacts:
-    """What is known of an episode that ended without a contact.
+    """Facts of an episode that ended without a contact.
 
     Attributes:
-        outcome: Of the episode.
-        reason: In words.
-        window: Decisions at the end that are looked at.
-        discarded: Share of them past their deadline.
-        late: Share of the last ten decisions that took effect later than reckoned with.
-        deadline: s.
-        delay: Median of their delays, s.
-        off_path: Share of them with the body farther off its path than the tracking tolerance.
-        worst_off_path: m.
-        left_path: Share of all decisions that stopped because the body had left its path.
-        limit_s: Time limit.
-        claimed: Whether the robot claimed the goal where it was not.
-        doubt: By how much the stated doubt of the pose widens the margin, m.
-        radius: Of the body, m.
-        cell: Edge of the map's cells, m.
-        iterations: Spent by the last search.
-        without_path: Share of all searches that found no path.
-        pose: Its error over the window.
-        ranges: What the sensors reported against the truth.
-        truth: Ways that truly exist.
-        map: Ways that the map had.
+        outcome: Outcome of the episode.
+        reason: Its reason, in words.
+        window: Number of last decisions that are examined.
+        discarded: Fraction of them past their deadline.
+        late: Fraction of the last ten decisions that took effect later than expected.
+        deadline: Deadline, s.
+        delay: Median delay in the window, s.
+        off_path: Fraction of the window with the body off its path beyond the tracking tolerance.
+        worst_off_path: Greatest distance from the path in the window, m.
+        left_path: Fraction of all decisions that stopped because the body had left its path.
+        limit_s: Time limit, s.
+        claimed: Whether the robot claimed to be at a goal where it was not.
+        doubt: Growth of the margin with the stated uncertainty of the pose, m.
+        radius: Radius of the body, m.
+        cell: Edge of the cells of the map, m.
+        iterations: Iterations of the last search.
+        without_path: Fraction of all searches that found no path.
+        pose: Error of the pose over the window.
+        ranges: Reported ranges against the true ones.
+        truth: Paths that truly exist.
+        map: Paths in the map.
     """
 
     outcome: str
@@ -90,7 +89,7 @@ class StandstillFacts:
 
     @property
     def on_its_way(self) -> bool:
-        """Whether the time limit ended a robot that came nearer to its goal."""
+        """Whether the time limit ended a robot that still came nearer to its goal."""
         return self.outcome == "timeout" and self.truth.gained_m > PROGRESS
 
     @property
@@ -100,7 +99,7 @@ class StandstillFacts:
 
 
 def impossible(facts: StandstillFacts) -> str | None:
-    """No way exists for this body and margin, or the shortest one takes longer than the limit."""
+    """No path exists for this body and margin, or the shortest takes longer than the limit."""
     truth = facts.truth
     if not truth.exists and not facts.fell:
         return (
@@ -116,7 +115,7 @@ def impossible(facts: StandstillFacts) -> str | None:
 
 
 def latency(facts: StandstillFacts) -> str | None:
-    """Decisions came past their deadline and were discarded, or sweeps did not come at all."""
+    """Decisions missed their deadline and were discarded, or sweeps did not arrive."""
     if facts.discarded >= HALF:
         return (
             f"{facts.discarded:.0%} of the last {facts.window} decisions took longer than the "
@@ -129,7 +128,7 @@ def latency(facts: StandstillFacts) -> str | None:
 
 
 def localization(facts: StandstillFacts) -> str | None:
-    """The pose was farther off than the margin covers, or so uncertain that the margin closed."""
+    """The pose error exceeds the margin, or its uncertainty widens the margin too much."""
     pose = facts.pose
     if facts.claimed:
         return f"the goal was claimed where it is not: the pose was {pose.at_end:.2f} m off"
@@ -144,7 +143,7 @@ def localization(facts: StandstillFacts) -> str | None:
 
 
 def late_setpoints(facts: StandstillFacts) -> str | None:
-    """The body lost its balance while every trajectory began for it where it no longer was."""
+    """The body fell while trajectories took effect too late and started where it no longer was."""
     if facts.outcome != "fall" or facts.late < HALF:
         return None
     return (
@@ -154,7 +153,7 @@ def late_setpoints(facts: StandstillFacts) -> str | None:
 
 
 def perception(facts: StandstillFacts) -> str | None:
-    """Echoes were lost or wrong, or what is near was never taken in."""
+    """Returns were lost or wrong, or near ones were dropped."""
     if facts.ranges.lied:
         return str(facts.ranges)
     if facts.ranges.blind > facts.radius + BLIND and facts.map.known < HALF and not facts.fell:
@@ -166,21 +165,21 @@ def perception(facts: StandstillFacts) -> str | None:
 
 
 def left_its_path(facts: StandstillFacts) -> str | None:
-    """The body fell, or left the area that every path keeps to."""
+    """The body fell, or left the area of all paths."""
     if not facts.fell:
         return None
     return f"{facts.reason}: no path leads there; last {facts.worst_off_path:.2f} m off its path"
 
 
 def moved_obstacle(facts: StandstillFacts) -> str | None:
-    """What moves stood in the only way."""
+    """A mover blocked the only path."""
     if facts.truth.open_at_end:
         return None
     return "a way exists, but something that moves truly closed it at the end"
 
 
 def just_left(facts: StandstillFacts) -> str | None:
-    """What moves closes the map's only way, or stood there a moment ago; at the end, or often."""
+    """A mover, present or recent, blocks the only path in the map, at the end or often."""
     if facts.on_its_way and facts.without_path >= FEW and facts.map.held_up >= HALF:
         return (
             f"{facts.without_path:.0%} of all searches found no path, and {facts.map.held_up:.0%} "
@@ -192,7 +191,7 @@ def just_left(facts: StandstillFacts) -> str | None:
 
 
 def ghost_obstacle(facts: StandstillFacts) -> str | None:
-    """The way is closed in the map alone, by cells that are truly free."""
+    """The path is blocked only in the map, by cells that are truly free."""
     ways = facts.map
     if ways.passable >= HALF or not ways.ghosts or not ways.without_ghosts:
         return None
@@ -205,7 +204,7 @@ def ghost_obstacle(facts: StandstillFacts) -> str | None:
 
 
 def tracking(facts: StandstillFacts) -> str | None:
-    """The body does not go where its path leads."""
+    """The body does not follow its path."""
     if facts.off_path >= HALF:
         return (
             f"the body was off its path in {facts.off_path:.0%} of the last {facts.window} "
@@ -220,7 +219,7 @@ def tracking(facts: StandstillFacts) -> str | None:
 
 
 def planner(facts: StandstillFacts) -> str | None:
-    """A way lay open in the map, and the search did not find it, or it was not taken."""
+    """A path was open in the map, and the search did not find it, or the stack did not take it."""
     ways = facts.map
     if facts.on_its_way:
         return _too_slow(facts) if ways.passable >= HALF else None
@@ -239,7 +238,7 @@ def planner(facts: StandstillFacts) -> str | None:
 
 
 def too_narrow(facts: StandstillFacts) -> str | None:
-    """A way exists by less than a map of cells can hold open, or there is no room at the start."""
+    """A path exists that is too narrow for the cells of a map, or the start has no room."""
     truth = facts.truth
     if facts.fell or min(truth.widest - 0.5 * facts.cell, truth.at_start) > truth.radius:
         return None
@@ -250,7 +249,7 @@ def too_narrow(facts: StandstillFacts) -> str | None:
 
 
 def _too_slow(facts: StandstillFacts) -> str:
-    """The limit left time for the shortest way, and the map had one; it was not taken in time."""
+    """The limit suffices for the shortest path, and the map had one; it was not taken in time."""
     truth = facts.truth
     return (
         f"the shortest way takes {truth.shortest_s:.1f} s at full speed, the limit was "
@@ -261,7 +260,7 @@ def _too_slow(facts: StandstillFacts) -> str:
 
 
 def unexplained(facts: StandstillFacts) -> str:
-    """Nothing that was measured explains it."""
+    """No measured fact explains the failure."""
     known = "a" if facts.map.known >= HALF else "no"
     return (
         f"pose and ranges were right, a way exists, and the map knew {known} way to it "
@@ -284,11 +283,11 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("planner", planner),
     ("unexplained", unexplained),
 )
-"""In the order in which they are asked."""
+"""Tests in their order, by cause."""
 
 
 def cause_of_standstill(case: Case) -> Finding:
-    """Why the goal was not reached, where nothing was touched."""
+    """Attribute a failure to reach the goal without a contact."""
     facts = standstill_facts(case)
     x, y, z = case.moments[-1].truth.position
     for cause, test in TESTS:
@@ -299,7 +298,7 @@ def cause_of_standstill(case: Case) -> Finding:
 
 
 def standstill_facts(case: Case) -> StandstillFacts:
-    """Measure all that the tests ask for."""
+    """Measure the facts for the tests."""
     last = case.moments[-1]
     window = _window(case)
     numbers = range(len(case.moments) - window, len(case.moments))
@@ -335,16 +334,16 @@ def standstill_facts(case: Case) -> StandstillFacts:
 
 
 def lacks_time(case: Case) -> bool:
-    """Whether the shortest way that is wide enough takes longer than the time limit."""
+    """Return whether the shortest path that is wide enough takes longer than the time limit."""
     last = len(case.moments) - 1
     truth = true_ways(case, case.navigator_at(last), last)
     return truth.exists and truth.shortest_s > case.config.episode.time_limit
 
 
 def _window(case: Case) -> int:
-    """Decisions at the end that fit into `episode.stuck_after`, at least one.
+    """Return the number of last decisions within `episode.stuck_after`, at least one.
 
-    A robot that gave up did so where it stood, so no more than since it came there, or of a second.
+    For a robot that gave up, no more than since it came to rest, or within one second.
     """
     period = max(1e-9, case.moments[-1].time_ns * 1e-9 / max(len(case.moments) - 1, 1))
     window = round(case.config.episode.stuck_after / period)
@@ -354,7 +353,7 @@ def _window(case: Case) -> int:
 
 
 def _since(case: Case) -> int:
-    """Number of the decision from which on the robot stayed where it was at the end."""
+    """Return the number of the decision since which the robot stood still."""
     places = np.array([moment.true_position for moment in case.moments])
     away = np.flatnonzero(np.linalg.norm(places - places[-1], axis=1) > STAYED)
     return int(away[-1]) + 1 if len(away) else 0

@@ -1,4 +1,4 @@
-"""What truly is where: the scene of a log, its movers placed as the truth says, to be measured."""
+"""True geometry of a log: its scene with the movers placed, for distances and rays."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Array = NDArray[np.float64]
 FLOOR = CLASSES.index("floor")
 PROBE = "wayproof_probe"
 FARTHEST = 2.0
-"""Distances are told up to this, m."""
+"""Greatest distance that is measured, m."""
 
 
 class TrueSpace:
-    """The geometry of one scene, for scoring alone; the stack never sees it."""
+    """True geometry of one scene, for scoring; the stack never reads it."""
 
     def __init__(self, mjcf: str) -> None:
-        """Compile a flattened scene, with a point to measure from.
+        """Compile a flattened scene, with a point body for measurements.
 
         Raises:
-            ValueError: It is no scene.
+            ValueError: It is no valid scene.
         """
         spec = mujoco.MjSpec.from_string(mjcf)
         probe = spec.worldbody.add_body(name=PROBE, mocap=True)
@@ -51,7 +51,7 @@ class TrueSpace:
         mujoco.mj_kinematics(model, self._data)
 
     def place_movers(self, truth: pb.Truth, present: bool = True) -> None:
-        """Put what moves where a truth says, or, for none of it, out of the way."""
+        """Place the movers as in a truth; with `present` False move all away."""
         for mover in truth.movers:
             mocap = int(self._model.body(mover.name).mocapid[0])
             here = present and mover.present
@@ -60,41 +60,41 @@ class TrueSpace:
         mujoco.mj_kinematics(self._model, self._data)
 
     def place_robot(self, position: Array, quaternion: Array) -> None:
-        """Put the robot's base at a pose, its joints as at rest: (3,) m, (4,) w x y z."""
+        """Place the base of the robot, (3,) m, (4,) w x y z, with its joints at rest."""
         self._data.qpos[self._base : self._base + 7] = [*position, *quaternion]
         mujoco.mj_kinematics(self._model, self._data)
 
     def distance(self, point: Array) -> tuple[float, str]:
-        """From a point (3,) to the nearest thing, the floor too: m, negative inside; its name."""
+        """Return the distance from a point (3,) to the nearest geom, m, and its name."""
         self._data.geom_xpos[self._probe] = point
         return self._nearest([self._probe], np.concatenate([self._obstacles, self._floor]))
 
     def distance_to(self, point: Array, name: str) -> float:
-        """From a point (3,) to one obstacle, m, at most `FARTHEST`."""
+        """Return the distance of a point (3,) to an obstacle, m, at most `FARTHEST`."""
         self._data.geom_xpos[self._probe] = point
         return self._nearest([self._probe], self._named(name))[0]
 
     def body_clearance(self, name: str = "") -> float:
-        """From the robot where it was placed to one obstacle, or the nearest one, m."""
+        """Return the distance of the placed robot to an obstacle, or the nearest one, m."""
         return self._nearest(self._robot, self._named(name) if name else self._obstacles)[0]
 
     def body_contact(self) -> tuple[Array, str]:
-        """The point of an obstacle (3,) that is nearest to the robot, and its name."""
+        """Return the point (3,) of an obstacle nearest to the robot, and its name."""
         distance, name = self._nearest(self._robot, self._obstacles)
         del distance
         return self._touch.copy(), name
 
     def moves(self, name: str) -> bool:
-        """Whether a named obstacle moves by itself."""
+        """Return whether a named obstacle is a mover."""
         return bool(name) and any(self._moves[geom] for geom in self._named(name))
 
     def cast(self, origins: Array, directions: Array) -> Array:
-        """What beams meet, by MuJoCo's own rays: distances (n,), m, -1 for nothing.
+        """Cast rays with MuJoCo; return distances (n,), m, -1 without a hit.
 
-        As for a sensor, the robot itself is not met, nor what is transparent.
+        As for a sensor, the robot itself and transparent geoms are not hit.
 
         Args:
-            origins: (3,) of all, or (n, 3), m.
+            origins: (3,) for all, or (n, 3), m.
             directions: (n, 3) unit vectors.
         """
         distances = np.empty(len(directions))
@@ -115,13 +115,13 @@ class TrueSpace:
     def occupied(
         self, origin: Array, shape: tuple[int, int, int], size: float, moving: bool = False
     ) -> NDArray[np.bool_]:
-        """Which cells of a grid overlap an obstacle, or one that moves by itself.
+        """Return which cells of a grid overlap an obstacle.
 
         Args:
             origin: Corner of the grid, (3,) m.
             shape: (nx, ny, nz).
             size: Edge of a cell, m.
-            moving: What stays is left out.
+            moving: Whether only movers count.
         """
         grid = np.zeros(shape, np.bool_)
         for geom in self._obstacles:
@@ -134,7 +134,7 @@ class TrueSpace:
         return grid
 
     def borne(self, points: Array) -> NDArray[np.bool_]:
-        """Whether a floor is within 5 cm below points (n, 3): (n,)."""
+        """Return whether a floor is within 5 cm below points (n, 3): (n,)."""
         held = np.zeros(len(points), np.bool_)
         for geom in self._floor:
             if self._model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
@@ -143,12 +143,12 @@ class TrueSpace:
         return held
 
     def _named(self, name: str) -> NDArray[np.int64]:
-        """Geoms of a body or geom name."""
+        """Return the geoms of a body or geom by name."""
         own = [g for g in self._obstacles if self._name(int(g)) == name]
         return np.array(own if own else self._obstacles)
 
     def _name(self, geom: int) -> str:
-        """A mover is known by its body, all else by its geom."""
+        """Return the name: of the body of a mover, of the geom of anything else."""
         if self._moves[geom]:
             return str(self._model.body(self._model.geom_bodyid[geom]).name)
         return str(self._model.geom(geom).name) or f"geom {geom}"
@@ -169,7 +169,7 @@ class TrueSpace:
         return least, name
 
     def _gap(self, one: int, other: int) -> float:
-        """Least distance that bounding spheres allow."""
+        """Return a lower bound of the distance between two geoms, from their bounding spheres."""
         model, data = self._model, self._data
         if model.geom_type[other] == mujoco.mjtGeom.mjGEOM_PLANE:
             return -np.inf
@@ -179,7 +179,7 @@ class TrueSpace:
     def _window(
         self, geom: int, origin: Array, shape: tuple[int, int, int], size: float
     ) -> tuple[tuple[slice, ...], Array]:
-        """The part of a grid about a geom's bounding box, and the centres of its cells (n, 3)."""
+        """Return the part of a grid in the bounding box of a geom, and its cell centres (n, 3)."""
         model, data = self._model, self._data
         R = data.geom_xmat[geom].reshape(3, 3)
         middle = data.geom_xpos[geom] + R @ model.geom_aabb[geom, :3]
@@ -191,7 +191,7 @@ class TrueSpace:
         return window, origin + (cells.reshape(-1, 3) + 0.5) * size
 
     def _distances(self, geom: int, points: Array) -> Array:
-        """From points (n, 3) to a geom, m: (n,); not above 0 inside."""
+        """Return the distances (n,) of points (n, 3) to a geom, m; at most 0 inside."""
         model, data = self._model, self._data
         kind, size = int(model.geom_type[geom]), model.geom_size[geom]
         local = (points - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
@@ -232,4 +232,5 @@ PRIMITIVES = {
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): _capsule,
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): _cylinder,
 }
-"""Distances (n,) from points (n, 3) in a geom's frame; other sorts are measured by MuJoCo."""
+"""Distance functions by geom type: points (n, 3) in the frame of the geom give (n,), m. MuJoCo
+measures other types."""

@@ -1,4 +1,4 @@
-"""Which ways to the goal exist: in truth, with what moves, and in the map."""
+"""Paths to the goal: in truth, with movers, and in the map."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ NO_PATH = "no_path"
 """Label of a decision whose search found no path."""
 
 LOOKS = 5
-"""Decisions at the end whose maps are searched for ways."""
+"""Number of last decisions whose maps are searched for paths."""
 
 
 @dataclass(frozen=True)
 class TrueWays:
-    """Which ways truly exist.
+    """Paths that truly exist.
 
     Attributes:
-        radius: That a way has to be wide for, half of it, with a pose that is certain, m.
-        widest: Of the ways without what moves, m; 0 if there is none.
-        exists: Whether there is one for this body and margin.
-        open_at_end: Whether there is with the movers as they are at the end.
-        at_start: Distance from the start to what stands about it, m.
-        shortest_s: Least time for the shortest of them from rest to rest; 0 unless time ran out.
-        left_m: Way left when time ran out; infinite if none leads on.
-        gained_m: Way that was covered over the last decisions.
+        radius: Half the width that a path needs with a certain pose, m.
+        widest: Half the width of the widest path without movers, m; 0 without one.
+        exists: Whether a path exists for this body and margin.
+        open_at_end: Whether one exists with the movers as they are at the end.
+        at_start: Distance from the start to the nearest obstacle, m.
+        shortest_s: Least time along the shortest path from rest to rest, s; 0 unless time ran out.
+        left_m: Remaining path length when time ran out, m; inf without a path.
+        gained_m: Path length covered over the last decisions, m.
     """
 
     radius: float
@@ -60,23 +60,23 @@ class TrueWays:
 
 @dataclass(frozen=True)
 class MapWays:
-    """Which ways the map had over the last decisions.
+    """Paths in the map over the last decisions.
 
     Attributes:
-        known: Share of the decisions with a way through what was known to be free.
-        passable: Share with a way through what was not occupied.
-        in_vain: Share for which a search found no path.
-        not_found: Of these, the share that had a way through what was not occupied.
-        certain: Share with a way through what was not occupied if the pose had been certain.
-        ghosts: Cells mapped occupied at the end that are truly free, and not only just left.
-        holes: Of these, columns of a walking robot that are forbidden because the map holds what
-            lies under their floor for free.
-        ghost: Centre of the one nearest to the robot, m.
-        without_ghosts: Whether there is a way at the end without them.
-        without_movers: Whether there is one without what moves, and what it left just now.
-        held_up: Of all searches that found no path, the share whose map had a way without what
-            moved there; 0 unless time ran out.
-        unknown: Share of the map's cells in the plane or space of motion that are unknown.
+        known: Fraction of decisions with a path through known free space.
+        passable: Fraction with a path through space that is not occupied.
+        in_vain: Fraction whose search found no path.
+        not_found: Fraction of these with a path through space that is not occupied.
+        certain: Fraction with a path through space that is not occupied if the pose were certain.
+        ghosts: Number of cells mapped occupied at the end that are truly free, recent movers apart.
+        holes: Number of these that are columns forbidden because the map has a free cell below
+            the floor.
+        ghost: Centre of the ghost nearest to the robot, m.
+        without_ghosts: Whether a path exists at the end without ghosts.
+        without_movers: Whether one exists without present and recent movers.
+        held_up: Fraction of all searches without a path whose map had one without movers; 0 unless
+            time ran out.
+        unknown: Fraction of the cells in the plane or space of motion that are unknown.
     """
 
     known: float
@@ -94,7 +94,7 @@ class MapWays:
 
 
 def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
-    """Search the true scene in cells of the map; progress counts from a decision on."""
+    """Search the true scene on the grid of the map; progress counts from a decision on."""
     costmap, last = navigator.costmap, case.moments[-1]
     size, radius = costmap.resolution, certain_radius(case, navigator)
     goal, reach = goal_of(case, navigator)
@@ -105,7 +105,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     gaps = clearances(true_occupancy(case, navigator), size)
     exists = joined(still > radius, start, goal, reach)
     lengths = np.full(still.shape, np.inf)
-    if exists and case.outcome == "timeout":  # of no other outcome does time decide
+    if exists and case.outcome == "timeout":  # time decides no other outcome
         lengths = distances_from(still > radius, goal, reach, size) / DETOUR[case.axes]
     here = cell_of(navigator, last.true_position)
     left = _nearby(lengths, here, reach)
@@ -124,7 +124,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
 
 @dataclass(frozen=True)
 class _Look:
-    """Which ways one decision's map had."""
+    """Paths in the map of one decision."""
 
     known: bool
     passable: bool
@@ -132,7 +132,7 @@ class _Look:
 
 
 def map_ways(case: Case, since: int) -> tuple[MapWays, Navigator]:
-    """Search the maps of some decisions from one on, and return the last one's stack."""
+    """Search the maps of some decisions from one on; return also the stack of the last one."""
     numbers = range(since, len(case.moments))
     ever = [k for k, one in enumerate(case.moments) if one.decision.label == NO_PATH]
     in_vain = [k for k in ever if k >= since]
@@ -174,22 +174,22 @@ def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:
 
 
 def certain_radius(case: Case, navigator: Navigator) -> float:
-    """The inflation radius of the last decision without what the pose's stated doubt adds, m.
+    """Return the inflation radius of the last decision for a certain pose, m.
 
-    A doubt that is usual is part of the margin.
+    A usual uncertainty is part of the margin.
     """
     doubt = MARGIN_SIGMAS * case.moments[-1].decision.position_sigma
     return navigator.costmap.inflation_radius - max(doubt - USUAL_DOUBT, 0.0)
 
 
 USUAL_DOUBT = 0.05
-"""Of a localized pose: what is beyond it, the margin grows by because the pose is uncertain, m."""
+"""Usual uncertainty of a localized pose, m; any beyond it widens the margin."""
 
 
 def rest_to_rest(length: float, mission: Mission) -> float:
-    """Least time for a way from rest to rest at a mission's speed and acceleration, s.
+    """Return the least time for a path from rest to rest at maximum speed and acceleration, s.
 
-    Nothing is added for jerk, turns or bends, so no robot of that speed takes less.
+    Jerk, turns and bends would add to it.
     L / v + v / a where the speed is reached, and 2 sqrt(L / a) where it is not.
     """
     v, a = mission.max_speed, mission.max_acceleration
@@ -201,21 +201,21 @@ def rest_to_rest(length: float, mission: Mission) -> float:
 
 
 def _nearby(lengths: Array, cell: tuple[int, ...], reach: int) -> float:
-    """The least of a cell's surroundings."""
+    """Return the least value in the surroundings of a cell."""
     about = tuple(slice(max(c - reach, 0), c + reach + 1) for c in cell)
     return float(lengths[about].min())
 
 
 def _evenly(numbers: Sequence[int]) -> list[int]:
-    """`LOOKS` of some numbers, or all of them."""
+    """Return `LOOKS` of some numbers, evenly spread, or all of them."""
     if len(numbers) <= LOOKS:
         return list(numbers)
     return [numbers[int(k)] for k in np.linspace(0, len(numbers) - 1, LOOKS)]
 
 
 def _maps(case: Case, wanted: set[int]) -> Iterator[tuple[int, Navigator]]:
-    """The stack as it was at some decisions."""
-    stack = SegmentedStack(case.runs)
+    """Yield a stack in the state of each of some decisions."""
+    stack = SegmentedStack(case.segments)
     for number, moment in enumerate(case.moments):
         stack.watch(moment.inputs)
         if number in wanted:

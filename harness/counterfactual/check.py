@@ -1,9 +1,9 @@
-"""The counterfactual check: one thing put right; does the failure go away?
+"""Counterfactual check of a cause: does the failure go away with one thing put right?
 
-A control goes on with nothing changed and has to fail again, or else the check says nothing. Then
-one thing at a time is put right. What ended in a contact or a fall goes on from a second before its
-last chance, and only where nothing saves it there, from the start; what ran out of time or got
-stuck is run again from the start. Where the check was run, its answer decides the cause.
+A control without a change must fail again, or the check is inconclusive. Then one remedy at a time
+is tried. A contact or a fall is simulated from one second before its last chance, and if nothing
+helps there, from the start; an episode that ran out of time or got stuck is simulated from the
+start. The answer of the check decides the cause.
 """
 
 from __future__ import annotations
@@ -20,44 +20,41 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log
 
 MORE_TIME = 5.0
-"""How long an episode may go on after the contact that it ended with, s."""
+"""Time that an episode may continue beyond its contact, s."""
 
 BEFORE = 1.0
-"""Before a contact things are put right so long before the last chance, s: it takes a moment."""
+"""Time before the last chance at which a remedy begins, s: it needs time to take effect."""
 
 CONTROL = "control"
 
 HARM = ("collision", "fall", "out_of_bounds", "error")
 
 SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking")
-"""Causes that facts show and that no remedy has to take away: what is missing may not be there to
-be put right."""
+"""Causes that facts alone establish: what is missing may be impossible to put right."""
 
 HELPS_ALWAYS = "true_map"
-"""Who knows all that stands about, as no sensor tells it, may do without much else."""
+"""Remedy that helps after many causes: complete knowledge, which no sensor gives."""
 
 ONLY_AFTER = {"more_time": ("timeout",)}
-"""Remedies that make no difference after other outcomes."""
+"""Remedies that only make a difference after these outcomes."""
 
 ONLY_SHOWN = ("more_time",)
-"""Remedies that bear out a cause only where its own test holds: with time enough, even a poor
-planner arrives."""
+"""Remedies that confirm a cause only if its own test holds: given time, any planner arrives."""
 
 LACKING = {True: "no_margin", False: "more_time"}
-"""Of what is impossible for want of time, or else of space: the remedy that says nothing of it."""
+"""Remedy that does not apply to `impossible`, by whether time is lacking, or else space."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """What one change would have done.
+    """Outcome of one remedy.
 
     Attributes:
-        remedy: Which, one of `REMEDIES`, or the control.
+        remedy: One of `REMEDIES`, or the control.
         begin: Number of the first decision with it.
-        outcome: Of the episode with it.
-        end_s: When that ended, in simulated time.
-        saves: Whether the robot came to the goal; or, where it had touched something or fallen, to
-            no harm.
+        outcome: Outcome of the episode with it.
+        end_s: Simulated time of its end, s.
+        saves: Whether the robot reached the goal or, after a contact or a fall, came to no harm.
     """
 
     remedy: str
@@ -69,13 +66,13 @@ class Check:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The cause of a failure after its check.
+    """Cause of a failure after its check.
 
     Attributes:
-        finding: What the check leaves of the cause.
+        finding: The cause.
         answer: `confirmed`, `changed` or `inconclusive`.
-        checks: All that was tried.
-        simulated_s: Simulated time that it took, s.
+        checks: All remedies that were tried.
+        simulated_s: Simulated time of the check, s.
     """
 
     finding: Finding
@@ -94,14 +91,14 @@ def check(
     """Try remedies for a failure, and settle its cause.
 
     Args:
-        log: Of the failure.
-        finding: Its cause by the tests of facts.
-        remedies: Of `REMEDIES`; all if none are named.
-        thorough: Try all of them; otherwise no more once one bears the cause out.
-        most_s: No other remedy is begun after so much simulated time.
+        log: Log of the failure.
+        finding: Its attributed cause.
+        remedies: Names in `REMEDIES`; all by default.
+        thorough: Whether to try all of them, or stop at the first that confirms the cause.
+        most_s: Simulated time after which no other remedy is begun, s.
 
     Raises:
-        InputError: The log keeps no state there, or does not replay.
+        InputError: The log has no state there, or does not replay.
     """
     if log.config.stack.name != BUILTIN:
         raise InputError(
@@ -135,11 +132,11 @@ def check(
 
 
 def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
-    """The cause that the answers of a check leave, and what they did to the one that was found.
+    """Return the cause that the checks leave, and the answer.
 
-    If a remedy of the cause saves the robot, it is confirmed. If only others do, the first of
-    their causes in the order of `CAUSES` takes its place, a true map's if nothing else saves it.
-    If nothing saves it, only a cause that its own test shows stands; any other is unexplained.
+    If a remedy of the cause saves the robot, the cause is confirmed. If only others do, it is
+    replaced by the first of their causes in the order of `CAUSES`, that of a true map last. If
+    none does, only a cause that facts alone establish stands; any other becomes `unexplained`.
     """
     if any(one.remedy == CONTROL and one.saves for one in checks):
         return finding, "inconclusive"
@@ -165,21 +162,21 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
 
 
 def _in_order(case: Case, cause: str) -> list[str]:
-    """Remedies that can bear something out, those of a cause first and a true map last."""
+    """Return the remedies that apply, those of a cause first and a true map last."""
     names = [name for name in REMEDIES if case.outcome in ONLY_AFTER.get(name, (case.outcome,))]
     names = [name for name in names if _bears_out(name, cause) and _differs(name, case)]
     return sorted(names, key=lambda name: (cause not in REMEDIES[name][1], name == HELPS_ALWAYS))
 
 
 def _differs(remedy: str, case: Case) -> bool:
-    """Whether there is anything for a remedy to put right."""
+    """Return whether a remedy changes anything in a case."""
     if remedy == "no_movers":
         return any(moment.truth.movers for moment in case.moments[:1])
     return remedy != "forbidden_unknown" or case.config.costmap.unknown_policy != "forbid"
 
 
 def _led_to(remedy: str, checks: Sequence[Check]) -> str:
-    """The cause that a remedy points to where the facts gave another one."""
+    """Return the cause that a remedy indicates."""
     if remedy != HELPS_ALWAYS:
         return REMEDIES[remedy][1][0]
     touched = any(one.remedy == CONTROL and one.outcome == "collision" for one in checks)
@@ -187,12 +184,12 @@ def _led_to(remedy: str, checks: Sequence[Check]) -> str:
 
 
 def _bears_out(remedy: str, cause: str) -> bool:
-    """Whether a remedy that saves the robot says anything where the facts gave this cause."""
+    """Return whether a remedy that saves the robot confirms a cause."""
     return remedy not in ONLY_SHOWN or cause in REMEDIES[remedy][1]
 
 
 def _begins(case: Case, finding: Finding) -> Iterator[int]:
-    """Decisions from which on things are put right, one after the other until something saves."""
+    """Yield the decisions at which remedies begin, in turn until one saves the robot."""
     if case.outcome in ("collision", "fall", "out_of_bounds"):
         before_ns = case.moments[finding.decision].time_ns - round(BEFORE * 1e9)
         at = sum(moment.time_ns < before_ns for moment in case.moments)
@@ -202,7 +199,7 @@ def _begins(case: Case, finding: Finding) -> Iterator[int]:
 
 
 def _try(log: Log, case: Case, finding: Finding, name: str, begin: int) -> tuple[Check, float]:
-    """One remedy from a decision on, or from the start for those that need it; simulated s."""
+    """Try one remedy from a decision on, or from the start; return also the simulated time, s."""
     touched = case.outcome in ("collision", "fall", "out_of_bounds")
     if name in FROM_THE_START:
         begin = 0
@@ -216,20 +213,16 @@ def _try(log: Log, case: Case, finding: Finding, name: str, begin: int) -> tuple
 
 
 FROM_THE_START = ("true_pose", "true_ranges")
-"""What lied had lied before, and the map and the body's way follow from it."""
+"""Remedies that begin at the start: wrong data before has shaped the map and the path."""
 
 
 def checkable(log: Log) -> bool:
-    """Whether a log holds what a check needs: a failure, its sweeps and its states."""
+    """Return whether a log has what a check needs: a failure, sweeps and states."""
     return log.result["outcome"] not in ("success", "error") and log.record != "decisions"
 
 
 def refuse_success(log: Log) -> None:
-    """Refuse a log that there is nothing to check in.
-
-    Raises:
-        InputError: It is one of a success.
-    """
+    """Raise an InputError if a log is that of a success."""
     if not checkable(log):
         raise InputError(
             f"log '{log.path}': {log.result['outcome']}, expected a failure, recorded in full"

@@ -1,4 +1,4 @@
-"""The verdict of a check in the log that it is of, so that whoever reads the log finds both."""
+"""Verdict of a counterfactual check, written into the log of the failure and read back."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from wayproof.harness.log.reader import CHECK, Log, open_log, read_head
 
 
 def record_check(path: Path, verdict: Verdict) -> None:
-    """Write a verdict into a finished log, in its place; everything else stays as it was.
+    """Write a verdict into a finished log in place; everything else stays the same.
 
     Raises:
         InputError: It is no finished log, or the folder cannot be written to.
@@ -39,10 +39,10 @@ def record_check(path: Path, verdict: Verdict) -> None:
 
 
 def read_check(log: Log) -> Verdict | None:
-    """The verdict that a log holds, or none.
+    """Return the verdict in a log, or None.
 
     Raises:
-        InputError: What it holds there is no verdict.
+        InputError: It is malformed.
     """
     if not log.check:
         return None

@@ -1,4 +1,4 @@
-"""Movers as a log recorded them: for worlds that neither a name nor a config makes again."""
+"""Movers as recorded in a log, for worlds that cannot be generated again."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from wayproof.models.worlds import Mover, Sphere
 from wayproof.models.worlds.movers import Place
 
 NEVER = 1e9
-"""When a mover appears that did not before the log ended, s."""
+"""Time of appearance of a mover that never appeared in the log, s."""
 
 ONWARD = 10.0
-"""What was going when the log ended goes on for so long as it went last, s."""
+"""Time for which a mover continues at its last velocity after the log ends, s."""
 
 POINT = Sphere((0.0, 0.0, 0.0), 1e-3, "recorded")
-"""In place of a body: the scene has it, and what was recorded stops for nobody."""
+"""Placeholder of the body, which the scene has; a recorded mover stops for nothing."""
 
 
 @dataclass(frozen=True)
 class RecordedMover(Mover):
-    """A mover that goes where it was seen, and a while beyond.
+    """Mover along its recorded poses, and a while beyond.
 
     Attributes:
-        clock: (n,) how long it had been going at each sighting, ns.
+        clock: (n,) time in motion at each recorded pose, ns.
         poses: (n, 4) x, y, z in m and its yaw, unwrapped, in rad.
     """
 
@@ -36,7 +36,7 @@ class RecordedMover(Mover):
     poses: tuple[tuple[float, float, float, float], ...] = ()
 
     def place(self, moving_ns: int) -> Place:
-        """Where it was after going, not standing, for so many nanoseconds."""
+        """Return its place after a time in motion, ns."""
         x, y, z, yaw = (
             float(np.interp(moving_ns, self.clock, one)) for one in zip(*self.poses, strict=True)
         )
@@ -44,7 +44,7 @@ class RecordedMover(Mover):
 
 
 def with_recorded_movers(scenario: Scenario, case: Case) -> Scenario:
-    """The scenario with all that moved in the log; what its world does not have, as recorded."""
+    """Return the scenario with all movers of the log; those that its world lacks as recorded."""
     known = {mover.name: mover for mover in scenario.world.movers}
     names = [mover.name for mover in case.moments[0].truth.movers]
     if set(names) <= set(known):
@@ -54,7 +54,7 @@ def with_recorded_movers(scenario: Scenario, case: Case) -> Scenario:
 
 
 def _recorded(moments: Sequence[Moment], number: int) -> RecordedMover:
-    """One mover of a log, by its place in every truth."""
+    """Return one mover of a log, by its index in every truth."""
     seen = [moment.truth.movers[number] for moment in moments]
     times = np.array([moment.time_ns for moment in moments])
     rows = np.array([[*one.position, yaw_of(one.quaternion)] for one in seen])
@@ -81,5 +81,5 @@ def _recorded(moments: Sequence[Moment], number: int) -> RecordedMover:
 
 
 def _seconds(times: np.ndarray, number: int) -> float:
-    """Time of a decision, s; beyond the last one never."""
+    """Return the time of a decision, s; `NEVER` beyond the last one."""
     return float(times[number]) * 1e-9 if number < len(times) else inf

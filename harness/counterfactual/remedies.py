@@ -1,4 +1,4 @@
-"""Going on with one thing put right: what each remedy changes, and from which decision on."""
+"""Remedies: simulations resumed from a decision with one thing put right."""
 
 from __future__ import annotations
 
@@ -38,41 +38,41 @@ from wayproof.planners import PlannerConfig
 Array = NDArray[np.float64]
 
 MOST = 100_000
-"""No episode has more decisions after its last chance."""
+"""Bound of the number of decisions after a last chance."""
 
 MARGIN_FACTOR, MARGIN_MORE = 2.0, 0.2
-"""A larger margin is so many times the old one, and so much more, m."""
+"""Factor, and addition, m, that make a larger margin."""
 
 MORE_SEARCH = 20_000
 """Iterations of a search that does not give up early."""
 
 MORE_LIMIT = 4.0
-"""A longer limit is so many times the old one."""
+"""Factor of a longer time limit."""
 
 STEP = 6.0
-"""Log-odds that one mark carries a cell by, from either clamp across the middle."""
+"""Log-odds of one mark, from either clamp across the middle."""
 
 NEVER = 1e9
-"""A mover that appears at this time does not, s."""
+"""Time of appearance of a mover that never appears, s."""
 
 ERRORS = {one.name for one in fields(OdometryConfig)} - {"rate", "correlation_time"}
 EXACT = OdometryConfig(**dict.fromkeys(ERRORS, 0.0))
 
 
 Movers = Callable[[], Sequence[MoverState]]
-"""Where all that moves is at the time of asking."""
+"""Function that returns the current states of all movers."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a remedy puts right.
+    """Change by a remedy.
 
     Attributes:
-        config: The settings with it.
-        scenario: Changes the simulation; nothing by default.
-        stack: Changes the stack, which may ask where all that moves is; nothing by default.
-        forget: Parts of the simulator's state that begin anew.
-        at_once: Decisions take effect at once, whatever they took in the log.
+        config: Settings with the remedy.
+        scenario: Change of the simulation; by default none.
+        stack: Change of the stack, given the states of all movers; by default none.
+        forget: Parts of the state of the simulator that are reset.
+        at_once: Whether decisions take effect at once, whatever their delay in the log.
     """
 
     config: Config
@@ -83,18 +83,18 @@ class Change:
 
 
 def nothing(log: Log, case: Case) -> Change:
-    """The control: the episode goes on as it did."""
+    """Control: the episode continues unchanged."""
     return Change(log.config)
 
 
 def true_pose(log: Log, case: Case) -> Change:
-    """The pose has no error."""
+    """Poses without error."""
     config = replace(log.config, odometry=replace(EXACT, rate=log.config.odometry.rate))
     return Change(_unperturbed(config, "pose"), forget=("estimate",))
 
 
 def true_ranges(log: Log, case: Case) -> Change:
-    """Every sensor measures without an error, as near as it may be, and the map takes all of it."""
+    """Sensors without errors and without a minimum range, whose returns all enter the map."""
     config = replace(log.config, map=replace(log.config.map, minimum_range=0.0))
 
     def exact(scenario: Scenario) -> Scenario:
@@ -111,7 +111,7 @@ def true_ranges(log: Log, case: Case) -> Change:
 
 
 def true_map(log: Log, case: Case) -> Change:
-    """Every cell is marked as it truly is, at each decision."""
+    """Every cell of the map set to its true state at each decision."""
     marks: list[TrueCells] = []
 
     def inform(navigator: Navigator, movers: Movers) -> None:
@@ -131,19 +131,19 @@ def true_map(log: Log, case: Case) -> Change:
 
 
 def forbidden_unknown(log: Log, case: Case) -> Change:
-    """Unknown space is not entered."""
+    """Unknown space forbidden."""
     return Change(replace(log.config, costmap=replace(log.config.costmap, unknown_policy="forbid")))
 
 
 def larger_margin(log: Log, case: Case) -> Change:
-    """More distance from everything."""
+    """A larger margin."""
     old = log.config.costmap
     margin = MARGIN_FACTOR * old.localization_margin + MARGIN_MORE
     return Change(replace(log.config, costmap=replace(old, localization_margin=margin)))
 
 
 def no_movers(log: Log, case: Case) -> Change:
-    """Nothing moves by itself, for all that moves is gone."""
+    """No movers."""
 
     def still(scenario: Scenario) -> Scenario:
         gone = tuple(
@@ -155,7 +155,7 @@ def no_movers(log: Log, case: Case) -> Change:
 
 
 def perfect_tracking(log: Log, case: Case) -> Change:
-    """The body is wherever its setpoints are, at rest in its joints and upright."""
+    """Body exactly at its setpoints, upright and with its joints at rest."""
 
     def carried(scenario: Scenario) -> Scenario:
         scene = scenario.scene
@@ -169,7 +169,7 @@ def perfect_tracking(log: Log, case: Case) -> Change:
 
 
 def no_delay(log: Log, case: Case) -> Change:
-    """Decisions take effect as they are made, and every sweep arrives."""
+    """No delays, and every sweep arrives."""
     deadline = log.config.latency.deadline
     latency = LatencyConfig(sense=0.0, map=0.0, plan=0.0, deadline=deadline)
     config = _unperturbed(replace(log.config, latency=latency), "delay", "arrivals")
@@ -177,17 +177,17 @@ def no_delay(log: Log, case: Case) -> Change:
 
 
 def more_search(log: Log, case: Case) -> Change:
-    """The default planner, with many more iterations than it needs."""
+    """Default planner with many more iterations than it needs."""
     return Change(replace(log.config, planner=PlannerConfig(iterations=MORE_SEARCH)))
 
 
 def no_margin(log: Log, case: Case) -> Change:
-    """The body may pass wherever it fits."""
+    """No margin: the body may pass wherever it fits."""
     return Change(replace(log.config, costmap=replace(log.config.costmap, localization_margin=0.0)))
 
 
 def more_time(log: Log, case: Case) -> Change:
-    """The time limit is several times as long."""
+    """A time limit several times as long."""
     old = log.config.episode
     limit = min(MORE_LIMIT * old.time_limit + 30.0, 3600.0)
     return Change(replace(log.config, episode=replace(old, time_limit=limit)))
@@ -211,11 +211,11 @@ REMEDIES: dict[str, tuple[Remedy, tuple[str, ...]]] = {
     "no_margin": (no_margin, ("impossible",)),
     "more_time": (more_time, ("impossible",)),
 }
-"""What is put right, one thing at a time, and the causes that it bears out if it saves."""
+"""Remedies by name, each with the causes that it confirms if it saves the robot."""
 
 
 def go_on(log: Log, case: Case, change: Change, at: int, limit_s: float) -> Result:
-    """Simulate on from a decision with a change, up to a time."""
+    """Resume the simulation at a decision with a change, up to a time, s."""
     config = change.config
     if config.episode.time_limit == log.config.episode.time_limit:
         config = replace(config, episode=replace(config.episode, time_limit=limit_s))
@@ -225,7 +225,7 @@ def go_on(log: Log, case: Case, change: Change, at: int, limit_s: float) -> Resu
     with tempfile.TemporaryDirectory() as folder:
         head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
         with LogWriter(Path(folder) / "check.mcap", *head) as writer:
-            writer.record = "decisions"  # nobody reads it
+            writer.record = "decisions"  # it is discarded
             episode = Episode(scenario, past.navigator, writer)
             traffic = episode.parts.get("traffic")
             change.stack(past.navigator, traffic.states if isinstance(traffic, Traffic) else list)
@@ -238,31 +238,31 @@ def go_on(log: Log, case: Case, change: Change, at: int, limit_s: float) -> Resu
 
 
 def _delays(case: Case) -> dict[int, float]:
-    """Those of the log, and after its end their median."""
+    """Return the delays of the log, and their median after its end."""
     delays = [one.latency.delay_s for one in case.moments]
     after = dict.fromkeys(range(len(delays), MOST), float(np.median(delays)))
     return {**dict(enumerate(delays)), **after}
 
 
 def _unperturbed(config: Config, *changes: Changes) -> Config:
-    """The settings without a perturbation that changes one of these."""
+    """Return the settings without a perturbation that changes one of these."""
     if config.perturbation is None or config.perturbation.changes not in changes:
         return config
     return replace(config, perturbation=None)
 
 
 def _exact(mount: Mount) -> Mount:
-    """A mount with a device that makes no error."""
+    """Return a mount with a device without errors."""
     device = mount.device
     exact = replace(device, noise=RangeNoise(), minimum_range=0.0, no_return_is_free=True)
     return replace(mount, device=exact)
 
 
 class Carried(Controller):
-    """In a controller's place: puts the body where it should be before each physics step."""
+    """Controller that places the body at its setpoint before each physics step."""
 
     def __init__(self, own: Controller, model: mujoco.MjModel, scenario: Scenario) -> None:
-        """Keep the joints as the robot's own controller has them at rest."""
+        """Store the joints at rest of the robot's own controller."""
         self._own = own
         base = scenario.scene.base
         joint = int(model.body_jntadr[base])
@@ -274,11 +274,11 @@ class Carried(Controller):
         self._on_ground = mission.planar
 
     def reset(self, data: mujoco.MjData, position: Array, heading: float) -> None:
-        """As the robot's own controller does."""
+        """Reset the robot's own controller."""
         self._own.reset(data, position, heading)
 
     def follow(self, data: mujoco.MjData, setpoint: Setpoint) -> None:
-        """Put the body at the setpoint, with its velocity."""
+        """Place the body at the setpoint, with its velocity."""
         x, y, z, vx, vy, vz, heading, yaw_rate = setpoint.row.tolist()
         first, rate = self._qpos, self._qvel
         if self._on_ground:
@@ -292,9 +292,9 @@ class Carried(Controller):
         data.ctrl[:] = 0.0
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Of the robot's own controller."""
+        """Return the state of the robot's own controller."""
         return self._own.state()
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Of the robot's own controller."""
+        """Restore the state of the robot's own controller."""
         self._own.restore(state)

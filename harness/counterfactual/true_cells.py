@@ -1,4 +1,4 @@
-"""Telling a map what truly stands where, by beams of its own."""
+"""Marking of a map with the true state of its cells, by synthetic beams."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from wayproof.models.sensors.beams import NO_RETURN
 Array = NDArray[np.float64]
 
 BACK = 1.0
-"""A beam that marks a cell begins this far before it, m: beyond the range that a map drops."""
+"""Length of a beam that marks a cell, m: beyond the minimum range of a map."""
 
 
 @dataclass(frozen=True)
 class TrueCells:
-    """Centres of cells (n, 3), and whether something stands in each (n,)."""
+    """Centres of cells (n, 3), and whether each is occupied (n,)."""
 
     centres: Array
     occupied: NDArray[np.bool_]
 
 
 def true_cells(case: Case, navigator: Navigator) -> TrueCells:
-    """The cells of a map's region as they truly are, with the movers where they were placed."""
+    """Return the true cells of the region of a map, with the movers as placed."""
     size, costmap = navigator.map.resolution, navigator.costmap
     corner = costmap.origin.copy()
     if not case.mission.planar:
@@ -40,7 +40,7 @@ def true_cells(case: Case, navigator: Navigator) -> TrueCells:
         corner[2] += size * (np.floor(-corner[2] / size) - below)
         layers = int(np.ceil((case.mission.height - corner[2]) / size))
         grid = case.space.occupied(corner, (*costmap.shape[:2], layers), size)
-        # The floor's layer, and those below: what was taken for free there is a hole to the stack.
+        # The layer of the floor and those below: a free cell there is a hole to the stack.
         grid[:, :, : below + 1] |= _floor(case, corner, grid.shape[:2], size)[:, :, None]
     cells = np.moveaxis(np.indices(grid.shape), 0, -1).reshape(-1, 3)
     return TrueCells(corner + (cells + 0.5) * size, grid.ravel())
@@ -49,20 +49,20 @@ def true_cells(case: Case, navigator: Navigator) -> TrueCells:
 def _floor(
     case: Case, corner: Array, shape: tuple[int, ...], size: float
 ) -> NDArray[np.bool_]:  # (nx, ny)
-    """Which columns have a floor to stand on."""
+    """Return which columns have a floor."""
     x, y = np.meshgrid(*((np.arange(n) + 0.5) * size for n in shape), indexing="ij")
     spots = np.stack([corner[0] + x, corner[1] + y, np.zeros_like(x)], axis=-1)
     return case.space.borne(spots.reshape(-1, 3)).reshape(shape)
 
 
 def mark_truth(navigator: Navigator, truth: TrueCells, inputs: Inputs) -> None:
-    """Tell a map by beams of its own what truly stands where, and where nothing does.
+    """Mark the true state of cells in a map with synthetic beams.
 
-    A beam that ends in each occupied cell, and for each free one a beam without return that is no
-    longer than the cell; in one sweep occupied wins, so no beam harms another's cell.
+    One beam ends in each occupied cell, and one beam without return, no longer than a cell, passes
+    each free one; within a sweep occupied wins, so no beam clears another's cell.
     """
     voxel_map, size = navigator.map, navigator.map.resolution
-    states = voxel_map.state_at(truth.centres)  # what is right already needs no beam
+    states = voxel_map.state_at(truth.centres)  # correct cells need no beam
     free = truth.centres[~truth.occupied & (states != FREE)]
     solid = truth.centres[truth.occupied & (states != OCCUPIED)]
     back = max(BACK, 1.1 * voxel_map.config.minimum_range)
@@ -73,7 +73,7 @@ def mark_truth(navigator: Navigator, truth: TrueCells, inputs: Inputs) -> None:
 def _cast(
     voxel_map: Representation, ends: Array, back: float, range_mm: int, limit: float, time_ns: int
 ) -> None:
-    """Beams straight down from so far above points (n, 3), as one sweep."""
+    """Integrate one sweep of vertical beams from `back` metres above points (n, 3)."""
     count = len(ends)
     if not count:
         return

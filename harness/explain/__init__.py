@@ -1,4 +1,4 @@
-"""One decision as a card, an episode as a story, and a moment as a picture."""
+"""Cards of decisions, stories of episodes, and pictures of moments."""
 
 from wayproof.harness.explain.card import Card, make_card
 from wayproof.harness.explain.story import Phase, phases

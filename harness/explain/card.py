@@ -1,6 +1,6 @@
-"""One decision as a card: what it rested on, what it cost, what it chose, what was in its way.
+"""Card of one decision: its inputs, its costs, its result, and the cells that block it.
 
-The map at the decision comes from taking the log's inputs up to it into an empty one.
+The map of the decision is rebuilt from the inputs of the log.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from wayproof.maps.states import FREE, OCCUPIED
 Array = NDArray[np.float64]
 
 SHOWN_CELLS = 5
-"""Blocking cells on a card, the nearest to the path first."""
+"""Maximum number of blocking cells on a card, those nearest to the path."""
 
 
 @dataclass(frozen=True)
 class BlockingCell:
-    """A cell that keeps the path from going on.
+    """Cell that blocks the path.
 
     Attributes:
         state: `occupied` or `unknown`.
         place: (x, y, z) of its centre, m; on the ground of its column.
-        distance_m: From the robot.
-        age_s: Since the map last looked there; none if it never did.
-        probability: Of being occupied, on the ground the greatest in its column.
+        distance_m: Distance from the robot, m.
+        age_s: Time since its last observation, s; None without one.
+        probability: Probability of occupancy; on the ground the greatest in its column.
     """
 
     state: str
@@ -51,43 +51,43 @@ class Card:
     """One decision.
 
     Attributes:
-        sequence: Its number.
-        time_s: Simulated time.
-        action: What the robot does.
-        reason: Why.
-        label: What stood in the way.
-        representation: Sort of map.
-        version: Hash of the map's content.
-        version_holds: Whether the replayed map has that version.
-        resolution_m: Of the map.
-        unknown_policy: What unknown space is to the planner.
-        inflation_radius_m: Body, margin and half a cell's diagonal.
-        margin_m: For localization.
-        position: Believed, m.
-        position_sigma_m: Of it, as the estimator states it.
-        pose_error_m: Believed less true position, its length.
-        true_clearance_m: From the body to the nearest thing, by the truth.
-        oldest_evidence_s: Along the committed path.
-        median_evidence_s: Likewise.
-        greatest_probability: Of being occupied, along it.
-        mean_entropy_bits: Along it; 1 for a cell of which nothing is known.
-        stages_ms: Wall time by stage.
-        delay_s: That the robot felt.
-        expected_delay_s: That the stack reckoned with.
-        deadline_s: Of it.
-        deadline_missed: Whether the decision was discarded for it.
-        planner: Of this decision's search; empty if the path was kept.
-        iterations: Of it.
-        goal_distance_m: Straight, from the believed position to the goal; in the plane on the
-            ground.
-        path_leads_to: `the goal`, `a viewpoint`, `admitted space`, or empty if there is no path.
-        path_length_m: Of the path; 0 if there is none.
-        committed_m: The part that may be entered.
-        least_clearance_m: Along it, by the map.
-        least_clearance_is_bound: Whether it may be larger, as the map's distances end there.
-        true_clearance_is_bound: Whether the true clearance may be larger, likewise.
-        blocking: Cells that end the committed part, nearest first.
-        perturbation: What is perturbed, and how much; empty for nothing.
+        sequence: Number of the decision.
+        time_s: Simulated time, s.
+        action: Action.
+        reason: Reason.
+        label: Label.
+        representation: Map representation.
+        version: Hash of the content of the map.
+        version_holds: Whether the rebuilt map has that version.
+        resolution_m: Resolution of the map, m.
+        unknown_policy: Treatment of unknown space by the planner.
+        inflation_radius_m: Body, margin and half the diagonal of a cell, m.
+        margin_m: Localization margin, m.
+        position: Estimated position, m.
+        position_sigma_m: Its standard deviation, as the estimator states it, m.
+        pose_error_m: Distance between estimated and true position, m.
+        true_clearance_m: True distance from the body to the nearest thing, m.
+        oldest_evidence_s: Age of the oldest measurement along the committed path, s.
+        median_evidence_s: Median age of the measurements along it, s.
+        greatest_probability: Greatest probability of occupancy along it.
+        mean_entropy_bits: Mean entropy along it, bits; 1 for an unknown cell.
+        stages_ms: Wall time by stage, ms.
+        delay_s: Delay of the decision, s.
+        expected_delay_s: Delay that the stack expected, s.
+        deadline_s: Deadline, s.
+        deadline_missed: Whether the decision was late and discarded.
+        planner: Planner of the search; empty if the path was kept.
+        iterations: Its iterations.
+        goal_distance_m: Straight distance from the estimated position to the goal, m; in the plane
+            on the ground.
+        path_leads_to: `the goal`, `a viewpoint`, `admitted space`, or empty without a path.
+        path_length_m: Length of the path, m; 0 without one.
+        committed_m: Length of the committed path, m.
+        least_clearance_m: Least clearance along it in the map, m.
+        least_clearance_is_bound: Whether it may be larger, beyond the map's greatest distance.
+        true_clearance_is_bound: Whether the true clearance may be larger in the same way.
+        blocking: Cells that end the committed path, nearest first.
+        perturbation: Kind and amount of the perturbation; empty without one.
     """
 
     sequence: int
@@ -129,10 +129,10 @@ class Card:
 
 
 def moment_of(case: Case, number: int) -> Moment:
-    """One decision of a case.
+    """Return one decision of a case.
 
     Raises:
-        InputError: It has none of that number.
+        InputError: There is no such decision.
     """
     if not 0 <= number < len(case.moments):
         raise InputError(
@@ -142,12 +142,12 @@ def moment_of(case: Case, number: int) -> Moment:
 
 
 def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Card:
-    """The card of a decision.
+    """Return the card of a decision.
 
     Args:
         case: The episode.
-        number: Of the decision.
-        navigator: With the map as it was then, where somebody has it already.
+        number: Number of the decision.
+        navigator: Stack with the map of the decision, if it exists already.
 
     Raises:
         InputError: There is no such decision.
@@ -208,7 +208,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
 
 
 def _leads_to(decision: pb.Decision) -> str:
-    """Where a decision's path leads; in a log of before format 5 an errand looks like the goal."""
+    """Return where a path leads; in formats before 5 an exploration looks like the goal."""
     if not len(decision.global_path):
         return ""
     if decision.predicate.kind in ("looking_elsewhere", "backing_up"):
@@ -222,7 +222,7 @@ def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[Bl
     The way is the global path beyond the trajectory, or without one the straight line to the goal.
     """
     costmap, decision = navigator.costmap, moment.decision
-    # Of the disc or discs that it was made for: a long body has two widths.
+    # Of the disc or discs of the decision: an elongated body has two widths.
     limit, radius = decision.collision_distance_sq, decision.inflation_radius_m
     field, size = costmap.field(), costmap.resolution
     way = densely(_way(case, moment), 0.5 * size)
@@ -284,7 +284,7 @@ def _way(case: Case, moment: Moment) -> Array:
 
 
 def _evidence(navigator: Navigator, moment: Moment) -> tuple[Array, Array]:
-    """Age (n,), s, and probability (n,) of what is known along the committed path."""
+    """Return age (n,), s, and probability (n,) of the known cells along the committed path."""
     path = densely(path_of(moment.decision.trajectory.path), navigator.map.resolution)
     observed = np.maximum(navigator.map.observed_ns_at(path), 0)
     ages = (moment.time_ns - observed) * 1e-9
@@ -292,6 +292,6 @@ def _evidence(navigator: Navigator, moment: Moment) -> tuple[Array, Array]:
 
 
 def _entropy(probabilities: Array) -> Array:
-    """Of a cell's occupancy, bits (Shannon)."""
+    """Return the Shannon entropy of the occupancy of cells, bits."""
     p = np.clip(probabilities, 1e-9, 1.0 - 1e-9)
     return -(p * np.log2(p) + (1.0 - p) * np.log2(1.0 - p))

@@ -1,4 +1,4 @@
-"""The moment of a decision as a picture: the map's slice that the robot moves in, and the truth."""
+"""Picture of a decision: the layer of the map at the height of the robot, and the truth."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from wayproof.maps.states import FREE, OCCUPIED
 Array = NDArray[np.float64]
 
 REACH = 4.0
-"""The picture shows so much about the robot to each side, m."""
+"""Distance around the robot that the picture shows to each side, m."""
 
 FINE = 0.05
-"""Cells that true geometry is drawn with, m."""
+"""Cell size of the drawn true geometry, m."""
 
 TRUE, BELIEVED = "#1f77d0", "#2a9d4a"
-"""Colours of what truly is, and of what the robot believes and plans."""
+"""Colours of the truth, and of estimates and plans."""
 
 KINDS = {
     "free": "#ffffff",
@@ -39,7 +39,7 @@ KINDS = {
     "inflated": "#f6d9a8",
     "occupied": "#3b4252",
 }
-"""What a cell is to the robot, and its colour."""
+"""Colours by kind of cell."""
 
 
 def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
@@ -47,8 +47,8 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
 
     Args:
         case: The episode.
-        card: Of the decision.
-        navigator: With the map as it was then.
+        card: Card of the decision.
+        navigator: Stack with the map of the decision.
         target: PNG file.
     """
     moment = moment_of(case, card.sequence)
@@ -68,7 +68,7 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
 
 
 def _mark(axes: Axes, place: Sequence[float], marker: str, size: float, name: str) -> None:
-    """A red mark; the first of its name stands in the legend."""
+    """Draw a red mark; the first of its name appears in the legend."""
     known = axes.get_legend_handles_labels()[1]
     label = "_" if name in known else name
     style: dict[str, Any] = dict(color="#d1232a", ms=size, zorder=7, ls="none", label=label)
@@ -94,11 +94,11 @@ def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
         vmax=3.5,
         interpolation="nearest",
     )
-    axes.set_facecolor(KINDS["unknown"])  # of what lies beyond the map nothing is known either
+    axes.set_facecolor(KINDS["unknown"])  # space beyond the map is unknown, too
 
 
 def _draw_truth(axes: Axes, case: Case, moment: Moment) -> None:
-    """Outlines of what truly stands in the slice, movers where they were."""
+    """Draw the outlines of the true geometry in the layer, movers as placed."""
     case.space.place_movers(moment.truth)
     here = moment.true_position
     bottom, layers = here[2] - 0.5 * FINE, 1
@@ -170,7 +170,7 @@ def _finish(axes: Axes, moment: Moment, card: Card) -> None:
 
 
 def _layer(navigator: Navigator, moment: Moment) -> int:
-    """Of the costmap at the robot's height; on the ground the only one."""
+    """Return the layer of the costmap at the robot's height; on the ground the only one."""
     costmap = navigator.costmap
     height = (moment.pose.position[2] - costmap.origin[2]) / costmap.resolution
     return int(np.clip(np.floor(height), 0, costmap.shape[2] - 1))

@@ -1,4 +1,4 @@
-"""An episode's story: its decisions as phases of one action each, with times and places."""
+"""Story of an episode: phases of one action each, with times and places."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wayproof.harness.clearance import true_in_metres
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 BRIEF = 3
-"""A run of fewer decisions between two of one action is no phase of its own."""
+"""Minimum number of decisions of a phase between two phases of the same action."""
 
 VERBS = {
     "follow": "followed its path",
@@ -23,7 +23,7 @@ VERBS = {
     "goal": "claimed the goal",
     "abort": "gave up",
 }
-"""Actions as a story tells them."""
+"""Verbs of actions in a story."""
 
 
 @dataclass(frozen=True)
@@ -31,17 +31,17 @@ class Phase:
     """Consecutive decisions of one action.
 
     Attributes:
-        action: Of most of them.
-        first: Number of the first.
-        last: Number of the last.
-        start_s: Simulated time of the first.
-        end_s: Of the decision after the last, or of the last.
-        start: Where the robot truly was at the beginning, m.
-        end: At the end, m.
-        distance_m: Travelled in between.
-        label: The most frequent one but `none`; `none` if there is no other.
-        reason: Of the last decision.
-        least_clearance_m: True, at decisions.
+        action: Action of most of them.
+        first: Number of the first decision.
+        last: Number of the last decision.
+        start_s: Simulated time of the first, s.
+        end_s: Simulated time of the decision after the last, or of the last, s.
+        start: True position at the start, m.
+        end: True position at the end, m.
+        distance_m: Distance travelled, m.
+        label: Most frequent label but `none`; `none` without another.
+        reason: Reason of the last decision.
+        least_clearance_m: Least true clearance at a decision, m.
     """
 
     action: str
@@ -57,7 +57,7 @@ class Phase:
     least_clearance_m: float
 
     def __str__(self) -> str:
-        """In a line."""
+        """Return the phase in one line."""
         span = f"{self.start_s:6.1f} to {self.end_s:5.1f} s"
         label = "" if self.label == "none" else f" [{self.label}]"
         return (
@@ -68,11 +68,11 @@ class Phase:
 
 
 def phases(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> list[Phase]:
-    """Tell an episode.
+    """Return the phases of an episode.
 
     Args:
-        decisions: All of them.
-        truths: One for each.
+        decisions: All decisions.
+        truths: Ground truth of each.
     """
     actions = _smoothed([decision.action for decision in decisions])
     told = []
@@ -83,7 +83,7 @@ def phases(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> list
 
 
 def _smoothed(actions: list[str]) -> list[str]:
-    """Actions without runs that are brief and lie between two of one other action."""
+    """Return the actions with brief runs replaced by the action on both sides."""
     runs = [(action, len(list(run))) for action, run in itertools.groupby(actions)]
     for k in range(1, len(runs) - 1):
         if runs[k][1] < BRIEF and runs[k - 1][0] == runs[k + 1][0]:

@@ -1,10 +1,9 @@
-"""Checking a log's decisions by slow code that shares nothing with what made them but the map.
+"""Audit of the decisions of a log, by simple code that shares only the map with the stack.
 
-Nothing is taken from a decision that follows from the log's inputs and settings: the map is rebuilt
-sweep by sweep, the margin comes from the config and the logged pose, and whether a decision was
-late from the logged delay and the deadline. Then the body is swept along the committed path, cell
-by cell of that very map; and the trajectory along it is checked to be one that the body can follow,
-and that ends at rest.
+Everything that follows from inputs and settings is computed again: the map from the sweeps, the
+margin from the config and the logged pose, lateness from the logged delay and the deadline. Then
+the body is swept along the committed path, cell by cell of that map, and the trajectory is checked:
+the body can follow it, and it ends at rest.
 """
 
 from wayproof.harness.replay.audit.moment import Moment, Violation

@@ -1,4 +1,4 @@
-"""Where a body may be, worked out from the states of single cells."""
+"""Collision checks of a body against single cells."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from wayproof.harness.stack.decision import path_of
 from wayproof.maps import Representation, UnknownPolicy
 
 PARTS = 4
-"""That the time between two samples is cut into."""
+"""Number of parts that the time between two samples is divided into."""
 
 STILL = 0.02
-"""A heading that changes by less stays, rad."""
+"""Change of heading up to which a body does not turn, rad."""
 
 BESIDE = 0.01
-"""So far a disc may be from where samples, joined by straight lines, put it, m."""
+"""Greatest distance of a disc from straight lines between samples, m."""
 
 Discs = tuple[tuple[float, float], ...]
-"""Offset along the body's x axis and radius of each, m."""
+"""Offset along the x axis of the body, and radius, of each disc, m."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A mission's body under one unknown policy.
+    """Body of a mission under an unknown policy.
 
     Attributes:
-        config: Of the decisions.
-        mission: Likewise.
-        policy: That paths are held against.
+        config: Settings of the decisions.
+        mission: Mission of the decisions.
+        policy: Unknown policy that paths are checked against.
     """
 
     config: Config
@@ -45,40 +45,40 @@ class Body:
 
     @property
     def flat(self) -> bool:
-        """Whether it moves in the plane."""
+        """Whether the body moves in the plane."""
         return self.mission.planar
 
     @property
     def half_diagonal(self) -> float:
-        """Of a cell: a square on the ground, a cube in the air; cells."""
+        """Half diagonal of a cell, cells: of a square on the ground, of a cube in the air."""
         return 0.5 * math.sqrt(2.0 if self.flat else 3.0)
 
     @property
     def discs(self) -> Discs:
-        """That it is swept as, at its heading; one disc or ball if it has no others."""
+        """Discs that represent the body at its heading; a single disc or ball for a round body."""
         return self.mission.discs or ((0.0, self.mission.radius),)
 
     @property
     def about(self) -> Discs:
-        """The disc or ball about all of it, at any heading."""
+        """Circumscribed disc or ball, which covers the body at any heading."""
         return ((0.0, max(abs(offset) + radius for offset, radius in self.discs)),)
 
     @property
     def slack(self) -> float:
-        """How far beside its track a disc must overlap something as well, to do so at all, m."""
+        """Lateral tolerance of the track of a disc, m: an overlap within it does not count."""
         return BESIDE if self.mission.discs else 0.0
 
     def moves(self, trajectory: pb.Trajectory) -> bool:
-        """Whether the body leaves its place, or one that is checked at its heading turns there."""
+        """Return whether the body moves, or an elongated one turns in place."""
         headings = trajectory.heading if self.mission.discs else ()
         turns = len(headings) > 0 and np.ptp(headings) > STILL
         return bool(length(path_of(trajectory.path)) >= SAME_PLACE or turns)
 
     def poses(self, decision: pb.Decision) -> Array:
-        """Where a trajectory leads: x, y, z and heading, (n, 4).
+        """Return the poses of a trajectory: x, y, z, m, and heading, rad, (n, 4).
 
-        A body of discs is followed from the decision on, at the samples as they are logged and at
-        the corners of the path. A round one is held against all of the path.
+        Those of a body of discs are the logged samples from the decision on, and the corners of the
+        path. Those of a round body are all points of the path.
         """
         trajectory = decision.trajectory
         path = path_of(trajectory.path)
@@ -96,27 +96,27 @@ class Body:
         places = [np.interp(along, lengths, path[:, axis]) for axis in range(3)]
         facing = np.interp(times, np.arange(len(arcs)), headings)
         poses = np.column_stack((*places, facing))
-        beyond = path[lengths > arcs[-1] + SAME_PLACE]  # no sample says that it is not driven
+        beyond = path[lengths > arcs[-1] + SAME_PLACE]  # no sample excludes that it is driven
         return np.vstack((poses, np.column_stack((beyond, np.full(len(beyond), headings[-1])))))
 
     def cells(self, voxel_map: Representation, track: Array, reach: float) -> Cells:
-        """The cells within a reach, m, of a track (n, 3), m."""
+        """Return the cells within a reach, m, of a track (n, 3), m."""
         return cells_around(voxel_map, track, reach, self.config, self.mission)
 
     def first_blocked(
         self, voxel_map: Representation, poses: Array, margin: float
     ) -> tuple[Array, str] | None:
-        """The first place of the body, or of one of its discs, that overlaps what it may not.
+        """Return the first position where the body, or one of its discs, is in collision.
 
-        Where the disc about all of it has room it may lie as it likes.
+        Where the circumscribed disc has room, the heading does not matter.
 
         Args:
-            voxel_map: Of the decision.
+            voxel_map: Map of the decision.
             poses: (n, 4) x, y, z, m, and heading, rad.
-            margin: Kept about the body, m.
+            margin: Margin around the body, m.
 
         Returns:
-            The place, and what it overlaps; None where there is none.
+            Position (3,), m, and the state of the cell in collision; None without a collision.
         """
         if self.mission.discs:
             ((_, radius),) = self.about
@@ -132,11 +132,11 @@ class Body:
     def first_overlap(
         self, voxel_map: Representation, path: Array, radius: float, slack: float = 0.0
     ) -> tuple[Array, str] | None:
-        """The first place of a path at which a disc or ball overlaps what it may not, and why.
+        """Return the first position on a path where a disc or ball collides, and the cell's state.
 
-        With a slack [m] it does so only if it would that far beside as well.
+        With a slack, m, it must be in collision that far to both sides as well.
         """
-        # A surface lies anywhere in its cell: half a diagonal more.
+        # A surface lies anywhere in its cell, so half a diagonal is added.
         reach = radius / voxel_map.resolution + self.half_diagonal  # cells
         cells = self.cells(voxel_map, path, reach * voxel_map.resolution)
         places = densely(path, SPACING * cells.size)
@@ -162,7 +162,7 @@ class Body:
 
 
 def track_of(poses: Array, offset: float) -> Array:
-    """Where a disc's centre comes along, (n, 3) m, for poses (n, 4)."""
+    """Return the track of the centre of a disc, (n, 3) m, for poses (n, 4)."""
     track = poses[:, :3].copy()
     track[:, 0] += offset * np.cos(poses[:, 3])
     track[:, 1] += offset * np.sin(poses[:, 3])

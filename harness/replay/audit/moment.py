@@ -1,4 +1,4 @@
-"""One decision of a log, and all that it is held against."""
+"""One decision of a log with the data that it is checked against."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from wayproof.harness.stack.decision import path_of
 from wayproof.maps import Representation
 
 SIGMAS = 2.0
-"""Standard deviations of the believed position that the margin covers."""
+"""Standard deviations of the estimated position that the margin covers."""
 
 HEADING_ERROR = 0.05
-"""How far a body of discs may be off its heading, rad; the margin covers it at each disc."""
+"""Heading error that the margin of a body of discs covers at each disc, rad."""
 
 
 @dataclass(frozen=True)
 class Violation:
-    """One rule that one decision broke.
+    """Violation of a rule by a decision.
 
     Attributes:
-        sequence: Of the decision.
+        sequence: Number of the decision.
         rule: `form`, `version`, `inputs`, `settings`, `margin`, `deadline`, `figure`, `limits`,
             `rest`, `joined`, `swept`, `stop`, `recover`, `reason` or `volume`.
-        text: What was found, and what was expected.
+        text: Found and expected.
     """
 
     sequence: int
@@ -41,16 +41,16 @@ class Violation:
 
 @dataclass(frozen=True)
 class Moment:
-    """One decision with what its log says beside it.
+    """One decision with its inputs, settings and map.
 
     Attributes:
-        record: The decision, its inputs and its delay.
-        config: The settings that it was made with.
-        mission: Likewise.
-        map: All that was sensed up to it, rebuilt from the log's sweeps.
-        version: Of that map.
-        body: Where a body may be.
-        before: What it was to follow until now, the last two trajectories; at first a hold.
+        record: Decision, inputs and delay.
+        config: Settings of the decision.
+        mission: Mission of the decision.
+        map: Map of the decision, rebuilt from the sweeps of the log.
+        version: Version of that map.
+        body: Body for collision checks.
+        before: The last two trajectories before it; at first a hold.
     """
 
     record: Record
@@ -63,43 +63,43 @@ class Moment:
 
     @property
     def decision(self) -> pb.Decision:
-        """The one that is judged."""
+        """Decision that is checked."""
         return self.record.decision
 
     @cached_property
     def margin(self) -> float:
-        """The localization margin, m, by the settings, the logged pose and the body alone."""
+        """Localization margin, m, from settings, logged pose and body."""
         lever = max((abs(offset) for offset, _ in self.mission.discs), default=0.0)
         believed = SIGMAS * self.record.inputs.pose.position_sigma
         return self.config.costmap.localization_margin + believed + lever * HEADING_ERROR
 
     @property
     def late(self) -> bool:
-        """Whether it came past the deadline, by the logged delay and the settings alone."""
+        """Whether the decision missed its deadline, from logged delay and settings."""
         return self.record.latency.delay_s > self.config.latency.deadline
 
     @cached_property
     def path(self) -> Array:
-        """That it commits to, (n, 3) m."""
+        """Committed path, (n, 3) m."""
         return path_of(self.decision.trajectory.path)
 
     @cached_property
     def poses(self) -> Array:
-        """Where its trajectory leads: x, y, z, m, and heading, rad, (n, 4)."""
+        """Poses of its trajectory: x, y, z, m, and heading, rad, (n, 4)."""
         return self.body.poses(self.decision)
 
     @property
     def moves(self) -> bool:
-        """Whether the body leaves its place, or one that is checked at its heading turns there."""
+        """Whether the body moves, or an elongated one turns in place."""
         return self.body.moves(self.decision.trajectory)
 
     def broken(self, rule: str, text: str) -> Violation:
-        """A rule that this decision breaks."""
+        """Return a violation by this decision."""
         return Violation(self.decision.sequence, rule, text)
 
 
 def standing_at_start(mission: Mission) -> pb.Trajectory:
-    """What the body follows before the first decision: a hold at the mission's start."""
+    """Return the trajectory before the first decision: a hold at the start."""
     x, y, z = mission.start
     return pb.Trajectory(
         path=[pb.Point(x=x, y=y, z=z)],
@@ -110,6 +110,6 @@ def standing_at_start(mission: Mission) -> pb.Trajectory:
 
 
 def apart(moment: Moment, a: Array, b: Array) -> float:
-    """Distance between two places (3,), m, in the plane for a body on the ground."""
+    """Return the distance between two points (3,), m; in the plane for a body on the ground."""
     axes = moment.mission.axes
     return float(np.sqrt(((a - b)[:axes] ** 2).sum()))

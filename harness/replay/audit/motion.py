@@ -1,4 +1,4 @@
-"""Whether a body can follow a trajectory, from where it is, and is at rest after it."""
+"""Checks that the body can follow a trajectory and comes to rest."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 
 LIMIT_SLACK = 1.05
-"""On speed and acceleration, read from samples a tenth of a second apart."""
+"""Tolerance factor of speed and acceleration, read from samples 0.1 s apart."""
 
 REST = 0.02
-"""Slower is at rest, m/s."""
+"""Speed below which a body is at rest, m/s."""
 
 FARTHEST = 20.0
-"""A believed place is no farther outside of the operating area than that, m."""
+"""Greatest distance of an estimated position outside the operating area, m."""
 
 LONGEST = 1000.0
-"""No path is longer, m."""
+"""Greatest length of a path, m."""
 
 SAME = 2.0**-20
-"""Grain of logged samples: values that differ by no more are one, m and rad."""
+"""Grain of logged samples, m and rad: values that differ by no more are equal."""
 
 
 def is_malformed(moment: Moment) -> str:
-    """What is wrong with the shape of a trajectory, so that nothing can be read from it."""
+    """Return why a trajectory is malformed, so that no other check applies; empty if it is not."""
     trajectory, mission = moment.decision.trajectory, moment.mission
     arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
     if min(len(moment.path), len(arcs)) == 0 or len(arcs) != len(headings):
@@ -46,7 +46,7 @@ def is_malformed(moment: Moment) -> str:
 
 
 def check_limits(moment: Moment) -> list[Violation]:
-    """The body can follow the samples of the trajectory, and is at rest after them."""
+    """Check that the samples keep the limits of the body and end at rest."""
     trajectory, mission = moment.decision.trajectory, moment.mission
     arcs, period = np.array(trajectory.arc_length), trajectory.sample_period_s
     found: list[Violation] = []
@@ -54,7 +54,7 @@ def check_limits(moment: Moment) -> list[Violation]:
         return found
     speeds = np.diff(arcs) / period
     accelerations = np.diff(speeds) / period
-    # The last sample lies at or after the end, so the step to the one before holds the last motion.
+    # The last sample is at or after the end, so the step before it holds the last motion.
     remaining = arcs[-1] - arcs[-2]
     stop = math.sqrt(2.0 * max(remaining, 0.0) * mission.max_acceleration)
     if speeds[-1] > max(REST, stop * LIMIT_SLACK):
@@ -72,7 +72,7 @@ def check_limits(moment: Moment) -> list[Violation]:
 
 
 def check_joint(moment: Moment) -> list[Violation]:
-    """The trajectory starts where the one before it is at that time, and as fast."""
+    """Check that the trajectory starts at the position and speed of the one before."""
     trajectory, before = moment.decision.trajectory, moment.before[-1]
     start_ns = trajectory.start.ToNanoseconds()
     if moment.late:
@@ -80,12 +80,12 @@ def check_joint(moment: Moment) -> list[Violation]:
     if start_ns < before.start.ToNanoseconds():
         return [moment.broken("joined", "starts before the trajectory before it")]
     off = apart(moment, moment.path[0], place_at(before, start_ns))
-    # Between samples of a tenth of a second the body is off the chord by a t^2 / 8 at most.
+    # Between samples 0.1 s apart the body is off the chord by a t^2 / 8 at most.
     if off > 2.0 * SAME_PLACE:
         text = f"starts {off:.2f} m from where the trajectory before it is then"
         return [moment.broken("joined", text)]
     speeds = speed_at(trajectory, start_ns), speed_at(before, start_ns)
-    # Each mean may differ from the speed at the joint by as much as a sample's time allows.
+    # Each mean differs from the speed at the joint by at most a times the sample period.
     allowed = moment.mission.max_acceleration * trajectory.sample_period_s * LIMIT_SLACK + REST
     if abs(speeds[0] - speeds[1]) > allowed:
         text = f"starts at {speeds[0]:.2f} m/s, the trajectory before it is at {speeds[1]:.2f} then"
@@ -94,7 +94,7 @@ def check_joint(moment: Moment) -> list[Violation]:
 
 
 def check_rest(moment: Moment) -> list[Violation]:
-    """Who has arrived or gives up stays where it is."""
+    """Check that a robot that has arrived or gives up stays in place."""
     decision = moment.decision
     if decision.action not in ("goal", "abort") or moment.late:
         return []
@@ -105,7 +105,7 @@ def check_rest(moment: Moment) -> list[Violation]:
 
 
 def check_deadline(moment: Moment) -> list[Violation]:
-    """A decision past its deadline says so and leaves the trajectory before it as it was."""
+    """Check that a late decision is marked as such and keeps the trajectory before."""
     decision, found = moment.decision, []
     if decision.deadline_missed != moment.late:
         words = {True: "missed", False: "kept"}
@@ -117,7 +117,7 @@ def check_deadline(moment: Moment) -> list[Violation]:
         found.append(moment.broken("deadline", text))
     if not moment.late:
         return found
-    if decision.action not in ("stop_and_wait", "follow"):  # which of them, its reason tells
+    if decision.action not in ("stop_and_wait", "follow"):  # the reason decides which
         found.append(moment.broken("deadline", f"late, but its action is {decision.action}"))
     if not _stands(moment, decision.trajectory, moment.before[-1]):
         found.append(moment.broken("deadline", "late, but another trajectory than the last one"))
@@ -125,7 +125,7 @@ def check_deadline(moment: Moment) -> list[Violation]:
 
 
 def _stands(moment: Moment, trajectory: pb.Trajectory, before: pb.Trajectory) -> bool:
-    """Whether a trajectory is the one before; a fork may put its layer at another height."""
+    """Return whether a trajectory is the one before; a fork may shift its height."""
     axes = moment.mission.axes
     pairs = [
         (np.array(trajectory.arc_length), np.array(before.arc_length)),

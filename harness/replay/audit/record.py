@@ -1,4 +1,4 @@
-"""What a decision says of its inputs, its settings and its figures, against the log's own."""
+"""Checks of the recorded inputs, settings and figures of a decision."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from wayproof.harness.replay.audit.moment import Moment, Violation
 from wayproof.harness.replay.cells import cells_around
 
 ROUNDING = 1e-9
-"""Of figures that are worked out in another order of operations, m and s."""
+"""Tolerance of figures computed in another order of operations, m and s."""
 
 CELL_ROUNDING = 1e-6
-"""Of a squared number of cells."""
+"""Tolerance of a squared distance, cells^2."""
 
 
 def check_version(moment: Moment) -> list[Violation]:
-    """The map that it names is the one that the log's sweeps give."""
+    """Check that the map version is that of the sweeps in the log."""
     said = moment.decision.map_version
     if said == moment.version:
         return []
@@ -26,7 +26,7 @@ def check_version(moment: Moment) -> list[Violation]:
 
 
 def check_inputs(moment: Moment) -> list[Violation]:
-    """What it says went in is what the log holds."""
+    """Check that the recorded inputs are those in the log."""
     decision, inputs = moment.decision, moment.record.inputs
     pose = inputs.pose
     pairs = {
@@ -45,7 +45,7 @@ def check_inputs(moment: Moment) -> list[Violation]:
 
 
 def check_settings(moment: Moment) -> list[Violation]:
-    """It was made with the settings of the log."""
+    """Check that the recorded settings are those of the log."""
     decision, config = moment.decision, moment.config
     found = [
         moment.broken("settings", f"{name} '{said}', the config says '{expected}'")
@@ -67,7 +67,7 @@ def check_settings(moment: Moment) -> list[Violation]:
 
 
 def check_margin(moment: Moment) -> list[Violation]:
-    """Margin, inflation and the integer that decides follow from settings, pose and body."""
+    """Check that margin, inflation radius and collision distance follow from settings and pose."""
     decision, margin = moment.decision, moment.margin
     if not abs(decision.localization_margin_m - margin) <= ROUNDING:
         text = f"{decision.localization_margin_m:.4f} m, config and pose give {margin:.4f} m"
@@ -88,7 +88,7 @@ def check_margin(moment: Moment) -> list[Violation]:
 
 
 def radii_of(mission: Mission) -> list[float]:
-    """Radii that a decision can be made for, m: of the body, or of its least disc."""
+    """Return the radii that a decision may use, m: of the body, or of its smallest disc."""
     if not mission.discs:
         return [mission.radius]
     about = max(abs(offset) + radius for offset, radius in mission.discs)
@@ -96,9 +96,9 @@ def radii_of(mission: Mission) -> list[float]:
 
 
 def check_figures(moment: Moment) -> list[Violation]:
-    """Length, age of evidence and clearance of the committed path are those that it tells.
+    """Check length, age of evidence and clearance of the committed path.
 
-    A late decision tells the age and the clearance of the path that was discarded with it.
+    Age and clearance of a late decision are those of the discarded path.
     """
     decision = moment.decision
     found = []
@@ -117,9 +117,9 @@ def check_figures(moment: Moment) -> list[Violation]:
 
 
 def _check_clearance(moment: Moment) -> list[Violation]:
-    """The least clearance, to a cell: a path may touch another one, or run along a face of two."""
+    """Check the least clearance to within a cell: a path may touch a neighbour or follow a face."""
     config = moment.config.costmap
-    if config.class_margins or config.max_slope > 0.0:  # the cells that count are not the map's
+    if config.class_margins or config.max_slope > 0.0:  # not the cells of the map count
         return []
     size, mission = moment.config.map.resolution, moment.mission
     radii = radii_of(mission)

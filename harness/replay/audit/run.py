@@ -1,4 +1,4 @@
-"""Auditing a log: every decision against all checks, and what there was to check."""
+"""Audit of a log: every decision against all checks."""
 
 from __future__ import annotations
 
@@ -44,26 +44,26 @@ CHECKS: tuple[Callable[[Moment], list[Violation]], ...] = (
     check_joint,
     check_rest,
 )
-"""What every decision is held against, apart from its way."""
+"""Checks of every decision, except those of its path."""
 
 
 @dataclass(frozen=True)
 class Audit:
-    """What an audit of one log found.
+    """Result of the audit of one log.
 
     Attributes:
         log: The log's path.
-        policy: That paths were held against.
-        decisions: Decisions looked at.
-        swept: Of these, with a path that leads somewhere, checked cell by cell.
-        stops: Of the others, the ones that brake because what the path before leads through is no
-            longer admitted: along that path, or off it where that keeps farther away.
-        recoveries: Of the others, the ones that step out of the inflation.
-        late: Of the others, the ones past their deadline; the trajectory before them stands.
-        violations: In order.
-        rules: How many of them broke which rule.
-        reasons: How many reasons were checked; none of a log of before format 5.
-        volumes: How near the swept paths come to the volumes of cells; none if not measured.
+        policy: Unknown policy that paths were checked against.
+        decisions: Number of decisions.
+        swept: Number of paths checked cell by cell.
+        stops: Number of stops because the path before is no longer free: along that path, or off
+            it where that keeps a greater distance.
+        recoveries: Number of paths out of the inflation.
+        late: Number of late decisions, which keep the trajectory before.
+        violations: Violations, in order.
+        rules: Number of violations by rule.
+        reasons: Number of reasons that were checked; 0 for a log of a format before 5.
+        volumes: Distances of the swept paths from the volumes of cells; None if not measured.
     """
 
     log: str
@@ -89,9 +89,9 @@ def audit(
 
     Args:
         path: The log.
-        policy: What to hold paths against in place of the log's own unknown policy.
+        policy: Unknown policy to check paths against; by default that of the log.
         allow_plugins: Whether code that its config names may be imported.
-        volumes: Whether to measure the swept paths' distances from the volumes of cells, too.
+        volumes: Whether to measure the distances of paths from the volumes of cells, too.
 
     Raises:
         InputError: The file is no finished log, or holds no decision.
@@ -130,7 +130,7 @@ def audit(
 
 
 def judge(moment: Moment) -> tuple[str, list[Violation]]:
-    """The kind of a decision's way, as `Way` has it, and each rule that the decision breaks."""
+    """Return the kind of the path of a decision, see `Way`, and its violations."""
     if text := is_malformed(moment):
         return "", [moment.broken("form", text)]
     way = judge_way(moment)
@@ -146,7 +146,7 @@ def _check_reason(moment: Moment, reasons: ReasonCheck) -> list[Violation]:
 
 
 def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
-    """Every decision of a log with the map as it was then; nothing is decided anew.
+    """Yield every decision of a log with its map, without deciding again.
 
     Raises:
         InputError: The log is damaged.

@@ -1,7 +1,8 @@
-"""How near committed paths come to the volumes of cells, not to their centres: exact geometry.
+"""Exact distances of committed paths from the volumes of cells.
 
-The planner keeps the centre of the cell that the body's middle is in away from the centres of cells
-that are not admitted. Here the body's middle is where it is, and a cell is a square or a cube.
+The planner compares centres of cells: of the cell that contains the centre of the body with those
+of cells that are not free. Here the body is at its exact position, and a cell is a square or a
+cube.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from wayproof.harness.replay.audit.moment import Moment
 
 @dataclass(frozen=True)
 class Volumes:
-    """Distances of committed paths from the volumes of cells that are not admitted.
+    """Distances of committed paths from the volumes of cells that the body may not overlap.
 
     Attributes:
-        paths: That were measured: the admitted ones.
-        short: Of these, the ones that come nearer than the body's radius and the margin.
-        greatest_m: By how much at most, m; 0 if none does.
-        bound_m: Half a cell's diagonal, which it cannot exceed, m.
-        bare: Paths that come nearer than the body's radius alone.
+        paths: Number of measured paths, those without a violation.
+        short: Number of these that come nearer than the radius of the body plus the margin.
+        greatest_m: Greatest shortfall, m; 0 without one.
+        bound_m: Bound of the shortfall, half a diagonal of a cell, m.
+        bare: Number of paths that come nearer than the radius of the body alone.
     """
 
     paths: int = 0
@@ -38,7 +39,7 @@ class Volumes:
 
 
 def together(parts: Iterable[Volumes]) -> Volumes:
-    """Several as one."""
+    """Combine the measurements of several logs."""
     parts = list(parts)
     return Volumes(
         paths=sum(one.paths for one in parts),
@@ -50,7 +51,7 @@ def together(parts: Iterable[Volumes]) -> Volumes:
 
 
 def measure(moment: Moment) -> Volumes:
-    """One admitted path."""
+    """Measure one path."""
     body, size = moment.body, moment.map.resolution
     discs, slack = swept_as(moment)
     missing = max(shortfall(moment, discs), 0.0)
@@ -59,7 +60,7 @@ def measure(moment: Moment) -> Volumes:
 
 
 def swept_as(moment: Moment) -> tuple[Discs, float]:
-    """The disc about the body where that has room, else its discs, with their slack, m."""
+    """Return the circumscribed disc where it has room, else the discs, and their slack, m."""
     body = moment.body
     if not moment.mission.discs:
         return body.discs, 0.0
@@ -70,15 +71,15 @@ def swept_as(moment: Moment) -> tuple[Discs, float]:
 
 
 def shortfall(moment: Moment, discs: Discs) -> float:
-    """By how much some discs come nearer to what is not admitted than radius and margin, m.
+    """Return by how much some discs come nearer to forbidden cells than radius and margin, m.
 
-    Below 0 where they keep farther away; minus infinity where nothing is near.
+    Negative if they keep a greater distance; minus infinity if nothing is near.
     """
     size, found = moment.map.resolution, -math.inf
     for offset, radius in discs:
         track, kept = track_of(moment.poses, offset), radius + moment.margin
-        # A point is half a diagonal from its cell's centre at most, and so is one of the other
-        # cell; a path may cut off a corner of a cell between two points that are looked at.
+        # A point is at most half a diagonal from the centre of its cell, in both cells; between two
+        # sampled points a path may cut a corner of a cell.
         reach = kept / size + 2.0 * moment.body.half_diagonal + 1.0
         cells = moment.body.cells(moment.map, track, reach * size)
         wrong = cells.not_free if moment.body.policy == "forbid" else cells.occupied
@@ -88,7 +89,7 @@ def shortfall(moment: Moment, discs: Discs) -> float:
 
 
 def distance_from_boxes(path: Array, low: Array, high: Array) -> float:
-    """Least distance of a path (n, k) from boxes with corners (m, k), m; infinite from none."""
+    """Return the least distance of a path (n, k) from boxes with corners (m, k), m; inf without."""
     least = math.inf
     for a, b in itertools.pairwise(path) if len(path) > 1 else [(path[0], path[0])]:
         half = 0.5 * math.dist(a, b)
@@ -99,10 +100,10 @@ def distance_from_boxes(path: Array, low: Array, high: Array) -> float:
 
 
 def segment_from_boxes(a: Array, b: Array, low: Array, high: Array) -> float:
-    """Least distance of the segment between two points (k,) from boxes (m, k), m.
+    """Return the least distance of the segment between two points (k,) from boxes (m, k), m.
 
-    The squared distance from a box is a parabola between the places at which the segment crosses
-    the planes of the box's faces, so its least value lies at a vertex or at such a place.
+    The squared distance from a box is a parabola between the points where the segment crosses the
+    planes of its faces, so its least value lies at a vertex or at such a point.
     """
     along = b - a
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -121,13 +122,13 @@ def segment_from_boxes(a: Array, b: Array, low: Array, high: Array) -> float:
 
 
 def _outside(point: Array, low: Array, high: Array) -> Array:
-    """Distance of a point (k,) from boxes (m, k), (m,) m."""
+    """Return the distances (m,), m, of a point (k,) from boxes (m, k)."""
     excess = _excess(point, low, high)
     outside: Array = np.sqrt((excess * excess).sum(axis=-1))
     return outside
 
 
 def _excess(points: Array, low: Array, high: Array) -> Array:
-    """How far points lie beyond boxes, by axis; negative below them, 0 between their faces."""
+    """Return by axis how far points are beyond boxes; negative below, 0 between the faces."""
     beyond: Array = np.minimum(points - low, 0.0) + np.maximum(points - high, 0.0)
     return beyond

@@ -1,4 +1,4 @@
-"""Whether the way that a decision commits to is admitted, or is one of the exceptions."""
+"""Checks of the committed path of a decision: collision-free, or one of the exceptions."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from wayproof.harness.replay.audit.moment import Moment, Violation
 from wayproof.harness.stack.decision import path_of
 
 SLOWLY = 0.3
-"""Share of its greatest speed at which a body leaves the inflation."""
+"""Fraction of its maximum speed at which a body may leave the inflation."""
 
 SPEED_SLACK = 1.05
-"""On speeds, read from samples a tenth of a second apart."""
+"""Tolerance factor of speeds, read from samples 0.1 s apart."""
 
 NEARER = 1.0
-"""So much nearer to what blocks it may a body come that leaves the inflation, cells."""
+"""Distance that a body leaving the inflation may come nearer to forbidden cells, cells."""
 
 ROUNDING = 1e-6
-"""Of a distance, cells."""
+"""Tolerance of a distance, cells."""
 
 
 @dataclass(frozen=True)
 class Way:
-    """What a decision's way turned out to be.
+    """Kind of the path of a decision, and its violations.
 
     Attributes:
-        kind: `swept`, `stop`, `recovery` or `late`; empty if the body keeps its place.
-        violations: What is wrong with it.
+        kind: `swept`, `stop`, `recovery` or `late`; empty if the body does not move.
+        violations: Violations.
     """
 
     kind: str
@@ -38,9 +38,10 @@ class Way:
 
 
 def judge_way(moment: Moment) -> Way:
-    """Sweep the body along the way; hold a stop or a recovery against the rules for it.
+    """Sweep the body along the path, or check a stop or a recovery against its rules.
 
-    Of a late decision the way is the one before, which was judged with the decision that chose it.
+    The path of a late decision is the one before, which was checked with the decision that chose
+    it.
     """
     if moment.late:
         return Way("late")
@@ -61,7 +62,7 @@ def judge_way(moment: Moment) -> Way:
 
 
 def _check_recovery(moment: Moment) -> list[Violation]:
-    """A way out of the inflation is slow, comes no nearer to what blocks and leads out of it."""
+    """Check that a path out of the inflation is slow, comes no nearer to cells, and leads out."""
     body, poses, margin = moment.body, moment.poses, moment.margin
     ((_, about),) = body.about
     found = []
@@ -73,7 +74,7 @@ def _check_recovery(moment: Moment) -> list[Violation]:
     fastest = _speeds(moment).max(initial=0.0)
     if fastest > allowed * SPEED_SLACK:
         found.append(f"{fastest:.2f} m/s, {allowed:.2f} allowed on the way out of the inflation")
-    # What it steps out of is the inflation of its discs as they lie, or of the disc about them.
+    # The inflation is that of its discs at the heading, or of the circumscribed disc.
     if all(_comes_nearer(moment, discs) for discs in (body.discs, body.about)):
         found.append("it comes nearer to what blocks it, by more than a cell")
     if _runs_into(moment):
@@ -82,7 +83,7 @@ def _check_recovery(moment: Moment) -> list[Violation]:
 
 
 def _comes_nearer(moment: Moment, discs: Discs) -> bool:
-    """Whether any of some discs comes nearer to what is not admitted than one is at the start."""
+    """Return whether any disc comes nearer to forbidden cells than the nearest one at the start."""
     body, poses = moment.body, moment.poses
     reach = max(radius for _, radius in discs) + moment.margin
     reach = reach / moment.map.resolution + body.half_diagonal
@@ -93,7 +94,7 @@ def _comes_nearer(moment: Moment, discs: Discs) -> bool:
 
 
 def _runs_into(moment: Moment) -> bool:
-    """Whether a disc without margin overlaps what is occupied more than it does at the start."""
+    """Return whether a disc without margin overlaps occupied cells more than at the start."""
     for offset, radius in moment.body.discs:
         track, reach = track_of(moment.poses, offset), radius / moment.map.resolution
         here = _distance(moment, track[:1], reach, unknown=False)
@@ -103,17 +104,17 @@ def _runs_into(moment: Moment) -> bool:
 
 
 def _distance(moment: Moment, track: Array, reach: float, unknown: bool) -> float:
-    """Least distance of a track's cells to one that is occupied, or unknown as well, cells."""
+    """Return the least distance of a track to occupied cells, or unknown ones too, cells."""
     cells = moment.body.cells(moment.map, track, reach * moment.map.resolution)
     wrong = cells.not_free if unknown else cells.occupied
     return cells.least_distance(cells.touched(track), wrong, reach)
 
 
 def _is_last_resort(moment: Moment) -> bool:
-    """Whether a stop that is not free is all that is left.
+    """Return whether a stop that is not collision-free is the only option.
 
-    It runs along a path that earlier maps admitted; or it leaves it, because this map does not
-    admit as much of that path either, and comes no nearer to what is in the way.
+    It follows a path that was free in an earlier map; or it leaves that path, which is blocked in
+    this map as well, and comes no nearer to the cells in the way.
     """
     body, poses, path, margin = moment.body, moment.poses, moment.path, moment.margin
     ways = [path_of(earlier.path) for earlier in moment.before]
@@ -131,11 +132,11 @@ def _is_last_resort(moment: Moment) -> bool:
             return True
         if body.first_blocked(moment.map, straight_on, margin - nearer) is None:
             return False
-    return False  # its very middle goes where it may not: that is no stop to excuse
+    return False  # its centre enters a forbidden cell, which nothing excuses
 
 
 def _check_stop(moment: Moment) -> list[Violation]:
-    """A stop that is not free brakes at once, as hard as the body can."""
+    """Check that a stop that is not collision-free brakes at once at the limits of the body."""
     mission, period = moment.mission, moment.decision.trajectory.sample_period_s
     speeds = _speeds(moment)
     start_ns = moment.decision.trajectory.start.ToNanoseconds()

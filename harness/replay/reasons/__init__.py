@@ -1,7 +1,7 @@
-"""Checking that each decision's reason is true, by code that shares nothing with what gave it.
+"""Check of the reasons of decisions, by code that shares nothing with the planner.
 
-A reason is a predicate with figures (`harness.stack.reasons`). They are worked out anew from the
-map of that decision, cell by cell, from the logged pose, and from what the decisions before said.
+A reason is a predicate with figures (`harness.stack.reasons`). Both are computed again from the map
+of the decision, cell by cell, from the logged pose, and from the decisions before.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from wayproof.maps import Representation
 __all__ = ["PREDICATES", "ReasonCheck"]
 
 FARTHEST = 10.0
-"""So far outside of the operating area a point may lie, m."""
+"""Greatest distance of a point outside the operating area, m."""
 
 GREATEST = 1e5
-"""Of a length, m, a time, s, or an angle, rad."""
+"""Greatest length, m, time, s, or angle, rad."""
 
 MADE_OF = {
     "turn_degrees": "turn_rad",
@@ -34,21 +34,21 @@ MADE_OF = {
     "delay_ms": "delay_s",
     "deadline_ms": "deadline_s",
 }
-"""Figures of a sentence that are other logged figures."""
+"""Logged figure behind each figure of a sentence that has another unit."""
 
 
 class ReasonCheck:
-    """Takes one log's decisions in order.
+    """Check of the reasons of one log, decision by decision in order.
 
     Attributes:
-        checked: How many reasons it has held against their map.
+        checked: Number of reasons checked so far.
     """
 
     def __init__(self, required: bool = True) -> None:
-        """Know of no decision.
+        """Start before the first decision.
 
         Args:
-            required: Whether each decision must have a reason with figures: not before format 5.
+            required: Whether each decision must have a predicate, as it does from format 5 on.
         """
         self._past = Past()
         self._required = required
@@ -57,16 +57,16 @@ class ReasonCheck:
     def check(
         self, decision: pb.Decision, built: Representation, config: Config, mission: Mission
     ) -> list[str]:
-        """What is false of the reason of the next decision.
+        """Return the false parts of the reason of the next decision.
 
         Args:
-            decision: With the pose and the path that the reason speaks of.
-            built: The map of that decision, as the log's sweeps give it.
-            config: Of the decision.
-            mission: Likewise.
+            decision: Decision with its pose and paths.
+            built: Map of the decision, rebuilt from the sweeps.
+            config: Settings of the decision.
+            mission: Mission of the decision.
 
         Returns:
-            A text for each part that does not hold.
+            One text for each false part.
         """
         found: list[str] = []
         if decision.HasField("predicate"):
@@ -79,7 +79,7 @@ class ReasonCheck:
         return found
 
     def pass_by(self, decision: pb.Decision) -> None:
-        """Take the next decision as it stands, unchecked."""
+        """Record the next decision without checking it."""
         self._past.take(decision)
 
     def _false(self, scene: Scene) -> Iterator[str]:
@@ -99,7 +99,7 @@ class ReasonCheck:
             yield f"{kind}: {text}"
             return
         if decision.reason != sentence(logged_reason(reason)):
-            yield "its words are others than its figures make"
+            yield "its sentence is not that of its figures"
         if decision.action not in meaning.actions:
             yield f"{kind} is no reason to {decision.action}"
         if decision.label not in meaning.labels:
@@ -112,7 +112,7 @@ class ReasonCheck:
 
 
 def _out_of_bounds(scene: Scene, reason: pb.Reason) -> str:
-    """The first figure that no decision in the operating area has."""
+    """Return a text for the first figure that is out of range; empty without one."""
     low, high = np.array([scene.mission.low, scene.mission.high])
     for field, value in reason.ListFields():
         if isinstance(value, pb.Point):
@@ -125,7 +125,7 @@ def _out_of_bounds(scene: Scene, reason: pb.Reason) -> str:
 
 
 def figures_of(text: str) -> list[str]:
-    """Names of the logged figures in a sentence."""
+    """Return the names of the logged figures in a sentence."""
     names = [name for _, name, _, _ in string.Formatter().parse(text) if name]
     return [MADE_OF.get(name, name) for name in names]
 

@@ -1,4 +1,4 @@
-"""Places, lengths and directions along the thinned paths of a log."""
+"""Points, lengths and directions along the thinned paths of a log."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from wayproof.harness.replay.reasons.scene import Scene
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 NEAR = 1e-3
-"""Figures that are worked out in two ways differ by less, m, s and rad."""
+"""Tolerance of figures computed in two ways, m, s and rad."""
 
 ARC, ARC_SHARE = 0.15, 0.05
-"""So much [m], and that share of it, may a length along a thinned path be off."""
+"""Tolerance of a length along a thinned path: m, and a fraction of the length."""
 
 CORNER = 0.6
-"""So far before and behind a corner its turn is looked for, m."""
+"""Distance before and behind a corner within which its turn is measured, m."""
 
 
 def same(name: str, claimed: float, found: float, within: float = NEAR) -> Iterator[str]:
-    """A text unless a figure is the one found, to within an error."""
+    """Yield a text unless two figures are equal within a tolerance."""
     if not abs(claimed - found) <= within:
         yield f"{name} is {claimed:.3f}, found {found:.3f}"
 
 
 def same_arc(name: str, claimed: float, found: float) -> Iterator[str]:
-    """The same for a length along a thinned path."""
+    """Yield a text unless two lengths along a thinned path are equal within its tolerance."""
     yield from same(name, claimed, found, ARC + ARC_SHARE * abs(claimed))
 
 
 def point_of(point: pb.Point) -> Array:
-    """A logged point (3,), m."""
+    """Return a logged point as an array (3,), m."""
     return np.array([point.x, point.y, point.z])
 
 
 def nearest(way: Array, place: Array, scene: Scene) -> tuple[float, float]:
-    """Arc length of the point of a way nearest to a place, and how far that is, m."""
+    """Return the arc length of the point of a path nearest to a place, and its distance, m."""
     points = densely(way, 0.01)
     gaps = np.linalg.norm((points - place)[:, : scene.axes], axis=1)
     nearest = int(gaps.argmin())
@@ -47,23 +47,23 @@ def nearest(way: Array, place: Array, scene: Scene) -> tuple[float, float]:
 
 
 def left_of(way: Array, place: Array) -> float:
-    """Arc length from the point of a way nearest to a place, in the plane, to its end, m."""
+    """Return the length of a path from the point nearest to a place in the plane to its end, m."""
     points = densely(way, 0.01)
     nearest = int(np.linalg.norm((points - place)[:, :2], axis=1).argmin())
     return length(points) - float(arc_lengths(points)[nearest])
 
 
 def direction(way: Array, begin: float, end: float) -> float:
-    """Heading from one arc length of a way to another, rad."""
+    """Return the heading from one arc length of a path to another, rad."""
     arcs = arc_lengths(way)
     x, y = (np.interp(end, arcs, way[:, k]) - np.interp(begin, arcs, way[:, k]) for k in range(2))
     return atan2_rounded(float(y), float(x))
 
 
 def turn_at(way: Array, committed: Array, arc: float) -> float:
-    """The greatest turn between pieces of a way near an arc length, rad.
+    """Return the greatest turn between segments of a path near an arc length, rad.
 
-    Among them those that the committed part ends with, which is not thinned.
+    The last segments of the committed path, which is not thinned, are among them.
     """
     steps = [_steps_near(way, arc), _steps_near(committed, length(committed))]
     pieces = np.concatenate(steps)
@@ -72,7 +72,7 @@ def turn_at(way: Array, committed: Array, arc: float) -> float:
 
 
 def _steps_near(way: Array, arc: float) -> Array:
-    """Directions (n, 3) of the pieces of a way within `CORNER` of an arc length."""
+    """Return the directions (n, 3) of the segments of a path within `CORNER` of an arc length."""
     points = densely(way, 0.02)
     arcs = arc_lengths(points)
     near = (arcs[1:] >= arc - CORNER) & (arcs[:-1] <= arc + CORNER)

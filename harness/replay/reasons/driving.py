@@ -1,4 +1,4 @@
-"""What reasons claim of a robot that follows a path to its goal."""
+"""Predicates of a robot that follows a path to its goal."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from wayproof.harness.replay.reasons.stopping import stop_from, stops
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 FIRST_PIECES = (0.1, 0.2, 0.3)
-"""A path may bend at once: where it leads is looked at over these lengths, m."""
+"""Lengths over which the initial direction of a path is measured, m; it may bend at once."""
 
 TURNED_INTO = 0.5
-"""So far is the direction in which a path begins from that of its thinned form, rad."""
+"""Tolerance of the initial direction of a thinned path, rad."""
 
 TURNED = 0.35
-"""So far is the direction of a path from that of its thinned form, or a body off its heading, rad.
+"""Tolerance of the direction of a thinned path, and of the heading of a body, rad.
 """
 
 

@@ -1,4 +1,4 @@
-"""What reasons claim of a robot that goes elsewhere: to look, back, or out of the inflation."""
+"""Predicates of a robot that explores, backtracks or leaves the inflation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the body would overlap, and where it has room: cell by cell."""
+"""Overlap of the body with single cells, for the predicates."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from wayproof.harness.replay.reasons.scene import Scene
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 BENT = 0.1
-"""So far is a path from its thinned form, m."""
+"""Greatest distance of a path from its thinned form, m."""
 
 FACE = 1e-4
-"""So near to the face of a cell a place lies on it, cells."""
+"""Distance up to which a point lies on the face of a cell, cells."""
 
 PIECE = 20
-"""So many places of a way, half a cell apart, are looked at together."""
+"""Number of points of a path, half a cell apart, that are checked at once."""
 
 
 def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool) -> Iterator[str]:
@@ -119,9 +119,9 @@ def overlapped_here(scene: Scene, reason: pb.Reason) -> Iterator[str]:
 def has_room(
     scene: Scene, about: Array, within: float, heading: float | None, unknown_blocks: bool
 ) -> bool:
-    """Whether a body half a cell larger fits at a cell's centre near a place.
+    """Return whether a body half a cell larger fits at the centre of a cell near a point.
 
-    A long body at a heading, rad; with none nothing is said of it.
+    An elongated body has a heading, rad; without one the answer is False.
     """
     if not scene.comparable or (scene.mission.discs and heading is None):
         return False

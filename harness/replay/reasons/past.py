@@ -1,4 +1,4 @@
-"""What the decisions before said and did, as far as reasons speak of it."""
+"""Earlier decisions, as far as reasons refer to them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 
 STILL = 0.02
-"""A shorter trajectory stays where it is, m."""
+"""Length up to which a trajectory counts as a hold, m."""
 
 
 @dataclass(frozen=True)
@@ -19,13 +19,13 @@ class Step:
     """One earlier decision.
 
     Attributes:
-        time_ns: Simulated.
-        kind: Of its reason.
-        label: Its own.
-        action: Likewise.
-        predicate: All of its reason.
-        moves: Whether its trajectory leaves its place.
-        position: (3,) believed, m.
+        time_ns: Simulated time, ns.
+        kind: Kind of its reason.
+        label: Label.
+        action: Action.
+        predicate: Its whole reason.
+        moves: Whether its trajectory is no hold.
+        position: (3,) estimated position, m.
     """
 
     time_ns: int
@@ -39,12 +39,12 @@ class Step:
 
 @dataclass
 class Past:
-    """All decisions before one.
+    """All decisions before the current one.
 
     Attributes:
-        steps: By number.
-        trajectories: The last ones, the newest last.
-        way: (n, 3) the last way that was named, m.
+        steps: Decisions by number.
+        trajectories: The last trajectories, the newest last.
+        way: (n, 3) last global path, m.
     """
 
     steps: dict[int, Step] = field(default_factory=dict)
@@ -68,14 +68,14 @@ class Past:
             self.way = path_of(decision.global_path)
 
     def followed(self, time_ns: int) -> pb.Trajectory | None:
-        """The trajectory that the robot follows at a time; none before the first takes effect."""
+        """Return the trajectory that the robot follows at a time; None before the first."""
         begun = [one for one in self.trajectories if one.start.ToNanoseconds() <= time_ns]
         return begun[-1] if begun else None
 
     def since(self, first: int, last: int) -> list[Step]:
-        """The decisions from one up to, but not with, another."""
+        """Return the decisions from `first` to `last`, the latter excluded."""
         return [self.steps[k] for k in range(first, last) if k in self.steps]
 
     def at(self, time_ns: int) -> int | None:
-        """Number of the decision at a time."""
+        """Return the number of the decision at a time, or None."""
         return next((k for k, one in self.steps.items() if one.time_ns == time_ns), None)

@@ -1,8 +1,8 @@
-"""What each kind of reason claims, worked out anew from the map, the pose and the log's own past.
+"""Predicates by kind of reason, computed again from map, pose and earlier decisions.
 
-A predicate yields a text for each part of its claim that does not hold. Paths in a log are thinned,
-so that lengths along them are compared to within `along.ARC` and `along.ARC_SHARE`, and room along
-them is looked for with a body that is a cell smaller.
+A predicate yields a text for each part that is false. Paths in a log are thinned, so lengths along
+them are compared with the tolerances `along.ARC` and `along.ARC_SHARE`, and collisions along them
+are checked with a body that is one cell smaller.
 """
 
 from __future__ import annotations
@@ -52,4 +52,4 @@ PREDICATES: dict[str, Claim] = {
     "commanded_without_proof": commanded.commanded_without_proof,
     "guard_braking": commanded.guard_braking,
 }
-"""What each kind of reason claims."""
+"""Predicate of each kind of reason."""

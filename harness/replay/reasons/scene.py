@@ -1,4 +1,4 @@
-"""What a reason is held against: the map of its decision, cell by cell, and the body in it."""
+"""Map and body of one decision, against which its reason is checked."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Scene:
     """One decision and the map that it was made on.
 
     Attributes:
-        decision: The one whose reason is checked.
-        map: As the log's sweeps give it.
-        config: Of the decision.
-        mission: Likewise.
+        decision: Decision whose reason is checked.
+        map: Map, rebuilt from the sweeps.
+        config: Settings of the decision.
+        mission: Mission of the decision.
     """
 
     decision: pb.Decision
@@ -37,7 +37,7 @@ class Scene:
 
     @property
     def axes(self) -> int:
-        """2 for a body that walks, 3 for one that flies."""
+        """Number of axes: 2 for a walking body, 3 for a flying one."""
         return self.mission.axes
 
     @property
@@ -47,23 +47,23 @@ class Scene:
 
     @property
     def comparable(self) -> bool:
-        """Whether the cells that count are the map's: slopes and margins by class add some."""
+        """Whether only cells of the map block: slopes and class margins add others."""
         config = self.config.costmap
         return not config.class_margins and config.max_slope == 0.0
 
     @property
     def unknown_blocks(self) -> bool:
-        """Whether the policy keeps the body out of unknown space."""
+        """Whether the unknown policy forbids unknown space."""
         return self.config.costmap.unknown_policy == "forbid"
 
     @property
     def offsets(self) -> list[float]:
-        """Of the discs of the body along its axis, m; 0 alone for the disc about all of it."""
+        """Offsets of the discs along the body, m; only 0 for the circumscribed disc."""
         return [0.0] if self.wide else [offset for offset, _ in self.mission.discs]
 
     @property
     def radii(self) -> list[float]:
-        """Of the discs that the decision was made for, m."""
+        """Radii of the discs of the decision, m."""
         if not self.mission.discs:
             return [self.mission.radius]
         if self.wide:
@@ -72,7 +72,7 @@ class Scene:
 
     @cached_property
     def wide(self) -> bool:
-        """Whether the decision was made for the disc about all of the body."""
+        """Whether the decision was made for the circumscribed disc."""
         if not self.mission.discs:
             return True
         about = max(abs(offset) + radius for offset, radius in self.mission.discs)
@@ -82,41 +82,41 @@ class Scene:
         return abs(named - half - about) < abs(named - half - slim)
 
     def reach(self, radius: float) -> float:
-        """How near to a disc's cell a cell is overlapped, between centres, cells."""
+        """Return the distance between centres up to which a disc overlaps a cell, cells."""
         margin = self.decision.localization_margin_m
         return (radius + margin) / self.size + 0.5 * math.sqrt(self.axes)
 
     @cached_property
     def path(self) -> Array:
-        """That it commits to, (n, 3) m."""
+        """Committed path, (n, 3) m."""
         return path_of(self.decision.trajectory.path)
 
     @cached_property
     def global_path(self) -> Array:
-        """The way that it names, (n, 3) m; of no points if it names none."""
+        """Global path, (n, 3) m; empty without one."""
         return path_of(self.decision.global_path)
 
     @property
     def goal(self) -> Array:
-        """The mission's, (3,) m."""
+        """Goal of the mission, (3,) m."""
         return np.array(self.mission.goal)
 
     def apart(self, a: Array, b: Array) -> float:
-        """Distance between places (3,), m, in the plane for a body that walks."""
+        """Return the distance between points (3,), m; in the plane for a walking body."""
         return float(np.linalg.norm((a - b)[: self.axes]))
 
     def cells_about(self, points: Array, reach: float) -> Cells:
-        """The cells within a reach, m, of points (n, 3), m."""
+        """Return the cells within a reach, m, of points (n, 3), m."""
         return cells_around(self.map, points, reach, self.config, self.mission)
 
     @cached_property
     def everywhere(self) -> Cells:
-        """All cells of the operating area."""
+        """Return all cells of the operating area."""
         bounds = np.array([self.mission.low, self.mission.high])
         return self.cells_about(bounds, 0.0)
 
     def state_at(self, place: Point) -> str:
-        """Name of the state of the cell about a place."""
+        """Return the name of the state of the cell at a point."""
         point = np.array([place])
         cells = self.cells_about(point, 0.0)
         return NAMES[int(cells.states[tuple(cells.of(point)[0])])]

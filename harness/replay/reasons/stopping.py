@@ -1,4 +1,4 @@
-"""What reasons claim of a robot that stops, has stopped at its goal, or was late."""
+"""Predicates of a robot that stops, has stopped at its goal, or was late."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def stops(scene: Scene, reason: pb.Reason) -> Iterator[str]:
     period, limits = scene.decision.trajectory.sample_period_s, scene.mission
     speeds = np.diff(np.append(arcs, np.repeat(arcs[-1], 2))) / period
     speed = float(speeds[0])
-    # What still accelerates gains speed until its jerk has taken the acceleration back.
+    # An accelerating body gains speed until its jerk has undone the acceleration.
     rise = float(speeds[1] - speeds[0]) / period + limits.max_jerk * period
     rise = min(max(rise, 0.0), limits.max_acceleration)
     faster = speed + 2.0 * period * limits.max_acceleration + rise**2 / (2.0 * limits.max_jerk)
@@ -106,7 +106,7 @@ def stops(scene: Scene, reason: pb.Reason) -> Iterator[str]:
 
 
 def stop_from(speed: float, limits: Any) -> float:
-    """Length of the jerk-limited stop from a steady speed, m."""
+    """Return the length of a jerk-limited stop from a constant speed, m."""
     if speed * limits.max_jerk >= limits.max_acceleration**2:
         ramp = limits.max_acceleration / limits.max_jerk
         return float(0.5 * speed * (speed / limits.max_acceleration + ramp))

@@ -1,4 +1,4 @@
-"""What reasons claim of a robot at rest that has no way to go."""
+"""Predicates of a robot at rest without a path."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def no_path_in_map(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
     if not scene.comparable:
         return
     cells = scene.everywhere
-    # Half a cell to spare: the search asks for whole cells along straight pieces.
+    # Half a cell of tolerance: the search checks whole cells along straight segments.
     wide = cells.clearances(unknown_blocks=False) > scene.reach(min(scene.radii)) + 0.5
     areas, _ = ndimage.label(wide)
     here, there = cells.of(np.array([scene.path[0], scene.goal]))

@@ -122,7 +122,7 @@ def test_words_that_its_figures_do_not_make_are_found(log):
     check, moment = ReasonCheck(), next(moments(log))
     moment.decision.reason = "the way ahead is blocked"
     texts = check.check(moment.decision, moment.map, moment.config, moment.mission)
-    assert texts == ["its words are others than its figures make"]
+    assert texts == ["its sentence is not that of its figures"]
 
 
 PLANTED = {
