@@ -154,7 +154,7 @@ def test_json_is_one_document_and_nothing_else(capsys, tmp_path):
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert captured.err == ""
-    wanted = {
+    expected = {
         "outcome",
         "goal_distance_m",
         "sim_time_s",
@@ -164,7 +164,7 @@ def test_json_is_one_document_and_nothing_else(capsys, tmp_path):
         "min_clearance_m",
         "log",
     }
-    assert wanted <= document.keys()
+    assert expected <= document.keys()
     assert Path(document["log"]).is_file()
     assert not list(tmp_path.glob("*.partial"))
     assert main(["replay", document["log"], "--json"]) == 0

@@ -34,9 +34,9 @@ def test_a_certificate_tells_of_a_chain_that_differs(
     path.write_text(STUDY)
     words = ["study", str(path), "--out", str(out), "--jobs", "1", "--check-determinism", "--json"]
     assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)["determinism"]
+    certificate = json.loads(capsys.readouterr().out)["determinism"]
     kept = json.loads((out / "determinism.json").read_text())
-    assert told == kept
+    assert certificate == kept
     assert kept["identical"]
     assert [one["arrangement"] for one in kept["reruns"]] == [one.name for one in ARRANGEMENTS]
     assert kept["versions"]["mujoco"]

@@ -7,11 +7,8 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from wayproof.harness.bench.statistics.verdicts import CHANGES, compared, share_failing, study_of
-from wayproof.harness.cli.compare import DEFAULT_GATES
 from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
@@ -30,6 +27,7 @@ from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, conclude, verdict_in_words
 
 ARM = Arm("warehouse", "drone", "", "none", 0)
+
 
 STUDY = """
 name = "hard"
@@ -221,27 +219,6 @@ def test_a_failed_gate_comes_after_missing_episodes(tmp_path: Path) -> None:
     assert (whole.verdict, whole.exit_code()) == ("failed", 1)
     assert (partial.verdict, partial.exit_code()) == ("incomplete", 3)
     assert "1 of 2 have not run" in verdict_in_words(partial)
-
-
-def test_a_against_a_hardly_ever_fails_a_default_gate() -> None:
-    """`wayproof bench coverage --only alarms` has all studies and sizes."""
-    for name in ("compare", "baseline"):
-        for clusters in (2, 10):
-            assert share_failing(name, *study_of(name), clusters, repeats=60, seed=1) <= 0.05
-
-
-def test_what_is_broken_is_never_green_on_few_worlds_and_seen_on_many() -> None:
-
-    before, after, text = CHANGES["success 0.95 to 0.75"]
-    generator = np.random.default_rng(0)
-    verdicts = [compared(generator, before, after, 50, read_gate(text)).verdict for _ in range(60)]
-    assert verdicts.count("failed") >= 45
-    broken = [
-        compared(generator, before, after, k, read_gate(DEFAULT_GATES[0])).verdict
-        for k in (2, 3, 5, 10, 25)
-        for _ in range(20)
-    ]
-    assert broken.count("held") == 0
 
 
 @pytest.mark.parametrize("path", sorted(PACKAGED.glob("*.toml")), ids=lambda path: path.stem)

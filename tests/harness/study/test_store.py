@@ -91,8 +91,8 @@ def test_a_study_file_runs_no_code(name, verb, tmp_path, capsys, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     text = (HEAD + CODE[name]).replace('"drone"', '"robot.toml"' if name == "robot" else '"drone"')
     (tmp_path / "study.toml").write_text(text)
-    asked = ["--perturb", "latency"] if verb == "threshold" else []
-    assert main([verb, "study.toml", "--out", "out", *asked]) == 2
+    perturb = ["--perturb", "latency"] if verb == "threshold" else []
+    assert main([verb, "study.toml", "--out", "out", *perturb]) == 2
     [line] = capsys.readouterr().err.splitlines()
     assert "expected --allow-plugins" in line
     assert not (tmp_path / "ran").exists()

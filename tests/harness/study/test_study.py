@@ -346,5 +346,5 @@ def test_ctrl_c_says_what_a_study_has_kept(
     store.log(plan_episodes(read_study(file))[0].key).touch()
     monkeypatch.setattr("wayproof.harness.study.study.run_study", interrupted)
     assert main(["study", file, "--out", str(store.folder)]) == 130
-    told = "interrupted; 1 of 4 episodes are kept, and the same command goes on with the others"
-    assert told in capsys.readouterr().err
+    message = "interrupted; 1 of 4 episodes are kept, and the same command goes on with the others"
+    assert message in capsys.readouterr().err

@@ -48,11 +48,11 @@ def test_rows_are_kept_as_they_come_and_not_run_again(tmp_path):
         file.write('{"robot": "dro')  # killed while it wrote
     kept = KeptRows(path, CrossingRow)
     assert list(kept.rows) == jobs[:4]
-    told = []
-    rows = rows_of(jobs, one_of, kept, told.append)
+    lines = []
+    rows = rows_of(jobs, one_of, kept, lines.append)
     assert [one.job for one in rows] == jobs
-    assert len(told) == 2
-    assert told[0].startswith("5 of 6: ")
+    assert len(lines) == 2
+    assert lines[0].startswith("5 of 6: ")
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert lines[:4] == [asdict(one) for one in rows[:4]]
     assert len(lines) == 6

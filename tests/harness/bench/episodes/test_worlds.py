@@ -26,16 +26,16 @@ def test_an_episode_among_movers_logs_them_and_replays(recorded):
     truths = list(log.truth())
     assert {len(truth.movers) for truth in truths} == {len(world.movers)}
     first, last = truths[0], truths[-1]
-    for mover, told, later in zip(world.movers, first.movers, last.movers, strict=True):
-        assert told.name == mover.name
-        assert told.present
-        assert tuple(told.position) == pytest.approx(mover.place(0).position)
-        assert tuple(later.position) != tuple(told.position)
+    for mover, logged, later in zip(world.movers, first.movers, last.movers, strict=True):
+        assert logged.name == mover.name
+        assert logged.present
+        assert tuple(logged.position) == pytest.approx(mover.place(0).position)
+        assert tuple(later.position) != tuple(logged.position)
     assert 'mocap="true"' in log.scene
     assert replay(Path(result.log)).identical
 
 
-def test_what_is_not_there_is_told_so(recorded):
+def test_a_mover_that_is_not_there_is_logged_as_absent(recorded):
     result = recorded("ghosts", "drone", 0, *SHORT)
     first = next(open_log(Path(result.log)).truth())
     assert {mover.present for mover in first.movers} == {True, False}
@@ -58,10 +58,10 @@ def test_the_shortest_way_through_an_empty_room_is_the_straight_line(recorded):
 
 
 def test_an_episode_becomes_a_row():
-    told = run_one("empty", "drone", 1)
-    assert told.outcome == "success"
-    assert 0.8 < told.spl <= 1.0
-    assert told.clearance_m > 0.0
+    row = run_one("empty", "drone", 1)
+    assert row.outcome == "success"
+    assert 0.8 < row.spl <= 1.0
+    assert row.clearance_m > 0.0
 
 
 def test_rows_are_summed_up():

@@ -3,102 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from wayproof.harness.bench.episodes.glass_pole import SPACE, cross_pole_room
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, from_json, override
-from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import LogWriter
-from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.study.falsify.falsify import Task, falsify
-from wayproof.harness.study.falsify.search import Trial, search, shorten
-from wayproof.harness.study.falsify.space import Space
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.store import Store
 
-JUMPS = Space("pose_jump", latest=4.0, length=1.0)
 MISSION = build(Config("empty", "drone", 0)).mission.to_json()
-
-
-def weak(perturbations: Sequence[AnyPerturbation]) -> Iterator[Trial]:
-    """A stack that fails in one corner of (when, how strongly, where), 0.17 % of the space.
-
-    Its robustness is the distance from that corner, in parts of the space.
-    """
-    for one in perturbations:
-        assert one.window is not None
-        direction = getattr(one, "direction", 0.0)
-        gap = np.abs([one.window[0] - 1.7, one.severity - 4.0, direction - 120.0]) / [4.0, 5.0, 360]
-        yield Trial(one, bool((gap < 0.06).all()), float(np.linalg.norm(gap)))
-
-
-def test_a_planted_weakness_is_found_where_chance_needs_more() -> None:
-    evolved = [search(JUMPS, weak, 100, seed) for seed in range(10)]
-    drawn = [search(JUMPS, weak, 2000, seed, "random") for seed in range(10)]
-    assert all(one.failing is not None for one in evolved)
-    assert max(one.episodes for one in evolved) <= 100
-    assert sum(one.episodes > 100 for one in drawn) >= 9
-    found = zip(evolved, drawn, strict=True)
-    assert sum(ours.episodes < random.episodes for ours, random in found) >= 9
-
-
-def test_a_budget_is_kept_and_the_nearest_told() -> None:
-    ran: list[Trial] = []
-
-    def noted(perturbations: Sequence[AnyPerturbation]) -> Iterator[Trial]:
-        for one in perturbations:
-            ran.append(Trial(one, False, one.severity))
-            yield ran[-1]
-
-    result = search(JUMPS, noted, 30, 1)
-    assert (result.episodes, len(ran), result.failing) == (30, 30, None)
-    assert result.nearest.robustness == min(one.perturbation.severity for one in ran)
-    assert search(JUMPS, noted, 30, 1).nearest == result.nearest
-    with pytest.raises(InputError, match="unknown method 'luck'"):
-        search(JUMPS, noted, 30, 1, "luck")
-
-
-def test_a_trigger_is_cut_down_to_its_window() -> None:
-    """The stack fails if it is off at 1.80 s: of a window of 1.7 to 2.7 s a tenth is left."""
-
-    def off_at(perturbations: Sequence[AnyPerturbation]) -> Iterator[Trial]:
-        for one in perturbations:
-            assert one.window is not None
-            yield Trial(one, one.window[0] <= 1.8 < one.window[1], 0.0)
-
-    [whole] = off_at([JUMPS.perturbation([1.7, 4.0, 0.0])])
-    assert whole.failed
-    shortest, episodes = shorten(whole, off_at)
-    assert shortest.failed
-    assert shortest.perturbation.window is not None
-    begin, end = shortest.perturbation.window
-    assert begin <= 1.8 < end <= begin + 0.1
-    assert episodes <= 10
-
-
-def test_points_are_perturbations_within_the_bounds() -> None:
-    one = JUMPS.perturbation([4.0004, 5.004, -180.004])
-    assert (one.window, one.severity, one.direction) == ((4.0, 5.0), 5, -180.0)  # type: ignore[union-attr]
-    assert list(Space("rate", 4.0, 1.0).parameters) == ["begin", "severity"]
-
-
-def test_the_pole_is_hit_by_the_jump_that_leads_there_alone() -> None:
-    """Off to its side when it passes; off to the other side, or later, it is safe."""
-    there, other, late = (
-        SPACE.perturbation(point)
-        for point in [(1.5, 3.5, -90.0), (1.5, 3.5, 90.0), (3.5, 3.5, -90.0)]
-    )
-    hit, *safe = cross_pole_room([there, other, late])
-    assert hit.failed
-    assert [one.failed for one in safe] == [False, False]
 
 
 def pretended(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
@@ -119,8 +39,8 @@ def pretended(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) 
 
 
 def test_a_failing_log_is_kept_and_the_one_of_the_shortest_window(tmp_path: Path) -> None:
-    asked = Task(Config("empty", "drone", 1), "pose_jump", 1.0, 5.0, 60, 0)
-    found = falsify(asked, Store(tmp_path), pretended, lambda done: None)
+    task = Task(Config("empty", "drone", 1), "pose_jump", 1.0, 5.0, 60, 0)
+    found = falsify(task, Store(tmp_path), pretended, lambda done: None)
     assert (found.outcome, found.reason) == ("fall", "tilted")
     assert found.failing is not None
     assert found.shortest is not None
@@ -130,9 +50,9 @@ def test_a_failing_log_is_kept_and_the_one_of_the_shortest_window(tmp_path: Path
     window = found.shortest.perturbation.window
     assert window is not None
     assert window[0] <= 2.0 < window[1] <= window[0] + 0.1
-    setting = override(asked.config, [f"perturbation={found.setting}"])
+    setting = override(task.config, [f"perturbation={found.setting}"])
     assert setting.perturbation == found.shortest.perturbation
-    again = falsify(asked, Store(tmp_path), refuse, lambda done: None)
+    again = falsify(task, Store(tmp_path), refuse, lambda done: None)
     assert again == found
 
 
@@ -142,8 +62,8 @@ def refuse(jobs: Sequence[Job], *_: object) -> None:
 
 
 def test_a_search_that_finds_nothing_tells_the_nearest(tmp_path: Path) -> None:
-    asked = Task(Config("empty", "drone", 1), "latency", 1.0, 5.0, 10, 0)
-    found = falsify(asked, Store(tmp_path), pretended, lambda done: None)
+    task = Task(Config("empty", "drone", 1), "latency", 1.0, 5.0, 10, 0)
+    found = falsify(task, Store(tmp_path), pretended, lambda done: None)
     assert (found.failing, found.episodes, found.log) == (None, 10, "")
     assert found.nearest.robustness == 0.5
 

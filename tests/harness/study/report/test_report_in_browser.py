@@ -99,8 +99,8 @@ def _requested(text: str) -> set[str]:
         text = text.rstrip().rstrip(",") + "]}"
     log = json.loads(text)
     start = log["constants"]["logEventTypes"]["URL_REQUEST_START_JOB"]
-    told = [event.get("params", {}) for event in log["events"] if event["type"] == start]
-    return {one["url"] for one in told if "url" in one and one.get("initiator") != NOBODY}
+    requests = [event.get("params", {}) for event in log["events"] if event["type"] == start]
+    return {one["url"] for one in requests if "url" in one and one.get("initiator") != NOBODY}
 
 
 def test_a_page_is_seen_and_asks_nothing_of_anybody(
