@@ -31,6 +31,7 @@ from wayproof.harness.schema import stack_pb2 as sb
 
 def serve(name: str) -> None:
     """Serve a stack on standard input and output; what it prints goes to standard error."""
+    make_stack(name)  # an unknown one is refused before the pipes are taken
     read = os.fdopen(os.dup(0), "rb", buffering=2**20)
     write = os.fdopen(os.dup(1), "wb", buffering=2**20)
     os.dup2(2, 1)
