@@ -270,6 +270,7 @@ def task_message(task: Task) -> sb.Task:
             directions=b"" if _varies(sensor) else _directions(sensor, 0),
             beams=info.beams,
             info=info.SerializeToString(deterministic=True),
+            measures=info.measures,
         )
     return message
 

@@ -115,7 +115,7 @@ class Task(_message.Message):
     def __init__(self, robot: _Optional[str] = ..., seed: _Optional[int] = ..., motion: _Optional[str] = ..., radius: _Optional[float] = ..., height: _Optional[float] = ..., step_height: _Optional[float] = ..., max_speed: _Optional[float] = ..., max_acceleration: _Optional[float] = ..., max_jerk: _Optional[float] = ..., max_yaw_rate: _Optional[float] = ..., discs: _Optional[_Iterable[_Union[Disc, _Mapping]]] = ..., low: _Optional[_Union[Vector, _Mapping]] = ..., high: _Optional[_Union[Vector, _Mapping]] = ..., start: _Optional[_Union[Vector, _Mapping]] = ..., start_heading: _Optional[float] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goal_tolerance: _Optional[float] = ..., period_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., sensors: _Optional[_Iterable[_Union[Sensor, _Mapping]]] = ..., settings: _Optional[str] = ...) -> None: ...
 
 class Sensor(_message.Message):
-    __slots__ = ("name", "kind", "range_m", "rate_hz", "position_base_sensor", "rotation_base_sensor", "directions", "beams", "info")
+    __slots__ = ("name", "kind", "range_m", "rate_hz", "position_base_sensor", "rotation_base_sensor", "directions", "beams", "info", "measures")
     NAME_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     RANGE_M_FIELD_NUMBER: _ClassVar[int]
@@ -125,6 +125,7 @@ class Sensor(_message.Message):
     DIRECTIONS_FIELD_NUMBER: _ClassVar[int]
     BEAMS_FIELD_NUMBER: _ClassVar[int]
     INFO_FIELD_NUMBER: _ClassVar[int]
+    MEASURES_FIELD_NUMBER: _ClassVar[int]
     name: str
     kind: str
     range_m: float
@@ -134,7 +135,8 @@ class Sensor(_message.Message):
     directions: bytes
     beams: int
     info: bytes
-    def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., rate_hz: _Optional[float] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ..., directions: _Optional[bytes] = ..., beams: _Optional[int] = ..., info: _Optional[bytes] = ...) -> None: ...
+    measures: str
+    def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., rate_hz: _Optional[float] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ..., directions: _Optional[bytes] = ..., beams: _Optional[int] = ..., info: _Optional[bytes] = ..., measures: _Optional[str] = ...) -> None: ...
 
 class Sweep(_message.Message):
     __slots__ = ("sensor", "ranges_mm", "classes", "directions")
