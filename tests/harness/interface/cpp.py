@@ -1,0 +1,33 @@
+"""The C++ compiler of this machine."""
+
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+FLAGS = ["-O2", "-std=c++17", "-Wall", "-Wextra", "-Werror"]
+
+
+def compiler():
+    """The command of a C++ compiler, in words; empty if there is none.
+
+    `$CXX`, one on the path, or the one of the package `ziglang`.
+    """
+    if given := shlex.split(os.environ.get("CXX", "")):
+        return given
+    if found := next(filter(shutil.which, ("c++", "g++", "clang++")), None):
+        return [found]
+    zig = importlib.util.find_spec("ziglang") is not None
+    return [sys.executable, "-m", "ziglang", "c++"] if zig else []
+
+
+def compile_cpp(source, program):
+    """Compile a stack that includes the header of the example."""
+    words = [*compiler(), *FLAGS, f"-I{ROOT / 'examples/cpp'}", "-o", str(program), str(source)]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    return program
