@@ -1,1 +1,1 @@
-"""Logs as pictures: what Rerun, Foxglove and image files show is worked out here."""
+"""Visualization of logs in Rerun, Foxglove and image files."""

@@ -1,4 +1,4 @@
-"""Items that are made in a thread before they are asked for."""
+"""Prefetching of items in a thread."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ Item = TypeVar("Item")
 
 
 class Ahead(Generic[Item]):
-    """The same items in the same order, the next ones made meanwhile; the first from now on.
+    """Iterator that prefetches items in order.
 
-    What making one raises is raised in its place.
+    An exception is raised in the place of the item that raised it.
     """
 
     def __init__(self, items: Iterator[Item], most: int) -> None:
-        """Begin, and never be more than so many ahead."""
+        """Start the thread; prefetch at most `most` items."""
         self._items = items
         self._room = threading.Semaphore(most)
         self._made: SimpleQueue[tuple[Item] | BaseException | None] = SimpleQueue()
@@ -26,7 +26,7 @@ class Ahead(Generic[Item]):
         self._thread.start()
 
     def __iter__(self) -> Iterator[Item]:
-        """All of them, once."""
+        """Yield all items, once."""
         while isinstance(made := self._made.get(), tuple):
             self._room.release()
             yield made[0]
@@ -34,7 +34,7 @@ class Ahead(Generic[Item]):
             raise made
 
     def close(self) -> None:
-        """Make no more, and wait until the thread is done with what it is at."""
+        """Stop, and wait for the thread to finish its current item."""
         self._stopped = True
         self._room.release()
         self._thread.join()
@@ -45,7 +45,7 @@ class Ahead(Generic[Item]):
                 self._made.put((next(self._items),))
         except StopIteration:
             self._made.put(None)
-        except BaseException as error:  # raised again where the item is asked for
+        except BaseException as error:  # raised again in the place of the item
             self._made.put(error)
         finally:
-            del self._items  # a generator lets go of what it holds
+            del self._items  # releases the resources of a generator

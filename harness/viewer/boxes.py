@@ -1,4 +1,4 @@
-"""A map as few boxes: equal cells in a row become one."""
+"""Boxes that cover the cells of a map, merged along rows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def flat_boxes(cells: NDArray[np.bool_], origin: Array, resolution: float) -> tuple[Array, Array]:
-    """Centres and half sizes (n, 2), m, of the least rows along x that cover cells (nx, ny)."""
+    """Return centres and half sizes (n, 2), m, of rows along x that cover cells (nx, ny)."""
     rows, first, end = runs(cells.T)
     middle = np.stack([0.5 * (first + end), rows + 0.5], axis=1)
     half = np.stack([0.5 * (end - first), np.full(len(rows), 0.5)], axis=1)
@@ -22,7 +22,7 @@ def flat_boxes(cells: NDArray[np.bool_], origin: Array, resolution: float) -> tu
 def surrounding_boxes(
     shape: tuple[int, ...], origin: Array, resolution: float, reach: float
 ) -> tuple[Array, Array]:
-    """Centres and half sizes (4, 2), m, of what lies outside a map (nx, ny) up to a reach, m."""
+    """Return centres and half sizes (4, 2), m, of boxes around a map (nx, ny), `reach` m wide."""
     low, high = origin[:2], origin[:2] + resolution * np.array(shape[:2])
     lows = np.array(
         [
@@ -44,9 +44,9 @@ def surrounding_boxes(
 
 
 def upright_boxes(a_map: Representation, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
-    """Centres and half sizes (n, 3), m, of the occupied cells in a box of space, columns merged.
+    """Return centres and half sizes (n, 3), m, of occupied cells in a box, merged along columns.
 
-    The floor's own layer is left out.
+    The layer of the floor is left out.
     """
     window = Window.covering(low, high, a_map.resolution)
     window = window.layers(max(window.floor_layer + 1, 0), window.shape[2])
@@ -62,7 +62,7 @@ def upright_boxes(a_map: Representation, low: ArrayLike, high: ArrayLike) -> tup
 def runs(
     rows: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """The runs of true in each row of (n, k): their rows, first places, and one past the last."""
+    """Return the runs of true in each row of (n, k): row, first index, and index past the last."""
     padded = np.pad(rows.astype(np.int8), ((0, 0), (1, 1)))
     steps = np.diff(padded, axis=1)
     row, first = np.nonzero(steps == 1)

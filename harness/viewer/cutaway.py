@@ -1,4 +1,4 @@
-"""Cutting away what is higher than the robot, so that a picture shows it among walls."""
+"""Cutaway views: geometry above the robot is cut off, so that walls do not hide it."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 Boxes = NDArray[np.float64]
 
 UPRIGHT = 0.999
-"""Least cosine between a geom's own axis and the vertical, for one that is cut."""
+"""Minimum cosine between the axis of a geom and the vertical for it to be cut."""
 
 CUT = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
-"""Shapes that end in a plane above: half of their height is their third size."""
+"""Types of geoms with a flat top, whose third size is half their height."""
 
 
 def cut_scene(scene: Any, height: float, kept: frozenset[int]) -> None:
-    """Cut upright geoms of a renderer's scene at a height, m, and leave out what is above it.
+    """Cut upright geoms of a scene at a height, m, and hide those above it, in place.
 
     Args:
         scene: An `mujoco.MjvScene`, whose geoms are changed; the model is not.
         height: Above the floor, m.
-        kept: Numbers of the model's geoms that stay whole, such as the robot's.
+        kept: Ids of geoms that stay whole, such as the robot's.
     """
     for geom in scene.geoms[: scene.ngeom]:
         if geom.type not in CUT or geom.objid in kept or abs(geom.mat[2, 2]) < UPRIGHT:
@@ -36,7 +36,7 @@ def cut_scene(scene: Any, height: float, kept: frozenset[int]) -> None:
 
 
 def cut_boxes(middles: Boxes, halves: Boxes, height: float) -> tuple[Boxes, Boxes]:
-    """What is left of boxes below a height.
+    """Return the parts of boxes below a height.
 
     Args:
         middles: (n, 3) m.
@@ -44,7 +44,7 @@ def cut_boxes(middles: Boxes, halves: Boxes, height: float) -> tuple[Boxes, Boxe
         height: m.
 
     Returns:
-        Middles and half extents of the boxes that begin below it, up to it.
+        Middles and half extents of the parts below it.
     """
     low = middles[:, 2] - halves[:, 2]
     high = np.minimum(middles[:, 2] + halves[:, 2], height)

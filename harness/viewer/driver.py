@@ -1,4 +1,4 @@
-"""What pictures are drawn with, screen or none."""
+"""OpenGL driver for pictures, with or without a screen."""
 
 from __future__ import annotations
 
@@ -9,17 +9,13 @@ from wayproof.harness.errors import InputError
 
 
 def choose_driver() -> None:
-    """Draw without a screen where there is none; called before MuJoCo is imported."""
+    """Choose a driver that needs no screen if there is none; call before importing MuJoCo."""
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 def check_driver() -> None:
-    """Raise if nothing can be drawn here.
-
-    Raises:
-        InputError: It cannot.
-    """
+    """Raise an InputError if nothing can be drawn on this machine."""
     import mujoco
 
     try:

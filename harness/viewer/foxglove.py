@@ -1,6 +1,6 @@
-"""A log as a file that Foxglove draws by itself: its decisions as they are, and views beside them.
+"""Conversion of a log to a file for Foxglove: its decisions, and views of them.
 
-The schemas are Foxglove's, by name and number; see `harness/schema/foxglove.proto`.
+The schemas are those of Foxglove, by name and number; see `harness/schema/foxglove.proto`.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from wayproof.harness.viewer.words import is_warning
 from wayproof.maps import UNKNOWN
 
 WORLD, ROBOT, TRUTH = "world", "robot", "truth"
-"""Frames."""
+"""Names of the frames."""
 
 MOST_HITS = 3000
 SWEEP_PERIOD_NS = 200_000_000
 CELLS_PERIOD_NS = 1_000_000_000
 
 EDGE_M = 1.0
-"""Width of the unknown that is drawn around the map, m: nothing is known outside it."""
+"""Width of the unknown space drawn around the map, m."""
 
 """As in the view by Rerun."""
 
 BLUE, GREEN, RED = (0.24, 0.43, 0.92), (0.08, 0.67, 0.27), (0.82, 0.16, 0.16)
 
 View = tuple[str, Message]
-"""A topic and what is written to it."""
+"""A topic and a message on it."""
 
 
 def convert(path: Path, out: Path, allow_plugins: bool = False) -> int:
-    """Write a log for Foxglove; returns the number of decisions.
+    """Write a log for Foxglove; return the number of decisions.
 
     Raises:
         InputError: The log cannot be read, or the file cannot be written.
@@ -102,7 +102,7 @@ def _logged(moment: Moment) -> Iterator[View]:
 
 
 class _Artist:
-    """What is drawn of each moment, and what was drawn before it."""
+    """Views of each moment; unchanged ones are not repeated."""
 
     def __init__(self, log: Log) -> None:
         self._log = log
@@ -113,7 +113,7 @@ class _Artist:
         self._last = int(log.result.get("decisions", "0")) - 1
 
     def views(self, moment: Moment) -> Iterator[View]:
-        """Everything that is to be shown anew at a moment."""
+        """Yield the views that change at a moment."""
         now, stamp = moment.time_ns, moment.decision.timestamp
         yield "/tf", _transforms(moment)
         yield "/viz/plan", self._plan(moment)
@@ -176,7 +176,7 @@ class _Artist:
 
 
 def _failure(moment: Moment, words: str) -> fox.SceneEntity:
-    """The mark of where an episode failed, with its reason."""
+    """Return a mark at the place of a failure, with its reason."""
     stamp, place = moment.decision.timestamp, tuple(moment.truth.position)
     mark = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="failure")
     mark.spheres.append(_sphere(place, 0.5, RED, 1.0))

@@ -1,4 +1,4 @@
-"""What the viewer opens with: space from aside and from above, the decision, the curves."""
+"""Initial layout of the Rerun viewer: 3D view, top view, decision and curves."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from wayproof.harness.log.reader import Log
 from wayproof.harness.viewer.snapshots import layer_period_ns
 
 UNKNOWN_SPACE = (112, 137, 134)
-"""Colour of unknown cells in RViz's maps, as red, green and blue: what lies outside the map is
-unknown too."""
+"""Colour of unknown cells in RViz, red, green and blue; also of space outside the map."""
 
 
 def layout(logs: Mapping[str, Log]) -> rrb.Blueprint:
-    """The windows for one log, or for several side by side, each by its root."""
+    """Return the layout for one log, or for several side by side, by their roots."""
     columns = [_column(root, log) for root, log in logs.items()]
     body = columns[0] if len(columns) == 1 else rrb.Horizontal(*columns)
     return rrb.Blueprint(
@@ -63,7 +62,7 @@ def _column(root: str, log: Log) -> rrb.Vertical:
 
 
 def _flat() -> list[str]:
-    """From above the cells would hide the layer that the robot moves in."""
+    """Return the entities of the top view, without cells, which would hide the layer."""
     return ["+ $origin/**", "- $origin/occupied/**", "- $origin/sweep"]
 
 

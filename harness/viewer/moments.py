@@ -1,4 +1,4 @@
-"""A log once more, decision by decision, with the map that each decision rests on."""
+"""Decisions of a log, each with its map rebuilt."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ Array = NDArray[np.float64]
 NO_RETURN_MM = 65535
 
 THREADS = min(2, os.cpu_count() or 1)
-"""That a map is made with at least; its bytes do not depend on them."""
+"""Minimum number of threads of a map, whose bytes do not depend on it."""
 
 RECORDS_AHEAD = 8
-"""That are read before they are asked for."""
+"""Number of records that are prefetched."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """One decision and what was known when it was made.
+    """One decision with its map.
 
     Attributes:
-        record: Inputs, delay and decision as they are logged.
-        truth: The simulator's, at the same time.
-        beams: Geometry of its sensors, by name.
-        navigator: The stack with the map that the decision rests on; the next moment changes it.
+        record: Logged inputs, delay and decision.
+        truth: Ground truth at that time.
+        beams: Beam geometry by sensor name.
+        navigator: Stack with the map of the decision; the next moment changes it.
     """
 
     record: Record
@@ -51,19 +51,19 @@ class Moment:
 
     @property
     def map(self) -> Representation:
-        """That the decision rests on."""
+        """Map of the decision."""
         return self.navigator.map
 
     @cached_property
     def costmap(self) -> Costmap:
-        """That the decision rests on; brought up to date when it is first asked for."""
+        """Costmap of the decision, updated on first use."""
         what = f"decision {self.decision.sequence}"
         as_input_error(what, lambda: self.navigator.mapper.update_costmap(self.record.inputs))
         return self.navigator.costmap
 
     @property
     def decision(self) -> pb.Decision:
-        """As it is logged."""
+        """Logged decision."""
         return self.record.decision
 
     @property
@@ -72,11 +72,11 @@ class Moment:
         return self.record.inputs.time_ns
 
     def hits(self, most: int) -> Array:
-        """Where the beams that met something ended, at most so many of them: (n, 3) m, world."""
+        """Return the end points of beams with a return, at most `most`: (n, 3) m, world."""
         inputs = self.record.inputs
         ends = []
         for sweep in inputs.sweeps:
-            beams = copy(self.beams[sweep.sensor])  # the stack's own turn from sweep to sweep
+            beams = copy(self.beams[sweep.sensor])  # the stack's copy advances from sweep to sweep
             placed = beams.place(sweep, inputs.pose, inputs.sequence)
             met = np.flatnonzero((placed.ranges_mm > 0) & (placed.ranges_mm < NO_RETURN_MM))
             share = max(most // len(inputs.sweeps), 1)
@@ -87,9 +87,9 @@ class Moment:
 
 
 def moments(log: Log) -> Iterator[Moment]:
-    """Every decision of a log, in order, with its map made again from the logged sweeps.
+    """Yield every decision of a log in order, with its map rebuilt from the sweeps.
 
-    Nothing is planned: the decisions are the logged ones, so this is faster than a replay.
+    The decisions are the logged ones, so this is faster than a replay.
 
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
@@ -102,6 +102,6 @@ def moments(log: Log) -> Iterator[Moment]:
 
 
 def standing_low(mission: Mission) -> tuple[float, float, float]:
-    """Least corner of the space in which things stand in a body's way, m: not on what it steps."""
+    """Return the lower corner of the space of obstacles, m: above what a walking body steps on."""
     x, y, z = mission.low
     return x, y, max(z, mission.step_height)

@@ -1,4 +1,4 @@
-"""A whole log as a moving picture, in simulated time."""
+"""Animation of a log in simulated time, as GIF or MP4."""
 
 from __future__ import annotations
 
@@ -21,41 +21,41 @@ from wayproof.harness.viewer.moments import moments
 from wayproof.harness.viewer.picture import Stage, drawn
 
 LEAST_PERIOD = 0.02
-"""Between frames, s: viewers play no GIF faster."""
+"""Minimum period of frames, s: viewers play no GIF faster."""
 
 GREATEST_PERIOD = 60.0
 
 GIF_COLOURS = 64
 
 MP4_QUALITY = "23"
-"""Constant rate factor, x264's own default."""
+"""Constant rate factor; the default of x264."""
 
 
 class Movie(AbstractContextManager["Movie"], Protocol):
-    """A file that takes frames; it is whole once the context has ended."""
+    """File of frames, complete once its context has ended."""
 
     size: tuple[int, int]
 
     def add(self, frame: Image.Image) -> None:
-        """One more frame."""
+        """Add a frame."""
 
 
 class Gif:
-    """An animated GIF. Frames are kept until the end, in few colours."""
+    """Animated GIF; frames are kept in memory, in few colours."""
 
     size = (720, 480)
 
     def __init__(self, path: Path, period_s: float) -> None:
-        """Start with no frame; each is shown for a period, s."""
+        """Create it without frames; each is shown for a period, s."""
         self._path, self._period_ms = path, round(period_s * 1e3)
         self._frames: list[Image.Image] = []
 
     def __enter__(self) -> Self:
-        """Take frames."""
+        """Return this movie."""
         return self
 
     def add(self, frame: Image.Image) -> None:
-        """One more frame."""
+        """Add a frame."""
         self._frames.append(frame.quantize(GIF_COLOURS, dither=Image.Dither.NONE))
 
     def __exit__(
@@ -64,7 +64,7 @@ class Gif:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Write them, unless something went wrong."""
+        """Write the frames, unless an exception was raised."""
         if kind is None and self._frames:
             first, *others = self._frames
             first.save(
@@ -79,26 +79,26 @@ class Gif:
 
 
 class Mp4:
-    """H.264 in MP4, by PyAV; frames are encoded as they come."""
+    """H.264 in MP4, by PyAV; frames are encoded at once."""
 
     size = (720, 480)
 
     def __init__(self, path: Path, period_s: float) -> None:
-        """Open the file for frames that are shown for a period, s, each."""
+        """Open the file; each frame is shown for a period, s."""
         av = _encoder()
         self._frame_of = av.VideoFrame.from_ndarray
         self._file = av.open(str(path), "w", format="mp4")
         rate = 1 / Fraction(period_s).limit_denominator(1000)
         self._stream = self._file.add_stream("libx264", rate, options={"crf": MP4_QUALITY})
         self._stream.width, self._stream.height = self.size
-        self._stream.pix_fmt = "yuv420p"  # what browsers play
+        self._stream.pix_fmt = "yuv420p"  # the format that browsers play
 
     def __enter__(self) -> Self:
-        """Take frames."""
+        """Return this movie."""
         return self
 
     def add(self, frame: Image.Image) -> None:
-        """One more frame."""
+        """Add a frame."""
         self._file.mux(self._stream.encode(self._frame_of(np.asarray(frame), format="rgb24")))
 
     def __exit__(
@@ -107,22 +107,22 @@ class Mp4:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Finish the file, unless something went wrong."""
+        """Finish the file, unless an exception was raised."""
         if kind is None:
             self._file.mux(self._stream.encode(None))
         self._file.close()
 
 
 MOVIES: dict[str, Callable[[Path, float], Movie]] = {".gif": Gif, ".mp4": Mp4}
-"""Kinds of moving pictures, by the ending of the file's name."""
+"""Types of animations by file extension."""
 
 
 def check_movie(out: Path, period_s: float) -> None:
-    """Raise for what would only be found once everything is simulated or drawn.
+    """Check all that would otherwise fail after everything is simulated or drawn.
 
     Raises:
-        InputError: The name's ending, the period, a missing encoder, a folder that cannot be
-            written, or no driver.
+        InputError: The extension or the period is wrong, an encoder or a driver is missing, or the
+            folder is not writable.
     """
     if out.suffix not in MOVIES:
         endings = " or ".join(MOVIES)
@@ -139,10 +139,10 @@ def check_movie(out: Path, period_s: float) -> None:
 
 
 def draw_movie(path: Path, out: Path, period_s: float, allow_plugins: bool = False) -> int:
-    """Draw a whole log, a frame each period of simulated time; returns the number of frames.
+    """Draw a log, one frame per period of simulated time; return the number of frames.
 
     Raises:
-        InputError: The log cannot be read, nothing can be drawn here, or the file not be written.
+        InputError: The log cannot be read, the file cannot be written, or nothing can be drawn.
     """
     log = open_log(path, allow_plugins)
     count = next_ns = 0

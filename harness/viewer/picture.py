@@ -1,7 +1,7 @@
-"""The simulated scene from behind the robot, with the map that its decision rests on laid over it.
+"""Picture of the simulated scene from behind the robot, with the map of the decision as an overlay.
 
-Joints stand as they stood: the log holds the simulator's state before each decision. Where it was
-not kept, the base is where the truth says and the legs are at rest.
+Joints are those of the logged state of the simulator. Without it the base is at its true pose and
+the legs are at rest.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SIZE = (960, 640)
 MOST_GEOMS = 60_000
 
 OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
-"""Kinds of cells that are laid on the floor, and how opaque they are."""
+"""Opacity of the kinds of cells drawn on the floor."""
 
 OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
 GUIDE, COMMITTED, TRAIL = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0), (0.85, 0.1, 0.1, 1.0)
@@ -54,31 +54,31 @@ SKIN = 0.004
 """Extra half extent of a drawn occupied cell, m, so that its faces do not flicker with a wall's."""
 
 SIGHT = 10.0
-"""Farther from the robot no occupied cells are drawn, m: most of them would be out of the picture,
-and each costs time."""
+"""Distance from the robot up to which occupied cells are drawn, m: farther ones are mostly out of
+the picture, and each costs time."""
 
 BEYOND = 30.0
-"""So far outside the map the floor is drawn as unknown, m: farther than the camera sees."""
+"""Width of the unknown floor drawn around the map, m: beyond the view of the camera."""
 
 IN_FRONT = 0.12
-"""How opaque what stands between camera and robot is."""
+"""Opacity of geometry between camera and robot."""
 
 Box = NDArray[np.float64]
 
 
 class Stage:
-    """The scene of one log, to be drawn again and again."""
+    """Renderer of the scene of one log."""
 
     def __init__(self, log: Log, size: tuple[int, int], smooth: bool = True) -> None:
-        """Compile the log's scene and open an offscreen renderer.
+        """Compile the scene of a log and open an offscreen renderer.
 
         Args:
-            log: Its scene is drawn.
+            log: The log.
             size: Width and height, pixels.
             smooth: Whether edges are smoothed, which takes most of the time without a GPU.
 
         Raises:
-            InputError: The scene is none of this robot, or nothing can be drawn here.
+            InputError: The scene is not one of this robot, or nothing can be drawn.
         """
         self._scenario: Scenario = rebuild(log)
         self._model = model = self._scenario.scene.model
@@ -91,7 +91,7 @@ class Stage:
         self._colours, self._materials = model.geom_rgba.copy(), model.geom_matid.copy()
         self._robot = frozenset(np.flatnonzero(model.geom_group == ROBOT_GROUP).tolist())
         self._options = mujoco.MjvOption()
-        self._options.geomgroup[:] = 1  # the robot's own among them
+        self._options.geomgroup[:] = 1  # also those of the robot
         self._options.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
         try:
             self._renderer: Any = mujoco.Renderer(model, size[1], size[0], max_geom=MOST_GEOMS)
@@ -101,7 +101,7 @@ class Stage:
             ) from None
 
     def __enter__(self) -> Self:
-        """Take the renderer."""
+        """Return this stage."""
         return self
 
     def __exit__(
@@ -110,15 +110,15 @@ class Stage:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Give the renderer back."""
+        """Close the renderer."""
         self._renderer.close()
 
     def follow(self, moment: Moment) -> None:
-        """Note where the robot truly was; called for every moment, drawn or not."""
+        """Record the true position; call for every moment, drawn or not."""
         self._trail.append(np.array(moment.truth.position))
 
     def draw(self, moment: Moment) -> Image.Image:
-        """One moment."""
+        """Draw one moment."""
         self._pose(moment)
         camera = self._camera(moment)
         self._see_through(camera)
@@ -126,7 +126,7 @@ class Stage:
         cut_scene(self._renderer.scene, self._cut_at(moment), self._robot)
         self._lay_over(moment)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            self._renderer.scene.flags[flag] = 0  # of boxes that are not there
+            self._renderer.scene.flags[flag] = 0  # overlay boxes cast no shadows
         return Image.fromarray(self._renderer.render())
 
     def _pose(self, moment: Moment) -> None:
@@ -148,7 +148,7 @@ class Stage:
         mujoco.mj_forward(self._model, self._data)
 
     def _camera(self, moment: Moment) -> mujoco.MjvCamera:
-        """Behind the robot on the line from start to goal, so that it does not sway."""
+        """Return a camera behind the robot along the line from start to goal; it does not sway."""
         mission = self._log.mission
         along = math.atan2(mission.goal[1] - mission.start[1], mission.goal[0] - mission.start[0])
         camera = mujoco.MjvCamera()
@@ -158,11 +158,11 @@ class Stage:
         return camera
 
     def _cut_at(self, moment: Moment) -> float:
-        """Height above which nothing is drawn, m."""
+        """Return the height above which nothing is drawn, m."""
         return float(moment.truth.position[2]) + CUT_ABOVE
 
     def _see_through(self, camera: mujoco.MjvCamera) -> None:
-        """Fade what stands between the camera and the robot."""
+        """Fade geometry between the camera and the robot."""
         colours = self._model.geom_rgba
         colours[:], self._model.geom_matid[:] = self._colours, self._materials
         radius = self._log.mission.radius
@@ -190,7 +190,7 @@ class Stage:
         self._add_line(np.array(self._trail), 0.015, TRAIL)
 
     def _lay_flat(self, middles: Box, halves: Box, kind: int) -> None:
-        """Boxes on the floor in the colour of a kind of cells."""
+        """Draw boxes on the floor in the colour of a kind of cells."""
         colour = (*(value / 255.0 for value in COLOURS[kind]), OVERLAY[kind])
         for middle, half in zip(middles, halves, strict=True):
             self._add_box([*middle, 0.02], [*half, 0.002], colour)
@@ -213,7 +213,7 @@ class Stage:
             mujoco.mjv_connector(geom, capsule, radius, start, end)
 
     def _next(self) -> Any:
-        """A geom to fill; none once there are too many to draw."""
+        """Return the next free geom of the scene; None if the scene is full."""
         scene = self._renderer.scene
         if scene.ngeom >= scene.maxgeom:
             return None
@@ -222,14 +222,14 @@ class Stage:
 
 
 def _dim(model: mujoco.MjModel) -> None:
-    """Light that leaves pale colours apart."""
+    """Reduce the light so that pale colours stay distinct."""
     model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.5, 0.4
     model.vis.headlight.specular[:] = 0.0
     model.light_diffuse[:], model.light_ambient[:], model.light_specular[:] = 0.15, 0.0, 0.0
 
 
 def _simplify(model: mujoco.MjModel, smooth: bool) -> None:
-    """Boxes of one face a side: the light is even, and thousands are drawn."""
+    """Draw each side of a box as one face: the light is even, and there are thousands."""
     quality = model.vis.quality
     quality.numquads, quality.numslices, quality.numstacks = 1, 16, 8
     if not smooth:
@@ -237,10 +237,10 @@ def _simplify(model: mujoco.MjModel, smooth: bool) -> None:
 
 
 def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = False) -> None:
-    """One decision as a picture.
+    """Draw one decision as a picture.
 
     Raises:
-        InputError: The log cannot be read or has no such decision, or nothing can be drawn here.
+        InputError: The log cannot be read or has no such decision, or nothing can be drawn.
     """
     log = open_log(path, allow_plugins)
     count = 0
@@ -255,7 +255,7 @@ def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = Fal
 
 
 def drawn(stage: Stage, moment: Moment) -> Image.Image:
-    """One moment; what a stranger's log breaks is told in a line."""
+    """Draw one moment; a failure that the log is to blame for becomes an InputError."""
     return as_input_error(f"decision {moment.decision.sequence}", lambda: stage.draw(moment))
 
 

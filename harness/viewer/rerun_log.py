@@ -1,6 +1,6 @@
-"""A log as a Rerun recording: one timeline with the map, the robot, the truth and each decision.
+"""Rerun recording of a log: map, robot, truth and decisions on one timeline.
 
-Rerun is large, and no headless run needs it: `rerun_view.py` imports this late.
+Rerun is large and headless runs do not need it, so `rerun_view.py` imports this late.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from wayproof.harness.viewer.words import describe, is_warning
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
 RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
-"""Values that RViz's colours for maps show grey, white, black, orange and green."""
+"""Values that RViz's map colours show as grey, white, black, orange and green."""
 
 _CODES = np.zeros(256, np.uint8)
 _CODES[list(RVIZ_MAP)] = list(RVIZ_MAP.values())
@@ -42,11 +42,11 @@ ACTIONS = {
     "goal": 0x1E8C8CFF,
     "abort": 0xD22828FF,
 }
-"""Colour of each action on its lane."""
+"""Colours of actions on their lane."""
 
 
 def show_log(stream: rr.RecordingStream, log: Log, snapshots: Iterable[Snapshot], root: str) -> int:
-    """Send a whole log under one root of entities; returns the number of decisions."""
+    """Send a whole log under one root entity; return the number of decisions."""
     _show_mission(stream, log, root)
     artist = _Artist(stream, log, root)
     for snapshot in snapshots:
@@ -55,7 +55,7 @@ def show_log(stream: rr.RecordingStream, log: Log, snapshots: Iterable[Snapshot]
 
 
 class _Artist:
-    """What is shown of each moment, and what was shown before it."""
+    """Views of each moment; unchanged ones are not repeated."""
 
     def __init__(self, stream: rr.RecordingStream, log: Log, root: str) -> None:
         self._stream, self._root = stream, root
@@ -71,7 +71,7 @@ class _Artist:
         self._place: list[float] | None = None
 
     def show(self, snapshot: Snapshot) -> None:
-        """One moment; of the one that was shown last, what is new."""
+        """Show one moment."""
         last, self._last = self._last, snapshot
         if last is None or snapshot.decision.sequence != last.decision.sequence:
             self._show_moment(snapshot)
@@ -84,7 +84,7 @@ class _Artist:
             self._show_cells(snapshot.tiles)
 
     def finish(self, log: Log) -> int:
-        """Send what is left, and how it ended; returns the number of moments."""
+        """Send the rest and the outcome; return the number of moments."""
         if self._last is not None:
             self._rows.send()
             _show_end(self._stream, log, self._last, self._root)
@@ -114,7 +114,7 @@ class _Artist:
     def _show_truth(self, truth: pb.Truth) -> None:
         place = list(truth.position)
         self._rows.put("world/truth", rr.Transform3D, **_transform(place, truth.quaternion))
-        if self._place is not None:  # a piece at each time; the layout shows all up to now
+        if self._place is not None:  # one piece per time; the layout shows all up to now
             piece = np.array([self._place, place])
             self._rows.put("world/trail", rr.LineStrips3D, strips=piece)
         self._place = place
@@ -125,16 +125,16 @@ class _Artist:
             self._rows.put_many("world/movers", rr.Points3D, positions=places, labels=names)
 
     def _show_layer(self, layer: Layer) -> None:
-        """A layer, if it is another than the one shown."""
+        """Show a layer if it differs from the last one."""
         if self._layer is not None and np.array_equal(self._layer, layer.kinds):
             return
         self._layer = layer.kinds
         self._show_frame(layer)
-        image = _CODES[layer.kinds].T[::-1]  # (ny, nx), the greatest y first
+        image = _CODES[layer.kinds].T[::-1]  # (ny, nx), from the greatest y down
         self._rows.put("world/layer", rr.GridMap, data=image.tobytes())
 
     def _show_frame(self, layer: Layer) -> None:
-        """Where the layer lies: once, and again where a fork changes it."""
+        """Show the pose of the layer, once and after a fork that changes it."""
         width, height = layer.kinds.shape
         corner = layer.corner.tolist()
         frame = (width, height, layer.resolution, *corner)
@@ -171,7 +171,7 @@ class _Artist:
 
 
 def curves(moment: Snapshot) -> dict[str, float]:
-    """What is plotted over simulated time, by the name of its curve."""
+    """Return the values of the curves over simulated time, by name."""
     decision, truth, stages = moment.decision, moment.truth, moment.decision.stages
     return {
         "motion/speed_m_s": float(np.linalg.norm(truth.velocity)),
@@ -220,14 +220,14 @@ def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
 
 
 def _show_end(stream: rr.RecordingStream, log: Log, last: Snapshot, root: str) -> None:
-    """How the episode ended, at its end; a failure with its mark."""
+    """Show the outcome at the end; a failure with a mark."""
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
     end_ns = round(float(log.result.get("sim_time_s", last.time_ns * 1e-9)) * 1e9)
     stream.set_time("time", duration=np.timedelta64(max(end_ns, last.time_ns), "ns"))
     good = outcome == "success"
     text = rr.TextLog(f"{outcome}: {reason}", level="INFO" if good else "ERROR")
     stream.log(f"{root}/reasons", text)
-    if end_ns > last.time_ns:  # a lane that goes on would look like a decision that stands
+    if end_ns > last.time_ns:  # otherwise the last action would seem to go on
         for lane in ("action", "label"):
             stream.log(f"{root}/{lane}", rr.StateChange(state=""))
     if good:
@@ -239,7 +239,7 @@ def _show_end(stream: rr.RecordingStream, log: Log, last: Snapshot, root: str) -
 
 
 def _words(place: Sequence[float], words: str) -> rr.Points3D:
-    """A label of its own: in the colour of what it names nobody could read it."""
+    """Return a separate label, which is readable whatever the colour of its object."""
     return rr.Points3D([list(place)], radii=0.02, colors=(255, 255, 255), labels=[words])
 
 

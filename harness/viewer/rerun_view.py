@@ -1,4 +1,4 @@
-"""Logs into a Rerun viewer, or into a file that one opens."""
+"""Display of logs in a Rerun viewer, or recording to a file for it."""
 
 from __future__ import annotations
 
@@ -27,27 +27,26 @@ if TYPE_CHECKING:
 ROOTS = ("log", "other")
 
 SNAPSHOTS_AHEAD = 128
-"""That are made before they are drawn: as many as it takes to import Rerun, some 10 MB."""
+"""Number of prefetched snapshots: those made while Rerun is imported, some 10 MB."""
 
 TURN = 1e-3
-"""Longest that a thread which wants to go on waits for another one's Python, s. Maps are made in
-kernels that take less than the 5 ms that Python would have them wait after each; shorter turns
-than this cost more than they gain."""
+"""Switch interval of Python's threads, s. The kernels of a map take less than the default of 5 ms,
+which they would wait after each; shorter intervals cost more than they gain."""
 
 LONGEST_FLUSH = 30.0
-"""In which a viewer or a disk must have taken what is on its way, s."""
+"""Timeout for a viewer or a disk to take all data, s."""
 
 
 @dataclass(frozen=True)
 class View:
-    """What was shown.
+    """Summary of a display.
 
     Attributes:
         logs: Paths of the logs.
-        decisions: Of each.
-        saved: The recording's path; none where a viewer was opened.
+        decisions: Number of decisions of each.
+        saved: Path of the recording; None if a viewer was opened.
         megabytes: Its size, MB.
-        wall_time_s: Time that it took.
+        wall_time_s: Wall time, s.
     """
 
     logs: tuple[str, ...]
@@ -61,8 +60,8 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
     """Show one log, or two side by side on one timeline.
 
     Args:
-        paths: Of the logs.
-        saved: Where the recording goes; none to open a viewer.
+        paths: Paths of the logs.
+        saved: Path of the recording; None to open a viewer.
         allow_plugins: Whether code that a log's config names may be imported.
 
     Raises:
@@ -92,8 +91,8 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
 def _draw(
     logs: Mapping[str, Log], coming: Mapping[str, Ahead[Snapshot]], saved: Path | None
 ) -> tuple[int, ...]:
-    """Send all snapshots to a file or to a viewer; returns the number of decisions of each log."""
-    import rerun as rr  # takes a while, in which the first maps are made
+    """Send all snapshots to a file or a viewer; return the number of decisions of each log."""
+    import rerun as rr  # takes a while; the first maps are made meanwhile
 
     from wayproof.harness.viewer.layout import layout
     from wayproof.harness.viewer.rerun_log import show_log
@@ -127,15 +126,15 @@ def _brief_turns() -> Iterator[None]:
 def _flush(stream: rr.RecordingStream) -> None:
     try:
         stream.flush(timeout_sec=LONGEST_FLUSH)
-    except Exception as error:  # Rerun's own type has no public name
+    except Exception as error:  # Rerun's own type is not public
         line = " ".join(str(error).split())[:200]
         raise InputError(f"the viewer does not take the recording: {line}") from None
 
 
 def loopback_viewer(folder: Path) -> Path:
-    """A command in a folder that starts Rerun's viewer listening on this machine alone.
+    """Write a command that starts Rerun's viewer listening on the loopback interface only.
 
-    The viewer listens on every interface by default, and whoever spawns it has no option for that.
+    The viewer listens on every interface by default, and its spawn function has no option for that.
     """
     found = shutil.which("rerun") or str(Path(sys.executable).with_name("rerun"))
     start = folder / "rerun"

@@ -1,6 +1,6 @@
-"""What changes from decision to decision, gathered and sent in columns.
+"""Batches of rows for Rerun, sent as columns.
 
-A message to Rerun costs about as much for one row as for a hundred, and a long log has thousands.
+A message costs about as much for one row as for a hundred, and a long log has thousands.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 
 AT_A_TIME = 64
-"""Decisions whose rows are sent together: a viewer that is open follows at this pace."""
+"""Number of decisions per batch, the pace at which an open viewer updates."""
 
 
 @dataclass
@@ -21,10 +21,10 @@ class _Column:
     """Rows of one entity.
 
     Attributes:
-        kind: Its archetype.
-        places: Of each row's decision among those gathered.
-        values: One for each row, by component.
-        many: Whether a row has any number of instances, and not one.
+        kind: Archetype.
+        places: Index in the batch of the decision of each row.
+        values: One value for each row, by component.
+        many: Whether a row has any number of instances instead of one.
     """
 
     kind: Any
@@ -37,7 +37,7 @@ class Rows:
     """Rows of many entities on the timelines `time` and `decision`."""
 
     def __init__(self, stream: rr.RecordingStream, root: str) -> None:
-        """Gather rows for entities under a root."""
+        """Start a batch for entities under a root."""
         self._stream = stream
         self._root = root
         self._times: list[int] = []
@@ -45,22 +45,22 @@ class Rows:
         self._columns: dict[str, _Column] = {}
 
     def begin(self, time_ns: int, sequence: int) -> None:
-        """Whatever is put from now on belongs to this decision."""
+        """Start a decision; rows added from now on belong to it."""
         if len(self._times) == AT_A_TIME:
             self.send()
         self._times.append(time_ns)
         self._sequences.append(sequence)
 
     def put(self, entity: str, kind: Any, **values: Any) -> None:
-        """One row of one instance: a value for each component."""
+        """Add a row of one instance: one value per component."""
         self._add(entity, kind, values)
 
     def put_many(self, entity: str, kind: Any, **values: Any) -> None:
-        """One row of any number of instances: for each component as many values, or one for all."""
+        """Add a row of any number of instances: per component as many values, or one for all."""
         self._add(entity, kind, values).many = True
 
     def send(self) -> None:
-        """Send what was gathered."""
+        """Send the batch."""
         times = np.array(self._times, np.int64).astype("timedelta64[ns]")
         sequences = np.array(self._sequences, np.int64)
         for entity, column in self._columns.items():
@@ -89,7 +89,7 @@ def _components(column: _Column) -> Iterator[Any]:
 
 
 def _joined(rows: list[Any]) -> Any:
-    """The instances of all rows, one after the other."""
+    """Concatenate the instances of all rows."""
     if isinstance(rows[0], np.ndarray):
         return np.concatenate(rows)
     return [value for row in rows for value in row]

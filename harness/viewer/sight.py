@@ -1,4 +1,4 @@
-"""What stands between a camera and what it looks at."""
+"""Occlusion: geoms between a camera and its target."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 ASIDE = 0.5
-"""Beside the middle of the picture nothing shall hide the robot either, m."""
+"""Offset of the side rays from the middle of the picture, m."""
 
 
 def geoms_in_front(
     model: mujoco.MjModel, data: mujoco.MjData, camera: mujoco.MjvCamera, reach: float
 ) -> list[int]:
-    """Geoms on three rays from a free camera to its target, and a little to its left and right.
+    """Return the geoms on three rays from a free camera to its target, and left and right of it.
 
     Args:
-        model: What is found loses its material and is made invisible, so that it stops no ray.
-        data: Where everything is.
-        camera: It looks at `lookat` from `distance`, m, by `azimuth` and `elevation`, degrees.
-        reach: What is nearer to the target is not in front of it but part of it, m.
+        model: The model; geoms found lose their material and become invisible, in place.
+        data: State of the model.
+        camera: Camera at `distance`, m, from `lookat`, by `azimuth` and `elevation`, degrees.
+        reach: Distance from the target within which geoms belong to it, m.
     """
     azimuth, elevation = math.radians(camera.azimuth), math.radians(camera.elevation)
     level = math.cos(elevation)
@@ -36,6 +36,6 @@ def geoms_in_front(
         eye = camera.lookat - camera.distance * ahead + step * aside
         while 0.0 <= mujoco.mj_ray(model, data, eye, ahead, None, 1, -1, hit) < far:
             found.append(int(hit[0]))
-            model.geom_matid[found[-1]] = -1  # or the material's colour would count
+            model.geom_matid[found[-1]] = -1  # otherwise its colour would apply
             model.geom_rgba[found[-1], 3] = 0.0
     return found

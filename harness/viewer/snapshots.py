@@ -1,4 +1,4 @@
-"""What is shown of each moment, with copies of the map: it goes on while they are drawn."""
+"""Snapshots of moments with copies of the map, which changes while they are drawn."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from wayproof.harness.viewer.moments import Moment, moments, standing_low
 from wayproof.harness.viewer.tiles import Tile, Tiles
 
 MOST_HITS = 3000
-"""Ends of beams that are shown of a sweep."""
+"""Maximum number of shown end points of a sweep."""
 
 SWEEP_PERIOD_NS = 200_000_000
 CELLS_PERIOD_NS = 1_000_000_000
-"""Of simulated time, between sweeps and looks for changed cells."""
+"""Simulated time between shown sweeps, and between checks for changed cells, ns."""
 
 LAYER_PERIOD_NS, LONG_LAYER_PERIOD_NS = 200_000_000, 500_000_000
-"""Between layers, of a log and of a long one: a costmap is made for each."""
+"""Simulated time between layers of a log, and of a long one, ns: each needs a costmap."""
 
 LONG_S = 30.0
 """Simulated time beyond which a log is long, s."""
@@ -32,11 +32,11 @@ LONG_S = 30.0
 
 @dataclass(frozen=True)
 class Layer:
-    """The layer that the robot moves in.
+    """Layer of the costmap at the height of the robot.
 
     Attributes:
-        kinds: (nx, ny) of its cells, as `harness.viewer.layer` names them.
-        corner: (2,) of its first cell, m, world.
+        kinds: (nx, ny) kinds of its cells, see `harness.viewer.layer`.
+        corner: (2,) lower corner of its first cell, m, world.
         resolution: Edge of a cell, m.
     """
 
@@ -47,17 +47,17 @@ class Layer:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What is shown of one moment.
+    """Data shown of one moment.
 
     Attributes:
         time_ns: Simulated time, ns.
-        pose: As it was believed.
-        decision: As it is logged.
-        truth: The simulator's.
-        layer: If it was looked at.
-        hits: Gives (n, 3) ends of beams, m, world, if the sweep is shown; no map is needed for it,
-            so whoever draws works it out.
-        tiles: Of the map, that changed since they were looked at before.
+        pose: Estimated pose.
+        decision: Logged decision.
+        truth: Ground truth.
+        layer: Layer, if it is shown.
+        hits: Function that returns end points of beams (n, 3), m, world, if the sweep is shown; it
+            needs no map, so it runs when they are drawn.
+        tiles: Tiles of the map that changed since the last check.
     """
 
     time_ns: int
@@ -70,13 +70,13 @@ class Snapshot:
 
 
 def layer_period_ns(log: Log) -> int:
-    """Simulated time between the layers that are shown of a log, ns."""
+    """Return the simulated time between shown layers of a log, ns."""
     long = float(log.result.get("sim_time_s", 0.0)) > LONG_S
     return LONG_LAYER_PERIOD_NS if long else LAYER_PERIOD_NS
 
 
 def snapshots(log: Log) -> Iterator[Snapshot]:
-    """One of each moment of a log, in order; then the last one again, with layer and cells.
+    """Yield a snapshot of each moment of a log in order; then the last again, with layer and cells.
 
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
@@ -98,7 +98,7 @@ def snapshots(log: Log) -> Iterator[Snapshot]:
 
 
 def tiles_of(log: Log) -> Tiles:
-    """Those in which the occupied cells of a log's map are shown."""
+    """Return the tiles for the occupied cells of the map of a log."""
     return Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
 
 
@@ -120,7 +120,7 @@ def _layer(moment: Moment) -> Layer:
 
 
 class _Timer:
-    """Tells when a period is over."""
+    """Timer of a period of simulated time."""
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns

@@ -1,4 +1,4 @@
-"""The occupied cells of a map in square tiles, so that only what changed is sent again."""
+"""Occupied cells of a map in square tiles, so that only changed ones are sent again."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from wayproof.maps import Representation
 from wayproof.maps.columns import WORD_BITS, Window, unpack
 
 TILE = 32
-"""Columns along each side of a tile."""
+"""Number of columns along each side of a tile."""
 
 
 @dataclass(frozen=True)
 class Tile:
-    """One tile as a map had it; it stays so when the map goes on.
+    """Copy of one tile of a map.
 
     Attributes:
-        name: Of its place.
-        corner: (3,) of its first cell, m, world.
-        bits: (nx, ny, words) its occupied cells.
+        name: Name of its place.
+        corner: (3,) lower corner of its first cell, m, world.
+        bits: (nx, ny, words) occupied cells.
     """
 
     name: str
@@ -30,13 +30,13 @@ class Tile:
 
 
 class Tiles:
-    """What is occupied above the floor, as it was told last.
+    """Occupied cells above the floor, as last returned.
 
-    The floor's own layer is left out: it would hide everything that stands on it.
+    The layer of the floor is left out: it would hide everything on it.
     """
 
     def __init__(self, low: ArrayLike, high: ArrayLike, resolution: float) -> None:
-        """Start with nothing told, for a box of space whose corners (3,) are in m, world."""
+        """Create tiles without cells for a box of space with corners (3,), m, world."""
         window = Window.covering(low, high, resolution)
         first = min(max(window.floor_layer + 1, 0), window.shape[2] - 1)
         self._window = window.layers(first, window.shape[2])
@@ -44,7 +44,7 @@ class Tiles:
         self._told = np.zeros((nx, ny, -(-nz // WORD_BITS)), np.uint64)
 
     def changed(self, a_map: Representation) -> list[Tile]:
-        """The tiles with a cell that changed since the last time."""
+        """Return the tiles with a cell that changed since the last call."""
         window = self._window
         occupied, _ = a_map.columns(window.first, self._told.shape)
         bits = np.ascontiguousarray(occupied)
@@ -58,9 +58,9 @@ class Tiles:
         return found
 
     def centres(self, tile: Tile) -> NDArray[np.float64]:
-        """Centres (n, 3) of a tile's occupied cells, m, world."""
+        """Return the centres (n, 3) of the occupied cells of a tile, m, world."""
         window = self._window
-        x, y = np.nonzero(tile.bits.any(axis=2))  # few columns hold anything
+        x, y = np.nonzero(tile.bits.any(axis=2))  # few columns have any
         column, z = np.nonzero(unpack(tile.bits[x, y][None], window.shape[2])[0])
         middles = 0.5 + np.stack([x[column], y[column], z], axis=1)
         centres: NDArray[np.float64] = window.resolution * middles + tile.corner
@@ -68,7 +68,7 @@ class Tiles:
 
 
 def _in_tiles(columns: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which tiles hold one of these columns (nx, ny)."""
+    """Return which tiles have one of these columns (nx, ny)."""
     for axis, length in enumerate(columns.shape):
         columns = np.logical_or.reduceat(columns, np.arange(0, length, TILE), axis=axis)
     return columns

@@ -1,4 +1,4 @@
-"""A decision in words, for whoever steps through a log."""
+"""Text of a decision, for stepping through a log."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from wayproof.harness.clearance import in_metres, map_clearance_is_bound
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 INTENDED = ("follow", "explore", "goal")
-"""Actions of a robot that does what it means to."""
+"""Actions without an obstruction."""
 
 
 def is_warning(decision: pb.Decision) -> bool:
-    """Whether something keeps the robot from what it means to do.
+    """Return whether something obstructs the robot.
 
-    The far end of a path is unknown most of the time: to follow up to there is no warning.
+    The far end of a path is mostly unknown: following it up to there is no warning.
     """
     return decision.action not in INTENDED or decision.label == "deadline_missed"
 
 
 def describe(decision: pb.Decision, cost_range: float) -> str:
-    """All that one decision says of itself, as Markdown.
+    """Return the text of a decision in Markdown.
 
     Args:
-        decision: As it is logged.
+        decision: Logged decision.
         cost_range: `costmap.cost_range` of its config, m.
     """
     is_bound = map_clearance_is_bound(decision, cost_range)

@@ -1,4 +1,7 @@
-"""`python -m wayproof.harness.bench.attribution.confusion`: planted causes against those found."""
+"""Confusion matrix of planted causes and attributed ones.
+
+`python -m wayproof.harness.bench.attribution.confusion` prints it.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,16 @@ from rich.console import Console
 from rich.table import Table
 
 from wayproof.harness.attribution.finding import CAUSES
-from wayproof.harness.bench.attribution.fault_scenarios import PLANTS, plant
+from wayproof.harness.bench.attribution.fault_scenarios import FAULTS, make_fault_scenario
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
 
 Matrix = Counter[tuple[str, str]]
-"""How often each planted cause (first) was found as which (second)."""
+"""Counts by planted cause and attributed cause."""
 
 
 def confusion(causes: list[str], seeds: range, console: Console | None = None) -> Matrix:
-    """Run every scenario and count."""
+    """Run every scenario and count the attributed causes."""
     counts: Matrix = Counter()
     with tempfile.TemporaryDirectory() as folder:
         for cause in causes:
@@ -40,13 +43,13 @@ def confusion(causes: list[str], seeds: range, console: Console | None = None) -
 
 def run_planted(cause: str, seed: int, path: Path) -> Result:
     """Run one scenario."""
-    planted = plant(cause, seed)
+    planted = make_fault_scenario(cause, seed)
     scenario, delays = planted.scenario, planted.delays
     return run_episode(scenario, path, delays=delays, record="full", stack=planted.stack)
 
 
 def table(counts: Matrix) -> Table:
-    """Rows planted, columns found."""
+    """Return a table with planted causes as rows and attributed ones as columns."""
     found = [c for c in CAUSES if any(key[1] == c for key in counts)]
     found += sorted({key[1] for key in counts} - set(CAUSES))
     lines = Table("planted", *(name.replace("_", "\n") for name in found))
@@ -56,20 +59,20 @@ def table(counts: Matrix) -> Table:
 
 
 def right(counts: Matrix) -> float:
-    """Share of the scenarios whose planted cause was found."""
+    """Return the fraction of scenarios whose planted cause was attributed."""
     return sum(counts[cause, cause] for cause in CAUSES) / max(counts.total(), 1)
 
 
 def main() -> None:
-    """Run and print."""
+    """Run the scenarios and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=20, help="scenarios of each cause")
     parser.add_argument("--first", type=int, default=0, help="seed of the first one")
-    parser.add_argument("--cause", action="append", choices=list(PLANTS), help="of this cause only")
+    parser.add_argument("--cause", action="append", choices=list(FAULTS), help="of this cause only")
     options = parser.parse_args()
     console, began = Console(width=130, markup=False), time.process_time()
     seeds = range(options.first, options.first + options.count)
-    counts = confusion(options.cause or list(PLANTS), seeds, console)
+    counts = confusion(options.cause or list(FAULTS), seeds, console)
     console.print(table(counts))
     console.print(
         f"{right(counts):.1%} of {counts.total()} right, "

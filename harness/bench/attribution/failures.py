@@ -1,11 +1,10 @@
-"""Failures caused by one broken assumption, and the causes that are found for them.
+"""Failures with a known cause in the registered worlds, and the causes attributed to them.
 
-`python -m wayproof.harness.bench.attribution.failures FOLDER` is its command.
-
-`--make` runs episodes of the registered worlds, breaks one assumption of those that succeed, and
-keeps the logs of the ones that then fail. Without it, the causes of the kept logs are worked out
-and compared with what was broken; `--check` runs the counterfactual checks besides. Episodes of
-even seeds are the half that thresholds may be tuned on, those of odd seeds the half to go by.
+`python -m wayproof.harness.bench.attribution.failures FOLDER --make` runs episodes of the
+registered worlds, changes one thing in those that succeed, and keeps the logs of those that then
+fail. Without `--make` it attributes the causes of the kept logs and compares them with the changes;
+`--check` runs the counterfactual checks as well. Thresholds may be tuned on even seeds; odd seeds
+are the test set.
 """
 
 from __future__ import annotations
@@ -44,29 +43,29 @@ COMBINATIONS = tuple(
 ) + tuple(
     (world, "quadruped") for world in ("corridor", "empty", "maze", "cylinders", "ghosts", "office")
 )  # fmt: skip
-"""Worlds and robots, in the order in which they are tried."""
+"""Worlds and robots, in the order of attempts."""
 
 SETTINGS = ("episode.time_limit=40", "episode.stuck_after=8")
 FIRST_SEED = 3000
 MOST_SIMULATED = 120.0
-"""Simulated time after which a failure's check begins no other remedy, s."""
+"""Simulated time after which a check begins no other remedy, s."""
 
 ATTEMPTS = 16
-"""Of each kind; each half has one seed for all combinations, then the next."""
+"""Number of attempts of each kind; each half has one seed for all combinations, then the next."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """One failure whose cause is known.
+    """Failure with a known cause.
 
     Attributes:
-        kind: How it was made, one of `KINDS`.
-        cause: What was broken, so what the cause is.
-        world: Name.
-        robot: Name.
-        seed: Of the episode; even ones are for tuning.
-        outcome: How it ended.
-        log: File in the folder.
+        kind: Kind of change, one of `KINDS`.
+        cause: Its cause.
+        world: Name of the world.
+        robot: Name of the robot.
+        seed: Seed of the episode; even ones are for tuning.
+        outcome: Outcome.
+        log: Name of the log in the folder.
     """
 
     kind: str
@@ -79,7 +78,7 @@ class Failure:
 
 
 def attempts(kind: str, first_seed: int = FIRST_SEED) -> Iterator[tuple[str, str, int]]:
-    """World, robot and seed of every attempt at a kind."""
+    """Yield world, robot and seed of every attempt at a kind."""
     where = KINDS[kind].where or COMBINATIONS
     first = 0 if KINDS[kind].where else crc32(kind.encode())
     for number in range(ATTEMPTS):
@@ -89,15 +88,15 @@ def attempts(kind: str, first_seed: int = FIRST_SEED) -> Iterator[tuple[str, str
 
 
 class Maker:
-    """Makes failures in a folder; episodes that succeed are run once for all kinds."""
+    """Maker of failures in a folder; successful episodes are run once for all kinds."""
 
     def __init__(self, folder: Path, console: Console) -> None:
-        """Go on with what the folder holds."""
+        """Continue in a folder."""
         self._folder, self._console = folder, console
         self._sound: dict[tuple[str, ...], tuple[Scenario, Result | None]] = {}
 
     def make(self, kind: str, count: int, first_seed: int = FIRST_SEED) -> list[Failure]:
-        """So many failures of a kind in each half, or as many as the attempts give."""
+        """Return `count` failures of a kind in each half, or as many as the attempts give."""
         failures: list[Failure] = []
         for world, robot, seed in attempts(kind, first_seed):
             if sum(one.seed % 2 == seed % 2 for one in failures) >= count:
@@ -130,7 +129,7 @@ class Maker:
     def _run_sound(
         self, world: str, robot: str, seed: int, base: tuple[str, ...]
     ) -> tuple[Scenario, Result | None]:
-        """The unbroken episode; no result unless it reaches its goal."""
+        """Run the unchanged episode; the result is None unless it reaches its goal."""
         key = world, robot, str(seed), *base
         if key not in self._sound:
             document = {"world": world, "robot": robot, "seed": seed}
@@ -149,10 +148,10 @@ def run_broken(broken: Broken, sound: Scenario, path: Path) -> Result:
 
 
 def read_failures(folder: Path) -> list[Failure]:
-    """What `--make` left there.
+    """Read the failures in a folder of `--make`.
 
     Raises:
-        InputError: Nothing.
+        InputError: There are none.
     """
     files = sorted(folder.glob("*.json"))
     if not files:
@@ -161,7 +160,7 @@ def read_failures(folder: Path) -> list[Failure]:
 
 
 def judge(failures: list[Failure], folder: Path, console: Console) -> Matrix:
-    """Count what was broken against what was found, from the logs alone."""
+    """Count known causes against attributed ones, from the logs alone."""
     counts: Matrix = Counter()
     for one in failures:
         finding = _found(folder / one.log)
@@ -172,12 +171,12 @@ def judge(failures: list[Failure], folder: Path, console: Console) -> Matrix:
 
 @dataclass
 class Checked:
-    """What the counterfactual checks of failures answered.
+    """Results of counterfactual checks.
 
     Attributes:
-        matrix: What was broken against the cause that the check leaves.
-        answers: How often each answer was given.
-        refused: Failures that cannot be checked.
+        matrix: Known causes against those after the check.
+        answers: Number of each answer.
+        refused: Number of failures that cannot be checked.
         simulated_s: Simulated time that the checks took, s.
     """
 
@@ -188,7 +187,7 @@ class Checked:
 
 
 def judge_by_check(failures: list[Failure], folder: Path, console: Console) -> Checked:
-    """The same with a counterfactual check of each, one of each kind after the other."""
+    """Check each failure counterfactually and count, one of each kind in turn."""
     checked = Checked(Counter(), Counter())
     for one in _in_turn(failures):
         log = open_log(folder / one.log)
@@ -222,7 +221,7 @@ def _print(console: Console, one: Failure, cause: str, evidence: str) -> None:
 
 
 def _in_turn(failures: list[Failure]) -> list[Failure]:
-    """The first of each kind, then the second of each, and so on."""
+    """Return the first failure of each kind, then the second of each, and so on."""
     seen: Counter[str] = Counter()
     turns = []
     for one in failures:
@@ -232,7 +231,7 @@ def _in_turn(failures: list[Failure]) -> list[Failure]:
 
 
 def main() -> None:
-    """Make, or judge and print."""
+    """Make failures, or judge them and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--make", action="store_true", help="run episodes and keep the failures")

@@ -1,8 +1,7 @@
-"""Failures whose cause is known because it was built in: small rooms, each with one thing wrong.
+"""Scenarios with one known fault: small rooms whose robot cannot reach its goal.
 
-Every scenario is a robot in a room with a straight way to the goal, and exactly one thing made so
-that it cannot get there: what is built in is all that differs from a room in which it does. Every
-fourth one walks, unless its failure is one of flight.
+Every scenario is a robot in a room with a straight path to the goal and exactly one fault; without
+it the robot arrives. Every fourth robot walks, unless the fault needs a drone.
 """
 
 from __future__ import annotations
@@ -24,39 +23,39 @@ from wayproof.models.worlds.solids import Solid
 
 LENGTH, WIDTH, HEIGHT = 8.0, 3.6, 3.0
 ENDS = 1.3
-"""Start and goal keep this from the end walls, m."""
+"""Distance of start and goal from the end walls, m."""
 
 THICK = 0.1
 GLASS = "glass"
 BRIEF = ("episode.time_limit=15", "episode.stuck_after=5", "behaviour.wait_timeout=0.5")
 RESIGNED = ("behaviour.max_recoveries=1",)
-"""For those who stand before a closed way: one look from elsewhere is enough."""
+"""Settings for a robot before a closed path: a single exploration."""
 
 MOST = 1000
-"""No planted episode has more decisions."""
+"""Bound of the number of decisions of an episode."""
 
 Settings = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Plant:
-    """One room with one thing wrong.
+class Fault:
+    """A room with one fault.
 
     Attributes:
-        solids: In the room, the walls apart.
-        movers: That move, or vanish.
-        settings: As `section.field=value`.
-        told: What the stack is told wrongly of the body, by the mission's fields.
-        goal_x: Where the goal is, m.
-        flies: Whether the failure is one that only a drone has.
-        delay: Of every decision, s, unknown to the stack; none for what it reckons with.
-        stack: That decides.
+        solids: Solids in the room besides its walls.
+        movers: Movers.
+        settings: Settings as `section.field=value`.
+        mission: Wrong fields of the mission of the stack.
+        goal_x: Position of the goal, m.
+        flies: Whether the fault needs a drone.
+        delay: Delay of every decision, s, unknown to the stack; None for the expected one.
+        stack: Stack.
     """
 
     solids: tuple[Solid, ...] = ()
     movers: tuple[Mover, ...] = ()
     settings: Settings = ()
-    told: dict[str, float] = field(default_factory=dict)
+    mission: dict[str, float] = field(default_factory=dict)
     goal_x: float = LENGTH - ENDS
     flies: bool = False
     delay: float | None = None
@@ -64,13 +63,13 @@ class Plant:
 
 
 @dataclass(frozen=True)
-class Planted:
-    """A scenario that fails of a cause.
+class FaultScenario:
+    """A scenario with a fault.
 
     Attributes:
-        scenario: To run.
-        delays: By decision, s.
-        stack: That decides.
+        scenario: Scenario.
+        delays: Delay by decision, s.
+        stack: Stack.
     """
 
     scenario: Scenario
@@ -78,16 +77,16 @@ class Planted:
     stack: type[Navigator]
 
 
-def plant(cause: str, seed: int) -> Planted:
-    """A scenario that fails of a cause, another one for each seed.
+def make_fault_scenario(cause: str, seed: int) -> FaultScenario:
+    """Return a scenario that fails by a cause; each seed gives another one.
 
     Raises:
         InputError: There is no such cause.
     """
-    if cause not in PLANTS:
-        raise unknown_name("cause", cause, PLANTS)
-    rng = np.random.default_rng([seed, list(PLANTS).index(cause)])
-    planted = PLANTS[cause](rng)
+    if cause not in FAULTS:
+        raise unknown_name("cause", cause, FAULTS)
+    rng = np.random.default_rng([seed, list(FAULTS).index(cause)])
+    fault = FAULTS[cause](rng)
     y = WIDTH / 2 + round(float(rng.uniform(-0.2, 0.2)), 2)
     low, high = (0.0, 0.0, -0.5), (LENGTH, WIDTH, HEIGHT)
     world = World(
@@ -95,82 +94,82 @@ def plant(cause: str, seed: int) -> Planted:
         seed=seed,
         low=low,
         high=high,
-        solids=(*room_walls(low, high), *planted.solids),
+        solids=(*room_walls(low, high), *fault.solids),
         start=(ENDS, y, 0.0),
         start_heading=round(float(rng.uniform(-0.3, 0.3)), 2),
-        goal=(planted.goal_x, y, 0.0),
-        movers=planted.movers,
+        goal=(fault.goal_x, y, 0.0),
+        movers=fault.movers,
     )
-    robot = "drone" if planted.flies or seed % 4 != 3 else "quadruped"
-    config = override(Config(world.name, robot, seed), [*BRIEF, *planted.settings])
+    robot = "drone" if fault.flies or seed % 4 != 3 else "quadruped"
+    config = override(Config(world.name, robot, seed), [*BRIEF, *fault.settings])
     scenario = build(config, world)
-    mission = replace(scenario.mission, **cast(dict[str, Any], planted.told))
-    delays = {} if planted.delay is None else dict.fromkeys(range(MOST), planted.delay)
-    return Planted(_glazed(replace(scenario, mission=mission)), delays, planted.stack)
+    mission = replace(scenario.mission, **cast(dict[str, Any], fault.mission))
+    delays = {} if fault.delay is None else dict.fromkeys(range(MOST), fault.delay)
+    return FaultScenario(_glazed(replace(scenario, mission=mission)), delays, fault.stack)
 
 
 def _glazed(scenario: Scenario) -> Scenario:
-    """The scenario with its glass made invisible to every beam, as it is to a lidar."""
+    """Return the scenario with its glass invisible to every beam, as to a lidar."""
     if GLASS not in scenario.scene.mjcf:
         return scenario
     return make_transparent(scenario, lambda name: name.startswith(GLASS))
 
 
-def _missed_obstacle(rng: np.random.Generator) -> Plant:
-    """A pane of glass right across, which beams go through."""
-    return Plant(solids=(_across(rng.uniform(3.2, 5.0), kind=GLASS),))
+def _missed_obstacle(rng: np.random.Generator) -> Fault:
+    """A pane of glass across the room, which beams pass through."""
+    return Fault(solids=(_across(rng.uniform(3.2, 5.0), kind=GLASS),))
 
 
-def _unseen_obstacle(rng: np.random.Generator) -> Plant:
-    """A wall nearer than the nearest range that the map takes in; unknown space is allowed."""
+def _unseen_obstacle(rng: np.random.Generator) -> Fault:
+    """A wall nearer than the minimum range of the map, with unknown space allowed."""
     settings = ("costmap.unknown_policy=allow", "map.minimum_range=5")
-    return Plant(solids=(_across(ENDS + rng.uniform(1.5, 2.0)),), settings=settings)
+    return Fault(solids=(_across(ENDS + rng.uniform(1.5, 2.0)),), settings=settings)
 
 
-def _margin_too_small(rng: np.random.Generator) -> Plant:
-    """A gap that the stack takes the body to fit through, for it is told too small a radius."""
+def _margin_too_small(rng: np.random.Generator) -> Fault:
+    """A gap that is too narrow; the stack has too small a radius of the body."""
     half, x = rng.uniform(0.24, 0.30), rng.uniform(3.5, 4.5)
     middle = WIDTH / 2 + rng.uniform(-0.1, 0.1)
     sides = _across(x, 0.2, middle - half), _across(x, middle + half, WIDTH - 0.2)
     settings = ("map.resolution=0.05", "costmap.localization_margin=0.02")
-    return Plant(solids=sides, settings=settings, told={"radius": 0.1}, flies=True)
+    return Fault(solids=sides, settings=settings, mission={"radius": 0.1}, flies=True)
 
 
-def _moved_obstacle(rng: np.random.Generator) -> Plant:
-    """A truck as wide as the room comes on and does not stop for anybody."""
+def _moved_obstacle(rng: np.random.Generator) -> Fault:
+    """A truck as wide as the room approaches and never stops."""
     body = Box((0.0, 0.0, 1.4), (0.3, 1.3, 1.2), 0.0, "vehicle")
     begin, y = LENGTH - 0.8, WIDTH / 2
     speed = rng.uniform(1.5, 3.0)
     truck = Mover(
         "truck", (body,), ((begin, y, 0.0), (0.8, y, 0.0)), speed, returns=False, stands_off=0.0
     )
-    return Plant(movers=(truck,), goal_x=LENGTH - 2.6)
+    return Fault(movers=(truck,), goal_x=LENGTH - 2.6)
 
 
-def _ghost_obstacle(rng: np.random.Generator) -> Plant:
-    """A wall that was seen and is gone, in a map that forgets nothing and is slow to unlearn."""
+def _ghost_obstacle(rng: np.random.Generator) -> Fault:
+    """A wall that was seen and has vanished, in a map that hardly forgets."""
     x = round(rng.uniform(4.0, 5.0), 2)
     wall = Box((0.0, 0.0, 1.5), (THICK, WIDTH / 2 - 0.2, 1.5), 0.0, "ghost")
     gone = Mover("gone", (wall,), ((x, WIDTH / 2, 0.0),), vanishes=round(rng.uniform(0.6, 1.2), 1))
     settings = ("map.log_odds_miss=0.02", "map.half_life=0", *RESIGNED)
-    return Plant(movers=(gone,), settings=settings)
+    return Fault(movers=(gone,), settings=settings)
 
 
-def _tracking(rng: np.random.Generator) -> Plant:
-    """The stack takes the body to brake harder than it can, before a wall; or much harder."""
+def _tracking(rng: np.random.Generator) -> Fault:
+    """The stack plans to brake harder than the body can, in front of a wall."""
     speed, acceleration = ((6.0, 25.0), (5.0, 18.0))[int(rng.integers(2))]
-    told = {
+    mission = {
         "max_speed": speed,
         "max_acceleration": acceleration,
         "max_jerk": 10.0 * acceleration,
     }
-    return Plant(told=told, goal_x=LENGTH - rng.uniform(0.85, 0.95), flies=True)
+    return Fault(mission=mission, goal_x=LENGTH - rng.uniform(0.85, 0.95), flies=True)
 
 
-def _latency(rng: np.random.Generator) -> Plant:
-    """Every decision takes longer than its deadline; or longer than the stack reckons with.
+def _latency(rng: np.random.Generator) -> Fault:
+    """Every decision takes longer than its deadline, or longer than the stack expects.
 
-    In the second room a wall comes to be that the robot would stop before if it decided in time.
+    In the second case a wall appears before which a decision in time would stop.
     """
     deadline = 0.25
     if rng.uniform() < 0.5:
@@ -182,55 +181,55 @@ def _latency(rng: np.random.Generator) -> Plant:
             for k, place in enumerate(places)
         )
         late = ("latency.deadline=1",)
-        return Plant(movers=new, settings=late, flies=True, delay=round(rng.uniform(0.6, 0.7), 2))
-    return Plant(settings=(f"latency.plan={deadline + rng.uniform(0.0, 0.3):.3f}",))
+        return Fault(movers=new, settings=late, flies=True, delay=round(rng.uniform(0.6, 0.7), 2))
+    return Fault(settings=(f"latency.plan={deadline + rng.uniform(0.0, 0.3):.3f}",))
 
 
-def _planner(rng: np.random.Generator) -> Plant:
-    """Two partitions with their doors at opposite ends, and a planner that may look once."""
+def _planner(rng: np.random.Generator) -> Fault:
+    """Two partitions with doors at opposite ends, and a planner with one iteration."""
     first, second = rng.uniform(2.9, 3.3), rng.uniform(4.9, 5.3)
     door = 1.4
     walls = _across(first, 0.2, WIDTH - 0.2 - door), _across(second, 0.2 + door, WIDTH - 0.2)
     once = ("planner.iterations=1", "planner.restarts=1", "planner.shortcuts=0", *RESIGNED)
-    return Plant(solids=walls, settings=once, flies=True)
+    return Fault(solids=walls, settings=once, flies=True)
 
 
-def _impossible(rng: np.random.Generator) -> Plant:
-    """A wall right across, or with a gap that is too narrow for body and margin."""
+def _impossible(rng: np.random.Generator) -> Fault:
+    """A wall across the room, or with a gap too narrow for body and margin."""
     x = rng.uniform(3.5, 5.0)
     if rng.uniform() < 0.5:
-        return Plant(solids=(_across(x),), settings=RESIGNED)
+        return Fault(solids=(_across(x),), settings=RESIGNED)
     middle, half = WIDTH / 2 + rng.uniform(-0.4, 0.4), rng.uniform(0.15, 0.25)
     sides = _across(x, 0.2, middle - half), _across(x, middle + half, WIDTH - 0.2)
-    return Plant(solids=sides, settings=RESIGNED)
+    return Fault(solids=sides, settings=RESIGNED)
 
 
 def _across(x: float, low: float = 0.2, high: float = WIDTH - 0.2, kind: str = "partition") -> Box:
-    """A wall across the room, from floor to ceiling."""
+    """Return a wall across the room, from floor to ceiling."""
     return Box.between((x - THICK, low, 0.0), (x + THICK, high, HEIGHT), kind)
 
 
-def _localization(rng: np.random.Generator) -> Plant:
-    """The pose jumps on the way, while the estimator believes that it does not."""
+def _localization(rng: np.random.Generator) -> Fault:
+    """The pose jumps under way, unknown to the estimator."""
     begin = round(rng.uniform(0.8, 1.6), 1)
     severity = round(rng.uniform(4.0, 5.0), 2)
     jump = f'{{"kind": "pose_jump", "severity": {severity}, "window": [{begin}, 100]}}'
-    return Plant(settings=(f"perturbation={jump}",))
+    return Fault(settings=(f"perturbation={jump}",))
 
 
-def _perception(rng: np.random.Generator) -> Plant:
-    """A partition with a door, and a map that takes in nothing near."""
+def _perception(rng: np.random.Generator) -> Fault:
+    """A partition with a door, and a map with a large minimum range."""
     x, door = rng.uniform(3.5, 4.5), 1.6
     sides = (_across(x, 0.2, WIDTH - 0.2 - door),)
-    return Plant(solids=sides, settings=(f"map.minimum_range={rng.uniform(3.0, 4.0):.2f}",))
+    return Fault(solids=sides, settings=(f"map.minimum_range={rng.uniform(3.0, 4.0):.2f}",))
 
 
-def _disregarded_obstacle(rng: np.random.Generator) -> Plant:
-    """A stack that goes straight for its goal, with a wall in between."""
-    return Plant(solids=(_across(rng.uniform(3.5, 5.0)),), stack=Reckless, flies=True)
+def _disregarded_obstacle(rng: np.random.Generator) -> Fault:
+    """A stack that goes straight to its goal, with a wall in between."""
+    return Fault(solids=(_across(rng.uniform(3.5, 5.0)),), stack=Reckless, flies=True)
 
 
-PLANTS: dict[str, Callable[[np.random.Generator], Plant]] = {
+FAULTS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "ghost_obstacle": _ghost_obstacle,
     "impossible": _impossible,
     "latency": _latency,
@@ -244,4 +243,4 @@ PLANTS: dict[str, Callable[[np.random.Generator], Plant]] = {
     "perception": _perception,
     "disregarded_obstacle": _disregarded_obstacle,
 }
-"""What plants each cause but `unexplained`; its number seeds it, so new ones come after."""
+"""Fault by cause, all but `unexplained`; the index is part of the seed, so append new ones."""

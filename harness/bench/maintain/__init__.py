@@ -1,1 +1,1 @@
-"""Files of the repository that are generated, and counts over many logs."""
+"""Tools of maintainers: generated files of the repository, and counts over many logs."""

@@ -1,9 +1,9 @@
-"""The table of all field numbers a log ever had.
+"""Table of all field numbers that the schema of logs ever had.
 
-`python -m wayproof.harness.bench.maintain.field_numbers` adds to it.
+`python -m wayproof.harness.bench.maintain.field_numbers` adds new ones.
 
-A number, once given, keeps its name and type for good: whoever reads logs relies on it. A field
-that is no longer written stays in the table, so that its number is not given again.
+A number keeps its name and type for good: readers of logs rely on it. A field that is no longer
+written stays in the table, so that its number is not reused.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Numbers = dict[str, dict[str, str]]
 
 
 def current() -> Numbers:
-    """What the schema says now."""
+    """Return the numbers in the schema."""
     messages: dict[str, Descriptor] = dict(pb.DESCRIPTOR.message_types_by_name)
     return {
         name: {str(field.number): _text(field) for field in message.fields}
@@ -32,13 +32,13 @@ def current() -> Numbers:
 
 
 def committed() -> Numbers:
-    """What the table says."""
+    """Return the numbers in the table."""
     table: Numbers = json.loads(TABLE.read_text())
     return table
 
 
 def changed(table: Numbers, now: Numbers) -> list[str]:
-    """Numbers whose meaning is no longer what the table says, in words."""
+    """Return descriptions of the numbers whose meaning differs from the table."""
     found = []
     for message, fields in table.items():
         for number, meaning in fields.items():
@@ -49,7 +49,7 @@ def changed(table: Numbers, now: Numbers) -> list[str]:
 
 
 def added(table: Numbers, now: Numbers) -> list[str]:
-    """Numbers that the table does not have yet."""
+    """Return descriptions of the numbers that the table lacks."""
     return [
         f"{message} {number}: {meaning}"
         for message, fields in now.items()

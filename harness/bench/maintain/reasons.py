@@ -1,7 +1,7 @@
-"""How often decisions have which action, label and reason, and how often the reason is false.
+"""Counts of decisions by action, label and reason, and of false reasons.
 
-`python -m wayproof.harness.bench.maintain.reasons LOG...` holds each reason against the map of its
-decision; of a folder it takes all logs below it.
+`python -m wayproof.harness.bench.maintain.reasons LOG...` checks each reason against the map of its
+decision; a folder stands for all logs below it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Row = tuple[str, str, str]
 NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 SHOWN = 20
-"""At most so many false reasons are listed."""
+"""Maximum number of listed false reasons."""
 
 
 @dataclass
@@ -39,11 +39,11 @@ class Tally:
     """Decisions by action, label and reason.
 
     Attributes:
-        logs: How many were read.
-        checked: How many reasons were held against their map.
-        decisions: How many there are of each row.
-        false: How many of them have a false reason.
-        texts: What is false, where.
+        logs: Number of logs.
+        checked: Number of checked reasons.
+        decisions: Number of decisions of each row.
+        false: Number of those with a false reason.
+        texts: Descriptions of false reasons.
     """
 
     logs: int = 0
@@ -53,7 +53,7 @@ class Tally:
     texts: list[str] = field(default_factory=list)
 
     def add(self, other: Tally) -> None:
-        """Add another one's figures."""
+        """Add the counts of another tally."""
         self.logs += other.logs
         self.checked += other.checked
         self.decisions += other.decisions
@@ -62,15 +62,15 @@ class Tally:
 
 
 def tally(path: Path, check: bool = True) -> Tally:
-    """Count one log's decisions.
+    """Count the decisions of one log.
 
     Args:
-        path: A log with its sweeps. Of one of before format 5, whose reasons are words alone, these
-            are counted without their numbers, and nothing is checked.
-        check: Whether to hold each reason against the map of its decision.
+        path: Log with its sweeps. Reasons of formats before 5, which are only sentences, are
+            counted without their numbers and not checked.
+        check: Whether to check each reason against the map of its decision.
 
     Raises:
-        InputError: It is no finished log, or has no sweeps to make the maps from.
+        InputError: It is no finished log, or has no sweeps.
     """
     log, found = open_log(path), Tally(logs=1)
     if log.not_compared or not check:
@@ -95,7 +95,7 @@ def _row(decision: pb.Decision) -> Row:
 
 
 def logs_of(paths: Iterable[Path]) -> list[Path]:
-    """The logs themselves, and those below folders.
+    """Return the given logs and those below the given folders.
 
     Raises:
         InputError: A folder has none.
@@ -124,7 +124,7 @@ def tally_all(paths: Iterable[Path], check: bool, workers: int) -> Tally:
 
 
 def show(found: Tally, console: Console) -> None:
-    """Print the table, and what is false."""
+    """Print the table and the false reasons."""
     table = Table("action", "label", "reason", "decisions", "false")
     for row, count in sorted(found.decisions.items(), key=lambda item: (-item[1], item[0])):
         table.add_row(*row, str(count), str(found.false[row]))
@@ -137,7 +137,7 @@ def show(found: Tally, console: Console) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print the table; 1 if a reason is false."""
+    """Print the table; return 1 if a reason is false."""
     program = "python -m wayproof.harness.bench.maintain.reasons"
     parser = argparse.ArgumentParser(program, description=__doc__)
     parser.add_argument("log", nargs="+", type=Path, help="a log, or a folder of them")

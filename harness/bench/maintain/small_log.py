@@ -21,7 +21,7 @@ COMMITTED = Path(__file__).resolve().parents[3] / "tests" / "harness" / "logs"
 
 
 def small_log(path: Path) -> Path:
-    """A log of half a second in an empty world."""
+    """Write a log of half a second in an empty world."""
     settings = ("episode.time_limit=0.5",)
     config = override(Config("empty", "quadruped", 0), settings)
     warm_up(config)
@@ -30,7 +30,7 @@ def small_log(path: Path) -> Path:
 
 
 def committed_name(version: str = FORMAT_VERSION, packed: bool = False) -> str:
-    """Name of the committed log of a format version, by default the current one."""
+    """Return the name of the committed log of a format version, by default the current one."""
     return f"format-{version}-packed.mcap" if packed else f"format-{version}.mcap"
 
 

@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -9,16 +10,21 @@ from wayproof.harness.attribution import CAUSES, find_cause, near_misses, read_c
 from wayproof.harness.attribution import contact as contacts
 from wayproof.harness.attribution import standstill as standstills
 from wayproof.harness.attribution.standstill import lacks_time
-from wayproof.harness.bench.attribution.fault_scenarios import PLANTS
+from wayproof.harness.bench.attribution.fault_scenarios import FAULTS
 from wayproof.harness.counterfactual.check import check
 from wayproof.harness.counterfactual.record import read_check, record_check
+from wayproof.harness.interface.errors import StackCause
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.result import Contact
 
 
-def test_every_cause_is_planted_and_asked_for():
-    asked = set(contacts.TESTS) | {name for name, _ in standstills.TESTS}
-    assert asked == set(CAUSES) == {*PLANTS, "unexplained"}
+def test_every_cause_has_a_test_of_facts_and_a_planted_fault():
+    """Those of a stack on trial are found where it is called, see tests/harness/interface."""
+    tested = set(contacts.TESTS) | {name for name, _ in standstills.TESTS}
+    on_trial = set(get_args(StackCause))
+    assert tested | on_trial == set(CAUSES)
+    assert not tested & on_trial
+    assert tested == {*FAULTS, "unexplained"}
 
 
 def test_a_contact_reads_what_it_wrote():
@@ -27,7 +33,7 @@ def test_a_contact_reads_what_it_wrote():
     assert Contact.from_text("") is None
 
 
-@pytest.mark.parametrize("cause", PLANTS)
+@pytest.mark.parametrize("cause", FAULTS)
 def test_planted_causes_are_found(planted, cause):
     _, result = planted(cause, 0)
     assert result.cause == cause, result.cause_evidence

@@ -1,7 +1,7 @@
-"""Ways to break one assumption of an episode that succeeds: the cause of its failure is then known.
+"""Single changes that make a successful episode fail, so that the cause is known.
 
 Each kind takes an episode that reached its goal and changes one thing. If the changed episode
-fails, that one thing is what, taken away, makes the failure go away.
+fails, undoing that one thing makes the failure go away.
 """
 
 from wayproof.harness.bench.attribution.breaks import (
@@ -23,4 +23,4 @@ KINDS: dict[str, Kind] = {
     for part in (pose, ranges, hidden, changing, body, timing, stack, no_way)
     for name, kind in part.KINDS.items()
 }
-"""Every kind by its name, after what is broken."""
+"""Kinds of changes by name."""

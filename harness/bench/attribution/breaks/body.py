@@ -1,4 +1,4 @@
-"""The body is another than the stack reckons with, or does not go where its path leads."""
+"""Faults of the body: it differs from the stack's model, or leaves its path."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wayproof.models.sensors.caster import ROBOT_GROUP
 
 
 def _slim(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The stack gets a body that is smaller than the one that moves."""
+    """The stack plans for a smaller body."""
     share = float(rng.uniform(0.1, 0.4))
     discs = tuple((offset, share * radius) for offset, radius in sound.mission.discs)
     mission: dict[str, Any] = {"radius": share * sound.mission.radius, "discs": discs}
@@ -22,7 +22,7 @@ def _slim(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _bulky(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The body carries a pole that sticks out at both sides, which the stack does not know of."""
+    """The body carries a pole across, which the stack does not model."""
     half = sound.mission.radius + float(rng.uniform(0.15, 0.35))
     return Broken(
         edit=_loaded(mujoco.mjtGeom.mjGEOM_BOX, [0.02, half, 0.02], [0, 0, 0], 0.01, True)
@@ -30,12 +30,12 @@ def _bulky(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _strict(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The body should keep to its path more closely than any does."""
+    """The tracking tolerance is smaller than any body achieves."""
     return Broken(settings=(f"behaviour.tracking_tolerance={rng.uniform(0.01, 0.04):.3f}",))
 
 
 def _overrated(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The stack takes the body for faster than it is."""
+    """The stack plans for a faster body."""
     share = rng.uniform(2.0, 3.0)
     mission = {
         "max_speed": share * sound.mission.max_speed,
@@ -48,7 +48,7 @@ def _overrated(sound: Scenario, result: Result, rng: Rng) -> Broken:
 def _loaded(
     shape: mujoco.mjtGeom, size: list[float], place: list[float], kilograms: float, touches: bool
 ) -> Edit:
-    """Adds a load to the robot's base: size and place in its frame, m."""
+    """Return an edit that adds a load to the base of the robot; size and place in its frame, m."""
 
     def load(spec: mujoco.MjSpec) -> None:
         spec.body(ROBOT_PREFIX + "base").add_geom(
@@ -63,10 +63,10 @@ NARROW = (
     ("forest", "drone"), ("maze", "drone"), ("office", "drone"), ("cylinders", "drone"),
     ("construction", "drone"), ("maze", "quadruped"), ("office", "quadruped"),
 )  # fmt: skip
-"""Where the way leads close by things."""
+"""Worlds and robots whose paths pass close to obstacles."""
 
 SHORT = ("planner.clearance_weight=0",)
-"""Paths as short as they may be, so as close to things."""
+"""Settings for the shortest paths, which pass close to obstacles."""
 
 KINDS = {
     "slim": Kind("margin_too_small", _slim, NARROW, (*SHORT, "costmap.localization_margin=0.05")),

@@ -1,4 +1,4 @@
-"""What a kind of failure is made of: one change to an episode that reached its goal."""
+"""One change to an episode that reached its goal."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from wayproof.harness.stack.pipeline import Navigator
 from wayproof.models.worlds import Box, Mover, World
 
 MOST = 4000
-"""No broken episode has more decisions."""
+"""Bound of the number of decisions of a broken episode."""
 
 CLEAR_OF_ENDS = 1.6
-"""A wall that is added keeps this from start and goal, m."""
+"""Distance of an added wall from start and goal, m."""
 
 HALF_THICK = 0.1
-"""Half of the thickness of such a wall, m."""
+"""Half the thickness of an added wall, m."""
 
 Rng = np.random.Generator
 Edit = Callable[[mujoco.MjSpec], None]
@@ -32,16 +32,16 @@ Places = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Broken:
-    """What differs from the episode that succeeds.
+    """Change to a successful episode.
 
     Attributes:
-        settings: As `section.field=value`.
-        perturbation: As `KIND:SEVERITY[:MODE]`; none if empty.
-        mission: Fields of the mission that the stack gets wrongly.
-        world: In place of the world, if it is another one.
-        edit: Changes the compiled scene.
-        delay: Of every decision, s, unknown to the stack.
-        stack: In place of the built-in one.
+        settings: Settings as `section.field=value`.
+        perturbation: Perturbation as `KIND:SEVERITY[:MODE]`; empty for none.
+        mission: Wrong fields of the mission of the stack.
+        world: World, if it differs.
+        edit: Edit of the compiled scene.
+        delay: Delay of every decision, s, unknown to the stack.
+        stack: Stack, if it is not the built-in one.
     """
 
     settings: tuple[str, ...] = ()
@@ -53,7 +53,7 @@ class Broken:
     stack: type[Navigator] = Navigator
 
     def scenario(self, sound: Scenario) -> Scenario:
-        """The sound scenario with this one thing changed."""
+        """Return the successful scenario with this change."""
         config = override(sound.config, self.settings)
         if self.perturbation:
             config = replace(config, perturbation=perturbation_from(self.perturbation))
@@ -63,23 +63,23 @@ class Broken:
 
     @property
     def delays(self) -> dict[int, float]:
-        """Delay by decision, s."""
+        """Return the delay by decision, s."""
         return {} if self.delay is None else dict.fromkeys(range(MOST), self.delay)
 
 
 Break = Callable[[Scenario, Result, Rng], Broken]
-"""Makes the change from the sound scenario, its result and a generator of numbers."""
+"""Function of the successful scenario, its result and a random generator that returns a change."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """One way to break one assumption.
+    """One kind of change.
 
     Attributes:
-        cause: What it builds in, so what has to be found.
-        breaks: Makes the change.
-        where: Worlds and robots it is tried in, if it fails in few; else all.
-        base: Settings of the sound episode, too, as `section.field=value`.
+        cause: Its cause of failure, which attribution should find.
+        breaks: Function that makes the change.
+        where: Worlds and robots to try, if it makes few fail; else all.
+        base: Settings also of the successful episode, as `section.field=value`.
     """
 
     cause: str
@@ -89,13 +89,13 @@ class Kind:
 
 
 def crossing_axis(sound: Scenario) -> int:
-    """The axis along which start and goal lie farther apart: 0 for x, 1 for y."""
+    """Return the axis along which start and goal are farther apart: 0 for x, 1 for y."""
     (x0, y0, _), (x1, y1, _) = sound.mission.start, sound.mission.goal
     return 0 if abs(x1 - x0) > abs(y1 - y0) else 1
 
 
 def place_between(sound: Scenario, rng: Rng) -> float:
-    """A coordinate between start and goal on that axis, clear of both, m."""
+    """Return a random coordinate between start and goal on that axis, clear of both, m."""
     axis = crossing_axis(sound)
     low, high = sorted((sound.mission.start[axis], sound.mission.goal[axis]))
     low += CLEAR_OF_ENDS
@@ -103,7 +103,7 @@ def place_between(sound: Scenario, rng: Rng) -> float:
 
 
 def place_ahead(sound: Scenario, distance: float) -> float:
-    """The coordinate on that axis at a distance from the start, towards the goal, m."""
+    """Return the coordinate on that axis at a distance from the start, towards the goal, m."""
     axis = crossing_axis(sound)
     start, goal = sound.mission.start[axis], sound.mission.goal[axis]
     return start + (distance if goal > start else -distance)
@@ -112,14 +112,14 @@ def place_ahead(sound: Scenario, distance: float) -> float:
 def wall_across(
     sound: Scenario, at: float, kind: str, low: float | None = None, high: float | None = None
 ) -> Box:
-    """A wall from floor to ceiling at a coordinate on that axis, m.
+    """Return a wall from floor to ceiling at a coordinate on that axis, m.
 
     Args:
         sound: The scenario.
         at: Middle of its thickness, m.
-        kind: What it is.
-        low: Where it begins on the other axis, m; at the geofence if left out.
-        high: Where it ends, m; likewise.
+        kind: Kind of solid.
+        low: Its beginning on the other axis, m; by default the geofence.
+        high: Its end, m; by default the geofence.
     """
     axis, corners = crossing_axis(sound), (list(sound.world.low), list(sound.world.high))
     for corner, side, end, z in zip(corners, (-1, 1), (low, high), (0.0, 3.0), strict=True):
@@ -131,10 +131,10 @@ def wall_across(
 
 
 def with_solids(world: World, *solids: Any) -> World:
-    """The world with more solids in it."""
+    """Return the world with more solids."""
     return replace(world, solids=(*world.solids, *solids))
 
 
 def with_movers(world: World, *movers: Mover) -> World:
-    """The world with more that moves, appears or vanishes."""
+    """Return the world with more movers."""
     return replace(world, movers=(*world.movers, *movers))

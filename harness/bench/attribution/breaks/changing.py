@@ -1,4 +1,4 @@
-"""Something moves in, or is gone and stays in the map."""
+"""Faults of change: something moves in, or leaves and stays in the map."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from wayproof.harness.scenario.scenario import Scenario
 from wayproof.models.worlds import Box, Mover
 
 HERE = ((0.0, 0.0, 0.0),)
-"""Route of what stays where its solids are."""
+"""Route of a mover that does not move."""
 
 PANELS = 6
-"""That a wall consists of which appears at once: each keeps off the robot for itself."""
+"""Number of panels of an appearing wall: each keeps its own distance from the robot."""
 
 UNLEARNS_SLOWLY = ("map.log_odds_miss=0.01", "map.half_life=0")
 RESIGNED = ("behaviour.max_recoveries=1",)
-"""One look from elsewhere before the stack gives up."""
+"""Settings for a single exploration before the stack gives up."""
 
 
 def _crowd(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """People walk to and fro across the way."""
+    """People walk to and fro across the path."""
     return Broken(perturbation=f"motion:{rng.uniform(3.0, 5.0):.2f}")
 
 
 def _truck(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A truck comes along the way and stops for nobody."""
+    """A truck drives along the path and never stops."""
     mission = sound.mission
     (x0, y0, _), (x1, y1, _) = mission.goal, mission.start
     body = Box((0.0, 0.0, 1.4), (0.4, rng.uniform(0.6, 1.2), 1.2), 0.0, "vehicle")
@@ -46,13 +46,13 @@ def _truck(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _shut(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A gate across the way shuts while the robot is on it."""
+    """A gate across the path shuts while the robot is under way."""
     at, when = place_between(sound, rng), float(rng.uniform(0.5, 2.0))
     return Broken(world=with_movers(sound.world, *_appearing(sound, at, when)))
 
 
 def _drop(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A curtain drops close before the robot, while it goes as fast as it may."""
+    """A curtain drops close in front of the robot at its full speed."""
     mission = sound.mission
     speed, push = mission.max_speed, mission.max_acceleration
     when = float(rng.uniform(1.0, 1.6)) * (speed / push + push / mission.max_jerk)
@@ -62,7 +62,7 @@ def _drop(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _appearing(sound: Scenario, at: float, when: float) -> list[Mover]:
-    """A wall across the way that comes to be at a time, s, in panels."""
+    """Return the panels of a wall across the path that appears at a time, s."""
     axis = crossing_axis(sound)
     low, high = sound.world.low[1 - axis], sound.world.high[1 - axis]
     ends = [low + (high - low) * k / PANELS for k in range(PANELS + 1)]
@@ -77,7 +77,7 @@ def _appearing(sound: Scenario, at: float, when: float) -> list[Mover]:
 
 
 def _retentive(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A wall before the start vanishes, and the map hardly unlearns it."""
+    """A wall before the start vanishes, and the map hardly forgets it."""
     at = place_ahead(sound, CLEAR_OF_ENDS + float(rng.uniform(0.2, 0.6)))
     wall = wall_across(sound, at, "ghost")
     gone = Mover("gone", (wall,), HERE, vanishes=round(float(rng.uniform(0.6, 1.2)), 1))
@@ -85,7 +85,7 @@ def _retentive(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _trails(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The map hardly unlearns what came by."""
+    """The map hardly forgets what passed by."""
     return Broken(settings=UNLEARNS_SLOWLY)
 
 

@@ -1,4 +1,4 @@
-"""Something stands in the way that the map does not hold: beams miss it, or nobody looked there."""
+"""Faults of perception of obstacles: beams miss them, or the space is unknown."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ WIRE = 0.001
 """Half the thickness of a wire, m."""
 
 FENCE = 1.5
-"""Half the length of a fence of them, m."""
+"""Half the length of a fence of wires, m."""
 
 SPACING = 0.35
-"""Between wires of a fence, m."""
+"""Distance between the wires of a fence, m."""
 
 
 def _glass(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """What stands about is transparent to every beam."""
+    """Obstacles are transparent to every beam."""
 
     def vanish(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:
@@ -42,7 +42,7 @@ def _glass(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _pane(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """One pane of glass is right across the way."""
+    """A pane of glass stands across the path."""
     axis, at = crossing_axis(sound), place_between(sound, rng)
     middle = [0.5 * (a + b) for a, b in zip(sound.world.low, sound.world.high, strict=True)]
     half = [0.5 * (b - a) for a, b in zip(sound.world.low, sound.world.high, strict=True)]
@@ -57,7 +57,7 @@ def _pane(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A fence of wires, thinner than the gaps between beams, stands in the straight way."""
+    """A fence of wires, thinner than the gaps between beams, stands on the straight line."""
     axis, at = crossing_axis(sound), place_between(sound, rng)
     start, goal = sound.mission.start, sound.mission.goal
     share = (at - start[axis]) / (goal[axis] - start[axis])
@@ -73,7 +73,7 @@ def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Unknown space is entered like free space, and what is near stays unknown."""
+    """Unknown space counts as free, and near space stays unknown."""
     return Broken(settings=("costmap.unknown_policy=allow", "map.minimum_range=5"))
 
 
@@ -81,13 +81,13 @@ STILL = (
     ("office", "drone"), ("maze", "drone"), ("office", "quadruped"), ("maze", "quadruped"),
     ("cylinders", "drone"), ("corridor", "drone"), ("forest", "drone"), ("warehouse", "drone"),
 )  # fmt: skip
-"""Where nothing moves: what does would be missed in space that was seen free before."""
+"""Worlds and robots without movers, which would enter space seen free before."""
 
 OPEN = (
     ("empty", "drone"), ("ghosts", "drone"), ("empty", "quadruped"), ("warehouse", "drone"),
     ("crossing", "drone"), ("ghosts", "quadruped"),
 )  # fmt: skip
-"""Where a fence in the straight way leaves another one."""
+"""Worlds and robots with a path around a fence on the straight line."""
 
 KINDS = {
     "glass": Kind("missed_obstacle", _glass),

@@ -1,4 +1,4 @@
-"""No way for this body, margin or time."""
+"""Faults without a path for this body, margin or time."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from wayproof.harness.scenario.scenario import Scenario
 from wayproof.models.worlds import Box
 
 ROUND_THE_GOAL = 0.9
-"""Half edge of the pen about the goal, m."""
+"""Half the edge of the pen around the goal, m."""
 
 
 def _detour(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Less time than the shortest way takes, though more than the straight one would."""
+    """Less time than the shortest path takes, but more than the straight line would."""
     straight, way = _straight(sound), _way(sound)
     limit = (straight + rng.uniform(0.3, 0.9) * (way - straight)) / sound.mission.max_speed
     return Broken(settings=(f"episode.time_limit={limit:.1f}",))
 
 
 def _hurry(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Less time than the shortest way takes from rest to rest."""
+    """Less time than the shortest path takes from rest to rest."""
     limit = rng.uniform(0.4, 0.8) * rest_to_rest(_way(sound), sound.mission)
     return Broken(settings=(f"episode.time_limit={limit:.1f}",))
 
@@ -44,12 +44,12 @@ def _way(sound: Scenario) -> float:
 
 
 def _wide(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A margin that no passage is wide enough for."""
+    """A margin too large for every passage."""
     return Broken(settings=(f"costmap.localization_margin={rng.uniform(0.3, 0.7):.2f}",))
 
 
 def _closed(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A wall from side to side, in between."""
+    """A wall from side to side between start and goal."""
     wall = wall_across(sound, place_between(sound, rng), "partition")
     return Broken(world=with_solids(sound.world, wall))
 

@@ -1,4 +1,4 @@
-"""The pose lies."""
+"""Faults of the pose."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def _drift(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _heading_drift(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Dead reckoning whose turns are off by a share."""
+    """Dead reckoning with a scale error of its turns."""
     return Broken(settings=(f"odometry.yaw_scale_sigma={rng.uniform(0.1, 0.4):.3f}",))
 
 
 def _dead_reckoning(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Dead reckoning whose distances are off by a share, and that states so."""
+    """Dead reckoning with a scale error of its distances, stated as such."""
     return Broken(settings=(f"odometry.scale_sigma={rng.uniform(0.05, 0.2):.3f}",))
 
 

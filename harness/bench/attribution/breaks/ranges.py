@@ -1,4 +1,4 @@
-"""The ranges lie, or are not taken in."""
+"""Faults of the ranges, or of their integration."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from wayproof.harness.scenario.scenario import Scenario
 
 
 def _dropout(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Echoes are lost."""
+    """Returns are lost."""
     mode = ("ray", "patch", "sweep")[int(rng.integers(3))]
     return Broken(perturbation=f"depth_dropout:{rng.uniform(2.0, 5.0):.2f}:{mode}")
 
@@ -24,12 +24,12 @@ def _occlusion(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _calibration(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The sensor is turned against where it is stated to sit."""
+    """The sensor is rotated against its stated mount."""
     return Broken(perturbation=f"calibration:{rng.uniform(3.0, 5.0):.2f}:rotation")
 
 
 def _blind(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """What is near is not seen."""
+    """Near returns are dropped."""
     return Broken(settings=(f"map.minimum_range={rng.uniform(1.5, 4.0):.2f}",))
 
 

@@ -1,4 +1,4 @@
-"""The stack itself is at fault: its search gives up, or it disregards its map."""
+"""Faults of the stack: its search gives up, or it disregards its map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Decisions come too late."""
+"""Faults of timing: decisions come too late."""
 
 from __future__ import annotations
 
