@@ -36,8 +36,8 @@ def test_it_has_the_states_of_the_voxel_map_cell_by_cell(region):
         a_map.mark_floor((-1.0, -1.0), (1.0, 1.0), 0)
     now, versions = [0, 0], set()
     for seed in range(6):
-        told = [a_map.integrate(*sweep(seed)) for a_map in (ours, theirs)]
-        assert told[0] == told[1]
+        statistics = [a_map.integrate(*sweep(seed)) for a_map in (ours, theirs)]
+        assert statistics[0] == statistics[1]
         boxes, now[0] = ours.changed(now[0])
         peers, now[1] = theirs.changed(now[1])
         assert sorted(boxes.tolist()) == sorted(peers.tolist())

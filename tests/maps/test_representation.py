@@ -1,4 +1,4 @@
-"""What every representation promises, whatever it holds inside."""
+"""The contract of every representation."""
 
 import numpy as np
 import pytest
@@ -66,10 +66,10 @@ def states(a_map):
 
 def bits(a_map):
     """The same by columns."""
-    told = a_map.columns(LOW, (*SHAPE[:2], 2))
+    columns = a_map.columns(LOW, (*SHAPE[:2], 2))
     occupied, free = (
         np.unpackbits(words.astype("<u8").view(np.uint8), axis=2, bitorder="little")
-        for words in told
+        for words in columns
     )
     return (occupied * OCCUPIED + free * FREE)[:, :, : SHAPE[2]]
 
@@ -77,8 +77,8 @@ def bits(a_map):
 def assert_obstacles(costmap, a_map):
     """They are the cells that the map says are occupied, one by one, and some are."""
     places = costmap.origin + (np.stack(np.indices(costmap.shape), axis=-1) + 0.5) * 0.1
-    told = a_map.state_at(places.reshape(-1, 3)).reshape(costmap.shape) == OCCUPIED
-    np.testing.assert_array_equal(costmap.obstacle_clearance == 0, told)
+    occupied = a_map.state_at(places.reshape(-1, 3)).reshape(costmap.shape) == OCCUPIED
+    np.testing.assert_array_equal(costmap.obstacle_clearance == 0, occupied)
 
 
 @every_map
@@ -97,7 +97,7 @@ def assert_obstacles(costmap, a_map):
         ({"moments": np.array([1])}, "moments: got .*, expected whole numbers"),
     ],
 )
-def test_a_strange_sweep_is_refused_in_one_line_and_changes_nothing(kind, change, message):
+def test_a_bad_sweep_is_refused_in_one_line_and_changes_nothing(kind, change, message):
     a_map = make(kind)
     look(a_map, 2000)
     before = a_map.version()
@@ -107,7 +107,7 @@ def test_a_strange_sweep_is_refused_in_one_line_and_changes_nothing(kind, change
 
 
 @every_map
-def test_strange_marks_and_times_are_refused(kind):
+def test_bad_marks_and_times_are_refused(kind):
     a_map = make(kind)
     for refused in (
         lambda: a_map.mark_free((np.nan, 0.0, 0.0), (1.0, 1.0, 1.0), 0),
@@ -121,7 +121,7 @@ def test_strange_marks_and_times_are_refused(kind):
 
 
 @pytest.mark.parametrize("kind", TEAMS)
-def test_strange_threads_and_corners_are_refused(kind):
+def test_bad_threads_and_corners_are_refused(kind):
     with pytest.raises(ValueError, match=r"^threads: got 0, expected 1 to 64$"):
         make(kind, threads=0)
     with pytest.raises(ValueError, match=r"^low, high: got .* expected both corners or neither$"):
@@ -131,12 +131,17 @@ def test_strange_threads_and_corners_are_refused(kind):
 @every_map
 def test_beams_are_counted_by_their_fate(kind):
     a_map = make(kind)
-    told = look(a_map, 0, 299, 300, 3000, 3001, 65535)
-    assert (told.dropped, told.too_near, told.hits, told.clears) == (1, 1, 2, 2)
+    fates = look(a_map, 0, 299, 300, 3000, 3001, 65535)
+    assert (fates.dropped, fates.too_near, fates.hits, fates.clears) == (
+        1,
+        1,
+        2,
+        2,
+    )
     assert a_map.state_at(ahead(0.3, 3.0)).tolist() == [OCCUPIED] * 2  # occupied wins
     nothing = make(kind)
-    told = look(nothing, 0, 0, 299, 1)
-    assert told == SweepStatistics(0, 0, 2, 2, 0)
+    fates = look(nothing, 0, 0, 299, 1)
+    assert fates == SweepStatistics(0, 0, 2, 2, 0)
     assert look(nothing) == SweepStatistics(0, 0, 0, 0, 0)
     assert nothing.version() == make(kind).version()
     assert nothing.counts() == {"free": 0, "occupied": 0}
@@ -145,8 +150,8 @@ def test_beams_are_counted_by_their_fate(kind):
 @every_map
 def test_a_missing_return_is_none_however_far_a_sensor_sees(kind):
     a_map = make(kind)
-    told = look(a_map, 65535, limit=70.0)
-    assert (told.hits, told.clears) == (0, 1)
+    statistics = look(a_map, 65535, limit=70.0)
+    assert (statistics.hits, statistics.clears) == (0, 1)
     assert a_map.counts()["occupied"] == 0
     assert a_map.state_at(ahead(65.5, 69.9)).tolist() == [FREE, FREE]
 
@@ -157,8 +162,8 @@ def test_a_robot_may_be_anywhere(kind, place):
     origin = np.array([*place, 0.475])
     a_map = make(kind)
     look(a_map, 2000, origin=origin)
-    told = a_map.state_at(origin + np.array([[1.8, 0, 0], [2.0, 0, 0], [1.8, 0.3, 0]]))
-    assert told.tolist() == [FREE, OCCUPIED, UNKNOWN]
+    found = a_map.state_at(origin + np.array([[1.8, 0, 0], [2.0, 0, 0], [1.8, 0.3, 0]]))
+    assert found.tolist() == [FREE, OCCUPIED, UNKNOWN]
 
 
 @every_map
@@ -196,25 +201,25 @@ def test_a_body_marks_a_ball_and_the_floor(kind):
 
 
 @every_map
-def test_every_way_to_ask_gives_one_answer(kind):
+def test_all_queries_agree(kind):
     a_map = make(kind)
     for seed in range(3):
         look_around(a_map, seed, time_ns=seed)
-    told = states(a_map)
-    assert (told == OCCUPIED).sum() > 250
-    np.testing.assert_array_equal(bits(a_map), told)
+    expected = states(a_map)
+    assert (expected == OCCUPIED).sum() > 250
+    np.testing.assert_array_equal(bits(a_map), expected)
     if kind != "grid2d":  # a cell of which stands for many
-        chances = a_map.probability_at(centres(np.argwhere(told) + LOW, 0.1))
-        np.testing.assert_array_equal(chances > 0.5, told[told > 0] == OCCUPIED)
-        assert a_map.counts()["occupied"] == (told == OCCUPIED).sum()
-        assert a_map.counts()["free"] == (told == FREE).sum()
+        chances = a_map.probability_at(centres(np.argwhere(expected) + LOW, 0.1))
+        np.testing.assert_array_equal(chances > 0.5, expected[expected > 0] == OCCUPIED)
+        assert a_map.counts()["occupied"] == (expected == OCCUPIED).sum()
+        assert a_map.counts()["free"] == (expected == FREE).sum()
     assert a_map.state_at(np.empty((0, 3))).shape == (0,)
     assert a_map.memory_bytes() > 0
 
 
 @every_map
 @pytest.mark.parametrize("motion", ["ground", "air"])
-def test_every_change_is_told_and_a_costmap_follows(kind, motion):
+def test_every_change_is_logged_and_a_costmap_follows(kind, motion):
     a_map = make(kind, half_life=2.0 if KINDS[kind].decays else 0.0)
     body = (-2.0, -2.0, -0.3), (2.0, 2.0, 1.5), motion, 0.15, 0.4, 0.1
     following, now, before = Costmap(CostmapConfig(), a_map, *body), 0, np.zeros(SHAPE, np.uint8)
@@ -223,14 +228,14 @@ def test_every_change_is_told_and_a_costmap_follows(kind, motion):
             look_around(a_map, k, time_ns=k * SECOND)
         a_map.advance(3 * k * SECOND)
         boxes, now = a_map.changed(now)
-        told = bits(a_map)
-        cells = np.argwhere(told != before) + LOW
+        now_bits = bits(a_map)
+        cells = np.argwhere(now_bits != before) + LOW
         assert len(cells) > 100 or k >= 4
         inside = np.zeros(len(cells), bool)
         for box in boxes:
             inside |= np.all((cells >= box[:3]) & (cells < box[3:]), axis=1)
         assert inside.all()
-        before = told
+        before = now_bits
         following.update(0.1)
         anew = Costmap(CostmapConfig(), a_map, *body)
         assert (following.clearance == anew.clearance).all()
@@ -246,12 +251,12 @@ def test_neither_threads_nor_the_order_of_beams_count(kind):
     for k in range(3):
         ranges_mm, directions = scattered(k)
         order = np.random.default_rng(k).permutation(len(directions))
-        told = [
+        statistics = [
             look(alone, *ranges_mm, directions=directions),
             look(team, *ranges_mm, directions=directions),
             look(shuffled, *ranges_mm[order], directions=directions[order]),
         ]
-        assert told[0] == told[1] == told[2]
+        assert statistics[0] == statistics[1] == statistics[2]
         assert alone.version() == team.version() == shuffled.version()
     assert alone.counts()["occupied"] > 100
 
@@ -273,7 +278,7 @@ def test_versions_are_those_of_the_content(kind):
 
 
 @pytest.mark.parametrize("kind", FADING)
-def test_what_nobody_sees_fades_by_ticks_until_it_is_forgotten(kind):
+def test_unseen_cells_decay_by_ticks_until_they_are_unknown(kind):
     step_by_step, late = make(kind, half_life=1.0), make(kind, half_life=1.0)
     unknown = late.version()
     look(step_by_step, 2000, time_ns=100)

@@ -26,11 +26,11 @@ def test_the_most_votes_win_and_of_equal_ones_the_least_class():
 def test_votes_do_not_fade_and_a_new_thing_has_to_outvote_the_old_one():
     layer = SemanticLayer(0.1, 2)
     label(layer, (1.0, 1.0, 1.0), 0, 0, 0)
-    told = []
+    labels_seen = []
     for _ in range(4):
         label(layer, (1.0, 1.0, 1.0), 1)
-        told.append(int(layer.label_at([(1.0, 1.0, 1.0)])[0]))
-    assert told == [0, 0, 0, 1]
+        labels_seen.append(int(layer.label_at([(1.0, 1.0, 1.0)])[0]))
+    assert labels_seen == [0, 0, 0, 1]
 
 
 def test_a_point_is_in_the_cell_that_the_map_has_it_in():
@@ -78,10 +78,10 @@ def test_a_full_layer_keeps_what_it_has_and_counts_what_it_loses():
     assert layer.lost == 50
     label(layer, points[0], 5, 5)
     assert layer.lost == 50
-    told = layer.label_at(points)
-    assert told[0] == 5
-    assert (told[1 : layer.capacity] == 9).all()
-    assert (told[layer.capacity :] == UNLABELLED).all()
+    labels_seen = layer.label_at(points)
+    assert labels_seen[0] == 5
+    assert (labels_seen[1 : layer.capacity] == 9).all()
+    assert (labels_seen[layer.capacity :] == UNLABELLED).all()
 
 
 def test_a_full_count_stays():
@@ -113,9 +113,9 @@ def test_a_sweep_votes_in_the_cells_that_its_map_takes_for_occupied(run, monkeyp
         of_each = None if moments == 1 else moment
         layer.integrate_sweep(origins, directions, ranges_mm, (0.3, 3.0), labels, of_each)
         voxel_map.integrate(origins, directions, ranges_mm, 3.0, 0, of_each)
-        told = (ranges_mm >= 300) & (ranges_mm <= 3000) & (labels != UNLABELLED)
+        counted = (ranges_mm >= 300) & (ranges_mm <= 3000) & (labels != UNLABELLED)
         points = origins[moment] + directions * (ranges_mm / 1000)[:, None]
-        by_points.integrate(points[told], labels[told])
+        by_points.integrate(points[counted], labels[counted])
         assert layer.version() == by_points.version()
         cells, winners = layer.labelled(np.ones(4, bool))
         assert len(cells) > 150
@@ -144,7 +144,7 @@ def test_a_bad_sweep_is_refused_and_what_is_not_finite_is_no_vote():
     assert layer.version() == SemanticLayer(0.1, 3).version()
 
 
-def test_changes_of_labels_are_told():
+def test_changes_of_labels_are_logged():
     layer = SemanticLayer(0.1, 3)
     label(layer, (0.05, 0.05, 0.0), 1, 1)
     boxes, now = layer.changed(0)
@@ -187,7 +187,7 @@ def test_bad_votes_are_refused_and_none_is_counted(points, labels, message):
     assert layer.version() == SemanticLayer(0.1, 3).version()
 
 
-def test_nothing_may_be_voted_and_asked():
+def test_empty_sweeps_and_queries():
     layer = SemanticLayer(0.1, 3)
     layer.integrate(np.empty((0, 3)), np.empty(0, np.uint8))
     assert layer.label_at(np.empty((0, 3))).shape == (0,)

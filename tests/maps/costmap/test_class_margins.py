@@ -121,7 +121,7 @@ def test_a_person_is_passed_farther_away_than_a_crate():
     assert (costmap.state[15, 9:25, 0] == FREE).all()
 
 
-def test_strange_margins_are_refused():
+def test_bad_margins_are_refused():
     voxel_map, layer = seen(1)
     with pytest.raises(ValueError, match=r"^margins: got class 3, expected 0 to 2$"):
         ClassMargins(voxel_map, layer, {3: 0.1})

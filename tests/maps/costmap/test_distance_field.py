@@ -212,7 +212,7 @@ def test_what_is_not_stale_is_true_whatever_was_worked_out(threads):
     np.testing.assert_array_equal(field.squared, true)
 
 
-def test_only_what_is_wanted_is_worked_out():
+def test_only_the_given_blocks_are_computed():
     shape = (64, 64, 20)
     blocked = np.zeros(shape, np.bool_)
     field = DistanceField(shape, 5)

@@ -16,7 +16,7 @@ def drawn(rng, share):
 
 
 def expected(free, occupied, edge, most):
-    """What is told by its definition, from scipy's distances."""
+    """The three kinds of distances by their definitions, from scipy's."""
     to_not_free = scipy_squared(~free, REACH)
     to_obstacles = scipy_squared(occupied, REACH)
     bounded = np.where(to_not_free < edge, np.minimum(to_obstacles, edge), to_obstacles)
@@ -34,21 +34,21 @@ def test_wherever_a_reader_caught_up_the_distances_are_true(threads, most):
         occupied ^= drawn(rng, 0.0003)
         clearances.take_over(packed(free), packed(occupied), *EVERYWHERE)
         clearances.begin(whole=step == 7)
-        told = [
+        all_distances = [
             clearances.to_not_free(most),
             clearances.to_obstacles(most),
             clearances.optimistic(9, most),
         ]
         truth = expected(free, occupied, 9, most)
-        looked = [rng.random(SHAPE[:2]) < 0.02 for _ in told]
-        for distances, places in zip(told, looked, strict=True):
+        looked = [rng.random(SHAPE[:2]) < 0.02 for _ in all_distances]
+        for distances, places in zip(all_distances, looked, strict=True):
             for i, j in np.argwhere(places):
                 distances.read_blocks[j // BLOCK_ROWS, i] = True
         clearances.catch_up()
         assert not clearances.catch_up()
-        for distances, places, true in zip(told, looked, truth, strict=True):
+        for distances, places, true in zip(all_distances, looked, truth, strict=True):
             np.testing.assert_array_equal(distances.cells[places], true[places])
-    for distances, true in zip(told, truth, strict=True):
+    for distances, true in zip(all_distances, truth, strict=True):
         np.testing.assert_array_equal(distances.whole(), true)
 
 
@@ -111,7 +111,7 @@ def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_
         assert distances.cells[20, 15, 6] == 0
 
 
-def test_limits_that_nobody_asks_for_give_their_memory_to_others_and_nothing_else():
+def test_limits_out_of_use_give_their_memory_to_others_and_nothing_else():
     """As the edge moves with the margin."""
     rng = np.random.default_rng(0)
     clearances = Clearances(SHAPE, SHAPE, REACH, ThreadTeam(1))
@@ -127,7 +127,7 @@ def test_limits_that_nobody_asks_for_give_their_memory_to_others_and_nothing_els
         np.testing.assert_array_equal(distances.whole(), true)
 
 
-def test_who_goes_on_looking_elsewhere_has_everything_brought_up_to_date():
+def test_a_reader_that_keeps_reading_elsewhere_has_everything_brought_up_to_date():
     field = stale_field()
     distances = Distances(field, SHAPE)
     stale = np.argwhere(field.stale)

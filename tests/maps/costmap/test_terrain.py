@@ -49,7 +49,7 @@ def world(height):
     return Cells(states)
 
 
-def told(cells, step_height=0.03, max_slope=0.3, height=0.45):
+def projected(cells, step_height=0.03, max_slope=0.3, height=0.45):
     config = CostmapConfig(max_slope=max_slope)
     return Costmap(config, cells, LOW, HIGH, "ground", 0.2, height, step_height).state[:, :, 0]
 
@@ -61,10 +61,10 @@ def ramp(angle, start=10.0, top=1.0):
 @pytest.mark.parametrize("angle", [0.02, 0.1, 0.2, 0.25, 0.3])
 def test_a_ramp_up_to_the_slope_is_walked_over(angle):
     for start in np.arange(10.0, 11.0, 0.1):
-        assert (told(world(ramp(angle, start))) == FREE).all()
-    assert (told(world(-0.5 * ramp(angle)), max_slope=0.15) == FREE).all()  # and down
-    assert (told(world(ramp(angle, top=0.5))) == FREE).all()  # and onto a platform
-    assert (told(world(ramp(angle)), max_slope=0.0) != FREE).any()
+        assert (projected(world(ramp(angle, start))) == FREE).all()
+    assert (projected(world(-0.5 * ramp(angle)), max_slope=0.15) == FREE).all()  # and down
+    assert (projected(world(ramp(angle, top=0.5))) == FREE).all()  # and onto a platform
+    assert (projected(world(ramp(angle)), max_slope=0.0) != FREE).any()
 
 
 def test_a_ramp_may_lie_oblique_and_be_seen_here_and_there():
@@ -75,12 +75,12 @@ def test_a_ramp_may_lie_oblique_and_be_seen_here_and_there():
         )
         along = at[0] * np.cos(turn) + at[1] * np.sin(turn)
         height = 0.1 * np.clip(along, -14.0, 14.0) * math.tan(0.3)
-        assert (told(world(height - height.min())) == FREE)[:, :].all()
+        assert (projected(world(height - height.min())) == FREE)[:, :].all()
 
 
 @pytest.mark.parametrize("angle", [0.5, 0.6, 0.8, 1.2])
 def test_a_steeper_one_is_an_obstacle(angle):
-    state = told(world(ramp(angle, top=1.5)))
+    state = projected(world(ramp(angle, top=1.5)))
     assert (state[:10] == FREE).all()
     assert (state[10:] == OCCUPIED).all(axis=1).any()  # no way up
 
@@ -91,7 +91,7 @@ def test_a_steeper_one_is_an_obstacle(angle):
 def test_a_step_is_an_edge_to_both_sides(step, walked):
     up = np.where(ACROSS < 20, 0.0, step)
     for height in (up, up - step):
-        state = told(world(height))
+        state = projected(world(height))
         assert (state == FREE).all() == walked
         if not walked:
             assert (state[19:21] != FREE).all(axis=1).any()
@@ -99,25 +99,25 @@ def test_a_step_is_an_edge_to_both_sides(step, walked):
 
 def test_stairs_within_the_step_height_are_walked_over():
     stairs = np.floor(np.clip(ACROSS - 5, 0, 30) / 6) * 0.1  # 0.1 m high, 0.6 m deep
-    assert (told(world(stairs), step_height=0.13, max_slope=0.2) == FREE).all()
+    assert (projected(world(stairs), step_height=0.13, max_slope=0.2) == FREE).all()
     steep = np.floor(np.clip(ACROSS - 5, 0, 12) / 2) * 0.2
-    assert (told(world(steep), step_height=0.13, max_slope=0.2) != FREE).any()
+    assert (projected(world(steep), step_height=0.13, max_slope=0.2) != FREE).any()
 
 
 def test_a_hole_is_an_obstacle_on_the_floor_and_in_a_ramp():
     for height in (0.0 * ACROSS, ramp(0.25)):
         holed = height.copy()
         holed[22:25, 8:12] = np.nan
-        state = told(world(holed))
+        state = projected(world(holed))
         assert (state[22:25, 8:12] == OCCUPIED).all()
         state[22:25, 8:12] = FREE
         assert (state == FREE).all()
 
 
-def test_what_nobody_has_seen_is_unknown():
+def test_unseen_columns_are_unknown():
     cells = world(ramp(0.2))
     cells.states[20:22, 5:7] = UNKNOWN
-    state = told(cells)
+    state = projected(cells)
     assert (state[20:22, 5:7] == UNKNOWN).all()
     assert (state == FREE).sum() == state.size - 4
 
@@ -130,7 +130,7 @@ def test_obstacles_and_overhangs_are_measured_from_the_ramp():
     cells.states[25, 5, low] = OCCUPIED  # a beam at 0.3 m above the ramp
     cells.states[25, 12, high] = OCCUPIED  # one at 0.6 m
     cells.states[5, 5, FLOOR + 6] = OCCUPIED  # at the height of neither, above the floor
-    state = told(cells)
+    state = projected(cells)
     assert state[25, 5] == OCCUPIED
     state[25, 5] = FREE
     assert (state == FREE).all()
@@ -139,9 +139,9 @@ def test_obstacles_and_overhangs_are_measured_from_the_ramp():
 def test_a_deck_above_the_floor_is_no_ground_but_where_a_ramp_leads_there():
     cells = world(0.0 * ACROSS)
     cells.states[15:25, 5:15, FLOOR + 7] = OCCUPIED
-    assert (told(cells) == FREE).all()  # one walks below
+    assert (projected(cells) == FREE).all()  # one walks below
     cells.states[15:25, 5:15, FLOOR : FLOOR + 7] = UNKNOWN  # nobody looked there
-    assert (told(cells)[15:25, 5:15] == UNKNOWN).all()
+    assert (projected(cells)[15:25, 5:15] == UNKNOWN).all()
 
 
 def naive(cells, step_height, max_slope, height):
@@ -179,7 +179,7 @@ def naive(cells, step_height, max_slope, height):
             ground |= coming
         if reach is not None:
             seen = set(ground)
-    told = np.zeros(SIZE, np.uint8)
+    result = np.zeros(SIZE, np.uint8)
     for c in columns:
         z, steep = ground.get(c, FLOOR), False
         for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
@@ -194,10 +194,10 @@ def naive(cells, step_height, max_slope, height):
         band = states[c][z + foot : z + tall]
         hole = FREE in states[c][:z] and not (c in seen and z != FLOOR)
         if hole or steep or OCCUPIED in band:
-            told[c] = OCCUPIED
+            result[c] = OCCUPIED
         elif OCCUPIED in states[c][z : z + foot] and (band == FREE).all():
-            told[c] = FREE
-    return told
+            result[c] = FREE
+    return result
 
 
 def rough(seed):
@@ -244,7 +244,7 @@ def test_on_a_flat_floor_nothing_differs():
         cells.states[x : x + 3, y : y + 2, FLOOR : FLOOR + height + 1] = OCCUPIED
     cells.states[30:33, 4:9, FLOOR] = UNKNOWN
     cells.states[30:33, 12:14, :FLOOR] = FREE
-    np.testing.assert_array_equal(told(cells), told(cells, max_slope=0.0))
+    np.testing.assert_array_equal(projected(cells), projected(cells, max_slope=0.0))
 
 
 def test_limits_by_hand():
@@ -255,7 +255,7 @@ def test_limits_by_hand():
     assert rises(1.0, 0.0)[0].tolist() == [1] * 9
 
 
-def test_the_ground_is_told_with_whether_it_was_seen():
+def test_the_ground_says_where_it_was_seen():
     terrain = Terrain(Window.covering(LOW, HIGH, 0.1), 0.45, 0.03, 0.3)
     cells = world(ramp(0.3))
     cells.states[30, 3] = UNKNOWN

@@ -68,11 +68,11 @@ def test_sweeps_until_a_cell_is_occupied_and_until_it_is_free_again(kind, entere
 
 def test_a_hit_between_two_crossings_keeps_the_cell():
     voxel_map, k = confident(prediction_horizon=0.0)
-    told = []
+    seen = []
     for j in range(10):
         beam(voxel_map, 1000 if j % 2 == 0 else 2000, k + j)
-        told.append(int(voxel_map.state_at(AHEAD)[0]))
-    assert told == [OCCUPIED] * 10
+        seen.append(int(voxel_map.state_at(AHEAD)[0]))
+    assert seen == [OCCUPIED] * 10
 
 
 def test_what_stays_is_of_the_surroundings_and_noise_beside_it_is_no_motion():
@@ -88,7 +88,7 @@ def test_what_stays_is_of_the_surroundings_and_noise_beside_it_is_no_motion():
     assert sweeps_until(voxel_map, k + 21, 2000, FREE) == 9
 
 
-def test_a_dynamic_cell_is_told_alike_by_every_question():
+def test_every_query_agrees_on_a_dynamic_cell():
     voxel_map, k = confident()
     before = voxel_map.counts(), voxel_map.version()
     beam(voxel_map, 1000, k)
@@ -112,7 +112,7 @@ def test_a_dynamic_cell_is_told_alike_by_every_question():
     assert voxel_map.probability_at(AHEAD)[0] == pytest.approx(1.0 / (1.0 + np.exp(33.0 / 30.0)))
 
 
-def test_a_vacated_cell_is_told_alike_by_every_question():
+def test_every_query_agrees_on_a_vacated_cell():
     voxel_map, k = confident()
     for j in range(7):
         beam(voxel_map, 1000, k + j)
@@ -166,7 +166,7 @@ def test_a_cell_beside_something_is_not_dynamic():
     np.testing.assert_allclose(voxel_map.dynamic_centres(), [[2.85, 0.55, 0.575]])
 
 
-def test_a_thing_that_moves_is_foretold_in_whole_cells():
+def test_the_motion_of_an_object_is_predicted_in_whole_cells():
     traffic, ahead = Traffic(0.1, 2 * TENTH), []
     for k in range(4):
         wall = np.array([[k + 5, y, z] for y, z in product(range(3), range(3))])
@@ -179,7 +179,7 @@ def test_a_thing_that_moves_is_foretold_in_whole_cells():
     assert set(map(tuple, ahead.tolist())) == expected
 
 
-def test_what_goes_to_and_fro_or_is_too_large_is_not_foretold():
+def test_no_motion_to_and_fro_or_of_a_large_object_is_predicted():
     for step, width in ((lambda k: 3 * (k % 2), 3), (lambda k: k, 45)):
         traffic = Traffic(0.1, 2 * TENTH)
         for k in range(6):
@@ -189,28 +189,28 @@ def test_what_goes_to_and_fro_or_is_too_large_is_not_foretold():
 
 
 def test_what_hangs_on_to_something_is_not_held_to_move():
-    traffic, asked = Traffic(0.1, TENTH), []
+    traffic, sizes = Traffic(0.1, TENTH), []
     for k in range(4):
         wall = np.array([[k, y, 0] for y in range(4)])
-        moving, _ = traffic.follow(wall, k * TENTH, lambda part: asked.append(len(part)))
+        moving, _ = traffic.follow(wall, k * TENTH, lambda part: sizes.append(len(part)))
         assert len(moving) == 0
-    assert asked == [4, 4]  # once it has come two cells far
+    assert sizes == [4, 4]  # once it has come two cells far
 
 
 def test_only_what_was_seen_to_move_is_dynamic():
     moved, stays = confident(flag_on_first_hit=False), confident(flag_on_first_hit=False)
     up = np.stack([np.ones(5), np.zeros(5), np.linspace(-0.2, 0.2, 5)], axis=1)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
-    told = []
+    seen = []
     for (voxel_map, k), step in ((moved, 100), (stays, 0)):
         for j in range(7):
             flat = 1400 + step * j
             ranges_mm = np.rint(flat / up[:, 0]).astype(np.uint16)
             voxel_map.integrate(ORIGIN, up, ranges_mm, 2.5, (k + j) * TENTH)
-            told.append(len(voxel_map.dynamic_centres()) > 0)
-    assert not any(told[:2])
-    assert told[6]
-    assert not any(told[7:])
+            seen.append(len(voxel_map.dynamic_centres()) > 0)
+    assert not any(seen[:2])
+    assert seen[6]
+    assert not any(seen[7:])
 
 
 def test_two_things_that_pass_keep_their_velocities():
@@ -256,8 +256,8 @@ def test_confidence_needs_a_period_and_every_neighbour():
     assert not space.contains(edge)[0]  # its neighbours were never seen
     digest = space.digest()
     space.remove(middle, middle + np.array([1, 0, 0]))
-    told = space.contains(middle + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 2, 0]]))
-    assert told.tolist() == [False, True, False, True]
+    seen = space.contains(middle + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 2, 0]]))
+    assert seen.tolist() == [False, True, False, True]
     assert space.digest() != digest
     space.keep_free(key, np.zeros((1, 256), np.uint64), none)
     space.close_period(lambda keys: np.zeros((len(keys), 256), np.uint64))

@@ -150,7 +150,7 @@ def test_with_nothing_moving_it_ends_as_a_voxel_map():
 
 
 def test_what_two_time_scales_do_not_explain_is_as_in_a_voxel_map():
-    """With a box that passes: cells differ only where the box was or is foretold to be."""
+    """With a box that passes: cells differ only where the box was or is predicted to be."""
     one, other = drive("voxel", WAYS["across"]), drive("dynamic", WAYS["across"])
     window = ((-64, -64, -8), (128, 128, 1))
     differ = np.zeros((128, 128), np.uint64)
@@ -172,7 +172,7 @@ def test_a_wall_seen_at_grazing_angles_does_not_flicker():
     directions = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), rise], axis=-1)
     directions = directions.reshape(-1, 3)
     one, other = (MAPS[kind](MapConfig(kind=kind, memory_mib=16)) for kind in ("voxel", "dynamic"))
-    seen, turned, told = set(), 0, 0
+    seen, turned, count = set(), 0, 0
     for k in range(50):
         origin = np.array([0.02 * k, 0.133, 1.05])
         ranges_mm = np.rint(0.4 / directions[:, 1] * 1000)  # the wall y = 0.533
@@ -182,9 +182,9 @@ def test_a_wall_seen_at_grazing_angles_does_not_flicker():
         now = occupied_centres(other, *BOX)
         np.testing.assert_array_equal(occupied_centres(one, *BOX), now)
         cells = set(map(tuple, now.tolist()))
-        turned, told, seen = turned + len(seen - cells), told + len(cells), cells
+        turned, count, seen = turned + len(seen - cells), count + len(cells), cells
     assert len(seen) > 1000
-    assert turned < 0.001 * told  # cells met once, 6 m away
+    assert turned < 0.001 * count  # cells met once, 6 m away
     assert len(other.dynamic_centres()) == 0
     assert other._ever_free.contains(np.array([[20, 3, 10]]))[0]  # the space before the wall
 
@@ -198,7 +198,7 @@ def test_the_same_bytes_for_any_threads_and_on_repetition():
         np.testing.assert_array_equal(columns[0], other)
 
 
-def test_every_change_is_told_and_both_kinds_of_body_are_told_of_it():
+def test_every_change_is_logged_and_reaches_both_kinds_of_body():
     window = ((-64, -64, -8), (128, 128, 1))
     airspace = Airspace(Window(0.1, (-64, -64, -8), (128, 128, 64)), -np.inf, np.inf)
     last = {"now": 0, "columns": np.zeros((2, 128, 128, 1), np.uint64), "moved": 0}
@@ -223,15 +223,15 @@ def test_every_change_is_told_and_both_kinds_of_body_are_told_of_it():
     assert len(voxel_map.changed(0)[0]) > 50
 
 
-def test_the_questions_agree_amid_traffic():
+def test_the_queries_agree_amid_traffic():
     voxel_map = drive("dynamic", WAYS["away"])
     corner = np.array([-128, -128, -8])
     occupied, free = voxel_map.columns(corner, (256, 256, 1))
     states = states_in(voxel_map, *BOX)
     cells = np.argwhere(states != UNKNOWN)[::7] + corner
     middles = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
-    told = voxel_map.state_at(middles)
-    np.testing.assert_array_equal(told, states[tuple((cells - corner).T)])
+    found = voxel_map.state_at(middles)
+    np.testing.assert_array_equal(found, states[tuple((cells - corner).T)])
     count = [int(np.bitwise_count(words).sum()) for words in (free, occupied)]
     assert list(voxel_map.counts().values()) == count
     target = voxel_map.dynamic_centres()[0]
@@ -270,12 +270,12 @@ def along_a_long_way():
     return voxel_map, everywhere
 
 
-def test_a_map_that_cannot_tell_what_it_gave_up_learns_the_same(monkeypatch):
-    told, none = along_a_long_way()
+def test_a_map_whose_change_log_overflows_learns_the_same(monkeypatch):
+    logged, none = along_a_long_way()
     monkeypatch.setattr("wayproof.maps.store.slot_pool.MAX_LOGGED", 1)
-    untold, everywhere = along_a_long_way()
+    overflown, everywhere = along_a_long_way()
     assert none == 0 < everywhere
-    assert told.version() == untold.version()
+    assert logged.version() == overflown.version()
 
 
 def test_memory_stays_bounded_along_a_long_way():

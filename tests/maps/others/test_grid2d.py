@@ -170,9 +170,9 @@ def scene_sweep(origin, boxes, hole=None):
 
 
 def both(boxes, hole=None, **settings):
-    """The voxel map and the grid of the same sweeps, and what each tells a low body ahead."""
+    """The voxel map and the grid of the same sweeps, and the state of each for a low body ahead."""
     config = MapConfig(half_life=0.0, memory_mib=16, **settings)
-    maps, told = (VoxelMap(config), Grid2D(config)), []
+    maps, beliefs = (VoxelMap(config), Grid2D(config)), []
     for map_ in maps:
         for k in range(4):
             origin = np.array([0.31 + 0.1 * k, 0.02, 0.42])
@@ -181,8 +181,8 @@ def both(boxes, hole=None, **settings):
         box = (-0.2, -1.0, -0.3), (4.0, 1.0, 2.5)
         costmap = Costmap(CostmapConfig(), map_, *box, "ground", 0.2, 0.45, 0.03)
         ahead = slice(22, 28), slice(7, 13)  # 2.0 to 2.6 m
-        told.append(costmap.state[:, :, 0][ahead])
-    return maps, told
+        beliefs.append(costmap.state[:, :, 0][ahead])
+    return maps, beliefs
 
 
 def test_a_shelf_board_above_the_scan_is_not_seen():
@@ -232,7 +232,7 @@ def test_heights_are_refused_in_one_line():
         ),
     ],
 )
-def test_a_strange_band_is_refused(settings, message):
+def test_a_bad_band_is_refused(settings, message):
     with pytest.raises(ValueError, match=message):
         MapConfig(**settings)
 

@@ -100,7 +100,7 @@ def test_clamps_hold():
     assert got == pytest.approx([0.97, 0.12], abs=2e-3)
 
 
-def test_a_change_lies_within_the_boxes_told():
+def test_a_change_lies_within_the_boxes():
     peer = octomap()
     _, stamp = peer.changed(0)
     before = states(peer)

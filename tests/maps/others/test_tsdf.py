@@ -74,7 +74,7 @@ def test_what_has_gone_is_free_after_a_few_sweeps_however_often_it_was_seen():
     assert sweeps == 4
 
 
-def test_a_beam_without_return_clears_and_tells_of_no_surface():
+def test_a_beam_without_return_clears_and_makes_no_surface():
     tsdf = make()
     look(tsdf, 65535)
     assert tsdf.counts() == {"free": 31, "occupied": 0}
@@ -113,7 +113,7 @@ def naive_crossed(start, end, cells):
 
 
 def naive_sweep(origin, directions, ranges_mm, cells):
-    """What a sweep tells cells (n, 3): by cell the best (distance, weight), and where doubtful."""
+    """Scores of a sweep in cells (n, 3): the best (distance, weight), and where doubtful."""
     start = np.floor(np.array(origin) * 5120).astype(int) + np.array([0, 0, 384])
     groups = {}
     for direction, millimetres in zip(directions, ranges_mm.tolist(), strict=True):
@@ -133,8 +133,8 @@ def naive_sweep(origin, directions, ranges_mm, cells):
             distance = min(math.floor(Fraction(dot, 4 * length)), 1024)
             weight = 8 if distance >= -256 else 8 * (distance + 1024) // 768
             if distance > -1024 and weight > 0:
-                told = (distance < -222, abs(distance), distance > 0, distance, weight)
-                best[i] = min(best.get(i, told), told)
+                candidate = (distance < -222, abs(distance), distance > 0, distance, weight)
+                best[i] = min(best.get(i, candidate), candidate)
     return best, doubt
 
 

@@ -1,4 +1,4 @@
-"""The bricks of a map: found, dropped when memory is full, told when their states change."""
+"""The bricks of a map: found, evicted when memory is full, listed when their states change."""
 
 import resource
 
@@ -141,7 +141,7 @@ def test_the_change_set_holds_every_cell_whose_state_changed():
     assert len(voxel_map.changed(now)[0]) == 0
 
 
-def test_everything_is_told_to_one_who_asks_first():
+def test_a_first_query_of_changes_returns_everything():
     voxel_map = make()
     step_along(voxel_map, 3)
     boxes, _ = voxel_map.changed(0)
@@ -150,7 +150,7 @@ def test_everything_is_told_to_one_who_asks_first():
     assert inside(boxes, [201, 0, 5])
 
 
-def test_bricks_that_are_given_up_are_told():
+def test_released_bricks_are_changes():
     voxel_map = make(half_life=1.0)
     step_along(voxel_map, 1)
     _, now = voxel_map.changed(0)
@@ -182,7 +182,7 @@ def test_unknown_is_what_no_brick_holds():
     assert voxel_map.state_at([[0.05, 0.05, 50.0], [0.05, -3.0, 0.5]]).tolist() == [UNKNOWN] * 2
 
 
-def test_a_cell_that_is_no_longer_free_is_told_though_it_is_not_occupied():
+def test_a_cell_that_is_no_longer_free_is_a_change_though_it_is_not_occupied():
     voxel_map = make(log_odds_hit=0.4, log_odds_miss=0.4)
     for range_mm in (1000, 500):  # through the cell at 0.5 m, and up to it
         _, now = voxel_map.changed(0)

@@ -92,7 +92,7 @@ def test_a_return_beyond_the_limit_is_no_evidence_of_an_obstacle(voxel_map):
     assert voxel_map.counts() == {"free": 31, "occupied": 0}
 
 
-def test_dropped_and_near_beams_tell_nothing(voxel_map):
+def test_dropped_and_near_beams_have_no_effect(voxel_map):
     assert look(voxel_map, 0, 299) == SweepStatistics(0, 0, 1, 1, cells_updated=0)
     assert voxel_map.counts() == {"free": 0, "occupied": 0}
     assert voxel_map.observed_ns_at(CELL).tolist() == [-1]
@@ -201,7 +201,7 @@ def test_a_free_sphere_holds_the_centres_within_its_radius(voxel_map):
     assert voxel_map.counts()["free"] == 33
 
 
-def test_a_standing_body_tells_of_the_floor_unless_a_beam_went_through(voxel_map):
+def test_a_standing_body_marks_the_floor_unless_a_beam_went_through(voxel_map):
     voxel_map.mark_free((1.0, 1.0, -0.1), (1.1, 1.1, 0.0), 0)
     voxel_map.mark_floor((1.0, 1.0), (1.2, 1.2), 0)
     assert states_in(voxel_map, (1.0, 1.0, -0.07), (1.2, 1.2, 0.02))[:, :, 0].tolist() == [

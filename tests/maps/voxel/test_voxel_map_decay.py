@@ -172,19 +172,19 @@ def test_time_starts_at_zero():
         make().advance(-1)
 
 
-def test_a_change_of_state_by_decay_is_told():
+def test_a_change_of_state_by_decay_is_logged():
     voxel_map = make(half_life=1.0)
     look(voxel_map, FORWARD, 0)
     boxes, now = voxel_map.changed(0)
     assert len(boxes) == 2
-    told = []
+    counts = []
     for k in range(1, 12):
         voxel_map.advance(k * SECOND)
         boxes, now = voxel_map.changed(now)
-        told.append(len(boxes))
-    assert told[:2] == [0, 0]
-    assert sum(told) >= 2
-    assert told[-1] == 0
+        counts.append(len(boxes))
+    assert counts[:2] == [0, 0]
+    assert sum(counts) >= 2
+    assert counts[-1] == 0
 
 
 def test_what_is_held_is_not_forgotten_and_nothing_else():

@@ -111,9 +111,9 @@ def test_columns_written_where_they_changed_are_those_written_whole(run, low, mo
         with np.errstate(over="ignore"):
             voxel_map.rewrite_columns(low, boxes, occupied, free)
         states = voxel_map.state_at(points).reshape(37, 40, 64)
-        for state, told in ((OCCUPIED, occupied), (FREE, free)):
+        for state, words in ((OCCUPIED, occupied), (FREE, free)):
             bits = np.packbits(states == state, axis=2, bitorder="little").view(np.uint64)
-            np.testing.assert_array_equal(told, bits)
+            np.testing.assert_array_equal(words, bits)
         wholes.add(free.tobytes())
     assert len(wholes) > 5
     voxel_map.integrate((0.5, 1.5, 0.9), directions, ranges_mm, 2.0, 10**11)

@@ -22,13 +22,13 @@ def test_it_is_32_hex_digits_and_repeats():
     assert voxel_map.version() == make().version()
 
 
-def test_asking_in_between_changes_nothing():
-    asked, silent = make(), make()
+def test_a_version_in_between_changes_nothing():
+    queried, silent = make(), make()
     for seed in range(4):
-        sweep(asked, seed)
+        sweep(queried, seed)
         sweep(silent, seed)
-        asked.version()
-    assert asked.version() == silent.version()
+        queried.version()
+    assert queried.version() == silent.version()
 
 
 def test_every_cell_counts():
